@@ -1,0 +1,1 @@
+"""Scan to camera: pose, object mask, ground-truth normals."""

@@ -1,0 +1,1 @@
+"""Session folder to Frames: manifest, decoding, audit."""

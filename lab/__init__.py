@@ -1,0 +1,1 @@
+"""Top floor: one function per verb, the command line, resuming."""

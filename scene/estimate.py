@@ -1,0 +1,37 @@
+"""What a photometric-stereo method recovered."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """Normals and albedo of one method on one stack.
+
+    Parameters
+    ----------
+    method : str
+        `ls`, `iterative`, ...
+    normals : (H, W, 3) float32
+        Unit, camera frame, NaN where unknown.
+    albedo : (H, W, 3) float32
+        Pixel value under a light of intensity 1 along the normal, RGB, NaN where unknown.
+    samples : (H, W) uint16
+        How many frames each pixel was fitted to; 0 where unknown.
+    seconds : float
+        Wall time of the method itself.
+    settings : dict
+        The options that it ran with.
+    warnings : tuple of str
+        Why the method should not be believed here.
+    """
+
+    method: str
+    normals: NDArray[np.float32]
+    albedo: NDArray[np.float32]
+    samples: NDArray[np.uint16]
+    seconds: float = 0.0
+    settings: dict = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()

@@ -1,0 +1,132 @@
+"""The stack of photographs, real or rendered: one type for both.
+
+Pixels stay as codes (uint16, or float16 for EXR) in a memory-mapped array. Whoever reads asks for
+row bands or single frames and gets linear float32; the whole stack is never held as float32.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+PEDESTAL = 2048
+"""uint16 code of black: noise below black is kept, so that dark means stay unbiased."""
+WHITE = 62048
+"""uint16 code of 1.0, the sensor's white level."""
+
+
+@dataclass(frozen=True)
+class Frames:
+    """F photographs from one camera, one light each; linear.
+
+    Parameters
+    ----------
+    names : tuple of F str
+        File stems, in order.
+    codes : (F, H, W, 3) uint16 or float16
+        RGB. uint16: linear = (code - PEDESTAL) / (WHITE - PEDESTAL) * gain; float16: linear = code * gain.
+    gain : (F,) float64
+        Brings each frame to the session's reference exposure. 1 when all exposures agree.
+    ambient : (H, W, 3) uint16 or float16, or None
+        The frame without flash, coded alike, at the reference exposure; subtracted on reading.
+    saturation : float
+        Linear value, before gain, from which a sample is clipped and must not be believed.
+    is_mosaic : bool
+        Decoded from a Bayer sensor: interpolation spreads a clipped sample over its neighbours.
+    """
+
+    names: tuple[str, ...]
+    codes: NDArray
+    gain: NDArray[np.float64]
+    ambient: NDArray | None = None
+    saturation: float = 0.98
+    is_mosaic: bool = False
+
+    @classmethod
+    def from_linear(cls, names: tuple[str, ...], linear: NDArray, *, ambient: NDArray | None = None) -> "Frames":
+        """Code linear images (F, H, W, 3) as a sensor would: 16 bits, clipped above white."""
+        return cls(
+            tuple(names),
+            encode(linear),
+            np.ones(len(names)),
+            None if ambient is None else encode(ambient),
+        )
+
+    def __len__(self) -> int:
+        return self.codes.shape[0]
+
+    @property
+    def height(self) -> int:
+        return self.codes.shape[1]
+
+    @property
+    def width(self) -> int:
+        return self.codes.shape[2]
+
+    def read(
+        self,
+        rows: slice = slice(None),
+        frames: slice | list[int] = slice(None),
+        *,
+        columns: slice = slice(None),
+        subtract_ambient: bool = True,
+    ) -> NDArray[np.float32]:
+        """Return linear pixels (f, h, w, 3) float32; negative values are noise below black."""
+        linear = decode(self.codes[frames, rows, columns])
+        linear *= self.gain[frames].astype(np.float32)[:, None, None, None]
+        if subtract_ambient and self.ambient is not None:
+            linear -= decode(self.ambient[rows, columns])
+        return linear
+
+    def frame(self, index: int, *, subtract_ambient: bool = True) -> NDArray[np.float32]:
+        """Return one whole frame (H, W, 3), linear float32."""
+        return self.read(frames=[index], subtract_ambient=subtract_ambient)[0]
+
+    def saturated(
+        self,
+        rows: slice = slice(None),
+        frames: slice | list[int] = slice(None),
+        *,
+        columns: slice = slice(None),
+    ) -> NDArray[np.bool_]:
+        """Return (f, h, w) bool: a channel is clipped, or was interpolated from a clipped neighbour."""
+        first, last, _ = rows.indices(self.height)
+        left, right, _ = columns.indices(self.width)
+        margin = 1 if self.is_mosaic else 0
+        top, edge = max(first - margin, 0), max(left - margin, 0)
+        codes = self.codes[frames, top : last + margin, edge : right + margin]
+        limit = self.saturation
+        if codes.dtype == np.uint16:
+            limit = min(round(limit * (WHITE - PEDESTAL)) + PEDESTAL, 65535)
+        clipped = np.any(codes >= limit, axis=-1)
+        if margin:
+            spread = clipped.copy()
+            spread[:, 1:] |= clipped[:, :-1]
+            spread[:, :-1] |= clipped[:, 1:]
+            clipped = spread.copy()
+            clipped[:, :, 1:] |= spread[:, :, :-1]
+            clipped[:, :, :-1] |= spread[:, :, 1:]
+        return clipped[:, first - top :, left - edge :][:, : last - first, : right - left]
+
+    def bands(self, budget_bytes: int = 256 << 20) -> Iterator[slice]:
+        """Yield row slices whose float32 pixels, over all frames, fit the budget."""
+        per_row = len(self) * self.width * 3 * 4
+        step = max(1, min(self.height, budget_bytes // max(per_row, 1)))
+        for start in range(0, self.height, step):
+            yield slice(start, min(start + step, self.height))
+
+
+def encode(linear: NDArray) -> NDArray[np.uint16]:
+    """Return uint16 codes of linear values; see `Frames`."""
+    codes = np.round(np.asarray(linear, np.float32) * (WHITE - PEDESTAL)) + PEDESTAL
+    return np.clip(codes, 0, 65535).astype(np.uint16)
+
+
+def decode(codes: NDArray) -> NDArray[np.float32]:
+    """Return linear float32 of codes, before gain; see `Frames`."""
+    linear = codes.astype(np.float32)
+    if codes.dtype == np.uint16:
+        linear -= PEDESTAL
+        linear *= np.float32(1 / (WHITE - PEDESTAL))
+    return linear

@@ -1,0 +1,33 @@
+"""Normal maps: unit vectors in the camera frame, NaN where unknown."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def unit(vectors: NDArray) -> NDArray:
+    """Return vectors (..., 3) at length 1; NaN where the length is zero or unknown."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.divide(vectors, length, out=np.full_like(vectors, np.nan), where=length > 0)
+
+
+def angular_error_deg(a: NDArray, b: NDArray) -> NDArray:
+    """Return the angle in degrees between two maps (..., 3) of unit vectors, 0 to 180, float64.
+
+    NaN where either is unknown. By atan2(|a x b|, a . b), exact for small angles, where
+    arccos(a . b) loses half of its digits.
+    """
+    a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), np.sum(a * b, -1)))
+
+
+def encode_normals(normals: NDArray) -> NDArray[np.uint16]:
+    """Return (H, W, 3) uint16, round((n + 1) / 2 * 65535) in x, y, z order; 0, 0, 0 where unknown."""
+    codes = np.round((np.asarray(normals, np.float64) + 1) / 2 * 65535)
+    return np.nan_to_num(codes, nan=0.0).astype(np.uint16)
+
+
+def decode_normals(codes: NDArray) -> NDArray[np.float32]:
+    """Invert `encode_normals`: unit float32, NaN where the code is 0, 0, 0."""
+    normals = codes.astype(np.float64) / 65535 * 2 - 1
+    normals[(codes == 0).all(-1)] = np.nan
+    return unit(normals).astype(np.float32)

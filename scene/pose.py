@@ -1,0 +1,76 @@
+"""Rigid motions, and the scan's place in front of the camera."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A rigid motion x -> R x + t, millimetres. Named `target_from_source`."""
+
+    matrix: Array
+    """(4, 4) float64, [[R, t], [0, 1]]."""
+
+    @classmethod
+    def identity(cls) -> "Pose":
+        return cls(np.eye(4))
+
+    @classmethod
+    def from_rotation_translation(cls, rotation: ArrayLike, translation: ArrayLike) -> "Pose":
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation
+        matrix[:3, 3] = translation
+        return cls(matrix)
+
+    @classmethod
+    def exp(cls, twist: ArrayLike) -> "Pose":
+        """Return the motion of a twist (6,): rotation vector (radians), then translation (mm).
+
+        Rotation by Rodrigues' formula; the translation is applied as it is (not the SE(3)
+        exponential's V t), so that rotation and translation keep their plain meaning.
+        """
+        twist = np.asarray(twist, np.float64)
+        return cls.from_rotation_translation(rotation_from_vector(twist[:3]), twist[3:])
+
+    @property
+    def rotation(self) -> Array:
+        return self.matrix[:3, :3]
+
+    @property
+    def translation(self) -> Array:
+        return self.matrix[:3, 3]
+
+    def inverse(self) -> "Pose":
+        return Pose.from_rotation_translation(self.rotation.T, -self.rotation.T @ self.translation)
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        return Pose(self.matrix @ other.matrix)
+
+    def apply(self, points: ArrayLike) -> Array:
+        """Move points (..., 3)."""
+        return np.asarray(points, np.float64) @ self.rotation.T + self.translation
+
+    def rotate(self, vectors: ArrayLike) -> Array:
+        """Turn directions (..., 3); no translation."""
+        return np.asarray(vectors, np.float64) @ self.rotation.T
+
+    def angle_deg(self) -> float:
+        """Return the angle of the rotation, 0 to 180 degrees."""
+        # atan2 of sine and cosine is exact near 0 and near 180, where arccos of the trace is not.
+        skew = self.rotation - self.rotation.T
+        sine = np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]])
+        return float(np.degrees(np.arctan2(sine, np.trace(self.rotation) - 1)))
+
+
+def rotation_from_vector(vector: ArrayLike) -> Array:
+    """Return the (3, 3) rotation by |vector| radians about vector (Rodrigues)."""
+    vector = np.asarray(vector, np.float64)
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    # sin(a)/a and (1 - cos(a))/a^2 by numpy's sinc: no division by zero at rest.
+    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)

@@ -1,0 +1,302 @@
+"""The output folder: every file of the contract, written whole or not at all.
+
+A file is written under a temporary name beside its place and renamed, so that a killed run leaves no
+half file. Steps hand over through this folder, and so each can be run again alone.
+"""
+
+import contextlib
+import errno
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.estimate import Estimate
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import encode_normals
+from scene.pose import Pose
+from scene.spheres import Sphere
+
+
+@contextlib.contextmanager
+def write_whole(path: Path) -> Iterator[BinaryIO]:
+    """Open a binary file that appears at `path` only when the block ends well.
+
+    Raises
+    ------
+    SceneError
+        The disk is full, or the place cannot be written.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with open(temporary, "wb") as file:
+            yield file
+        os.replace(temporary, path)
+    except OSError as error:
+        raise _disk_error(path, error) from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+@contextlib.contextmanager
+def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.memmap]:
+    """Make a memory-mapped .npy that appears at `path` only when the block ends well.
+
+    The disk's blocks are reserved first: a memory map on a full disk would end the process with SIGBUS.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        array = np.lib.format.open_memmap(temporary, mode="w+", dtype=dtype, shape=shape)
+        with open(temporary, "r+b") as file:
+            if hasattr(os, "posix_fallocate"):
+                os.posix_fallocate(file.fileno(), 0, os.fstat(file.fileno()).st_size)
+        yield array
+        array.flush()
+        del array
+        os.replace(temporary, path)
+    except OSError as error:
+        raise _disk_error(path, error) from error
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink()
+
+
+def _disk_error(path: Path, error: OSError) -> Exception:
+    if error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return SceneError(
+            f"{path}: the disk is full ({error.strerror}). Free some space and run again; what is done is kept."
+        )
+    if error.errno in (errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EPERM):
+        return SceneError(f"{path}: cannot be written ({error.strerror}). Choose another folder with --out.")
+    return error
+
+
+def write_json(path: Path, data: Any) -> None:
+    with write_whole(path) as file:
+        file.write(json.dumps(_plain(data), indent=1, allow_nan=False).encode() + b"\n")
+
+
+def write_text(path: Path, text: str) -> None:
+    with write_whole(path) as file:
+        file.write(text.encode())
+
+
+def write_npy(path: Path, array: NDArray) -> None:
+    with write_whole(path) as file:
+        np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
+
+
+def write_png(path: Path, image: NDArray) -> None:
+    """Write an image, uint8 or uint16, (H, W) or (H, W, 3) RGB; bool becomes 0 and 255."""
+    import cv2
+
+    image = np.asarray(image)
+    if image.dtype == bool:
+        image = image.astype(np.uint8) * 255
+    if image.ndim == 3:
+        image = image[..., ::-1]
+    done, buffer = cv2.imencode(".png", image)
+    if not done:
+        raise ValueError(f"{path}: {image.dtype} {image.shape} is not an image")
+    with write_whole(path) as file:
+        file.write(buffer.tobytes())
+
+
+def _plain(value: Any) -> Any:
+    """Turn arrays, paths and dataclass values into JSON; NaN and infinity become null."""
+    if isinstance(value, dict):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+@dataclass(frozen=True)
+class Store:
+    """One session's output folder."""
+
+    folder: Path
+
+    def path(self, *parts: str) -> Path:
+        return self.folder.joinpath(*parts)
+
+    def read_json(self, name: str) -> Any:
+        return json.loads(self.path(name).read_text())
+
+    def save_frames(self, frames: Frames) -> None:
+        """Write frames that are in memory (the decoder writes its memory maps itself)."""
+        write_npy(self.path("frames", "codes.npy"), frames.codes)
+        self.save_frames_header(frames)
+
+    def save_frames_header(self, frames: Frames) -> None:
+        """Write what goes with `frames/codes.npy`; its presence says that decoding ended well."""
+        if frames.ambient is not None:
+            write_npy(self.path("frames", "ambient.npy"), frames.ambient)
+        header = {
+            "names": frames.names,
+            "gain": frames.gain,
+            "saturation": frames.saturation if np.isfinite(frames.saturation) else None,
+            "is_mosaic": frames.is_mosaic,
+            "has_ambient": frames.ambient is not None,
+        }
+        write_json(self.path("frames", "frames.json"), header)
+
+    def load_frames(self) -> Frames:
+        header = self.read_json("frames/frames.json")
+        saturation = header["saturation"]
+        return Frames(
+            tuple(header["names"]),
+            np.load(self.path("frames", "codes.npy"), mmap_mode="r"),
+            np.array(header["gain"], np.float64),
+            np.load(self.path("frames", "ambient.npy"), mmap_mode="r") if header["has_ambient"] else None,
+            np.inf if saturation is None else saturation,
+            header["is_mosaic"],
+        )
+
+    def save_camera(self, camera: Camera) -> None:
+        write_json(self.path("camera.json"), asdict(camera))
+
+    def load_camera(self) -> Camera:
+        data = self.read_json("camera.json")
+        return Camera(**{**data, "distortion": tuple(data["distortion"])})
+
+    def save_spheres(self, spheres: list[Sphere], camera: Camera) -> None:
+        rows = [
+            {
+                "kind": sphere.kind,
+                "center_px": sphere.center_px,
+                "radius_px": sphere.radius_px,
+                "center_mm": sphere.center_mm(camera) if sphere.diameter_mm and not camera.is_orthographic else None,
+                "diameter_mm": sphere.diameter_mm,
+                "sigma_px": sphere.sigma_px,
+                "score": sphere.score,
+                "apart": sphere.apart,
+            }
+            for sphere in spheres
+        ]
+        write_json(self.path("spheres.json"), rows)
+
+    def load_spheres(self) -> list[Sphere]:
+        return [
+            Sphere(
+                row["kind"],
+                np.array(row["center_px"], np.float64),
+                row["radius_px"],
+                row["diameter_mm"],
+                row["sigma_px"],
+                row["score"],
+                row["apart"],
+            )
+            for row in self.read_json("spheres.json")
+        ]
+
+    def save_lights(self, lights: Lights) -> None:
+        """Write lights.json, and the same as DiLiGenT text and .lp."""
+        frames = [
+            {
+                "name": lights.names[i],
+                "direction": lights.directions[i],
+                "position_mm": None if lights.positions_mm is None else lights.positions_mm[i],
+                "intensity": lights.intensities[i],
+                "direction_sigma_deg": lights.direction_sigma_deg[i],
+                "intensity_sigma": lights.intensity_sigma[i],
+                "flags": lights.flags[i],
+            }
+            for i in range(len(lights))
+        ]
+        data = {
+            "frames": frames,
+            "reference_point_mm": lights.reference_point_mm,
+            "ambient": lights.ambient,
+            "white_value": lights.white_value,
+            "model": lights.model,
+        }
+
+        def table(rows: NDArray) -> str:
+            return "".join(" ".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
+
+        lp = "".join(
+            f"{name} {x:.8f} {y:.8f} {z:.8f}\n" for name, (x, y, z) in zip(lights.names, lights.directions, strict=True)
+        )
+        write_text(self.path("light_directions.txt"), table(lights.directions))
+        write_text(self.path("light_intensities.txt"), table(lights.intensities))
+        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in lights.names))
+        write_text(self.path("lights.lp"), f"{len(lights)}\n{lp}")
+        write_json(self.path("lights.json"), data)
+
+    def load_lights(self) -> Lights:
+        data = self.read_json("lights.json")
+        rows = data["frames"]
+
+        def column(name: str) -> NDArray[np.float64]:
+            return np.array([np.nan if row[name] is None else row[name] for row in rows], np.float64)
+
+        return Lights(
+            tuple(row["name"] for row in rows),
+            column("direction"),
+            column("intensity"),
+            column("position_mm") if data["model"] == "near" else None,
+            np.array(data["reference_point_mm"], np.float64),
+            column("direction_sigma_deg"),
+            column("intensity_sigma"),
+            None if data["ambient"] is None else np.array(data["ambient"], np.float64),
+            None if data["white_value"] is None else np.array(data["white_value"], np.float64),
+            tuple(tuple(row["flags"]) for row in rows),
+        )
+
+    def save_pose(self, pose: Pose, *, residual_px: float, sigma_mm: float, sigma_deg: float) -> None:
+        data = {
+            "camera_from_scan": pose.matrix,
+            "residual_px": residual_px,
+            "sigma_mm": sigma_mm,
+            "sigma_deg": sigma_deg,
+        }
+        write_json(self.path("pose.json"), data)
+
+    def load_pose(self) -> Pose:
+        return Pose(np.array(self.read_json("pose.json")["camera_from_scan"], np.float64))
+
+    def save_mask(self, mask: NDArray[np.bool_]) -> None:
+        write_png(self.path("mask.png"), mask)
+
+    def load_mask(self) -> NDArray[np.bool_]:
+        import cv2
+
+        image = cv2.imread(str(self.path("mask.png")), cv2.IMREAD_GRAYSCALE)
+        if image is None:
+            raise SceneError(f"{self.path('mask.png')}: cannot be read. Run the step `align` again.")
+        return image > 127
+
+    def save_truth(self, normals: NDArray, sigma_deg: NDArray) -> None:
+        write_npy(self.path("normals", "truth_sigma.npy"), sigma_deg.astype(np.float32))
+        write_png(self.path("normals", "truth.png"), encode_normals(normals))
+        write_npy(self.path("normals", "truth.npy"), normals.astype(np.float32))
+
+    def save_estimate(self, estimate: Estimate) -> None:
+        name = estimate.method
+        write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
+        write_npy(self.path("albedo", f"{name}.npy"), estimate.albedo.astype(np.float32))
+        write_npy(self.path("normals", f"{name}.npy"), estimate.normals.astype(np.float32))
+
+    def load_normals(self, name: str) -> NDArray[np.float32]:
+        """Return normals/<name>.npy (H, W, 3); `truth`, or a method's."""
+        return np.load(self.path("normals", f"{name}.npy"))

@@ -1,0 +1,1 @@
+"""Frames and lights to normals and albedo; one file per method."""

@@ -1,0 +1,1 @@
+"""Mesh, pose, camera, lights and albedo to rendered Frames; the virtual camera."""
