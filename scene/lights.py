@@ -99,15 +99,22 @@ class Lights:
             Direction times intensity: a Lambertian pixel is albedo * max(0, vector . normal).
             A near light falls off as (|q - reference| / |q - point|)^2.
         """
+        return self.intensities[:, None, :, None] * self.toward(points)[:, :, None, :]
+
+    def toward(self, points: ArrayLike) -> Array:
+        """Return the light vectors at points (P, 3), mm, of lights whose intensity is 1.
+
+        Returns
+        -------
+        vectors : (N, P, 3) float64
+            Unit at the reference point; a near light's length elsewhere is its fall-off.
+        """
         points = np.asarray(points, np.float64)
         if self.positions_mm is None:
-            vectors = self.intensities[:, None, :, None] * self.directions[:, None, None, :]
-            return np.broadcast_to(vectors, (len(self), len(points), 3, 3))
+            return np.broadcast_to(self.directions[:, None], (len(self), len(points), 3))
         toward = self.positions_mm[:, None] - points
-        distance = np.linalg.norm(toward, axis=-1, keepdims=True)
         reference = np.linalg.norm(self.positions_mm - self.reference_point_mm, axis=-1)
-        vectors = toward * (reference[:, None, None] ** 2 / distance**3)
-        return self.intensities[:, None, :, None] * vectors[:, :, None, :]
+        return toward * (reference[:, None, None] ** 2 / np.linalg.norm(toward, axis=-1, keepdims=True) ** 3)
 
     def check(self) -> None:
         """Raise unless normals can be had from these lights.

@@ -1,0 +1,138 @@
+"""Run a method over a stack, band by band."""
+
+import importlib
+import time
+from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from contextlib import nullcontext
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.estimate import Estimate
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+
+METHODS = ("ls", "iterative")
+"""Calibrated methods, each a module of this folder with `SETTINGS` and `fit`."""
+
+LABELS = {"ls": "Lsq", "iterative": "Iter Lsq"}
+"""The seed's names."""
+
+
+def solve(
+    method: str,
+    frames: Frames,
+    lights: Lights,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Estimate:
+    """Recover normals and albedo under the mask.
+
+    Parameters
+    ----------
+    method : str
+        One of `METHODS`.
+    frames : Frames
+    lights : Lights
+        Near lights are evaluated at each pixel's ray, at the depth of `lights.reference_point_mm`.
+    camera : Camera
+    mask : (H, W) bool
+    executor : Executor, optional
+        Runs the row bands. Default: threads, one a core (the kernels release the interpreter).
+    progress : callable, optional
+        Called with (bands done, bands).
+
+    Returns
+    -------
+    Estimate
+        NaN outside the mask and where the lit lights do not span space.
+
+    Raises
+    ------
+    SceneError
+        Unknown method, empty mask, sizes that differ.
+    CalibrationError
+        Fewer than three lights, or coplanar lights.
+    """
+    if method not in METHODS:
+        raise SceneError(f"solve: unknown method {method!r}; there are {', '.join(METHODS)}.")
+    if mask.shape != (frames.height, frames.width):
+        raise SceneError(
+            f"solve: the mask is {mask.shape[1]} x {mask.shape[0]} px, the frames are {frames.width} x {frames.height}."
+        )
+    if not mask.any():
+        raise SceneError("solve: the object's mask is empty. Give one under [object] mask in session.toml.")
+    lights.check()
+    module = importlib.import_module(f"solve.{method}")
+    from solve.samples import bands, scale_of
+
+    start = time.perf_counter()
+    scale = scale_of(frames, lights, mask)
+    normals = np.full((*mask.shape, 3), np.nan, np.float32)
+    albedo = np.full((*mask.shape, 3), np.nan, np.float32)
+    samples = np.zeros(mask.shape, np.uint16)
+    parts = list(bands(frames, mask))
+    with nullcontext(executor) if executor else ThreadPoolExecutor() as pool:
+        assert pool is not None
+        waiting = [pool.submit(_solve_band, module, frames, lights, camera, mask, rows, scale) for rows in parts]
+        try:
+            for done, future in enumerate(as_completed(waiting), 1):
+                row, column, n, a, used = future.result()
+                normals[row, column], albedo[row, column], samples[row, column] = n, a, used
+                if progress:
+                    progress(done, len(parts))
+        except BaseException:
+            for future in waiting:
+                future.cancel()
+            raise
+    return Estimate(
+        method,
+        normals,
+        albedo,
+        samples,
+        time.perf_counter() - start,
+        dict(module.SETTINGS),
+        _doubts(mask, normals, samples),
+    )
+
+
+def _solve_band(module, frames, lights, camera, mask, rows, scale):
+    """Return rows, columns, normals, albedo and sample counts of one band."""
+    from solve.kernels import albedo_given_normal
+    from solve.samples import read_samples
+
+    part = read_samples(frames, lights, camera, mask, rows)
+    is_near = lights.positions_mm is not None
+    positions = lights.positions_mm if is_near else np.zeros_like(lights.directions)
+    reach = np.sum((positions - lights.reference_point_mm) ** 2, 1)
+    geometry = (lights.directions, positions, reach, is_near)
+    b, used = module.fit(part.gray, part.valid, part.points, *geometry, scale, **module.SETTINGS)
+    normals = unit(b)
+    albedo = albedo_given_normal(part.color, used, part.points, normals, *geometry, lights.intensities)
+    count = np.where(np.isfinite(normals[:, 0]), used.sum(1), 0)
+    return part.rows, part.columns, normals.astype(np.float32), albedo, count.astype(np.uint16)
+
+
+def _doubts(mask: NDArray[np.bool_], normals: NDArray, samples: NDArray) -> tuple[str, ...]:
+    """Say why the result should not be believed, before the error is known."""
+    inside = int(mask.sum())
+    unknown = np.count_nonzero(mask & ~np.isfinite(normals[..., 0])) / inside
+    few = np.count_nonzero(mask & (samples == 3)) / inside
+    away = np.count_nonzero(mask & (normals[..., 2] < 0)) / inside
+    doubts = []
+    if unknown > 0.01:
+        doubts.append(f"{unknown:.0%} of the object's pixels have no normal: their lit lights do not span space.")
+    if few > 0.05:
+        doubts.append(f"{few:.0%} of the object's pixels rest on three samples: nothing there checks the fit.")
+    if away > 0.02:
+        doubts.append(
+            f"{away:.0%} of the normals point away from the camera: light directions, mask or linearity are in doubt."
+        )
+    return tuple(doubts)

@@ -1,0 +1,213 @@
+"""Solvers against scenes whose normals the test made."""
+
+import numpy as np
+import pytest
+from scene.camera import Camera
+from scene.errors import CalibrationError, SceneError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+
+from solve.solve import METHODS, solve
+
+SIZE = 48
+
+
+def sphere(camera, z_mm=-600.0, radius_mm=110.0):
+    """Points, normals and mask of an analytic ball seen by a perspective camera."""
+    _, rays = camera.rays(camera.grid())
+    center = np.array([0.0, 0.0, z_mm])
+    along = rays @ center
+    square = along**2 - center @ center + radius_mm**2
+    mask = square > (0.35 * radius_mm) ** 2
+    points = rays * (along - np.sqrt(np.where(mask, square, 0)))[..., None]
+    return points, (points - center) / radius_mm, mask
+
+
+def lights_around(count=12, *, elevation_deg=55.0, near=False, seed=0):
+    rng = np.random.default_rng(seed)
+    azimuth = np.arange(count) * 2.4
+    elevation = np.radians(elevation_deg + 20 * np.sin(np.arange(count)))
+    directions = np.stack(
+        [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)], -1
+    )
+    intensities = rng.uniform(0.6, 1.4, (count, 3))
+    reference = np.array([0.0, 0.0, -600.0])
+    positions = reference + directions * rng.uniform(700, 1000, (count, 1)) if near else None
+    return Lights(
+        tuple(f"flash_{i:03d}" for i in range(count)),
+        directions,
+        intensities / intensities.mean(0),
+        positions,
+        reference,
+    )
+
+
+def shade(points, normals, mask, lights, albedo):
+    """Lambert with attached shadows, linear float64 (F, H, W, 3)."""
+    vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), *mask.shape, 3, 3)
+    return np.where(mask[..., None], albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0), 0)
+
+
+@pytest.fixture
+def camera():
+    return Camera(SIZE, SIZE, 110.0, 110.0, 23.0, 24.5)
+
+
+@pytest.fixture
+def albedo():
+    v, u = np.mgrid[:SIZE, :SIZE]
+    return 0.25 + 0.1 * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1))
+
+
+def float_frames(lights, images):
+    """Frames with float64 codes: no quantisation."""
+    return Frames(lights.names, images, np.ones(len(lights)), saturation=np.inf)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_exact_on_noiseless_lambertian_pixels_that_every_light_reaches(method, camera, albedo):
+    _, normals, mask = sphere(camera)
+    lights = lights_around(elevation_deg=65)
+    mask = mask & (np.einsum("hwi,fi->fhw", normals, lights.directions) > 0.1).all(0)
+    images = shade(normals, normals, mask, lights, albedo)
+    estimate = solve(method, float_frames(lights, images), lights, camera, mask)
+    assert angular_error_deg(estimate.normals, normals)[mask].max() < 1e-4
+    np.testing.assert_allclose(estimate.albedo[mask], albedo[mask], rtol=1e-5)
+    assert np.isnan(estimate.normals[~mask]).all()
+    assert (estimate.samples[~mask] == 0).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_near_lights_are_exact_on_the_reference_plane_and_distant_ones_are_not(method, camera, albedo):
+    mask = np.ones((SIZE, SIZE), bool)
+    points = camera.points_at_depth(camera.grid(), -600.0)
+    normals = np.broadcast_to([0.1, -0.2, np.sqrt(0.95)], points.shape)
+    lights = lights_around(near=True)
+    frames = float_frames(lights, shade(points, normals, mask, lights, albedo))
+    near = angular_error_deg(solve(method, frames, lights, camera, mask).normals, normals)
+    far = Lights(lights.names, lights.directions, lights.intensities, None, lights.reference_point_mm)
+    assert near.max() < 1e-4
+    assert np.median(angular_error_deg(solve(method, frames, far, camera, mask).normals, normals)) > 1
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_axes_a_pixel_lit_from_above_left_faces_above_left(method, camera, albedo):
+    points, normals, mask = sphere(camera)
+    lights = lights_around()
+    found = solve(method, Frames.from_linear(lights.names, shade(points, normals, mask, lights, albedo)), lights, camera, mask)
+    rows, columns = np.nonzero(mask)
+    top_left = (rows < rows.mean() - 8) & (columns < columns.mean() - 8)
+    mean = found.normals[rows[top_left], columns[top_left]].mean(0)
+    assert mean[0] < -0.2
+    assert mean[1] > 0.2
+    assert mean[2] > 0.3
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_laws_permutation_and_intensity(method, camera, albedo):
+    points, normals, mask = sphere(camera)
+    lights = lights_around(near=True)
+    images = shade(points, normals, mask, lights, albedo)
+    plain = solve(method, float_frames(lights, images), lights, camera, mask)
+
+    order = np.random.default_rng(1).permutation(len(lights))
+    mixed = Lights(
+        tuple(lights.names[i] for i in order),
+        lights.directions[order],
+        lights.intensities[order],
+        lights.positions_mm[order],
+        lights.reference_point_mm,
+    )
+    permuted = solve(method, float_frames(mixed, images[order]), mixed, camera, mask)
+    assert np.nanmax(angular_error_deg(permuted.normals, plain.normals)) < 1e-4
+
+    factor = np.linspace(0.5, 2, len(lights))[:, None]
+    stronger = Lights(
+        lights.names, lights.directions, lights.intensities * factor, lights.positions_mm, lights.reference_point_mm
+    )
+    scaled = solve(method, float_frames(lights, images * factor[..., None, None]), stronger, camera, mask)
+    assert np.nanmax(angular_error_deg(scaled.normals, plain.normals)) < 1e-4
+    np.testing.assert_allclose(scaled.albedo[mask], plain.albedo[mask], rtol=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_rotating_scene_lights_and_camera_together_rotates_the_normals(method, camera, albedo):
+    """A quarter turn of the picture: (x, y) -> (-y, x)."""
+    _, normals, mask = sphere(camera)
+    lights = lights_around(elevation_deg=50)
+    images = shade(normals, normals, mask, lights, albedo)
+    plain = solve(method, float_frames(lights, images), lights, camera, mask)
+    turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    turned_lights = Lights(lights.names, lights.directions @ turn.T, lights.intensities)
+    turned = solve(method, float_frames(lights, np.rot90(images, axes=(1, 2)).copy()), turned_lights, camera, np.rot90(mask))
+    assert np.nanmax(angular_error_deg(turned.normals, np.rot90(plain.normals) @ turn.T)) < 1e-3
+
+
+def test_iterative_beats_least_squares_under_gloss_and_cast_shadow(camera, albedo):
+    points, normals, mask = sphere(camera)
+    lights = lights_around(24)
+    images = shade(points, normals, mask, lights, albedo)
+    half = lights.directions + [0.0, 0.0, 1.0]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    gloss = np.maximum(np.einsum("hwi,fi->fhw", normals, half), 0) ** 80
+    images += 0.4 * np.where(mask, gloss, 0)[..., None]
+    images[np.arange(24) % 6 == 0, 20:30] = 0
+    frames = Frames.from_linear(lights.names, images)
+    error = {m: np.mean(angular_error_deg(solve(m, frames, lights, camera, mask).normals, normals)[mask]) for m in METHODS}
+    assert error["iterative"] < 1.0
+    assert error["iterative"] < 0.25 * error["ls"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_clipped_samples_do_not_enter(method, camera, albedo):
+    points, normals, mask = sphere(camera)
+    lights = lights_around(16)
+    images = shade(points, normals, mask, lights, albedo)
+    clean = solve(method, Frames.from_linear(lights.names, images), lights, camera, mask)
+    images[3, 15:35, 15:35] = 5.0
+    spoilt = solve(method, Frames.from_linear(lights.names, images), lights, camera, mask)
+    inner = mask & (clean.samples > 8)
+    assert np.max(angular_error_deg(spoilt.normals, normals)[inner]) < 0.2
+
+
+def test_bands_and_garbage_outside_the_mask_change_nothing(camera, albedo, monkeypatch):
+    points, normals, mask = sphere(camera)
+    lights = lights_around(near=True)
+    images = shade(points, normals, mask, lights, albedo)
+    whole = solve("iterative", float_frames(lights, images), lights, camera, mask)
+    monkeypatch.setattr("solve.samples._BAND_BYTES", 12 * SIZE * 3 * 4 * 5)
+    images[:, ~mask] = np.nan
+    pieces = solve("iterative", float_frames(lights, images), lights, camera, mask)
+    np.testing.assert_array_equal(pieces.normals, whole.normals)
+    np.testing.assert_array_equal(pieces.albedo, whole.albedo)
+
+
+def test_pixels_that_cannot_be_solved_are_unknown_and_counted(camera, albedo):
+    """A third of the ball is dark in all frames but two: no normal, and the estimate says so."""
+    points, normals, mask = sphere(camera)
+    lights = lights_around()
+    images = shade(points, normals, mask, lights, albedo)
+    images[:, :20] = 5.0
+    images[:2, :20] = 0.2
+    estimate = solve("ls", Frames.from_linear(lights.names, images), lights, camera, mask)
+    assert np.isnan(estimate.normals[:20]).all()
+    assert any("no normal" in text for text in estimate.warnings)
+
+
+def test_faults_are_named(camera):
+    frames = Frames.from_linear(("a", "b", "c"), np.full((3, SIZE, SIZE, 3), 0.5))
+    mask = np.ones((SIZE, SIZE), bool)
+    flat = np.array([[0, 0, 1.0], [0.6, 0, 0.8], [-0.6, 0, 0.8]])
+    lights = Lights(("a", "b", "c"), flat, np.ones((3, 3)))
+    with pytest.raises(CalibrationError, match="one plane"):
+        solve("ls", frames, lights, camera, mask)
+    with pytest.raises(CalibrationError, match="at least 3"):
+        solve("ls", frames, Lights(("a", "b"), flat[:2], np.ones((2, 3))), camera, mask)
+    good = Lights(("a", "b", "c"), np.eye(3), np.ones((3, 3)))
+    with pytest.raises(SceneError, match="mask is empty"):
+        solve("ls", frames, good, camera, ~mask)
+    with pytest.raises(SceneError, match="unknown method"):
+        solve("magic", frames, good, camera, mask)
+    with pytest.raises(SceneError, match="10 x 10"):
+        solve("ls", frames, good, camera, mask[:10, :10])
