@@ -1,0 +1,239 @@
+"""The virtual camera: a linear image becomes a Bayer photograph, noise and all, in a DNG file.
+
+    linear RGB -> lens blur -> colour filter -> photons -> read noise -> quantised, clipped -> DNG
+
+LibRaw gives the mosaic back bit for bit, and so a rendered session goes in by the same door as a real one.
+"""
+
+import io
+import struct
+from dataclasses import dataclass
+from datetime import datetime
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.errors import RenderError
+from scene.store import write_whole
+
+CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
+
+_SRGB_FROM_XYZ = np.array(
+    [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
+)
+
+_PLACEHOLDER = 34664
+"""A tag that nobody uses, next to EXIF's 34665."""
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A Bayer sensor behind a lens.
+
+    Parameters
+    ----------
+    full_well_e : float
+        Electrons that fill a pixel from black to white level: the photon noise. ISO 400 instead of 100 is a
+        quarter of it.
+    read_noise_e : float
+        Standard deviation of the read-out, electrons.
+    black_level, white_level : int
+        DN of no light, and of a full well: nothing above is recorded. 16383: 14 bits.
+    blur_px : float
+        Standard deviation of the lens' Gaussian blur.
+    cfa : {"RGGB", "BGGR", "GRBG", "GBRG"}
+        Colours of the top left 2 x 2 pixels, row by row.
+    neutral : tuple of 3 float
+        Raw response to a white surface, RGB, at most 1: the DNG's AsShotNeutral.
+    pixel_um : float
+        Pixel pitch: the DNG's focal-plane resolution.
+    """
+
+    full_well_e: float = 40000.0
+    read_noise_e: float = 4.0
+    black_level: int = 512
+    white_level: int = 16383
+    blur_px: float = 0.5
+    cfa: str = "RGGB"
+    neutral: tuple[float, float, float] = (0.58, 1.0, 0.69)
+    pixel_um: float = 5.0
+
+    def __post_init__(self) -> None:
+        if self.cfa not in CFA_PATTERNS:
+            raise RenderError(f"sensor.cfa: found {self.cfa!r}, expected one of {', '.join(CFA_PATTERNS)}.")
+        if not 0 <= self.black_level < self.white_level <= 65535:
+            raise RenderError(
+                f"sensor: black level {self.black_level}, white level {self.white_level}; "
+                "expected 0 <= black < white <= 65535."
+            )
+        if min(self.full_well_e, self.pixel_um, *self.neutral) <= 0 or min(self.read_noise_e, self.blur_px) < 0:
+            raise RenderError(
+                f"sensor: full well {self.full_well_e} e-, pixel {self.pixel_um} um and neutral {self.neutral} must be "
+                f"positive, read noise {self.read_noise_e} e- and blur {self.blur_px} px not negative."
+            )
+
+    @property
+    def electrons_per_dn(self) -> float:
+        return self.full_well_e / (self.white_level - self.black_level)
+
+    def channels(self, height: int, width: int) -> NDArray[np.intp]:
+        """Return (height, width), the colour under each pixel's filter: 0 red, 1 green, 2 blue."""
+        tile = np.array(["RGB".index(letter) for letter in self.cfa]).reshape(2, 2)
+        return np.tile(tile, (height // 2 + 1, width // 2 + 1))[:height, :width]
+
+
+def expose(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
+    """Photograph a linear image.
+
+    Parameters
+    ----------
+    linear_rgb : (H, W, 3) float
+        Linear sRGB; 1.0 fills the green pixels. Values above 1 bleed through the lens' blur before they are clipped.
+    sensor : Sensor
+    rng : numpy Generator
+        The noise; a seed gives the same photograph again.
+
+    Returns
+    -------
+    mosaic : (H, W) uint16
+        DN, black level included.
+
+    Raises
+    ------
+    RenderError
+        The image has another shape, or holds NaN or infinity.
+
+    Notes
+    -----
+    DN = round(black + (Poisson(e) + read_noise N(0, 1)) / (electrons per DN)), clipped to 0 .. white,
+    e = full_well * neutral * (image * Gaussian).
+    """
+    import cv2
+
+    image = np.asarray(linear_rgb, np.float32)
+    if image.ndim != 3 or image.shape[2] != 3:
+        raise RenderError(f"expose: the image has shape {image.shape}, expected (H, W, 3).")
+    unknown = int(np.count_nonzero(~np.isfinite(image).all(-1)))
+    if unknown:
+        raise RenderError(f"expose: {unknown} of {image[..., 0].size} pixels are NaN or infinite. Render again.")
+    if sensor.blur_px > 0:
+        image = cv2.GaussianBlur(image, (0, 0), sensor.blur_px, borderType=cv2.BORDER_REPLICATE)
+    channels = sensor.channels(*image.shape[:2])
+    scene = np.take_along_axis(image, channels[..., None], -1)[..., 0] * np.array(sensor.neutral)[channels]
+    # Far above a full well the count of photons no longer matters, and Poisson's generator has a limit.
+    electrons = rng.poisson(np.clip(scene, 0, 4) * sensor.full_well_e).astype(np.float64)
+    electrons += sensor.read_noise_e * rng.standard_normal(electrons.shape)
+    counts = np.round(electrons / sensor.electrons_per_dn + sensor.black_level)
+    return np.clip(counts, 0, sensor.white_level).astype(np.uint16)
+
+
+def write_dng(
+    path: Path,
+    mosaic: NDArray[np.uint16],
+    sensor: Sensor,
+    *,
+    exposure_s: float,
+    iso: int,
+    aperture: float,
+    focal_mm: float,
+    time: datetime,
+) -> None:
+    """Write a Bayer mosaic (H, W) as an uncompressed DNG 1.4 that LibRaw reads back bit for bit.
+
+    Black and white level, colour filter, colour matrix and as-shot neutral go into the image's directory; exposure,
+    ISO, aperture, focal length, time (with its microseconds) and focal-plane resolution into an EXIF directory.
+
+    Raises
+    ------
+    RenderError
+        The mosaic is not (H, W) uint16 of even size.
+    SceneError
+        The disk is full, or the place cannot be written.
+    """
+    import tifffile
+
+    if mosaic.ndim != 2 or mosaic.dtype != np.uint16 or mosaic.shape[0] % 2 or mosaic.shape[1] % 2:
+        raise RenderError(
+            f"{path}: the mosaic is {mosaic.dtype} {mosaic.shape}; expected uint16 (H, W) with H and W even."
+        )
+    # Our linear sRGB times `neutral` is the camera's colour space: so the matrix is exact, not fitted.
+    matrix = np.diag(sensor.neutral) @ _SRGB_FROM_XYZ
+    extratags = [
+        (33421, "H", 2, (2, 2), True),  # CFARepeatPatternDim
+        (33422, "B", 4, bytes("RGB".index(letter) for letter in sensor.cfa), True),  # CFAPattern
+        (50706, "B", 4, bytes([1, 4, 0, 0]), True),  # DNGVersion
+        (50707, "B", 4, bytes([1, 1, 0, 0]), True),  # DNGBackwardVersion
+        (50708, "s", 0, "rgbn virtual camera", True),  # UniqueCameraModel
+        (50710, "B", 3, bytes([0, 1, 2]), True),  # CFAPlaneColor
+        (50711, "H", 1, 1, True),  # CFALayout: square
+        (50713, "H", 2, (1, 1), True),  # BlackLevelRepeatDim
+        (50714, "H", 1, sensor.black_level, True),
+        (50717, "H", 1, sensor.white_level, True),
+        (50721, "2i", 9, _rationals(matrix.ravel()), True),  # ColorMatrix1
+        (50728, "2I", 3, _rationals(sensor.neutral), True),  # AsShotNeutral
+        (50778, "H", 1, 21, True),  # CalibrationIlluminant1: D65
+        (271, "s", 0, "rgbn", True),
+        (272, "s", 0, "rgbn virtual camera", True),
+        (_PLACEHOLDER, "I", 1, 0, True),
+    ]
+    buffer = io.BytesIO()
+    tifffile.imwrite(
+        buffer,
+        mosaic,
+        photometric=32803,
+        planarconfig=1,
+        metadata=None,
+        software="rgbn",
+        datetime=time.strftime("%Y:%m:%d %H:%M:%S"),
+        extratags=extratags,
+        byteorder="<",
+    )
+    data = bytearray(buffer.getvalue())
+    data += b"\0" * (len(data) % 2)
+    buffer.seek(0)
+    with tifffile.TiffFile(buffer) as file:
+        entry = file.pages[0].tags[_PLACEHOLDER].offset  # type: ignore[union-attr]
+    # tifffile refuses the tag that points to the EXIF directory, so it is put in place of its neighbour.
+    struct.pack_into("<HHII", data, entry, 34665, 4, 1, len(data))
+    resolution = 1e4 / sensor.pixel_um
+    entries = [
+        (33434, 5, [exposure_s]),  # ExposureTime
+        (33437, 5, [aperture]),  # FNumber
+        (34855, 3, [iso]),  # ISOSpeedRatings
+        (36867, 2, time.strftime("%Y:%m:%d %H:%M:%S")),  # DateTimeOriginal
+        (37386, 5, [focal_mm]),  # FocalLength
+        (37521, 2, f"{time.microsecond:06d}"),  # SubSecTimeOriginal
+        (41486, 5, [resolution]),  # FocalPlaneXResolution
+        (41487, 5, [resolution]),  # FocalPlaneYResolution
+        (41488, 3, [3]),  # FocalPlaneResolutionUnit: centimetres
+    ]
+    data += _directory(entries, len(data))
+    with write_whole(path) as file:
+        file.write(data)
+
+
+def _directory(entries: list[tuple[int, int, list | str]], offset: int) -> bytes:
+    """Return a little-endian TIFF directory that will lie at `offset`, its values right behind it."""
+    table, values = struct.pack("<H", len(entries)), b""
+    behind = offset + 2 + 12 * len(entries) + 4
+    for tag, kind, content in entries:
+        if isinstance(content, str):
+            packed, count = content.encode("ascii") + b"\0", len(content) + 1
+        elif kind == 5:
+            packed, count = struct.pack("<2I", *_rationals(content)), 1
+        else:
+            packed, count = struct.pack("<H", *content), 1
+        if len(packed) > 4:
+            where = behind + len(values)
+            values += packed + b"\0" * (len(packed) % 2)
+            packed = struct.pack("<I", where)
+        table += struct.pack("<HHI4s", tag, kind, count, packed)
+    return table + struct.pack("<I", 0) + values
+
+
+def _rationals(numbers: NDArray | tuple | list) -> list[int]:
+    """Return numerator, denominator, numerator, ... of numbers."""
+    fractions = [Fraction(float(number)).limit_denominator(1_000_000) for number in numbers]
+    return [part for fraction in fractions for part in (fraction.numerator, fraction.denominator)]
