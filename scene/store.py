@@ -35,7 +35,7 @@ def write_whole(path: Path) -> Iterator[BinaryIO]:
     SceneError
         The disk is full, or the place cannot be written.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with open(temporary, "wb") as file:
@@ -54,7 +54,7 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
 
     The disk's blocks are reserved first: a memory map on a full disk would end the process with SIGBUS.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = _temporary(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         array = np.lib.format.open_memmap(temporary, mode="w+", dtype=dtype, shape=shape)
@@ -72,12 +72,19 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
             temporary.unlink()
 
 
+def _temporary(path: Path) -> Path:
+    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+
+
 def _disk_error(path: Path, error: OSError) -> Exception:
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
         return SceneError(
             f"{path}: the disk is full ({error.strerror}). Free some space and run again; what is done is kept."
         )
-    if error.errno in (errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EPERM):
+    # Only what concerns this place: the block may also have failed to read something elsewhere.
+    is_here = error.filename is not None and Path(error.filename) in {path, _temporary(path), *path.parents}
+    refused = (errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EPERM, errno.EEXIST)
+    if is_here and error.errno in refused:
         return SceneError(f"{path}: cannot be written ({error.strerror}). Choose another folder with --out.")
     return error
 

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
+
 from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-
 from solve.solve import METHODS, solve
 
 SIZE = 48
@@ -95,7 +95,9 @@ def test_near_lights_are_exact_on_the_reference_plane_and_distant_ones_are_not(m
 def test_axes_a_pixel_lit_from_above_left_faces_above_left(method, camera, albedo):
     points, normals, mask = sphere(camera)
     lights = lights_around()
-    found = solve(method, Frames.from_linear(lights.names, shade(points, normals, mask, lights, albedo)), lights, camera, mask)
+    found = solve(
+        method, Frames.from_linear(lights.names, shade(points, normals, mask, lights, albedo)), lights, camera, mask
+    )
     rows, columns = np.nonzero(mask)
     top_left = (rows < rows.mean() - 8) & (columns < columns.mean() - 8)
     mean = found.normals[rows[top_left], columns[top_left]].mean(0)
@@ -140,7 +142,9 @@ def test_rotating_scene_lights_and_camera_together_rotates_the_normals(method, c
     plain = solve(method, float_frames(lights, images), lights, camera, mask)
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     turned_lights = Lights(lights.names, lights.directions @ turn.T, lights.intensities)
-    turned = solve(method, float_frames(lights, np.rot90(images, axes=(1, 2)).copy()), turned_lights, camera, np.rot90(mask))
+    turned = solve(
+        method, float_frames(lights, np.rot90(images, axes=(1, 2)).copy()), turned_lights, camera, np.rot90(mask)
+    )
     assert np.nanmax(angular_error_deg(turned.normals, np.rot90(plain.normals) @ turn.T)) < 1e-3
 
 
@@ -154,7 +158,9 @@ def test_iterative_beats_least_squares_under_gloss_and_cast_shadow(camera, albed
     images += 0.4 * np.where(mask, gloss, 0)[..., None]
     images[np.arange(24) % 6 == 0, 20:30] = 0
     frames = Frames.from_linear(lights.names, images)
-    error = {m: np.mean(angular_error_deg(solve(m, frames, lights, camera, mask).normals, normals)[mask]) for m in METHODS}
+    error = {
+        m: np.mean(angular_error_deg(solve(m, frames, lights, camera, mask).normals, normals)[mask]) for m in METHODS
+    }
     assert error["iterative"] < 1.0
     assert error["iterative"] < 0.25 * error["ls"]
 

@@ -1,0 +1,145 @@
+"""Laws of poses, meshes, spheres, lights and normals."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.normals import angular_error_deg, decode_normals, encode_normals, unit
+from scene.pose import Pose
+from scene.spheres import Sphere
+
+number = st.floats(-3, 3)
+twists = st.tuples(number, number, number, number, number, number)
+
+
+@given(twists, twists, twists)
+def test_poses_are_a_group(a, b, c):
+    a, b, c = Pose.exp(a), Pose.exp(b), Pose.exp(c)
+    np.testing.assert_allclose((a @ a.inverse()).matrix, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(((a @ b) @ c).matrix, (a @ (b @ c)).matrix, atol=1e-12)
+    assert np.linalg.det(a.rotation) == pytest.approx(1)
+    point = np.array([1.0, -2, 3])
+    np.testing.assert_allclose((a @ b).apply(point), a.apply(b.apply(point)), atol=1e-12)
+    np.testing.assert_allclose(a.rotate(point), a.apply(point) - a.apply([0, 0, 0]), atol=1e-12)
+
+
+@given(st.floats(1e-9, 3.14))
+def test_the_angle_of_a_rotation_vector_is_its_length(angle):
+    axis = np.array([1.0, 2, -2]) / 3
+    assert np.radians(Pose.exp([*(axis * angle), 5, 5, 5]).angle_deg()) == pytest.approx(angle, rel=1e-6)
+
+
+def test_rotation_sense():
+    """A quarter turn about z takes x to y."""
+    np.testing.assert_allclose(Pose.exp([0, 0, np.pi / 2, 0, 0, 0]).apply([1, 0, 0]), [0, 1, 0], atol=1e-12)
+
+
+def test_mesh_normals_point_out_of_a_counter_clockwise_face():
+    mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.array([[0, 1, 2]]))
+    np.testing.assert_array_equal(mesh.face_normals, [[0, 0, 1]])
+    np.testing.assert_array_equal(mesh.vertex_normals, [[0, 0, 1]] * 3)
+
+
+@given(st.integers(0, 10_000))
+def test_angular_error_is_exact_for_small_and_large_angles(seed):
+    rng = np.random.default_rng(seed)
+    a = unit(rng.normal(size=3))
+    side = unit(np.cross(a, rng.normal(size=3)))
+    for angle in (1e-7, 1e-3, 30.0, 179.9999):
+        b = np.cos(np.radians(angle)) * a + np.sin(np.radians(angle)) * side
+        assert angular_error_deg(a, b) == pytest.approx(angle, rel=1e-6)
+
+
+def test_normal_pictures_come_back():
+    normals = unit(np.random.default_rng(0).normal(size=(20, 30, 3)))
+    normals[3, 4] = np.nan
+    back = decode_normals(encode_normals(normals))
+    assert np.isnan(back[3, 4]).all()
+    assert np.nanmax(angular_error_deg(back, normals)) < 0.003
+    assert encode_normals(np.array([[[0.0, 0, 1]]])).tolist() == [[[32768, 32768, 65535]]]
+
+
+CAMERA = Camera(960, 640, 1333.0, 1333.0, 486.8, 314.9)
+
+
+def test_sphere_cone_is_exact_under_perspective():
+    """A ball far off axis: its outline's rays touch the sphere, and centre and radius come back."""
+    center = np.array([-267.0, -155.0, -985.0])
+    sphere = Sphere("chrome", CAMERA.project(center), CAMERA.fx * 38 / 985, 76.0)
+    np.testing.assert_allclose(sphere.center_mm(CAMERA), center, atol=1e-9)
+    _, rays = CAMERA.rays(sphere.outline(CAMERA))
+    distance = np.linalg.norm(np.cross(rays, center), axis=-1)
+    np.testing.assert_allclose(distance, 38.0, atol=1e-9)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, Camera.orthographic(960, 640)])
+def test_sphere_normals(camera):
+    sphere = Sphere("white", np.array([300.0, 200.0]), 60.0, 70.0)
+    pixels = sphere.center_px + [[0, 0], [30, 0], [0, -30], [61.5, 0]]
+    normals, points = sphere.normals(camera, pixels)
+    np.testing.assert_allclose(np.linalg.norm(normals[:3], axis=1), 1, atol=1e-12)
+    assert normals[1, 0] > normals[0, 0] + 0.3
+    assert normals[2, 1] > normals[0, 1] + 0.3
+    assert np.isnan(normals[3]).all()
+    np.testing.assert_allclose(np.linalg.norm(points[:3] - sphere.center_mm(camera), axis=1), 35, atol=1e-9)
+    if not camera.is_orthographic:
+        np.testing.assert_allclose(camera.project(points[:3]), pixels[:3], atol=1e-6)
+
+
+@pytest.mark.parametrize("camera", [CAMERA, Camera.orthographic(960, 640)])
+def test_sphere_mask_is_its_outline(camera):
+    sphere = Sphere("white", np.array([300.0, 200.0]), 60.0, 70.0)
+    rows, columns = np.nonzero(sphere.mask(camera))
+    outline = sphere.outline(camera)
+    assert columns.min() == np.ceil(outline[:, 0].min())
+    assert rows.max() == np.floor(outline[:, 1].max())
+    assert sphere.mask(camera, grow_px=3).sum() > sphere.mask(camera).sum()
+
+
+def near_lights():
+    positions = np.array([[300.0, 0, -400], [0, 300, -400], [-200, -200, -300], [0, 0, -100]])
+    reference = np.array([0.0, 0, -1000])
+    toward = positions - reference
+    directions = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    intensities = np.random.default_rng(0).uniform(0.5, 1.5, (4, 3))
+    return Lights(tuple("abcd"), directions, intensities, positions, reference).normalised()
+
+
+def test_near_light_is_itself_at_the_reference_and_falls_off_by_the_square():
+    lights = near_lights()
+    at = lights.at(lights.reference_point_mm[None])[:, 0]
+    np.testing.assert_allclose(at, lights.intensities[..., None] * lights.directions[:, None], atol=1e-12)
+    middle = (lights.positions_mm[0] + lights.reference_point_mm) / 2
+    assert np.linalg.norm(lights.toward(middle[None])[0]) == pytest.approx(4)
+
+
+def test_seen_from_elsewhere_lights_the_scene_alike():
+    lights = near_lights()
+    points = np.random.default_rng(1).uniform([-80, -80, -1050], [80, 80, -950], (20, 3))
+    moved = lights.seen_from([30.0, -20, -980])
+    ratio = np.linalg.norm(moved.at(points), axis=-1) / np.linalg.norm(lights.at(points), axis=-1)
+    np.testing.assert_allclose(ratio, np.broadcast_to(ratio[0, 0], ratio.shape), rtol=1e-9)
+    np.testing.assert_allclose(moved.intensities.mean(0), 1)
+    np.testing.assert_allclose(moved.seen_from(lights.reference_point_mm).intensities, lights.intensities)
+
+
+def test_white_value_keeps_the_brightness_of_the_white_ball():
+    from dataclasses import replace
+
+    lights = replace(near_lights(), white_value=np.array([0.5, 0.6, 0.7]))
+    moved = lights.seen_from([30.0, -20, -980])
+    point = np.array([[10.0, 10, -990]])
+    before = np.linalg.norm(lights.at(point), axis=-1) * lights.white_value
+    np.testing.assert_allclose(np.linalg.norm(moved.at(point), axis=-1) * moved.white_value, before)
+
+
+def test_lights_that_cannot_do():
+    with pytest.raises(CalibrationError, match="at least 3"):
+        Lights(("a",), np.eye(3)[:1], np.ones((1, 3))).check()
+    with pytest.raises(CalibrationError, match=r"expected \(2, 3\)"):
+        Lights(("a", "b"), np.eye(3), np.ones((3, 3)))
