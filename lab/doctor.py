@@ -1,0 +1,44 @@
+"""What this machine has, and what would make it faster."""
+
+import os
+import shutil
+import sys
+from importlib import metadata
+from pathlib import Path
+
+PACKAGES = ("numpy", "scipy", "opencv-contrib-python-headless", "rawpy", "open3d", "mitsuba", "numba", "plotly")
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python, rgbn and the packages that results depend on."""
+    found = {"python": sys.version.split()[0]}
+    for name in ("rgbn", *PACKAGES):
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "absent"
+    return found
+
+
+def examine() -> list[tuple[str, str]]:
+    """Return (what, finding) rows; each heavy library is really imported."""
+    rows = [("machine", f"{os.cpu_count()} cores, {_memory_gb():.0f} GB memory")]
+    rows += [(name, version) for name, version in versions().items()]
+    from twin.variant import pick_variant
+
+    variant, note = pick_variant()
+    rows.append(("renderer", f"{variant}: {note}" if note else variant))
+    try:
+        from align.embree import import_open3d
+
+        import_open3d()
+        rows.append(("ray casting", "open3d imports"))
+    except Exception as error:
+        rows.append(("ray casting", f"open3d does not import: {error}"))
+    free = shutil.disk_usage(Path.cwd()).free / 1e9
+    rows.append(("disk", f"{free:.0f} GB free here; a 60 x 24 MP session takes about 9 GB"))
+    return rows
+
+
+def _memory_gb() -> float:
+    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9

@@ -1,0 +1,163 @@
+"""One session on its way through the steps: what is done and current is not done again.
+
+`steps.json` in the output folder holds, for each finished step, a fingerprint of all that went into it, its
+result, its warnings and its seconds.
+"""
+
+import fcntl
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, fields, is_dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lab.progress import say
+from lab.rooms import ROOMS, ROOT
+from scene.errors import SceneError
+from scene.store import Store, write_json
+
+
+@dataclass
+class Outcome:
+    """What a step hands back: its part of the summary, and what is suspicious."""
+
+    result: dict[str, Any]
+    warnings: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A verb of the command line.
+
+    Parameters
+    ----------
+    name : str
+    work : callable
+        Takes the job, writes its files, returns an `Outcome`.
+    needs : tuple of str
+        Steps whose results it reads.
+    inputs : callable
+        Takes the job; returns what goes into the step beside `needs`: paths and plain values.
+    outputs : callable
+        Takes the job; returns the files that must be there for the step to count as done.
+    """
+
+    name: str
+    work: Callable[["Job"], Outcome]
+    needs: tuple[str, ...]
+    inputs: Callable[["Job"], Iterable[Any]]
+    outputs: Callable[["Job"], Iterable[Path]]
+
+
+@dataclass
+class Job:
+    """A session, its output folder, and how to run.
+
+    `session` is capture's Session; `methods` the solvers asked for; `executor` what fans out the work, None for
+    threads here.
+    """
+
+    session: Any
+    store: Store
+    methods: tuple[str, ...]
+    executor: Any = None
+    truth: Path | None = None
+    done: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        path = self.store.path("steps.json")
+        if path.exists():
+            try:
+                self.done = json.loads(path.read_text())
+            except ValueError as error:
+                raise SceneError(f"{path}: not JSON ({error}). Remove it to start this output anew.") from error
+
+    def run(self, steps: dict[str, Step], wanted: str) -> None:
+        """Run a step, after the steps that it needs, unless they are current."""
+        step = steps[wanted]
+        for need in step.needs:
+            self.run(steps, need)
+        mark = self._fingerprint(step)
+        before = self.done.get(wanted)
+        if before and before["fingerprint"] == mark and all(path.exists() for path in step.outputs(self)):
+            return
+        say(f"{wanted} ...")
+        start = time.perf_counter()
+        # Forgotten first: a run that is killed in the middle must not find the old mark on new files.
+        self._record(wanted, None)
+        outcome = step.work(self)
+        seconds = time.perf_counter() - start
+        self._record(
+            wanted,
+            {"fingerprint": mark, "seconds": seconds, "result": outcome.result, "warnings": outcome.warnings},
+        )
+        say(f"{wanted}: {seconds:.1f} s")
+        for text in outcome.warnings:
+            say(f"  warning: {text}")
+
+    def _record(self, step: str, entry: dict[str, Any] | None) -> None:
+        if entry is None:
+            if self.done.pop(step, None) is None:
+                return
+        else:
+            self.done[step] = entry
+        write_json(self.store.path("steps.json"), self.done)
+        # What is kept in memory must be what a later run reads.
+        self.done = self.store.read_json("steps.json")
+
+    def _fingerprint(self, step: Step) -> str:
+        parts = [step.name, _code(), *(_identity(item) for item in step.inputs(self))]
+        parts += [self.done[need]["fingerprint"] for need in step.needs]
+        return hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Hold an output folder for one run.
+
+    Raises
+    ------
+    SceneError
+        Another run is at work there, or the folder cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        file = open(folder / ".lock", "w")  # noqa: SIM115 (held for the whole block)
+    except OSError as error:
+        raise SceneError(
+            f"{folder}: cannot be used for output ({error.strerror}). Choose another with --out."
+        ) from error
+    with file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise SceneError(f"{folder}: another run is writing here. Wait for it, or choose another --out.") from None
+        yield
+
+
+def _identity(item: Any) -> Any:
+    """Return what tells whether an input changed: a file's path, size and time, a value itself."""
+    if isinstance(item, Path):
+        if not item.exists():
+            return [str(item), None]
+        status = item.stat()
+        return [str(item.resolve()), status.st_size, status.st_mtime_ns]
+    if isinstance(item, list | tuple):
+        return [_identity(part) for part in item]
+    if is_dataclass(item):
+        return [_identity(getattr(item, part.name)) for part in fields(item)]
+    return repr(item)
+
+
+@cache
+def _code() -> str:
+    """Return a hash of the rooms' sources: after an update, results are made anew."""
+    digest = hashlib.sha256()
+    for room in ROOMS:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()

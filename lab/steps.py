@@ -1,0 +1,274 @@
+"""The verbs: each reads what the steps before it wrote, calls one room, and writes its files."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lab.job import Job, Outcome, Step
+from lab.progress import progress_bar
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.spheres import Sphere
+from scene.store import Store, write_json
+
+
+def check(job: Job) -> Outcome:
+    """Decode the frames and audit the capture."""
+    from capture.camera import camera_of
+    from capture.decode import decode
+
+    with progress_bar("decode") as progress:
+        frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
+    camera, camera_warnings = camera_of(job.session, report, frames.width, frames.height)
+    job.store.save_camera(camera)
+    result = {
+        "frames": len(frames),
+        "width": frames.width,
+        "height": frames.height,
+        "ambient": frames.ambient is not None,
+        "frames_table": report.frames_table,
+    }
+    return Outcome(result, [*report.warnings, *camera_warnings])
+
+
+def calibrate(job: Job) -> Outcome:
+    """Find the balls and the lights."""
+    from calibrate.calibrate import calibrate as find_lights
+    from calibrate.known import read_lights
+    from capture.requests import sphere_requests
+
+    store = job.store
+    frames, camera = store.load_frames(), store.load_camera()
+    known = read_lights(job.session.lights_file, frames.names) if job.session.lights_file else None
+    requests = sphere_requests(job.session, store)
+    with progress_bar("calibrate") as progress:
+        found = find_lights(frames, camera, requests, known_lights=known, progress=progress)
+    store.save_spheres(found.spheres, camera)
+    store.save_lights(found.lights)
+    calibration = {
+        "highlights_px": found.highlights_px,
+        "rejected": found.rejected,
+        "evidence": found.evidence,
+        "warnings": found.warnings,
+    }
+    write_json(store.path("calibration.json"), calibration)
+    lights = found.lights
+    result = {
+        "model": lights.model,
+        "evidence": found.evidence,
+        "spheres": len(found.spheres),
+        "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
+        "intensity_sigma_median": _median(lights.intensity_sigma),
+    }
+    return Outcome(result, list(found.warnings))
+
+
+def align(job: Job) -> Outcome:
+    """Find the object; register the scan; write the ground truth."""
+    from align.mask import find_object
+    from capture.requests import read_mask
+
+    store, session = job.store, job.session
+    frames, camera, lights = store.load_frames(), store.load_camera(), store.load_lights()
+    spheres = store.load_spheres()
+    given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
+    found = find_object(frames, camera, spheres, mask_given=given)
+    lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
+    warnings, result = list(found.warnings), None
+    if session.normals:
+        result = _given_truth(job, found.mask)
+        store.save_mask(found.mask)
+        store.save_lights(lights)
+    elif session.scan:
+        result, more = _register(job, frames, camera, lights, found.mask)
+        warnings += more
+    else:
+        store.save_mask(found.mask)
+        store.save_lights(lights)
+        warnings.append(
+            "No scan and no given normals: there is no ground truth, so no error, no twin and no verdict on the "
+            'methods. Add [object] scan = "..." to session.toml.'
+        )
+    return Outcome({"truth": result}, warnings)
+
+
+def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, mask: Any) -> tuple[dict, list[str]]:
+    """Register the scan and write pose, truth, mask and lights."""
+    from align.register import register
+    from align.truth import ground_truth
+
+    from align.scan import load_scan
+    from solve.solve import solve
+
+    store, session = job.store, job.session
+    mesh = load_scan(session.scan, session.scan_unit)
+    rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
+    with progress_bar("register") as progress:
+        found = register(mesh, camera, frames, lights, mask, rough.normals, executor=job.executor, progress=progress)
+    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance)
+    store.save_truth(truth.normals, truth.sigma_deg)
+    store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
+    store.save_mask(truth.mask)
+    store.save_lights(lights.seen_from(found.pose.apply(mesh.center_mm)))
+    result = {
+        "residual_px": found.residual_px,
+        "sigma_mm": found.sigma_mm,
+        "sigma_deg": found.sigma_deg,
+        "evidence": [*found.evidence, *mesh.repairs],
+        "truth_sigma_deg_median": _median(truth.sigma_deg),
+    }
+    return result, list(found.warnings)
+
+
+def _given_truth(job: Job, mask: Any) -> dict:
+    """Write the ground truth that the session gives."""
+    from align.given import read_normals
+
+    normals = read_normals(job.session.normals, *mask.shape)
+    normals = np.where(mask[..., None], normals, np.nan)
+    job.store.save_truth(normals, np.full(mask.shape, np.nan))
+    return {"evidence": [f"ground truth given: {job.session.normals.name}"]}
+
+
+def solve(job: Job) -> Outcome:
+    """Recover normals and albedo by every method asked for."""
+    return Outcome(*_solve_all(job, job.store, "solve"))
+
+
+def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
+    from solve.solve import solve as run
+
+    frames, camera = store.load_frames(), job.store.load_camera()
+    lights, mask = job.store.load_lights(), job.store.load_mask()
+    table, warnings = {}, []
+    megapixels = int(mask.sum()) / 1e6
+    for method in job.methods:
+        with progress_bar(f"{label}: {method}") as progress:
+            estimate = run(method, frames, lights, camera, mask, executor=job.executor, progress=progress)
+        store.save_estimate(estimate)
+        table[method] = {
+            "seconds": estimate.seconds,
+            "megapixels": megapixels,
+            "frames": len(frames),
+            "seconds_per_megapixel_image": estimate.seconds / (megapixels * len(frames)),
+            "settings": estimate.settings,
+            "warnings": estimate.warnings,
+        }
+        warnings += [f"{method}: {text}" for text in estimate.warnings]
+    return {"methods": table}, warnings
+
+
+def twin(job: Job) -> Outcome:
+    """Render the registered scan under the calibrated lights, and solve the rendering too."""
+    store, session = job.store, job.session
+    if not store.path("pose.json").exists():
+        return Outcome({"rendered": False}, ["No registered scan: no twin was rendered."])
+    from twin.render import render
+    from twin.session import write_session
+
+    from align.scan import load_scan
+
+    mesh, camera, lights = load_scan(session.scan, session.scan_unit), store.load_camera(), store.load_lights()
+    folder = Store(store.path("twin"))
+    albedo = np.load(store.path("albedo", f"{_material_method(job)}.npy"))
+    with progress_bar("twin") as progress:
+        rendered = render(mesh, store.load_pose(), camera, lights, albedo, store=folder, progress=progress)
+    write_session(folder, rendered.frames, camera, lights, store.load_mask(), store.load_normals("truth"))
+    solved, warnings = _solve_all(job, folder, "twin")
+    result = {
+        "rendered": True,
+        "variant": rendered.variant,
+        "samples_per_pixel": rendered.samples_per_pixel,
+        "seconds": rendered.seconds,
+        "warnings": rendered.warnings,
+        "twin_seconds": {method: row["seconds"] for method, row in solved["methods"].items()},
+    }
+    return Outcome(result, [*rendered.warnings, *(f"twin: {text}" for text in warnings)])
+
+
+def compare(job: Job) -> Outcome:
+    """Compare every method with the truth, real and twin."""
+    from compare.compare import compare as judge
+
+    result = judge(job.store)
+    if job.truth:
+        result["truth_check"] = _truth_check(job)
+    return Outcome(result, list(result.get("warnings", ())))
+
+
+def _truth_check(job: Job) -> dict:
+    from align.scan import load_scan
+    from compare.known_truth import known_truth
+
+    assert job.truth is not None
+    mesh: Mesh | None = load_scan(job.session.scan, job.session.scan_unit) if job.session.scan else None
+    return known_truth(job.store, job.truth, mesh=mesh)
+
+
+def _material_method(job: Job) -> str:
+    """Return the method whose albedo becomes the twin's material: the one that gloss disturbs least."""
+    return "iterative" if "iterative" in job.methods else job.methods[0]
+
+
+def _object_point(camera: Camera, spheres: list[Sphere], lights: Lights, mask: Any) -> Any:
+    """Return the object's centre as far as it is known without a scan: mid mask, at the balls' mean depth."""
+    rows, columns = np.nonzero(mask)
+    pixel = np.array([columns.mean(), rows.mean()])
+    depths = [sphere.center_mm(camera)[2] for sphere in spheres if sphere.diameter_mm and not camera.is_orthographic]
+    depth = float(np.mean(depths)) if depths else float(lights.reference_point_mm[2])
+    return camera.points_at_depth(pixel, depth) if depth < 0 or camera.is_orthographic else lights.reference_point_mm
+
+
+def _median(values: Any) -> float | None:
+    values = np.asarray(values, float)
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else None
+
+
+def _frame_inputs(job: Job) -> list[Any]:
+    session = job.session
+    files = (session.flash, session.ambient, session.dark, session.flat)
+    return [*files, session.encoding, session.half, session.skip, session.camera]
+
+
+def _object_inputs(job: Job) -> list[Any]:
+    session = job.session
+    return [session.mask, session.scan, session.scan_unit, session.normals]
+
+
+def _methods_done(job: Job, *parts: str) -> list[Path]:
+    return [job.store.path(*parts, "normals", f"{method}.npy") for method in job.methods]
+
+
+STEPS = {
+    step.name: step
+    for step in (
+        Step(
+            "check",
+            check,
+            (),
+            _frame_inputs,
+            lambda job: [job.store.path("frames", "codes.npy"), job.store.path("camera.json")],
+        ),
+        Step(
+            "calibrate",
+            calibrate,
+            ("check",),
+            lambda job: [job.session.spheres, job.session.lights_file],
+            lambda job: [job.store.path("lights.json"), job.store.path("calibration.json")],
+        ),
+        Step(
+            "align",
+            align,
+            ("calibrate",),
+            _object_inputs,
+            lambda job: [job.store.path("mask.png")],
+        ),
+        Step("solve", solve, ("align",), lambda job: job.methods, lambda job: _methods_done(job)),
+        Step("twin", twin, ("solve",), lambda job: job.methods, lambda job: []),
+        Step("compare", compare, ("twin",), lambda job: [job.truth], lambda job: [job.store.path("report.html")]),
+    )
+}
+"""In the order in which data flow."""

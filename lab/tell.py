@@ -1,0 +1,63 @@
+"""The end of a run, for people at a terminal: the figures and the warnings."""
+
+from typing import Any
+
+
+def tell(summary: dict[str, Any]) -> None:
+    """Print a session's figures as a table, with the warnings below."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    table = Table(title=summary["name"], show_header=False, title_justify="left")
+    table.add_column(style="bold")
+    table.add_column()
+    for label, text in _rows(summary):
+        table.add_row(label, text)
+    console.print(table)
+    if methods := summary["compare"].get("methods"):
+        console.print(_error_table(Table, methods))
+    if check := summary.get("truth_check"):
+        known = Table(title="Against the known truth", title_justify="left")
+        known.add_column("figure")
+        known.add_column("value", justify="right")
+        for row in check.values():
+            known.add_row(row["text"], f"{row['value']:.3g} {row['unit']}")
+        console.print(known)
+    for warning in summary["warnings"]:
+        console.print(f"[yellow]warning[/yellow] ({warning['step']})", warning["text"], markup=True, highlight=False)
+
+
+def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    rows = []
+    if capture := summary["capture"]:
+        ambient = ", ambient frame" if capture["ambient"] else ""
+        rows.append(("frames", f"{capture['frames']} of {capture['width']} x {capture['height']} px{ambient}"))
+    if lights := summary["calibrate"]:
+        sigma = lights["direction_sigma_deg_median"]
+        known = f", direction sigma {sigma:.2f} degrees" if sigma is not None else ""
+        rows.append(("lights", f"{lights['model']}, from {lights['spheres']} balls{known}"))
+    if (scan := summary["align"]) and scan.get("residual_px") is not None:
+        rows.append(("scan", f"residual {scan['residual_px']:.2f} px, sigma {scan['sigma_deg']:.3f} degrees"))
+    if twin := summary["twin"]:
+        rows.append(("twin", f"{twin['variant']}, {twin['seconds']:.0f} s"))
+    rows.append(("seconds", f"{sum(summary['seconds'].values()):.1f}"))
+    return rows
+
+
+def _error_table(table_type: Any, methods: dict[str, Any]) -> Any:
+    table = table_type(title="Angular error, degrees", title_justify="left")
+    for column in ("method", "frames", "mean", "median", "under 5", "under 10"):
+        table.add_column(column, justify="left" if column in ("method", "frames") else "right")
+    for name, row in methods.items():
+        for label in ("real", "twin"):
+            if statistics := row.get(label):
+                table.add_row(
+                    name,
+                    label,
+                    f"{statistics['mean_deg']:.2f}",
+                    f"{statistics['median_deg']:.2f}",
+                    f"{statistics['under_5_deg']:.0%}",
+                    f"{statistics['under_10_deg']:.0%}",
+                )
+    return table
