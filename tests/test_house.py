@@ -1,0 +1,89 @@
+"""The rules of the house: who imports whom, how big a file is, what every citation points to."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+STEPS = ("capture", "calibrate", "align", "solve", "twin", "compare")
+ROOMS = ("scene", *STEPS, "lab")
+HEAVY = {"open3d", "mitsuba", "drjit", "viser", "plotly", "dask", "distributed", "trimesh", "skimage", "rawpy"}
+SOURCES = sorted(path for room in ROOMS for path in (ROOT / room).rglob("*.py"))
+
+
+def imports(tree, *, top_only=False):
+    """Yield the first name of every module that a file imports."""
+    nodes = tree.body if top_only else ast.walk(tree)
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            yield from (alias.name.split(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, "imports name their room"
+            yield (node.module or "").split(".")[0]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_file_keeps_the_rules(path):
+    room = path.relative_to(ROOT).parts[0]
+    text = path.read_text()
+    tree = ast.parse(text)
+    allowed = {"scene": {"scene"}, "lab": set(ROOMS)}.get(room, {"scene", room})
+    assert set(imports(tree)) & set(ROOMS) <= allowed
+    assert not set(imports(tree, top_only=True)) & HEAVY, "heavy libraries are imported where they are used"
+    if room == "scene":
+        assert set(imports(tree, top_only=True)) <= {*sys.stdlib_module_names, "numpy", "scene"}
+    assert len(text.splitlines()) <= 300
+    assert path.stem not in {"utils", "util", "helpers", "common", "misc"}
+    assert ast.get_docstring(tree), "a file says what it is for"
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            assert ast.get_docstring(node), f"{node.name} is public and has no docstring"
+
+
+def test_every_citation_is_in_the_bibliography():
+    keys = set(re.findall(r"^@\w+\{(\w+),", (ROOT / "BIBLIOGRAPHY.bib").read_text(), re.MULTILINE))
+    cited = {}
+    for path in SOURCES:
+        for key in re.findall(r"\[([A-Z][A-Za-z]+(?:19|20)\d\d[a-z]?)\]", path.read_text()):
+            cited.setdefault(key, path.name)
+    assert cited, "formulas have sources"
+    assert set(cited) <= keys, {key: cited[key] for key in set(cited) - keys}
+    assert keys <= set(cited), f"never cited: {keys - set(cited)}"
+
+
+def test_the_project_installs_every_room_and_every_import():
+    """What the rooms import is named in pyproject.toml."""
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == list(ROOMS)
+    declared = {re.split(r"[\[<>= ]", line)[0].lower() for line in project["project"]["dependencies"]}
+    distribution = {"cv2": "opencv-contrib-python-headless", "skimage": "scikit-image", "drjit": "mitsuba",
+                    "libusb_package": "libusb-package", "distributed": "dask", "PIL": "pillow"}  # fmt: skip
+    used = {name for path in SOURCES for name in imports(ast.parse(path.read_text()))}
+    foreign = used - set(ROOMS) - set(sys.stdlib_module_names)
+    assert {distribution.get(name, name) for name in foreign} <= declared
+
+
+def test_help_loads_nothing_heavy():
+    """`rgbn --help` answers at once: it may load neither a heavy library nor numpy's friends."""
+    code = "import sys, lab.cli; print(' '.join(sorted({m.split('.')[0] for m in sys.modules})))"
+    loaded = set(
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
+    )
+    assert not loaded & (HEAVY | {"scipy", "cv2", "numba", "pydantic", "tifffile", "h5py"})
+
+
+def test_no_path_of_a_machine_is_in_the_project():
+    tracked = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=True).stdout.split(
+        "\n"
+    )
+    for name in filter(None, tracked):
+        path = ROOT / name
+        if path.suffix in {".py", ".md", ".toml", ".sh", ".yml", ".html", ".css", ".json", ""} and path.is_file():
+            text = path.read_text(errors="ignore")
+            assert not re.search(r"(?<![\w.])/(work|home|root|Users)/", text), name
