@@ -1,0 +1,244 @@
+"""The report's charts, by plotly: data inside the page, no request to anywhere."""
+
+from html import escape
+from typing import Any
+
+import numpy as np
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
+"""Told apart by colour-blind eyes too [okabe2008color]."""
+CHANNELS = (("red", "#D55E00", "triangle-up"), ("green", "#009E73", "circle"), ("blue", "#0072B2", "triangle-down"))
+
+
+def library() -> str:
+    """Return plotly.js whole, to be put into the page once."""
+    from plotly.offline import get_plotlyjs
+
+    return get_plotlyjs()
+
+
+def _html(figure: Any, name: str, alt: str, *, height: int) -> str:
+    import plotly.io
+
+    figure.update_layout(
+        template="plotly_white",
+        height=height,
+        margin={"l": 64, "r": 16, "t": 16, "b": 52},
+        font={"family": "system-ui, 'Segoe UI', Helvetica, Arial, 'DejaVu Sans', sans-serif", "size": 13},
+        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02, "x": 0},
+        hoverlabel={"font": {"size": 13}},
+    )
+    div = plotly.io.to_html(
+        figure,
+        include_plotlyjs=False,
+        full_html=False,
+        div_id=f"chart-{name}",
+        default_height=f"{height}px",
+        config={"displaylogo": False, "responsive": True, "displayModeBar": False},
+    )
+    return f'<figure class="chart"><div role="img" aria-label="{escape(alt)}">{div}</div></figure>'
+
+
+def light_directions(lights: dict[str, Any]) -> str:
+    """Return the lights on the hemisphere, as the camera sees it: centre = camera's axis, rim = 90 degrees."""
+    import plotly.graph_objects as go
+
+    rows = lights["frames"]
+    mean = [row["intensity_mean"] for row in rows]
+    figure = go.Figure(
+        go.Scatterpolar(
+            r=[row["zenith_deg"] for row in rows],
+            theta=[row["azimuth_deg"] for row in rows],
+            mode="markers+text" if len(rows) <= 30 else "markers",
+            text=[str(index + 1) for index in range(len(rows))],
+            textposition="top center",
+            hovertext=[escape(row["name"]) for row in rows],
+            hovertemplate="%{hovertext}<br>%{r:.1f}° from the camera's axis, azimuth %{theta:.1f}°<extra></extra>",
+            marker={
+                "size": 11,
+                "color": mean,
+                "colorscale": "Cividis",
+                "line": {"width": 1, "color": "#333"},
+                "colorbar": {"title": {"text": "intensity<br>(mean 1)"}, "thickness": 12, "len": 0.8},
+            },
+        )
+    )
+    figure.update_polars(
+        radialaxis={
+            "range": [0, max(90, np.ceil((lights.get("zenith_max_deg") or 0) / 10) * 10)],
+            "tickvals": [0, 30, 60, 90],
+            "ticksuffix": "°",
+            "angle": 22.5,
+            "tickangle": 0,
+        },
+        angularaxis={
+            "tickvals": [0, 90, 180, 270],
+            "ticktext": ["right (+x)", "up (+y)", "left", "down"],
+            "direction": "counterclockwise",
+        },
+    )
+    return _html(figure, "light-directions", "Directions of the lights as the camera sees them", height=430)
+
+
+def light_intensities(lights: dict[str, Any]) -> str:
+    """Return a bar per light: mean intensity with its sigma, the channels as marks."""
+    import plotly.graph_objects as go
+
+    rows = lights["frames"]
+    number = [index + 1 for index in range(len(rows))]
+    names = [escape(row["name"]) for row in rows]
+    sigma = [(row["intensity_sigma"] or 0) * row["intensity_mean"] for row in rows]
+    figure = go.Figure(
+        go.Bar(
+            x=number,
+            y=[row["intensity_mean"] for row in rows],
+            error_y={"type": "data", "array": sigma, "visible": any(sigma), "thickness": 1.2},
+            marker={"color": "#c9d3dc"},
+            name="mean of channels ± 1 sigma",
+            hovertext=names,
+            hovertemplate="%{hovertext}: %{y:.3f}<extra></extra>",
+        )
+    )
+    for channel, (name, colour, symbol) in enumerate(CHANNELS):
+        figure.add_scatter(
+            x=number,
+            y=[row["intensity"][channel] for row in rows],
+            mode="markers",
+            name=name,
+            marker={"color": colour, "symbol": symbol, "size": 7},
+            hovertext=names,
+            hovertemplate=f"%{{hovertext}}, {name}: %{{y:.3f}}<extra></extra>",
+        )
+    figure.update_xaxes(title="light (number in the hemisphere)", dtick=1 if len(rows) <= 30 else None)
+    figure.update_yaxes(title="relative intensity (mean over frames = 1)", rangemode="tozero")
+    return _html(figure, "light-intensities", "Relative intensity of each light", height=330)
+
+
+def light_sigmas(lights: dict[str, Any]) -> str:
+    """Return a bar per light: the standard deviation of its direction."""
+    import plotly.graph_objects as go
+
+    rows = lights["frames"]
+    figure = go.Figure(
+        go.Bar(
+            x=[index + 1 for index in range(len(rows))],
+            y=[row["direction_sigma_deg"] for row in rows],
+            marker={"color": "#7f93a6"},
+            hovertext=[escape(row["name"]) for row in rows],
+            hovertemplate="%{hovertext}: %{y:.3f}°<extra></extra>",
+        )
+    )
+    figure.update_xaxes(title="light", dtick=1 if len(rows) <= 30 else None)
+    figure.update_yaxes(title="direction sigma (°, one axis)", rangemode="tozero")
+    return _html(figure, "light-sigmas", "Standard deviation of each light's direction, degrees", height=260)
+
+
+def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> str:
+    """Return the near lights in millimetres twice: seen from the camera (x, y), and from above (x, z)."""
+    import plotly.graph_objects as go
+    from plotly.subplots import make_subplots
+
+    rows = [(i + 1, row) for i, row in enumerate(lights["frames"]) if row.get("position_mm")]
+    figure = make_subplots(1, 2, subplot_titles=("seen from the camera", "seen from above"), horizontal_spacing=0.12)
+    balls = [row["center_mm"] for row in spheres if row.get("center_mm")]
+    groups = [
+        ("lights", [row["position_mm"] for _, row in rows], "circle", COLOURS[0], [str(i) for i, _ in rows]),
+        ("balls", balls, "circle-open", "#555", [""] * len(balls)),
+        ("object's centre", [lights["reference_point_mm"]], "x", COLOURS[1], [""]),
+        ("camera", [[0.0, 0.0, 0.0]], "square", "#000", [""]),
+    ]
+    for column, axis in ((1, 1), (2, 2)):
+        for name, points, symbol, colour, labels in groups:
+            if not points:
+                continue
+            figure.add_scatter(
+                x=[point[0] for point in points],
+                y=[point[axis] for point in points],
+                mode="markers+text" if len(rows) <= 30 else "markers",
+                text=labels,
+                textposition="top center",
+                name=name,
+                showlegend=column == 1,
+                marker={"symbol": symbol, "color": colour, "size": 9},
+                hovertemplate=name + " %{text}<br>%{x:.0f}, %{y:.0f} mm<extra></extra>",
+                row=1,
+                col=column,
+            )
+    figure.update_xaxes(title="x (mm), right")
+    figure.update_yaxes(title="y (mm), up", scaleanchor="x", row=1, col=1)
+    figure.update_yaxes(title="z (mm), toward the viewer", scaleanchor="x2", row=1, col=2)
+    return _html(figure, "light-positions", "Positions of the lights in millimetres, two views", height=430)
+
+
+def error_histogram(compared: dict[str, Any]) -> str:
+    """Return the share of pixels by error: real full, twin dashed; the last bin holds all beyond the scale."""
+    import plotly.graph_objects as go
+
+    edges = np.array(compared["histogram_edges_deg"])
+    centres = np.append((edges[:-1] + edges[1:]) / 2, edges[-1] + (edges[1] - edges[0]) / 2)
+    figure = go.Figure()
+    for index, (name, row) in enumerate(compared["methods"].items()):
+        for kind, dash in (("real", "solid"), ("twin", "dot")):
+            counts = (row.get("histogram") or {}).get(kind)
+            if not counts:
+                continue
+            figure.add_scatter(
+                x=centres.tolist(),
+                y=(100 * np.array(counts) / max(sum(counts), 1)).tolist(),
+                mode="lines",
+                line={"shape": "hvh", "dash": dash, "color": COLOURS[index % len(COLOURS)], "width": 2},
+                name=f"{escape(name)}, {kind}",
+                hovertemplate="%{x:.2f}°: %{y:.2f} % of pixels<extra>%{fullData.name}</extra>",
+            )
+    figure.update_xaxes(title=f"angular error (°); the last bin holds everything beyond {edges[-1]:g}°")
+    figure.update_yaxes(title="share of pixels (%)", rangemode="tozero")
+    return _html(figure, "error-histogram", "Histogram of the angular error of each method", height=360)
+
+
+def time_against_error(points: list[dict[str, Any]]) -> str:
+    """Return seconds per megapixel-image against median error, both axes logarithmic, Pareto front drawn.
+
+    `points`: method, kind (real or twin), seconds, median_deg.
+    """
+    import plotly.graph_objects as go
+
+    figure = go.Figure()
+    methods = list(dict.fromkeys(point["method"] for point in points))
+    for point in points:
+        colour = COLOURS[methods.index(point["method"]) % len(COLOURS)]
+        figure.add_scatter(
+            x=[point["seconds"]],
+            y=[point["median_deg"]],
+            mode="markers+text",
+            text=[escape(f"{point['method']}, {point['kind']}")],
+            textposition="top center",
+            cliponaxis=False,
+            showlegend=False,
+            marker={"size": 12, "color": colour, "symbol": "circle" if point["kind"] == "real" else "circle-open"},
+            hovertemplate="%{text}<br>%{x:.3g} s, %{y:.2f}°<extra></extra>",
+        )
+    real = sorted((p for p in points if p["kind"] == "real"), key=lambda p: (p["seconds"], p["median_deg"]))
+    front: list[dict[str, Any]] = []
+    for point in real:
+        if not front or point["median_deg"] < front[-1]["median_deg"]:
+            front.append(point)
+    if len(front) > 1:
+        figure.add_scatter(
+            x=[p["seconds"] for p in front],
+            y=[p["median_deg"] for p in front],
+            mode="lines",
+            line={"shape": "hv", "color": "#999", "dash": "dot", "width": 1.5},
+            name="nothing here is both faster and better (real)",
+            hoverinfo="skip",
+        )
+    figure.update_xaxes(title="seconds per megapixel-image", type="log", **_decades([p["seconds"] for p in points]))
+    figure.update_yaxes(title="median angular error (°)", type="log", **_decades([p["median_deg"] for p in points]))
+    return _html(figure, "time-against-error", "Time against median angular error of each method", height=380)
+
+
+def _decades(values: list[float]) -> dict[str, Any]:
+    """Return a log axis with room around its points, at least half a decade, and ticks at 1, 2, 5."""
+    low, high = np.log10(min(values)), np.log10(max(values))
+    room = max(0.2, (0.7 - (high - low)) / 2)
+    ticks = [m * 10.0**e for e in range(int(np.floor(low)) - 1, int(np.ceil(high)) + 2) for m in (1, 2, 5)]
+    return {"range": [low - room, high + room], "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}

@@ -1,0 +1,229 @@
+"""Every method's normals against the scan's, on the photographs and on their twin."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.facts import light_rows, method_names, read_optional, sphere_rows
+from compare.pictures import colour_scale_end, error_picture_with_scale
+from compare.statistics import angular_statistics, common_rotation, error_correlation
+from scene.errors import SceneError
+from scene.normals import angular_error_deg
+from scene.pose import Pose
+from scene.store import Store, write_npy, write_png
+
+HISTOGRAM_BINS = 60
+BAND_PIXELS = 1 << 21
+"""Pixels worked on at a time: float64 crosses of a whole 24-megapixel map would take gigabytes."""
+
+Normals = NDArray[np.float32]
+
+
+def compare(store: Store) -> dict[str, Any]:
+    """Compare all estimates in the output folder with the truth in it, and write error maps to compare/.
+
+    Parameters
+    ----------
+    store : Store
+        Reads normals/truth.npy, normals/truth_sigma.npy, normals/<method>.npy, twin/normals/<method>.npy and
+        mask.png; none of them is required. Writes compare/error_{real,twin}_<method>.npy, (H, W) float32
+        degrees, NaN where unknown, and .png with its colour scale drawn below.
+
+    Returns
+    -------
+    dict
+        has_truth; truth: pixels, sigma_deg_median, sigma_deg_q3 (or None); mask_pixels; methods, by name:
+        real and twin (`angular_statistics`, or None), coverage and twin_coverage (share of the true pixels that
+        were answered), pearson, spearman, correlation_pixels, median_difference_deg (`error_correlation`),
+        real/twin_rotation_deg (the turn common to all normals) and real/twin_median_unrotated_deg (the median error
+        once it is undone), histogram (pixels per bin, the last one: beyond the last edge);
+        histogram_edges_deg; error_scale_deg (the colour scale's end); between_methods: a, b, pixels and statistics of
+        the angle between each two methods on the real frames; lights, spheres, pose for the report; warnings.
+
+    Raises
+    ------
+    SceneError
+        Two maps in the folder have different sizes.
+    """
+    names, warnings = method_names(store), []
+    mask = store.load_mask() if store.path("mask.png").exists() else None
+    truth = _open(store, "normals", "truth")
+    sizes = {"mask.png": mask.shape} if mask is not None else {}
+    if truth is not None:
+        sizes["normals/truth.npy"] = truth.shape[:2]
+    for name in names:
+        for place in ("normals", "twin/normals"):
+            if (estimate := _open(store, place, name)) is not None:
+                sizes[f"{place}/{name}.npy"] = estimate.shape[:2]
+    _require_one_size(store, sizes)
+
+    result: dict[str, Any] = {
+        "has_truth": truth is not None,
+        "truth": None,
+        "mask_pixels": None if mask is None else int(mask.sum()),
+        "methods": {name: {"real": None, "twin": None} for name in names},
+        "histogram_edges_deg": None,
+        "error_scale_deg": None,
+        "between_methods": _between_methods(store, names, mask),
+        "lights": light_rows(store),
+        "spheres": sphere_rows(store),
+        "pose": read_optional(store, "pose.json"),
+        "warnings": warnings,
+    }
+    written: set[str] = set()
+    if truth is None:
+        warnings.append(
+            "no ground truth (normals/truth.npy): errors cannot be told; only the differences between methods are "
+            "given, and agreement between methods is not accuracy"
+        )
+    elif names:
+        result["truth"] = _truth_facts(store, truth, mask)
+        if result["truth"]["pixels"] == 0:
+            warnings.append("ground truth: not one pixel of it lies on the object's mask; no error can be given")
+        _errors(store, names, truth, mask, result, written)
+    # A map that a former run left would speak of normals that are gone.
+    for stale in store.path("compare").glob("error_*"):
+        if stale.name not in written:
+            stale.unlink()
+    return result
+
+
+def _errors(
+    store: Store,
+    names: list[str],
+    truth: Normals,
+    mask: NDArray[np.bool_] | None,
+    result: dict[str, Any],
+    written: set[str],
+) -> None:
+    """Fill in `result` what needs the truth, one map at a time."""
+    spread = []
+    for name in names:
+        row, maps = result["methods"][name], {}
+        for place, kind in (("normals", "real"), ("twin/normals", "twin")):
+            estimate = _open(store, place, name)
+            if estimate is None:
+                continue
+            error = maps[kind] = _error_map(estimate, truth, mask)
+            statistics = angular_statistics(error)
+            if statistics["pixels"] == 0:
+                result["warnings"].append(f"{name} ({kind}): no pixel is known both to the method and to the truth")
+                continue
+            row[kind] = statistics
+            row["coverage" if kind == "real" else "twin_coverage"] = (
+                statistics["pixels"] / result["truth"]["pixels"] if result["truth"]["pixels"] else None
+            )
+            angle, median = _without_common_rotation(estimate, truth, error)
+            row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
+            spread.append(float(np.nanquantile(error, 0.95)))
+            write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
+            written.add(f"error_{kind}_{name}.npy")
+        if "real" in maps and "twin" in maps:
+            shared = error_correlation(maps["real"], maps["twin"])
+            row["correlation_pixels"] = shared.pop("pixels")
+            row.update({key: value if np.isfinite(value) else None for key, value in shared.items()})
+        del maps
+    if not spread:
+        return
+    # The median over maps: one method that fails everywhere must not darken all the others.
+    end = result["error_scale_deg"] = colour_scale_end(float(np.median(spread)))
+    edges = np.linspace(0, end, HISTOGRAM_BINS + 1)
+    result["histogram_edges_deg"] = edges.tolist()
+    for name in names:
+        result["methods"][name]["histogram"] = {}
+        for kind in ("real", "twin"):
+            if f"error_{kind}_{name}.npy" not in written:
+                continue
+            error = np.load(store.path("compare", f"error_{kind}_{name}.npy"))
+            counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
+            result["methods"][name]["histogram"][kind] = counts.tolist()
+            picture = error_picture_with_scale(error, end, f"{name}, {kind}")
+            write_png(store.path("compare", f"error_{kind}_{name}.png"), picture)
+            written.add(f"error_{kind}_{name}.png")
+
+
+def _open(store: Store, place: str, name: str) -> Normals | None:
+    """Return a normal map as a memory map; None where it does not exist."""
+    path = store.path(place, f"{name}.npy")
+    if not path.exists():
+        return None
+    try:
+        normals = np.load(path, mmap_mode="r")
+    except ValueError as error:
+        raise SceneError(f"{path}: is no array ({error}). Delete it and run the step that makes it again.") from error
+    if normals.ndim != 3 or normals.shape[2] != 3:
+        raise SceneError(f"{path}: found an array {normals.shape}, expected (height, width, 3). Run its step again.")
+    return normals
+
+
+def _require_one_size(store: Store, sizes: dict[str, tuple[int, ...]]) -> None:
+    if len(set(sizes.values())) > 1:
+        found = ", ".join(f"{name} {shape[1]} x {shape[0]}" for name, shape in sizes.items())
+        raise SceneError(
+            f"{store.folder}: maps of different sizes: {found} px; expected one. "
+            "Files of two sessions are mixed: process into an empty folder."
+        )
+
+
+def _bands(height: int, width: int) -> list[slice]:
+    step = max(1, BAND_PIXELS // width)
+    return [slice(start, min(start + step, height)) for start in range(0, height, step)]
+
+
+def _error_map(a: Normals, b: Normals, mask: NDArray[np.bool_] | None) -> NDArray[np.float32]:
+    error = np.full(a.shape[:2], np.nan, np.float32)
+    for rows in _bands(*error.shape):
+        counted = slice(None) if mask is None else mask[rows]
+        error[rows][counted] = angular_error_deg(a[rows][counted], b[rows][counted])
+    return error
+
+
+def _without_common_rotation(
+    estimate: Normals, truth: Normals, error: NDArray[np.float32]
+) -> tuple[float | None, float | None]:
+    """Return the turn common to all normals, degrees, and the median error that is left once it is undone."""
+    moment = np.zeros((3, 3))
+    bands = _bands(*error.shape)
+    for rows in bands:
+        known = np.isfinite(error[rows])
+        moment += truth[rows][known].astype(np.float64).T @ estimate[rows][known].astype(np.float64)
+    rotation = common_rotation(moment)
+    if rotation is None:
+        return None, None
+    left = []
+    for rows in bands:
+        known = np.isfinite(error[rows])
+        turned = estimate[rows][known].astype(np.float64) @ rotation.T
+        left.append(angular_error_deg(turned, truth[rows][known]).astype(np.float32))
+    angle = Pose.from_rotation_translation(rotation, np.zeros(3)).angle_deg()
+    return angle, float(np.median(np.concatenate(left)))
+
+
+def _truth_facts(store: Store, truth: Normals, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
+    known = np.isfinite(truth).all(-1)
+    if mask is not None:
+        known &= mask
+    facts: dict[str, Any] = {"pixels": int(known.sum()), "sigma_deg_median": None, "sigma_deg_q3": None}
+    path = store.path("normals", "truth_sigma.npy")
+    if path.exists():
+        sigma = np.load(path, mmap_mode="r")
+        if sigma.shape != known.shape:
+            raise SceneError(f"{path}: {sigma.shape}, expected {known.shape} like truth.npy. Run `align` again.")
+        sigma = sigma[known]
+        sigma = sigma[np.isfinite(sigma)]
+        if sigma.size:
+            facts["sigma_deg_median"], facts["sigma_deg_q3"] = map(float, np.quantile(sigma, [0.5, 0.75]))
+    return facts
+
+
+def _between_methods(store: Store, names: list[str], mask: NDArray[np.bool_] | None) -> list[dict[str, Any]]:
+    """Return the statistics of the angle between each two methods' normals of the real frames."""
+    maps = {name: normals for name in names if (normals := _open(store, "normals", name)) is not None}
+    rows = []
+    for i, a in enumerate(maps):
+        for b in list(maps)[i + 1 :]:
+            statistics = angular_statistics(_error_map(maps[a], maps[b], mask))
+            if statistics["pixels"]:
+                rows.append({"a": a, "b": b, **statistics})
+    return rows

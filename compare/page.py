@@ -1,0 +1,98 @@
+"""The report's smallest pieces: numbers that can be traced, tables, figures, badges; everything escaped."""
+
+import math
+import re
+from collections.abc import Iterable, Sequence
+from html import escape, unescape
+from typing import Any
+
+UNKNOWN = '<span class="unknown">unknown</span>'
+
+LEVELS = {"good": "good", "care": "take care", "bad": "do not rely on it", "unknown": "not known"}
+"""What a verdict's badge says. Words, not colours alone: the page is also printed."""
+
+
+def number(value: Any, decimals: int = 2, unit: str = "") -> str:
+    """Return a number as HTML; its full value stays in data-value, where the tests look it up in the summary."""
+    if not is_number(value):
+        return UNKNOWN
+    if isinstance(value, int):
+        shown = f"{value:,}".replace(",", "\u202f")
+    else:
+        shown = f"{value:.{decimals}f}"
+        # 0.003 must not be shown as 0.00, nor -0.00.
+        if value and float(shown) == 0:
+            shown = f"{value:.1g}" if abs(value) >= 1e-6 else f"{value:.0e}"
+    return _tagged(value, shown.replace("-", "\u2212"), unit)
+
+
+def percent(share: Any, decimals: int = 0) -> str:
+    """Return a share (0 to 1) as HTML, in percent."""
+    if not is_number(share):
+        return UNKNOWN
+    shown = f"{100 * share:.{decimals}f}"
+    if 0 < share < 1 and float(shown) in (0, 100):
+        # All but a few pixels is not all of them.
+        shown = "over 99.9" if share > 0.9995 else "under 0.1" if share < 0.0005 else f"{100 * share:.1f}"
+    return _tagged(share, shown, "%")
+
+
+def is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _tagged(value: float, shown: str, unit: str) -> str:
+    gap = "" if unit in {"", "°"} else "\u202f"
+    return f'<span class="n" data-value="{value!r}">{shown}{gap}{escape(unit)}</span>'
+
+
+def plain(html: str) -> str:
+    """Return the text of a piece of HTML."""
+    return unescape(re.sub(r"<[^>]+>", "", html))
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = "", kind: str = "") -> str:
+    """Return a table of cells that are HTML already; the first column is each row's heading."""
+    lines = [f'<table class="{kind}">']
+    if caption:
+        lines.append(f"<caption>{caption}</caption>")
+    lines.append("<thead><tr>" + "".join(f'<th scope="col">{cell}</th>' for cell in head) + "</tr></thead><tbody>")
+    for first, *rest in rows:
+        lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
+    lines.append("</tbody></table>")
+    return f'<div class="scroll">{"".join(lines)}</div>'
+
+
+def picture(uri: str, alt: str, caption: str = "", *, overlay: str = "", kind: str = "") -> str:
+    """Return a figure: an image, drawings that lie on it, and what is to be seen."""
+    below = f"<figcaption>{caption}</figcaption>" if caption else ""
+    image = f'<img src="{uri}" alt="{escape(alt)}">'
+    return f'<figure class="{kind}"><div class="stack">{image}{overlay}</div>{below}</figure>'
+
+
+def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
+    """Return an SVG that lies over an image and counts in that image's full pixels from its corner."""
+    return (
+        f'<svg viewBox="0 0 {width} {height}" preserveAspectRatio="none" role="img" '
+        f'aria-label="{escape(label)}">{shapes}</svg>'
+    )
+
+
+def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
+    """Return a closed line through pixels (K, 2)."""
+    path = " ".join(f"{u:.1f},{v:.1f}" for u, v in points)
+    return f'<polygon class="{kind}" points="{path}"/>'
+
+
+def badge(level: str) -> str:
+    return f'<span class="badge {level}">{LEVELS[level]}</span>'
+
+
+def absent(text: str) -> str:
+    """Return the sentence that stands where a part would be: what is missing, and why."""
+    return f'<p class="absent">{escape(text)}</p>'
+
+
+def section(anchor: str, title: str, body: str, lead: str = "") -> str:
+    lead = f'<p class="lead">{lead}</p>' if lead else ""
+    return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'

@@ -1,0 +1,229 @@
+"""Pictures for people: photographs with gamma, normals as colours, errors on a stated scale, outlines."""
+
+import base64
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.frames import Frames
+from scene.normals import unit
+from scene.spheres import Sphere
+
+Image = NDArray[np.uint8]
+PAPER = 246
+"""Grey level (8 bits) of pixels that are unknown in maps, a little darker than the page."""
+SCALE_ENDS_DEG = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A rectangle of pixels: columns left to right - 1, rows top to bottom - 1."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def width(self) -> int:
+        return self.right - self.left
+
+    @property
+    def height(self) -> int:
+        return self.bottom - self.top
+
+    @property
+    def rows(self) -> slice:
+        return slice(self.top, self.bottom)
+
+    @property
+    def columns(self) -> slice:
+        return slice(self.left, self.right)
+
+    @classmethod
+    def around(cls, low: NDArray, high: NDArray, *, width: int, height: int, margin: float) -> "Box":
+        """Return the box of pixels low..high (u, v), grown by `margin` of its longer side, inside the image."""
+        grow = margin * max(high[0] - low[0], high[1] - low[1], 1)
+        left, top = np.clip(np.floor(np.asarray(low) - grow), 0, [width - 1, height - 1]).astype(int)
+        right, bottom = np.clip(np.ceil(np.asarray(high) + grow) + 1, [left + 1, top + 1], [width, height]).astype(int)
+        return cls(int(left), int(top), int(right), int(bottom))
+
+    @classmethod
+    def of_mask(cls, mask: NDArray[np.bool_], *, margin: float) -> "Box":
+        """Return the box around a mask's pixels; the whole image where the mask is empty."""
+        height, width = mask.shape
+        rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+        if not rows.size:
+            return cls(0, 0, width, height)
+        low, high = np.array([columns[0], rows[0]]), np.array([columns[-1], rows[-1]])
+        return cls.around(low, high, width=width, height=height, margin=margin)
+
+
+@dataclass(frozen=True)
+class Exposure:
+    """How linear values become grey: one for all frames, so that a dark frame looks dark."""
+
+    white: float
+    balance: NDArray[np.float64]
+
+    @classmethod
+    def for_frames(cls, frames: Frames, *, white_value: NDArray | None = None) -> "Exposure":
+        """Choose white so that half a percent of the samples clip; colours by the white ball where there is one."""
+        balance = np.ones(3)
+        if white_value is not None and np.isfinite(white_value).all() and (white_value > 0).all():
+            balance = np.asarray(white_value, np.float64) / np.mean(white_value)
+        samples = [thumbnail(frames, index, 64) / balance for index in range(len(frames))]
+        white = float(np.nanquantile(np.max(samples, -1), 0.995)) if samples else 1.0
+        return cls(max(white, 1e-6), balance)
+
+    def develop(self, linear: NDArray) -> Image:
+        """Return 8-bit sRGB of linear pixels (h, w, 3)."""
+        value = np.clip(np.nan_to_num(linear / self.balance / self.white), 0, 1)
+        encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
+        return np.round(encoded * 255).astype(np.uint8)
+
+
+def thumbnail(frames: Frames, index: int, width: int, box: Box | None = None) -> NDArray[np.float32]:
+    """Return one frame, linear, ambient subtracted, cut to `box` and at most `width` wide.
+
+    Reads every n-th pixel so that four by four samples remain for each pixel shown: a 24-megapixel frame is
+    never held whole as float32.
+    """
+    box = box or Box(0, 0, frames.width, frames.height)
+    step = max(1, box.width // (4 * width))
+    rows, columns = slice(box.top, box.bottom, step), slice(box.left, box.right, step)
+    return shrink(frames.read(rows, [index], columns=columns)[0], width)
+
+
+def shrink(image: NDArray, width: int) -> NDArray[np.float32]:
+    """Return the image at most `width` wide, each pixel the mean of the known ones it covers; NaN where none is."""
+    import cv2
+
+    image = np.asarray(image, np.float32)
+    if image.shape[1] <= width:
+        return image
+    size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
+    known = np.isfinite(image).all(-1) if image.ndim == 3 else np.isfinite(image)
+    weight = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    known = known[..., None] if image.ndim == 3 else known
+    total = cv2.resize(np.where(known, image, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    weight = weight[..., None] if image.ndim == 3 else weight
+    return np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 1e-3)
+
+
+def normal_picture(normals: NDArray, width: int) -> Image:
+    """Return normals (h, w, 3) as colours: red x (right), green y (up), blue z (toward the viewer)."""
+    normals = unit(shrink(normals, width))
+    codes = np.round((normals + 1) / 2 * 255)
+    return np.where(np.isfinite(codes), codes, PAPER).astype(np.uint8)
+
+
+def legend_ball(width: int) -> Image:
+    """Return a ball facing the viewer in the colours of `normal_picture`: the key to read them by."""
+    v, u = np.mgrid[0:width, 0:width]
+    x, y = (u - (width - 1) / 2) / (width / 2 - 1), -(v - (width - 1) / 2) / (width / 2 - 1)
+    square = 1 - x * x - y * y
+    z = np.sqrt(np.where(square >= 0, square, np.nan))
+    normals = np.where(square[..., None] >= 0, np.stack([x, y, z], -1), np.nan)
+    return normal_picture(normals, width)
+
+
+def colour_scale_end(value_deg: float) -> float:
+    """Return the least round number of degrees that is not below the value."""
+    return next((end for end in SCALE_ENDS_DEG if end >= value_deg), SCALE_ENDS_DEG[-1])
+
+
+def error_picture(error_deg: NDArray, end_deg: float) -> Image:
+    """Return errors as colours, dark 0 to bright `end_deg` and beyond; pale grey where unknown.
+
+    The map is cividis: its lightness rises evenly and it reads alike with colour-blind eyes [nunez2018optimizing].
+    """
+    import cv2
+
+    codes = np.round(np.clip(np.nan_to_num(error_deg) / end_deg, 0, 1) * 255).astype(np.uint8)
+    colours = cv2.applyColorMap(codes, cv2.COLORMAP_CIVIDIS)[..., ::-1]
+    return np.where(np.isfinite(error_deg)[..., None], colours, PAPER).astype(np.uint8)
+
+
+def error_scale_colours(count: int) -> list[tuple[int, int, int]]:
+    """Return `count` colours of `error_picture`, from 0 to the end of the scale."""
+    row = error_picture(np.linspace(0, 1, count)[None], 1.0)[0]
+    return [(int(r), int(g), int(b)) for r, g, b in row]
+
+
+def error_picture_with_scale(error_deg: NDArray, end_deg: float, title: str) -> Image:
+    """Return `error_picture` with its colour scale, in degrees, and a title drawn below it."""
+    import cv2
+
+    picture = error_picture(error_deg, end_deg)
+    width = max(picture.shape[1], 260)
+    size = width / 520
+    bar = np.full((round(62 * size) + 18, width, 3), 255, np.uint8)
+    left, right = round(0.06 * width), round(0.94 * width)
+    top, bottom = 4, 4 + round(16 * size) + 4
+    bar[top:bottom, left:right] = error_picture(np.linspace(0, end_deg, right - left)[None], end_deg)
+    ink = (40, 40, 40)
+    text = {"fontFace": cv2.FONT_HERSHEY_SIMPLEX, "fontScale": 0.42 * size + 0.1, "color": ink, "lineType": cv2.LINE_AA}
+    for part in range(5):
+        label = f"{end_deg * part / 4:g}" + ("+ deg" if part == 4 else "")
+        (wide, high), _ = cv2.getTextSize(label, text["fontFace"], text["fontScale"], 1)
+        at = left + (right - left) * part // 4
+        place = (min(max(at - wide // 2, 1), width - wide - 1), bottom + high + 4)
+        bar = cv2.putText(bar, label, place, **text)
+    bar = cv2.putText(bar, f"angular error, {title}; pale grey: unknown", (left, bar.shape[0] - 5), **text)
+    pad = np.full((picture.shape[0], width - picture.shape[1], 3), PAPER, np.uint8)
+    return np.concatenate([np.concatenate([picture, pad], 1), bar])
+
+
+def ball_picture(frames: Frames, box: Box, *, brightest: bool) -> NDArray[np.float32]:
+    """Return a crop over all frames, linear: each pixel's brightest value (collects the highlights), or its mean."""
+    total = np.zeros((box.height, box.width, 3), np.float32)
+    for index in range(len(frames)):
+        crop = frames.read(box.rows, [index], columns=box.columns)[0]
+        total = np.maximum(total, crop) if brightest else total + crop / len(frames)
+    return total
+
+
+def ball_box(sphere: Sphere, outline: NDArray, *, width: int, height: int) -> Box:
+    """Return the crop that shows a ball with a margin of a tenth around its outline."""
+    known = outline[np.isfinite(outline).all(-1)]
+    if not known.size:
+        known = np.array([sphere.center_px - sphere.radius_px, sphere.center_px + sphere.radius_px])
+    return Box.around(known.min(0), known.max(0), width=width, height=height, margin=0.1)
+
+
+def checkerboard(a: Image, b: Image, squares: int = 8) -> Image:
+    """Return squares of `a` and `b` in turn: edges and shading run on across them where the two agree."""
+    side = max(4, a.shape[1] // squares)
+    v, u = np.mgrid[0 : a.shape[0], 0 : a.shape[1]]
+    return np.where((((u // side) + (v // side)) % 2 == 0)[..., None], a, b)
+
+
+def contours(mask: NDArray[np.bool_], box: Box) -> list[NDArray[np.float64]]:
+    """Return the outlines of a mask's regions, each (K, 2), in pixels of the crop whose corner is (0, 0).
+
+    The line runs through the centres of the region's outermost pixels; a pixel's centre is half a pixel
+    from the corner that drawings count from.
+    """
+    import cv2
+
+    crop = np.ascontiguousarray(mask[box.rows, box.columns]).astype(np.uint8)
+    found, _ = cv2.findContours(crop, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
+    # A tenth of a percent of the crop is less than one pixel on the page.
+    tolerance = max(0.4, box.width / 1500)
+    lines = [cv2.approxPolyDP(line, tolerance, True)[:, 0].astype(np.float64) + 0.5 for line in found]
+    # Specks of a few pixels are noise of the mask; drawn, they would hide what is below.
+    return [line for line in lines if len(line) > 2]
+
+
+def data_uri(image: Image, *, photograph: bool) -> str:
+    """Return the image (h, w, 3) RGB as a data URI: JPEG for photographs, PNG for maps."""
+    import cv2
+
+    options = [cv2.IMWRITE_JPEG_QUALITY, 86] if photograph else [cv2.IMWRITE_PNG_COMPRESSION, 9]
+    done, buffer = cv2.imencode(".jpg" if photograph else ".png", np.ascontiguousarray(image[..., ::-1]), options)
+    if not done:
+        raise ValueError(f"{image.dtype} {image.shape} is not an image")
+    kind = "jpeg" if photograph else "png"
+    return f"data:image/{kind};base64,{base64.b64encode(buffer.tobytes()).decode()}"

@@ -1,0 +1,239 @@
+"""What was found and how far it can be trusted, in sentences made from the summary's numbers."""
+
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from compare.page import is_number, number, percent, plain
+
+MEDIAN_BARS_DEG = (5.0, 10.0)
+"""Median error up to which normals are called good, and beyond which not to be relied on."""
+DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
+RESIDUAL_BARS_PX = (1.0, 3.0)
+CORRELATION_BARS = (0.3, 0.6)
+COVERAGE_BAR = 0.9
+TILT_BAR_DEG = 1.0
+
+
+@dataclass(frozen=True)
+class Statement:
+    """One sentence or two about one topic; `level` is a key of `page.LEVELS`, `html` is escaped already."""
+
+    topic: str
+    level: str
+    html: str
+
+    @property
+    def text(self) -> str:
+        return plain(self.html)
+
+
+def verdict(summary: dict[str, Any]) -> list[Statement]:
+    """Return what the summary's numbers say of each result, the most important first.
+
+    Parameters
+    ----------
+    summary : dict
+        As it is written to summary.json; any part may be missing, and what is missing is said to be unknown.
+
+    Returns
+    -------
+    list of Statement
+        Bars: normals are called good up to 5 degrees median error, not to be relied on beyond 10; light
+        directions 1 and 3 degrees (one sigma); registration 1 and 3 pixels; the error patterns of real frames
+        and twin are called alike from a Pearson correlation of 0.6, unlike below 0.3.
+    """
+    compared = summary.get("compare") or {}
+    statements = [
+        _normals(compared),
+        *_methods(summary, compared),
+        _truth(summary, compared),
+        *_tilt(compared),
+        _twin(summary, compared),
+        _lights(summary, compared),
+        *_capture(summary),
+    ]
+    return [statement for statement in statements if statement is not None]
+
+
+def _level(value: Any, bars: tuple[float, float]) -> str:
+    if not is_number(value):
+        return "unknown"
+    return "good" if value <= bars[0] else "care" if value <= bars[1] else "bad"
+
+
+def _best(compared: dict[str, Any], kind: str) -> tuple[str, dict[str, Any]] | None:
+    rows = [(name, row[kind]) for name, row in (compared.get("methods") or {}).items() if row.get(kind)]
+    return min(rows, key=lambda row: row[1]["median_deg"], default=None)
+
+
+def _normals(compared: dict[str, Any]) -> Statement | None:
+    methods = compared.get("methods") or {}
+    best = _best(compared, "real")
+    if best is not None:
+        name, row = best
+        coverage = methods[name].get("coverage")
+        level = _level(row["median_deg"], MEDIAN_BARS_DEG)
+        text = (
+            f"The best normals of the photographs are those of <b>{escape(name)}</b>: against the ground truth half of "
+            f"the {number(row['pixels'])} pixels are within {number(row['median_deg'], 1, '°')}, three quarters within "
+            f"{number(row['q3_deg'], 1, '°')}, and {percent(row['under_10_deg'])} within 10°."
+        )
+        if is_number(coverage) and coverage < COVERAGE_BAR:
+            level = "care" if level == "good" else level
+            text += f" It answers only {percent(coverage)} of the object; the rest is unknown."
+        return Statement("Normals", level, text)
+    if not methods:
+        return Statement("Normals", "unknown", "No normals were computed in this folder.")
+    if compared.get("has_truth"):
+        return Statement(
+            "Normals", "unknown", "There is ground truth, but no normals of the photographs to judge by it."
+        )
+    text = (
+        "Normals were computed, but nothing independent was given to judge them by (no scan, no known normals): "
+        "<b>how accurate they are is not known</b>."
+    )
+    pairs = compared.get("between_methods") or []
+    if pairs:
+        pair = max(pairs, key=lambda row: row["median_deg"])
+        text += (
+            f" The methods that differ most, {escape(pair['a'])} and {escape(pair['b'])}, disagree by "
+            f"{number(pair['median_deg'], 1, '°')} at half of the pixels, by more than {number(pair['q3_deg'], 1, '°')}"
+            " at a quarter: there at least one of them is wrong. Agreement would not prove that they are right."
+        )
+    return Statement("Normals", "unknown", text)
+
+
+def _methods(summary: dict[str, Any], compared: dict[str, Any]) -> list[Statement]:
+    """Return one statement for the other methods together, and one for those that doubt themselves."""
+    out = []
+    best = _best(compared, "real")
+    others = [
+        (name, row["real"])
+        for name, row in (compared.get("methods") or {}).items()
+        if row.get("real") and (best is None or name != best[0])
+    ]
+    if others:
+        worst = max(row["median_deg"] for _, row in others)
+        listed = ", ".join(f"{escape(name)} {number(row['median_deg'], 1, '°')}" for name, row in others)
+        out.append(Statement("Other methods", _level(worst, MEDIAN_BARS_DEG), f"Median error: {listed}."))
+    doubting = [
+        name for name, row in ((summary.get("solve") or {}).get("methods") or {}).items() if (row or {}).get("warnings")
+    ]
+    if doubting:
+        names = ", ".join(map(escape, doubting))
+        out.append(Statement("Methods' own doubts", "care", f"Warned of by the method itself: {names} (see Warnings)."))
+    return out
+
+
+def _truth(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None:
+    align = summary.get("align") or compared.get("pose") or {}
+    truth = compared.get("truth") or {}
+    if not compared.get("has_truth"):
+        return None
+    sigma, residual = truth.get("sigma_deg_median"), align.get("residual_px")
+    parts, level = [], "unknown"
+    if is_number(residual):
+        level = _level(residual, RESIDUAL_BARS_PX)
+        parts.append(f"the scan's outline fits the photographs to {number(residual, 2, 'px')}")
+    if is_number(align.get("sigma_deg")):
+        parts.append(f"its pose is known to {number(align['sigma_deg'], 2, '°')}")
+    if is_number(sigma):
+        level = _level(sigma, (1.0, 3.0)) if level == "unknown" else level
+        parts.append(f"its normals are uncertain by {number(sigma, 2, '°')} (median, one sigma)")
+    if not parts:
+        return Statement("Ground truth", "unknown", "Given, but nothing says how uncertain it is.")
+    text = ", ".join(parts) + "."
+    best = _best(compared, "real")
+    if best is not None and is_number(sigma) and sigma > 0.5 * best[1]["median_deg"]:
+        level = "care" if level == "good" else level
+        text += " That is more than half of the smallest median error: part of the error may be the truth's own."
+    return Statement("Ground truth", level, text[0].upper() + text[1:])
+
+
+def _tilt(compared: dict[str, Any]) -> list[Statement]:
+    """Say where one turn common to all normals explains much of the error: lights or pose, not the method."""
+    best = _best(compared, "real")
+    if best is None:
+        return []
+    row = compared["methods"][best[0]]
+    turn, left = row.get("real_rotation_deg"), row.get("real_median_unrotated_deg")
+    if not is_number(turn) or not is_number(left) or turn < TILT_BAR_DEG or left > 0.75 * best[1]["median_deg"]:
+        return []
+    text = (
+        f"One common turn of {number(turn, 1, '°')} explains much of the error of {escape(best[0])}: without it the "
+        f"median would be {number(left, 1, '°')}. A turn shared by all pixels points to the lights' calibration or "
+        "the scan's pose rather than to the method."
+    )
+    return [Statement("Common tilt", "care", text)]
+
+
+def _twin(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None:
+    rows = [
+        (name, row)
+        for name, row in (compared.get("methods") or {}).items()
+        if row.get("real") and row.get("twin") and is_number(row.get("pearson"))
+    ]
+    if not rows:
+        return None
+    # The best method leaves the least for calibration and scan to hide behind.
+    name, row = min(rows, key=lambda item: item[1]["real"]["median_deg"])
+    r = row["pearson"]
+    level, word = (
+        ("bad", "do not resemble each other")
+        if r < CORRELATION_BARS[0]
+        else ("care", "resemble each other in part")
+        if r < CORRELATION_BARS[1]
+        else ("good", "are alike")
+    )
+    text = (
+        f"The error patterns of {escape(name)} on the photographs and on their rendered twin {word} "
+        f"(Pearson {number(r, 2)}, Spearman {number(row.get('spearman'), 2)}); median "
+        f"{number(row['real']['median_deg'], 1, '°')} real, {number(row['twin']['median_deg'], 1, '°')} twin."
+    )
+    if level == "good":
+        text += " The twin fails where the object does, and may be used to ask why."
+    else:
+        text += " What the twin lacks (material, light, registration) makes errors of its own kind: do not read the "
+        text += "object's failures off the twin."
+    return Statement("Twin", level, text)
+
+
+def _lights(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None:
+    calibrate, lights = summary.get("calibrate") or {}, compared.get("lights") or {}
+    if not calibrate and not lights:
+        return Statement("Lights", "unknown", "No calibrated lights are in this folder.")
+    sigma = calibrate.get("direction_sigma_deg_median", lights.get("direction_sigma_deg_median"))
+    relative = calibrate.get("intensity_sigma_median", lights.get("intensity_sigma_median"))
+    model = calibrate.get("model") or lights.get("model") or "unknown"
+    count = lights.get("count")
+    text = f"{number(count)} lights, model “{escape(str(model))}”." if is_number(count) else ""
+    if not is_number(sigma):
+        text += " Nothing says how uncertain their directions are."
+    else:
+        text += f" Their directions are known to {number(sigma, 2, '°')} (median, one sigma along one axis)"
+        text += f", their intensities to {percent(relative, 1)}." if is_number(relative) else "."
+    flagged = [row["name"] for row in lights.get("frames") or [] if row.get("flags")]
+    level = _level(sigma, DIRECTION_SIGMA_BARS_DEG)
+    if flagged:
+        level = "care" if level == "good" else level
+        text += f" Suspicious: {escape(', '.join(flagged[:8]))}{' …' if len(flagged) > 8 else ''}."
+    return Statement("Lights", level, text.strip())
+
+
+def _capture(summary: dict[str, Any]) -> list[Statement]:
+    out = []
+    camera, capture = summary.get("camera") or {}, summary.get("capture") or {}
+    if camera.get("projection") == "orthographic":
+        text = (
+            "The camera is taken as orthographic (no focal length is known): away from the image's centre the "
+            "directions of view, and with them balls and normals, are off by the angle of the field."
+        )
+        out.append(Statement("Camera", "care", text))
+    elif camera.get("source") in {"EXIF", "assumed"}:
+        text = f"Its focal length is from “{escape(camera['source'])}”, not calibrated."
+        out.append(Statement("Camera", "care", text))
+    if capture.get("ambient") is False:
+        text = "No frame without flash was given: constant light of the room is not subtracted."
+        out.append(Statement("Ambient light", "care", text))
+    return out

@@ -1,0 +1,214 @@
+"""An output folder as the steps leave it, made from closed forms: a bumpy ball, three calibration balls, 12 lights."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compare.compare import compare
+from scene.camera import Camera
+from scene.estimate import Estimate
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+from scene.pose import Pose
+from scene.spheres import Sphere
+from scene.store import Store, write_json, write_npy
+
+NAME = "lab <script>alert(1)</script> & “penguin”"
+
+
+@dataclass(frozen=True)
+class Session:
+    store: Store
+    summary: dict[str, Any]
+
+
+def lights_above(count: int, rng: np.random.Generator) -> Lights:
+    zenith = np.radians(20 + 40 * np.arange(count) / count)
+    azimuth = 2.399963 * np.arange(count)
+    directions = np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
+    reference = np.array([0.0, 0.0, -700.0])
+    intensities = rng.uniform(0.7, 1.3, (count, 1)) * rng.uniform(0.95, 1.05, (count, 3))
+    return Lights(
+        tuple(f"flash_{i + 1:03d}" for i in range(count)),
+        directions,
+        intensities / intensities.mean(0),
+        reference + directions * rng.uniform(800, 1100, (count, 1)),
+        reference,
+        rng.uniform(0.1, 0.5, count),
+        rng.uniform(0.004, 0.01, count),
+        flags=((),) * (count - 1) + (("highlight near the rim",),),
+    )
+
+
+def bumpy_ball(camera: Camera, center_px: np.ndarray, radius_px: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return normals (H, W, 3), NaN outside, and a smooth albedo (H, W, 3)."""
+    grid = camera.grid()
+    x, y = (grid[..., 0] - center_px[0]) / radius_px, -(grid[..., 1] - center_px[1]) / radius_px
+    square = 1 - x * x - y * y
+    z = np.sqrt(np.where(square > 0.02, square, np.nan))
+    normals = np.stack([x + 0.25 * np.sin(9 * x), y + 0.25 * np.cos(8 * y), z], -1)
+    shade = 0.45 + 0.15 * np.sin(5 * x) * np.cos(4 * y)
+    return unit(normals), shade[..., None] * np.array([1.0, 0.85, 0.7])
+
+
+def render(camera: Camera, lights: Lights, balls: list[Sphere], normals: np.ndarray, albedo: np.ndarray) -> np.ndarray:
+    """Return (F, H, W, 3): matte object with a soft gloss and attached shadows, matte and mirror balls."""
+    images = np.full((len(lights), camera.height, camera.width, 3), 0.01)
+    known = np.isfinite(normals[..., 0])
+    half = unit(lights.directions + [0.0, 0.0, 1.0])
+    surfaces = [(known, normals[known], albedo[known], 0.25, 30)]
+    for ball in balls:
+        mask = ball.mask(camera)
+        ball_normals, _ = ball.normals(camera, camera.grid()[mask])
+        surfaces.append((mask, ball_normals, 0.7 if ball.kind == "white" else 0.02, 0.9 * (ball.kind == "chrome"), 900))
+    for mask, n, rho, gloss, power in surfaces:
+        for i, direction in enumerate(lights.directions):
+            matte = np.clip(n @ direction, 0, None)[:, None] * rho * lights.intensities[i]
+            shine = gloss * (np.clip(n @ half[i], 0, None) ** power * (n @ direction > 0))[:, None]
+            images[i][mask] = matte + shine * lights.intensities[i]
+    return np.clip(images * 0.6, 0, None)
+
+
+def solve(images: np.ndarray, lights: Lights, mask: np.ndarray, *, trimmed: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Return least-squares normals and albedo; `trimmed` leaves out each pixel's darkest third and brightest two."""
+    grey = (images / lights.intensities[:, None, None]).mean(-1)[:, mask].T
+    weight = np.ones_like(grey)
+    if trimmed:
+        rank = grey.argsort(1).argsort(1)
+        weight = ((rank >= grey.shape[1] // 3) & (rank < grey.shape[1] - 2)).astype(float)
+    a = np.einsum("pf,fi,fj->pij", weight, lights.directions, lights.directions)
+    b = np.einsum("pf,pf,fi->pi", weight, grey, lights.directions)
+    g = np.linalg.solve(a + 1e-9 * np.eye(3), b[..., None])[..., 0]
+    normals, albedo = np.full((*mask.shape, 3), np.nan), np.full((*mask.shape, 3), np.nan)
+    normals[mask], albedo[mask] = unit(g), np.linalg.norm(g, axis=-1, keepdims=True)
+    return normals.astype(np.float32), albedo.astype(np.float32)
+
+
+def make_session(
+    folder: Path, *, width: int = 160, height: int = 120, count: int = 12, methods: tuple[str, ...] = ("ls", "iterative")
+) -> Session:
+    """Write a whole output folder through `Store` and return it with the summary that lab would write."""
+    rng = np.random.default_rng(5)
+    store, twin = Store(folder), Store(folder / "twin")
+    camera = Camera(width, height, 1.6 * width, 1.6 * width, 0.51 * width, 0.48 * height)
+    lights = lights_above(count, rng)
+    place = np.array([width, height])
+    balls = [
+        Sphere("chrome", place * [0.12, 0.22], 0.085 * width, 60.0, 0.08, 0.97),
+        Sphere("chrome", place * [0.88, 0.8], 0.085 * width, 60.0, 0.11, 0.93),
+        Sphere("white", place * [0.87, 0.2], 0.085 * width, 60.0, 0.21, 0.88),
+    ]
+    truth, albedo = bumpy_ball(camera, place * [0.48, 0.52], 0.26 * width)
+    mask = np.isfinite(truth[..., 0])
+    exact = render(camera, lights, balls, truth, albedo)
+    noisy = np.clip(exact + rng.normal(0, 0.006, exact.shape), -0.02, None)
+    store.save_frames(Frames.from_linear(lights.names, noisy))
+    twin.save_frames(Frames.from_linear(lights.names, render(camera, lights, balls, truth, albedo)))
+    store.save_camera(camera)
+    store.save_spheres(balls, camera)
+    store.save_lights(lights)
+    store.save_pose(Pose.identity(), residual_px=0.62, sigma_mm=0.11, sigma_deg=0.21)
+    store.save_mask(mask)
+    store.save_truth(truth, np.where(mask, 0.4, np.nan))
+    seen: list[list[Any]] = []
+    for ball in balls:
+        row: list[Any] = [None] * count
+        if ball.kind == "chrome":
+            grid = camera.grid()[ball.mask(camera)]
+            n, _ = ball.normals(camera, grid)
+            half = unit(lights.directions + [0.0, 0.0, 1.0])
+            row = [grid[np.argmax(n @ h)] for h in half]
+            row[-1] = None
+        seen.append(row)
+    calibration = {
+        "highlights_px": seen,
+        "rejected": [{"center_px": [12.0, 100.0], "radius_px": 9.0, "reason": "its shading does not slide"}],
+        "evidence": [],
+        "warnings": [],
+    }
+    write_json(store.path("calibration.json"), calibration)
+    dim = {name: 1 if name == "ls" else 0 for name in methods}
+    solved: dict[str, Any] = {}
+    for number, name in enumerate(methods):
+        for where, images in ((store, noisy), (twin, exact)):
+            normals, rho = solve(images, lights, mask, trimmed=not dim[name])
+            if where is store:
+                normals[:2] = np.nan
+            where.save_estimate(Estimate(name, normals, rho, np.where(mask, count, 0).astype(np.uint16)))
+        megapixels = width * height / 1e6
+        seconds = 0.05 * (1 + 7 * number)
+        solved[name] = {
+            "seconds": seconds,
+            "megapixels": megapixels,
+            "frames": count,
+            "seconds_per_megapixel_image": seconds / megapixels / count,
+            "settings": {"shadow_share": 0.33, "passes": 5} if number else {},
+            "warnings": [f"{name}: 3 pixels see fewer than four lit samples"] if number else [],
+            "twin_seconds": 0.9 * seconds,
+        }
+    summary: dict[str, Any] = {
+        "name": NAME,
+        "created": "2026-11-21T10:20:30+00:00",
+        "versions": {"rgbn": "0.1.0", "numpy": np.__version__},
+        "arguments": {"session": "session.toml", "methods": list(methods)},
+        "seconds": {"decode": 1.25, "calibrate": 8.5, "align": 12.0, "solve": 0.75, "twin": 20.5},
+        "warnings": [
+            {"step": "capture", "text": "flash_012: 2.1 % of the object is clipped"},
+            {"step": "calibrate", "text": "ball 2: <b>no highlight</b> in flash_012"},
+        ],
+        "capture": {
+            "frames": count,
+            "width": width,
+            "height": height,
+            "ambient": True,
+            "frames_table": [
+                {"name": name, "brightness": float(noisy[i].mean()), "saturated_share": float((noisy[i] > 0.98).mean())}
+                for i, name in enumerate(lights.names)
+            ],
+        },
+        "camera": store.read_json("camera.json"),
+        "calibrate": {
+            "model": "near",
+            "evidence": ["near: chi2 per degree of freedom 1.1 against 37 for distant"],
+            "spheres": 3,
+            "direction_sigma_deg_median": float(np.median(lights.direction_sigma_deg)),
+            "intensity_sigma_median": float(np.median(lights.intensity_sigma)),
+        },
+        "align": {
+            "residual_px": 0.62,
+            "sigma_mm": 0.11,
+            "sigma_deg": 0.21,
+            "evidence": ["3 starts of 40 reached the same pose"],
+            "truth_sigma_deg_median": 0.4,
+        },
+        "solve": {"methods": solved},
+        "twin": {"variant": "llvm_ad_rgb", "samples_per_pixel": 64, "seconds": 20.5, "warnings": []},
+        "truth_check": {"light direction, median": {"value": 0.31, "unit": "°", "bar": 1.0}},
+    }
+    summary["compare"] = compare(store)
+    return Session(store, summary)
+
+
+@pytest.fixture(scope="session")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+    """A whole session; tests read it and do not change it."""
+    return make_session(tmp_path_factory.mktemp("session"))
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Store:
+    return Store(tmp_path / "out")
+
+
+@pytest.fixture
+def write_normals():
+    """Write a normal map, (H, W, 3), as a method's on the real frames (`place` normals) or on the twin."""
+
+    def write(store: Store, name: str, normals: np.ndarray, place: str = "normals") -> None:
+        write_npy(store.path(place, f"{name}.npy"), normals.astype(np.float32))
+
+    return write
