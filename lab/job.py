@@ -136,6 +136,9 @@ def locked(folder: Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise SceneError(f"{folder}: another run is writing here. Wait for it, or choose another --out.") from None
+        # What a killed run left behind: nobody else is writing now.
+        for path in folder.rglob(".*.tmp"):
+            path.unlink()
         yield
 
 

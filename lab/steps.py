@@ -98,9 +98,8 @@ def align(job: Job) -> Outcome:
 def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
     from align.register import register
-    from align.truth import ground_truth
-
     from align.scan import load_scan
+    from align.truth import ground_truth
     from solve.solve import solve
 
     store, session = job.store, job.session
@@ -166,10 +165,9 @@ def twin(job: Job) -> Outcome:
     store, session = job.store, job.session
     if not store.path("pose.json").exists():
         return Outcome({"rendered": False}, ["No registered scan: no twin was rendered."])
+    from align.scan import load_scan
     from twin.render import render
     from twin.session import write_session
-
-    from align.scan import load_scan
 
     mesh, camera, lights = load_scan(session.scan, session.scan_unit), store.load_camera(), store.load_lights()
     folder = Store(store.path("twin"))

@@ -1,0 +1,240 @@
+"""Each bad input ends with one clear message, exit code 2 (130 for Ctrl-C), and no half-written file."""
+
+import errno
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab import cli
+from scene import store as store_module
+
+FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
+COMMAND = [str(Path(sys.executable).parent / "rgbn")]
+
+
+@pytest.fixture
+def session(tmp_path):
+    """The fixture session, its frames as links, so that one can be spoilt."""
+    folder = tmp_path / "session"
+    (folder / "raw").mkdir(parents=True)
+    for path in (FIXTURE / "raw").iterdir():
+        (folder / "raw" / path.name).symlink_to(path)
+    shutil.copytree(FIXTURE / "scan", folder / "scan")
+    shutil.copy(FIXTURE / "session.toml", folder)
+    return folder
+
+
+def run(capsys, monkeypatch, *words):
+    """Run the command line in this process; return exit code and standard error."""
+    monkeypatch.setattr(sys, "argv", ["rgbn", *map(str, words)])
+    capsys.readouterr()
+    code = 0
+    try:
+        cli.main()
+    except SystemExit as error:
+        code = error.code
+    return code, capsys.readouterr().err
+
+
+def refused(result, *parts):
+    code, message = result
+    assert code == 2, message
+    assert "Traceback" not in message
+    faults = message[message.index("rgbn: ") :]
+    for part in parts:
+        assert part in faults
+    return faults
+
+
+def half_written(folder):
+    return [path for path in folder.rglob("*") if path.name.endswith(".tmp")]
+
+
+def edit(session, old, new):
+    path = session / "session.toml"
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+
+
+def test_manifest_faults_are_told_all_at_once(session, capsys, monkeypatch):
+    """A missing key, an unknown key and a glob that matches nothing, in one message with key paths."""
+    edit(session, "raw/ambient_*.dng", "raw/dusk_*.dng")
+    edit(session, 'kind = "white"', 'kynd = "white"')
+    faults = refused(run(capsys, monkeypatch, "process", session, "--out", session / "out"), "dusk_", "kynd", "spheres")
+    assert "3 faults" in faults
+    assert not (session / "out").exists()
+
+
+def test_no_frames_table(session, capsys, monkeypatch):
+    (session / "session.toml").write_text('name = "x"\n')
+    refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "frames")
+
+
+def test_one_corrupt_raw(session, capsys, monkeypatch):
+    victim = session / "raw" / "flash_003.dng"
+    data = victim.read_bytes()
+    victim.unlink()
+    victim.write_bytes(data[: len(data) // 3])
+    refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "flash_003")
+    assert not half_written(session)
+    assert not (session / "out" / "frames" / "frames.json").exists()
+
+
+def test_a_frame_of_another_size(session, capsys, monkeypatch):
+    from twin.virtual_camera import Sensor, write_dng
+
+    victim = session / "raw" / "flash_004.dng"
+    victim.unlink()
+    write_dng(victim, np.full((240, 320), 1000, np.uint16), Sensor())
+    refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "flash_004", "320", "640")
+    assert not half_written(session)
+
+
+def picture_session(folder, images, more=""):
+    """A session of 16-bit linear PNG made by the test."""
+    from scene.store import write_png
+
+    folder.mkdir()
+    for index, image in enumerate(images):
+        write_png(folder / f"flash_{index:03d}.png", (np.clip(image, 0, 1) * 65535).astype(np.uint16))
+    (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*.png"\nlinear = true\n{more}')
+    return folder
+
+
+def textures(count=6):
+    rng = np.random.default_rng(0)
+    return rng.uniform(0.2, 0.6, (120, 160, 3)) * rng.uniform(0.7, 1.0, (count, 1, 1, 1))
+
+
+def test_no_ball_found(tmp_path, capsys, monkeypatch):
+    session = picture_session(tmp_path / "s", textures())
+    refused(run(capsys, monkeypatch, "calibrate", session, "--out", tmp_path / "out"), "ball")
+    assert not (tmp_path / "out" / "lights.json").exists()
+
+
+LIGHTS = '[lights]\nfile = "lights.lp"\n'
+
+
+@pytest.mark.parametrize(
+    ("directions", "part"),
+    [([(0.1, 0, 1), (0.5, 0.5, 0.7)], "at least 3"), ([(0.0, 0, 1), (0.6, 0, 0.8), (-0.6, 0, 0.8)], "one plane")],
+    ids=["two lights", "coplanar lights"],
+)
+def test_lights_that_cannot_do(tmp_path, capsys, monkeypatch, directions, part):
+    session = picture_session(tmp_path / "s", textures(len(directions)), LIGHTS)
+    rows = "".join(f"flash_{i:03d}.png {x} {y} {z}\n" for i, (x, y, z) in enumerate(directions))
+    (session / "lights.lp").write_text(f"{len(directions)}\n{rows}")
+    refused(run(capsys, monkeypatch, "solve", session, "--out", tmp_path / "out"), part)
+
+
+@pytest.mark.parametrize("kind", ["empty", "points", "torn"])
+def test_a_scan_that_cannot_do(session, capsys, monkeypatch, kind):
+    head = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
+    points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n"
+    if kind == "empty":
+        text = head.format(0) + "element face 0\nproperty list uchar int vertex_indices\nend_header\n"
+    elif kind == "points":
+        text = head.format(5) + "end_header\n" + points
+    else:
+        faces = "".join(f"3 0 1 {i}\n" for i in (2, 3, 4))
+        text = head.format(5) + "element face 3\nproperty list uchar int vertex_indices\nend_header\n" + points + faces
+    (session / "scan" / "object.ply").write_text(text)
+    refused(run(capsys, monkeypatch, "align", session, "--out", session / "out"), "object.ply")
+    assert not (session / "out" / "pose.json").exists()
+
+
+def test_a_full_disk(session, capsys, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(store_module.os, "posix_fallocate", full)
+    refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "disk is full", "codes.npy")
+    assert not half_written(session)
+
+
+def test_a_disk_that_is_really_full(session, tmp_path):
+    """On a file system of 2 MB, where that can be mounted: no SIGBUS from the memory map, one message."""
+    small = tmp_path / "small"
+    small.mkdir()
+    mount = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2m", "none", str(small)], capture_output=True)
+    if mount.returncode:
+        pytest.skip("mounting a small file system is not allowed here")
+    try:
+        result = subprocess.run([*COMMAND, "check", session, "--out", small / "out"], capture_output=True, text=True)
+        refused((result.returncode, result.stderr), "disk is full")
+        assert not half_written(small)
+    finally:
+        subprocess.run(["umount", str(small)], check=True)
+
+
+def test_an_output_folder_that_is_a_file(session, capsys, monkeypatch):
+    (session / "out").write_text("")
+    refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "--out")
+
+
+def test_two_runs_in_one_folder(session, capsys, monkeypatch):
+    from lab.job import locked
+
+    with locked(session / "out"):
+        refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "another run")
+
+
+@pytest.mark.parametrize(
+    "words", [["proces", "x"], ["process"], ["solve", "x", "--method", "magic"], ["check", "x", "--ot", "y"]]
+)
+def test_a_slip_of_the_tongue(capsys, monkeypatch, words):
+    code, _ = run(capsys, monkeypatch, *words)
+    assert code == 2
+
+
+def start(session, out):
+    return subprocess.Popen(
+        [*COMMAND, "process", str(session), "--out", str(out)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_for(process, text):
+    for line in process.stderr:
+        if text in line:
+            return
+    raise AssertionError(f"{text!r} was never said")
+
+
+@pytest.mark.parametrize("moment", ["check ...", "calibrate ...", "align ..."])
+def test_ctrl_c(session, moment):
+    out = session / "out"
+    process = start(session, out)
+    wait_for(process, moment)
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    _, message = process.communicate(timeout=60)
+    assert process.returncode == 130, message
+    assert "stopped" in message
+    assert "Traceback" not in message
+    assert not half_written(session)
+
+
+def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(session, capsys, monkeypatch):
+    out = session / "out"
+    process = start(session, out)
+    wait_for(process, "calibrate ...")
+    os.kill(process.pid, signal.SIGKILL)
+    process.communicate()
+    decoded = (out / "frames" / "codes.npy").stat().st_mtime_ns
+    (out / ".lights.json.99.tmp").write_text("left by a killed run")
+    code, message = run(capsys, monkeypatch, "calibrate", session, "--out", out)
+    assert code == 0, message
+    assert "check ..." not in message, "what was done is done"
+    assert (out / "frames" / "codes.npy").stat().st_mtime_ns == decoded
+    assert not half_written(out)
