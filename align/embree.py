@@ -1,0 +1,119 @@
+"""Ray casting against a mesh: the one place that touches Open3D.
+
+Open3D's RaycastingScene drives Intel's Embree [wald2014embree]. Embree works in float32: rays are
+cast in the mesh's own coordinates, moved to the middle of the mesh, so that a scan far from its
+origin loses no digits.
+"""
+
+import ctypes
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.mesh import Mesh
+from scene.pose import Pose
+
+Array = NDArray[np.float64]
+
+CHUNK = 1 << 19
+"""Rays per call: bounds memory at some 40 MB, whatever the image's size."""
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What P rays met.
+
+    Parameters
+    ----------
+    hit : (P,) bool
+    distance : (P,) float64
+        Millimetres along the unit direction; inf where nothing was met.
+    face : (P,) int64
+        Index of the triangle, -1 where nothing was met.
+    weights : (P, 3) float64
+        Barycentric weights of the triangle's corners.
+    """
+
+    hit: NDArray[np.bool_]
+    distance: Array
+    face: NDArray[np.int64]
+    weights: Array
+
+    def interpolate(self, mesh: Mesh, values: NDArray) -> Array:
+        """Return per-vertex `values` (V, k) at the hits (P, k); NaN where nothing was met."""
+        out = np.full((len(self.hit), values.shape[1]), np.nan)
+        corners = mesh.faces[self.face[self.hit]]
+        out[self.hit] = np.einsum("pc,pck->pk", self.weights[self.hit], values[corners])
+        return out
+
+
+class RayCaster:
+    """A mesh, ready to be hit by rays given in the mesh's own frame."""
+
+    def __init__(self, mesh: Mesh) -> None:
+        open3d = import_open3d()
+        self.mesh = mesh
+        self._tensor: Any = open3d.core.Tensor
+        self._middle = mesh.center_mm
+        self._scene: Any = open3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles(
+            self._tensor((mesh.vertices - self._middle).astype(np.float32)),
+            self._tensor(mesh.faces.astype(np.uint32)),
+        )
+
+    def cast(self, origins: NDArray, directions: NDArray) -> Hits:
+        """Return the first hits of rays (P, 3), (P, 3) unit; origins in mm."""
+        count = len(directions)
+        distance = np.full(count, np.inf)
+        face = np.full(count, -1, np.int64)
+        weights = np.zeros((count, 3))
+        for start in range(0, count, CHUNK):
+            part = slice(start, start + CHUNK)
+            origin = origins[part] - self._middle
+            # Start beside the mesh: float32 keeps 7 digits, and a camera may stand metres away.
+            near = -np.einsum("pk,pk->p", origin, directions[part]) - 1.01 * self.mesh.radius_mm
+            near = np.maximum(near, 0.0)
+            origin = origin + near[:, None] * directions[part]
+            rays = np.concatenate([origin, directions[part]], 1).astype(np.float32)
+            answer = self._scene.cast_rays(self._tensor(rays))
+            t = answer["t_hit"].numpy()
+            distance[part] = t + near
+            face[part] = np.where(np.isfinite(t), answer["primitive_ids"].numpy().astype(np.int64), -1)
+            weights[part, 1:] = answer["primitive_uvs"].numpy()
+        weights[:, 0] = 1 - weights[:, 1] - weights[:, 2]
+        return Hits(face >= 0, distance, face, weights)
+
+    def blocked(self, points: NDArray, directions: NDArray, far: NDArray) -> NDArray[np.bool_]:
+        """Return (P,) whether something stands between each point (P, 3) and `far` (P,) mm along its direction."""
+        out = np.zeros(len(points), bool)
+        for start in range(0, len(points), CHUNK):
+            part = slice(start, start + CHUNK)
+            rays = np.concatenate([points[part] - self._middle, directions[part]], 1).astype(np.float32)
+            reach = min(float(np.max(far[part])), 4 * self.mesh.radius_mm)
+            out[part] = self._scene.test_occlusions(self._tensor(rays), tfar=reach).numpy()
+        return out
+
+    def __reduce__(self) -> tuple:
+        # Embree's tree cannot travel to another process; it is built again there, in milliseconds.
+        return RayCaster, (self.mesh,)
+
+    def look(self, camera: Camera, pose: Pose, pixels: NDArray) -> Hits:
+        """Return what pixels (P, 2) see of the mesh at `pose` (camera_from_scan)."""
+        origins, directions = camera.rays(pixels)
+        back = pose.inverse()
+        return self.cast(back.apply(origins), back.rotate(directions))
+
+
+def import_open3d() -> Any:
+    """Import Open3D where libusb-1.0 is not installed, as on a bare machine, too."""
+    import libusb_package
+
+    library = libusb_package.get_library_path()
+    if library is not None:
+        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    import open3d
+
+    return open3d

@@ -1,0 +1,176 @@
+"""The shading: how well the scan's normals, under the calibrated lights, explain the photographs."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.embree import RayCaster
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.pose import Pose
+
+Array = NDArray[np.float64]
+
+GRAZING = 0.12
+"""A light lower than this over the surface (cosine) is left out: penumbra and bounced light rule there."""
+FEWEST = 4
+"""A pixel needs this many lit samples: three fit any normal without residual."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What N frames show at P pixels of the object.
+
+    Parameters
+    ----------
+    pixels : (P, 2) float64
+    values : (N, P) float32
+        Mean of the channels, each divided by the light's intensity at the reference point.
+    usable : (N, P) bool
+        Not saturated, and above the noise.
+    scale : (P,) float64
+        The pixel's rms over its usable samples.
+    """
+
+    pixels: Array
+    values: NDArray[np.float32]
+    usable: NDArray[np.bool_]
+    scale: Array
+
+
+def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> Samples:
+    """Read about `count` pixels of the mask, evenly spread, from all frames."""
+    v, u = np.nonzero(mask)
+    # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
+    pick = np.unique(np.linspace(0, len(v) - 1, min(count, len(v))).astype(int))
+    u, v = u[pick], v[pick]
+    values = np.zeros((len(frames), len(u)), np.float32)
+    clipped = np.zeros((len(frames), len(u)), bool)
+    left, right = int(u.min()), int(u.max()) + 1
+    weight = (1 / lights.intensities / 3).astype(np.float32)
+    for band in frames.bands(64 << 20):
+        first, last = np.searchsorted(v, [band.start, band.stop])
+        if first == last:
+            continue
+        at = (v[first:last] - band.start, u[first:last] - left)
+        columns = slice(left, right)
+        for index in range(len(frames)):
+            pixels = frames.read(band, [index], columns=columns)[0]
+            values[index, first:last] = pixels[at] @ weight[index]
+            clipped[index, first:last] = frames.saturated(band, [index], columns=columns)[0][at]
+    scale = np.sqrt(np.mean(np.where(clipped, 0, values) ** 2, axis=0)).astype(np.float64)
+    floor = 0.05 * np.median(scale)
+    usable = ~clipped & (values > 0.1 * scale)
+    return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, np.maximum(scale, floor))
+
+
+@dataclass(frozen=True)
+class Explained:
+    """How a pose explains samples.
+
+    Parameters
+    ----------
+    residuals : (N, P) float64
+        (measured - albedo * light . normal) / scale; zero where not used.
+    used : (N, P) bool
+    jacobian : (N, P, 6) float32 or None
+        Of the residuals, for `nudge`; the albedo follows the pose.
+    """
+
+    residuals: Array
+    used: NDArray[np.bool_]
+    jacobian: NDArray[np.float32] | None
+
+
+def light_vectors(lights: Lights, points: NDArray) -> Array:
+    """Return (N, P, 3), each light as seen from points (P, 3), at intensity 1 at the reference point."""
+    white = replace(lights, intensities=np.ones((len(lights), 3)))
+    out = np.empty((len(lights), len(points), 3))
+    for start in range(0, len(points), 1 << 13):
+        part = slice(start, start + (1 << 13))
+        out[:, part] = white.at(points[part])[:, :, 0]
+    return out
+
+
+def surface(caster: RayCaster, camera: Camera, pose: Pose, pixels: NDArray) -> tuple[Array, Array]:
+    """Return points and unit normals (P, 3), camera frame, that pixels see; NaN where they miss."""
+    hits = caster.look(camera, pose, pixels)
+    normals = pose.rotate(hits.interpolate(caster.mesh, caster.mesh.vertex_normals))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    origins, directions = camera.rays(pixels)
+    return origins + directions * np.where(hits.hit, hits.distance, np.nan)[:, None], normals
+
+
+def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:
+    """Return (N, P): the scan stands between the point and the light."""
+    back = pose.inverse()
+    lift = 2e-3 * caster.mesh.radius_mm
+    known = np.isfinite(points).all(1)
+    start = back.apply(points[known] + lift * normals[known])
+    out = np.zeros((len(lights), len(points)), bool)
+    for index in range(len(lights)):
+        if lights.positions_mm is None:
+            toward = np.broadcast_to(back.rotate(lights.directions[index]), start.shape)
+            far = np.full(len(start), np.inf)
+        else:
+            toward = back.apply(lights.positions_mm[index]) - start
+            far = np.linalg.norm(toward, axis=1)
+            toward = toward / far[:, None]
+        out[index, known] = caster.blocked(start, toward, far)
+    return out
+
+
+def explain(
+    samples: Samples,
+    normals: NDArray,
+    vectors: Array,
+    shadows: NDArray[np.bool_],
+    moved: list[tuple[float, NDArray]] | None = None,
+) -> Explained:
+    """Explain samples by normals, with the best albedo for each pixel.
+
+    Parameters
+    ----------
+    normals : (P, 3)
+        Camera frame, NaN where unknown.
+    vectors : (N, P, 3)
+        Light vectors at the pixels' points.
+    shadows : (N, P) bool
+    moved : list of (step, normals (P, 3)), optional
+        Normals after a small step along each of the six twists: gives the Jacobian.
+
+    Notes
+    -----
+    With b = light . normal and weights w: albedo = sum w b E / sum w b^2 (variable projection
+    [golub1973differentiation]); w falls off for samples that the rest of their pixel contradicts
+    (highlights, bounced light).
+    """
+    values = np.where(samples.usable, samples.values, 0) / samples.scale
+
+    def cosines(n: NDArray) -> Array:
+        return np.einsum("npk,pk->np", vectors, np.nan_to_num(n))
+
+    b = cosines(normals)
+    length = np.linalg.norm(vectors, axis=-1)
+    used = samples.usable & ~shadows & (b > GRAZING * length) & np.isfinite(normals[:, 0])
+    used &= used.sum(0) >= FEWEST
+    weight = used.astype(np.float64)
+
+    def project(b: Array) -> Array:
+        albedo = (weight * b * values).sum(0) / np.maximum((weight * b * b).sum(0), 1e-12)
+        return np.where(used, values - albedo * b, 0.0)
+
+    for _ in range(3):
+        residual = project(b)
+        weight = used / (1 + (residual / 0.1) ** 2) ** 2
+    residual = project(b)
+    jacobian = None
+    if moved is not None:
+        jacobian = np.zeros((*b.shape, 6), np.float32)
+        for axis, (step, after) in enumerate(moved):
+            # Where the moved ray misses, or lands beyond a fold, the normal tells nothing of the slope.
+            close = np.einsum("pk,pk->p", np.nan_to_num(after), np.nan_to_num(normals)) > 0.95
+            jacobian[..., axis] = np.where(close, (project(cosines(after)) - residual) / step, 0)
+    return Explained(residual, used, jacobian)
