@@ -1,28 +1,27 @@
 # The README's two commands are `make demo` and `make test`; both set everything up first.
 PYTHON ?= python3
 BIN := .venv/bin
-STAMP := .venv/.ready
+READY := .venv/.ready
 
 .PHONY: setup demo test lint check clean
 
-setup: $(STAMP)
+setup: $(READY)
 
-# Made again when the dependencies change; otherwise nothing to do.
-$(STAMP): pyproject.toml
+# Made again when the dependencies change; otherwise there is nothing to do.
+$(READY): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
-		{ echo "rgbn needs Python 3.11 or later; $(PYTHON) is older. Run: make PYTHON=/path/to/python3.11 setup"; exit 2; }
-	@$(PYTHON) -c 'import venv, ensurepip' 2>/dev/null || sh docs/system-packages.sh python3-venv
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --upgrade pip
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
-	@sh docs/system-packages.sh libllvm19 || true
-	@touch $(STAMP)
+		{ echo "rgbn needs Python 3.11 or later; $(PYTHON) is older. Run: make PYTHON=/path/to/python3.11 setup" >&2; exit 2; }
+	@$(PYTHON) lab/system_libraries.py
+	@$(PYTHON) -m venv .venv || { echo "Run: sudo apt-get install python3-venv" >&2; exit 2; }
+	@echo "installing Python packages into .venv (a minute or two)"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $(READY)
 
 demo: setup
-	$(BIN)/rgbn demo
+	@$(BIN)/rgbn demo
 
 test: setup
-	$(BIN)/python -m pytest -n auto -q
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -q
 
 lint: setup
 	$(BIN)/ruff check .
