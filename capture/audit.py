@@ -1,0 +1,2 @@
+def audit(session, frames, exif, *, facts, ambient_exif=()):
+    return ()

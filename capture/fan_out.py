@@ -1,0 +1,51 @@
+"""Work units on an executor: progress, the first error at once, and no orphan after Ctrl-C."""
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed, wait
+from typing import TypeVar
+
+Job = TypeVar("Job")
+Result = TypeVar("Result")
+
+
+def fan_out(
+    function: Callable[[Job], Result],
+    jobs: Sequence[Job],
+    *,
+    executor: Executor | None = None,
+    done: Callable[[], None] | None = None,
+) -> list[Result]:
+    """Return [function(job) for job in jobs], computed side by side.
+
+    Parameters
+    ----------
+    function : callable
+        A work unit: idempotent; importable by name, where the executor's workers are processes.
+    executor : Executor or None
+        None: as many threads as there are cores.
+    done : callable or None
+        Called after each unit.
+
+    Raises
+    ------
+    BaseException
+        What the first unit raised, or KeyboardInterrupt: units not begun are cancelled, those that run are
+        waited for, since they write into files that the caller is about to remove.
+    """
+    pool = executor or ThreadPoolExecutor(max_workers=os.cpu_count())
+    futures = []
+    try:
+        futures += [pool.submit(function, job) for job in jobs]
+        for future in as_completed(futures):
+            future.result()
+            if done:
+                done()
+        return [future.result() for future in futures]
+    except BaseException:
+        running = [future for future in futures if not future.cancel()]
+        wait(running)
+        raise
+    finally:
+        if executor is None:
+            pool.shutdown(wait=True, cancel_futures=True)

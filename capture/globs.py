@@ -1,0 +1,80 @@
+"""File names: natural order, globs that resolve against the session's folder, and what kind of file each is."""
+
+import glob
+import re
+from pathlib import Path
+
+RAW_SUFFIXES = (
+    *(".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".raf", ".orf", ".rw2", ".rwl"),
+    *(".pef", ".srw", ".3fr", ".fff", ".iiq", ".mos", ".mef", ".mrw", ".x3f", ".erf", ".kdc", ".dcr", ".raw"),
+)
+IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".tga", ".pgm", ".ppm", ".pnm", ".bmp")
+
+
+def kind_of(path: Path) -> str | None:
+    """Return "raw", "image" or "exr" by the file's suffix; None if no reader knows it."""
+    suffix = path.suffix.lower()
+    if suffix in RAW_SUFFIXES:
+        return "raw"
+    if suffix in IMAGE_SUFFIXES:
+        return "image"
+    return "exr" if suffix == ".exr" else None
+
+
+def natural_key(path: Path) -> tuple:
+    """Return the sort key that puts flash_9 before flash_10."""
+    parts = re.split(r"(\d+)", str(path))
+    return tuple((int(part), "") if i % 2 else (-1, part.lower()) for i, part in enumerate(parts)), str(path)
+
+
+def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
+    """Return the files that globs match, and what is wrong with the globs.
+
+    Each glob's files come in natural order, the globs in the order given.
+
+    Returns
+    -------
+    files : list of Path
+        Absolute.
+    faults : list of str
+        A glob that matches nothing, a file that is matched twice.
+    """
+    files: list[Path] = []
+    faults: list[str] = []
+    for pattern in patterns:
+        found = [folder / name for name in glob.glob(pattern, root_dir=folder, recursive=True)]
+        found = sorted((path for path in found if path.is_file()), key=natural_key)
+        if not found:
+            faults.append(f'"{pattern}" matches no file in {folder}. {_near_miss(pattern, folder)}')
+        for path in found:
+            if path in files:
+                faults.append(f'"{pattern}" matches {path.name} a second time. Name every file once.')
+            else:
+                files.append(path)
+    return files, faults
+
+
+def _near_miss(pattern: str, folder: Path) -> str:
+    """Say what a glob may have been meant to match: case differs, or the folder holds something else."""
+    either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", pattern)
+    # Letters inside [...] of the user's own glob would be mangled: then there is no hint by case.
+    if "[" not in pattern:
+        found = glob.glob(either, root_dir=folder, recursive=True)
+        if found:
+            return f"Upper and lower case count: {found[0]} is there."
+    parent = (folder / pattern).parent
+    if any(sign in str(parent) for sign in "*?["):
+        return "Correct the glob."
+    if not parent.is_dir():
+        return f"The folder {parent} does not exist."
+    names = sorted((path for path in parent.iterdir() if path.is_file()), key=natural_key)
+    return f"{parent} holds {len(names)} files" + (f", {names[0].name} first." if names else ".")
+
+
+def frame_names(files: list[Path]) -> list[str]:
+    """Return the stems, with the folder's name in front where two stems are the same."""
+    stems = [path.stem for path in files]
+    return [
+        stem if stems.count(stem) == 1 else f"{path.parent.name}_{stem}"
+        for stem, path in zip(stems, files, strict=True)
+    ]
