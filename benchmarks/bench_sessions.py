@@ -1,0 +1,86 @@
+"""Process sessions with known truth and write what came out into the README.
+
+    .venv/bin/python -m benchmarks.bench_sessions [--write]
+
+The fixture (made by our virtual camera) and, where ../shared is, the bunny (rendered by a program that shares no code
+with this project). `--write` puts the table between the markers in README.md.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+SESSIONS = {"fixture": ROOT / "fixtures" / "bumpy", "bunny": ROOT / ".." / "shared" / "sessions" / "bunny"}
+ROWS = (
+    ("direction_median_deg", "light direction at the object, median", "≤ 1°", "{:.2f}°"),
+    ("direction_max_deg", "... worst of the lights", "", "{:.2f}°"),
+    ("position_median_percent", "light position, median, of its distance", "", "{:.2f} %"),
+    ("intensity_rms_percent", "light intensity per channel, rms", "≤ 3 %", "{:.2f} %"),
+    ("intensity_max_percent", "... worst", "", "{:.2f} %"),
+    ("sphere_max_px", "balls: centre or radius, worst", "", "{:.2f} px"),
+    ("registration_rms_px", "registration, rms over the scan", "≤ 1 px", "{:.2f} px"),
+    ("registration_deg", "registration, rotation", "", "{:.3f}°"),
+    ("truth_median_deg", "ground-truth normals against the true ones, median", "≤ 1°", "{:.2f}°"),
+    ("mask_overlap", "object mask, intersection over union", "", "{:.3f}"),
+    ("ls_median_deg", "`ls` against the true normals, median", "", "{:.2f}°"),
+    ("iterative_median_deg", "`iterative` against the true normals, median", "", "{:.2f}°"),
+)
+
+
+def measure(folder: Path) -> tuple[dict, float]:
+    """Process one session in an empty folder; return its summary and the seconds of the whole command."""
+    code = (
+        "import sys; from pathlib import Path; from lab.cli import _run; "
+        "_run(Path(sys.argv[1]), 'compare', Path(sys.argv[2]), 'ls,iterative', True, None, truth=Path(sys.argv[1]))"
+    )
+    with tempfile.TemporaryDirectory() as out:
+        start = time.perf_counter()
+        run = subprocess.run(
+            [sys.executable, "-c", code, str(folder), out], capture_output=True, text=True, cwd=ROOT, check=False
+        )
+        seconds = time.perf_counter() - start
+    if run.returncode:
+        raise SystemExit(run.stderr)
+    return json.loads(run.stdout), seconds
+
+
+def table(results: dict[str, tuple[dict, float]]) -> str:
+    """Return the markdown table."""
+    lines = ["| figure | asked | " + " | ".join(results) + " |", "|---|---|" + "---|" * len(results)]
+    for key, label, asked, form in ROWS:
+        cells = [
+            form.format(s["truth_check"][key]["value"]) if key in s["truth_check"] else "" for s, _ in results.values()
+        ]
+        lines.append(f"| {label} | {asked} | " + " | ".join(cells) + " |")
+    for method in ("ls", "iterative"):
+        for where in ("real", "twin"):
+            cells = [f"{s['compare']['methods'][method][where]['median_deg']:.2f}°" for s, _ in results.values()]
+            name = "the frames" if where == "real" else "the twin"
+            lines.append(f"| `{method}` on {name} against the ground truth, median | | " + " | ".join(cells) + " |")
+    lines.append("| seconds, the whole command | ≤ 180 | " + " | ".join(f"{t:.0f}" for _, t in results.values()) + " |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Measure, print, and with --write put the table into the README."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--write", action="store_true")
+    arguments = parser.parse_args()
+    results = {name: measure(folder) for name, folder in SESSIONS.items() if folder.is_dir()}
+    text = table(results) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_sessions.py`.\n"
+    print(text)
+    if arguments.write:
+        path = ROOT / "README.md"
+        head, rest = path.read_text().split("<!-- sessions -->\n")
+        _, tail = rest.split("<!-- end of sessions -->")
+        path.write_text(f"{head}<!-- sessions -->\n{text}<!-- end of sessions -->{tail}")
+
+
+if __name__ == "__main__":
+    main()
