@@ -51,7 +51,7 @@ _PLACES = (
 )
 
 
-def choose_variant() -> tuple[str, str]:
+def pick_variant() -> tuple[str, str]:
     """Return the variant to render with, and a line that says why.
 
     Returns
@@ -67,8 +67,8 @@ def choose_variant() -> tuple[str, str]:
         for library in [Path(named)] if named else llvm_libraries():
             if _works(library):
                 os.environ["DRJIT_LIBLLVM_PATH"] = str(library)
-                return FAST, f"Mitsuba {version('mitsuba')} {FAST}, with {library}."
-    return SLOW, f"Mitsuba {version('mitsuba')} {SLOW}: no LLVM that works was found. {HOW_TO_GET_THE_FAST_ONE}"
+                return FAST, f"with {library}"
+    return SLOW, f"no LLVM that works was found. {HOW_TO_GET_THE_FAST_ONE}"
 
 
 def llvm_libraries(places: tuple[str, ...] | None = None) -> list[Path]:
