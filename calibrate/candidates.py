@@ -1,0 +1,133 @@
+"""Where a ball's outline may stand: circles of edges that are there in frame after frame.
+
+A silhouette stands still while shadows and highlights move, so each pixel is asked in how many frames
+it lies on an edge, and in which orientation. A ring of that evidence is a candidate.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+SMALLEST_PX, LARGEST_SHARE = 6.0, 0.42
+"""Radii searched: from 6 coarse pixels to 0.42 of the image's shorter side."""
+ENOUGH = 0.16
+"""Mean evidence on the ring from which a circle is looked at: 1 is an edge all round in all frames."""
+MOST = 120
+"""Circles handed on, the strongest first."""
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle in coarse pixels and the share of its outline that edges support."""
+
+    u: float
+    v: float
+    radius: float
+    score: float
+
+
+def static_edges(images: NDArray[np.float32]) -> NDArray[np.complex64]:
+    """Return (h, w) complex: magnitude = share of frames with an edge here, phase = twice its angle.
+
+    The angle is doubled so that edges from dark to bright and from bright to dark add up: a ball is
+    brighter than the table on its lit side and darker on the other.
+
+    Notes
+    -----
+    A frame's vote is s = g^2 / (g^2 + k^2), g the gradient, k four times the gradient that noise makes in
+    the neighbourhood, at least a few percent of the local brightness per pixel. So a strong shadow in one
+    of F frames weighs 1/F, however strong it is, and a faint outline that is always there weighs 1.
+    """
+    votes = np.zeros(images.shape[1:], np.complex64)
+    for image in images:
+        smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
+        du = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
+        dv = cv2.Sobel(smooth, cv2.CV_32F, 0, 1, scale=1 / 8)
+        square = du * du + dv * dv
+        noise = _local_median(np.sqrt(square))
+        level = cv2.blur(np.maximum(smooth, 0), (9, 9))
+        limit = np.maximum(np.maximum(4 * noise, 0.03 * level), 2e-4) ** 2
+        # s exp(2 i angle) = s (du + i dv)^2 / |g|^2, and s / |g|^2 = 1 / (g^2 + k^2): no angle is ever computed.
+        votes += (du + 1j * dv) ** 2 / (square + limit)
+    return votes / len(images)
+
+
+def _local_median(values: NDArray[np.float32], tile: int = 24) -> NDArray[np.float32]:
+    """Return the median of each tile, interpolated to the image's size."""
+    height, width = values.shape
+    rows, columns = max(1, height // tile), max(1, width // tile)
+    blocks = values[: rows * (height // rows), : columns * (width // columns)]
+    blocks = blocks.reshape(rows, height // rows, columns, width // columns).swapaxes(1, 2).reshape(rows, columns, -1)
+    return cv2.resize(np.median(blocks, -1).astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+
+
+def find_circles(images: NDArray[np.float32]) -> list[Circle]:
+    """Return circles of standing edges in the stack (F, h, w), the best supported first.
+
+    Each octave of radii is searched in images shrunk until its rings are 20 to 40 px: the cost of all
+    octaves together is 4/3 of the first.
+    """
+    largest = LARGEST_SHARE * min(images.shape[1:])
+    circles = []
+    scale = 1.0
+    low, step = SMALLEST_PX, 1.0
+    while low * scale < largest:
+        high = min(40.0, largest / scale)
+        for circle in _circles_of_octave(static_edges(images), np.arange(low, high + step, step)):
+            circles.append(
+                Circle((circle.u + 0.5) * scale - 0.5, (circle.v + 0.5) * scale - 0.5, circle.radius * scale, circle.score)
+            )
+        images = np.stack([cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for image in images])
+        scale *= 2
+        low, step = 20.0, 0.5
+    return _strongest(circles, MOST)
+
+
+def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64]) -> list[Circle]:
+    """Correlate the edges with rings of outward orientation, one radius after another."""
+    height, width = edges.shape
+    pad = int(radii[-1]) + 4
+    shape = (fft.next_fast_len(height + pad), fft.next_fast_len(width + pad))
+    spectrum = fft.fft2(edges, shape)
+    inside = fft.rfft2(np.ones(edges.shape, np.float32), shape)
+    scores = np.empty((len(radii), height, width), np.float32)
+    v = (np.arange(shape[0]) + shape[0] // 2) % shape[0] - shape[0] // 2
+    u = (np.arange(shape[1]) + shape[1] // 2) % shape[1] - shape[1] // 2
+    far = np.hypot(v[:, None], u[None]).astype(np.float32)
+    outward = ((u[None] + 1j * v[:, None]) ** 2 / np.maximum(far, 1) ** 2).astype(np.complex64)
+    for i, radius in enumerate(radii):
+        ring = np.exp(-0.5 * ((far - radius) / (0.5 + 0.025 * radius)) ** 2)
+        ring /= ring.sum()
+        agree = fft.ifft2(spectrum * np.conj(fft.fft2(ring * outward))).real[:height, :width]
+        seen = fft.irfft2(inside * np.conj(fft.rfft2(ring)), shape)[:height, :width]
+        # A ball cut by the border has less outline; under half of it is no evidence.
+        scores[i] = np.where(seen > 0.5, agree / np.maximum(seen, 0.5), 0)
+    peaks = cv2.dilate(scores.max(0), np.ones((5, 5), np.uint8))
+    found = []
+    for i, row, column in zip(*np.nonzero((scores >= peaks - 1e-9) & (scores > ENOUGH)), strict=True):
+        found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
+    # Nested rings share a centre: the weaker of them must not be lost, an outline may be fainter than what it mirrors.
+    for i in range(1, len(radii) - 1):
+        local = (scores[i] > scores[i - 1]) & (scores[i] >= scores[i + 1]) & (scores[i] > ENOUGH)
+        local &= scores[i] >= cv2.dilate(scores[i], np.ones((5, 5), np.uint8))
+        for row, column in zip(*np.nonzero(local), strict=True):
+            found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
+    return found
+
+
+def _strongest(circles: list[Circle], most: int) -> list[Circle]:
+    """Keep the best of circles that are the same one."""
+    kept: list[Circle] = []
+    for circle in sorted(circles, key=lambda c: -c.score):
+        same = any(
+            np.hypot(circle.u - k.u, circle.v - k.v) + abs(circle.radius - k.radius) < max(2.0, 0.08 * k.radius)
+            for k in kept
+        )
+        if not same:
+            kept.append(circle)
+        if len(kept) == most:
+            break
+    return kept

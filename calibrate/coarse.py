@@ -1,0 +1,85 @@
+"""The whole stack at a size at which searching is cheap: 24 megapixels cost little more than two."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.frames import Frames, decode
+from scene.spheres import Sphere
+
+LONGEST_SIDE_PX = 1200
+"""A ball of 15 px in a 2 MP photo stays a ball; the coarse stack of 60 frames stays under 250 MB."""
+
+
+@dataclass(frozen=True)
+class Coarse:
+    """The stack shrunk by averaging `factor` x `factor` pixels.
+
+    Parameters
+    ----------
+    images : (F, h, w) float32
+        Linear, mean of the channels, ambient subtracted.
+    camera : Camera
+        The camera of the shrunken images.
+    factor : int
+    """
+
+    images: NDArray[np.float32]
+    camera: Camera
+    factor: int
+
+    def to_full(self, pixels: NDArray) -> NDArray[np.float64]:
+        """Return full-size pixels of coarse pixels (..., 2): pixel centres are integers at both sizes."""
+        return (np.asarray(pixels, np.float64) + 0.5) * self.factor - 0.5
+
+    def from_full(self, sphere: Sphere) -> Sphere:
+        """Return the ball as `camera` sees it."""
+        center = (sphere.center_px + 0.5) / self.factor - 0.5
+        return replace(sphere, center_px=center, radius_px=sphere.radius_px / self.factor)
+
+
+def shrink(frames: Frames, camera: Camera, *, progress: Callable[[int, int], None] | None = None) -> Coarse:
+    """Return the stack shrunk so that its longer side is at most `LONGEST_SIDE_PX`."""
+    factor = max(1, -(-max(frames.width, frames.height) // LONGEST_SIDE_PX))
+    height, width = frames.height // factor, frames.width // factor
+    ambient = None if frames.ambient is None else _small(frames.ambient, factor)
+    images = np.empty((len(frames), height, width), np.float32)
+    for index in range(len(frames)):
+        small = _small(frames.codes[index], factor) * np.float32(frames.gain[index])
+        images[index] = small if ambient is None else small - ambient
+        if progress:
+            progress(index + 1, len(frames))
+    return Coarse(images, _shrunken(camera, width, height, factor), factor)
+
+
+def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
+    """Average codes before they are decoded: decoding is linear, and a frame of floats is four times larger."""
+    height, width = codes.shape[0] // factor, codes.shape[1] // factor
+    if factor == 1:
+        return decode(np.asarray(codes)).mean(-1)
+    out = np.empty((height, width), np.float32)
+    step = max(1, (32 << 20) // (codes.shape[1] * 12 * factor))
+    for row in range(0, height, step):
+        band = np.asarray(codes[row * factor : min(row + step, height) * factor, : width * factor])
+        if band.dtype == np.float16:
+            band = band.astype(np.float32)
+        small = cv2.resize(band, (width, band.shape[0] // factor), interpolation=cv2.INTER_AREA)
+        out[row : row + len(small)] = (decode(small) if small.dtype == np.uint16 else small).mean(-1)
+    return out
+
+
+def _shrunken(camera: Camera, width: int, height: int, factor: int) -> Camera:
+    """Return the camera of `factor` x `factor` superpixels: pixel centre u becomes (u + 0.5) / factor - 0.5."""
+    return replace(
+        camera,
+        width=width,
+        height=height,
+        fx=camera.fx / factor,
+        fy=camera.fy / factor,
+        cx=(camera.cx + 0.5) / factor - 0.5,
+        cy=(camera.cy + 0.5) / factor - 0.5,
+    )

@@ -1,0 +1,122 @@
+"""Where the flash is mirrored on a chrome ball, to sub-pixels, on linear data."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from calibrate.coarse import Coarse
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+MOST_SPOTS = 4
+"""Bright points looked at per ball and frame: the flash, and what else may outshine it."""
+FAINT = 0.1
+"""A spot under this share of the ball's usual one is no flash: the ball stood in shadow, or the flash misfired."""
+
+
+@dataclass(frozen=True)
+class Spots:
+    """The bright points of one ball, the brightest first; NaN where there are fewer.
+
+    Parameters
+    ----------
+    pixels : (F, K, 2) float64
+    sigma_px : (F, K) float64
+        Expected error of each, one axis.
+    """
+
+    pixels: Array
+    sigma_px: Array
+
+
+def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
+    """Locate the bright points that come and go on a mirror ball.
+
+    Notes
+    -----
+    What a frame adds to the median over frames is the flash and its company: the table, a window and the
+    object that the ball mirrors stand still and drop out. Found in the coarse stack, measured at full size.
+    """
+    rough, strength = _rough(coarse, coarse.from_full(sphere))
+    pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
+    sigma = np.full((len(frames), MOST_SPOTS), np.nan)
+    usual = np.nanmedian(strength[:, 0]) if np.isfinite(strength[:, 0]).any() else np.inf
+    for f in range(len(frames)):
+        for k in range(MOST_SPOTS):
+            if np.isfinite(strength[f, k]) and strength[f, k] > FAINT * usual:
+                spot = _measure(frames, f, coarse.to_full(rough[f, k]), sphere.radius_px, coarse.factor)
+                if spot is not None:
+                    pixels[f, k], sigma[f, k] = spot
+    return Spots(pixels, sigma)
+
+
+def _rough(coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
+    """Return coarse pixels (F, K, 2) and strengths (F, K) of local maxima of the change over time."""
+    u, v, r = *sphere.center_px, sphere.radius_px
+    height, width = coarse.images.shape[1:]
+    top, left = max(int(v - r), 0), max(int(u - r), 0)
+    bottom, right = min(int(v + r) + 2, height), min(int(u + r) + 2, width)
+    rows, columns = np.mgrid[top:bottom, left:right]
+    # Near the limb a mirror shows what stands behind it, never a flash that lights the object.
+    inside = np.hypot(columns - u, rows - v) < 0.9 * r
+    values = coarse.images[:, top:bottom, left:right]
+    change = values - np.median(values, axis=0)
+    pixels = np.full((len(values), MOST_SPOTS, 2), np.nan)
+    strength = np.full((len(values), MOST_SPOTS), np.nan)
+    size = 2 * max(1, round(0.04 * r)) + 1
+    for f, image in enumerate(change):
+        smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
+        peak = inside & (smooth >= cv2.dilate(smooth, np.ones((size, size), np.uint8))) & (smooth > 0)
+        y, x = np.nonzero(peak)
+        order = np.argsort(-smooth[y, x])[:MOST_SPOTS]
+        order = order[smooth[y, x][order] > 0.1 * smooth[y, x].max(initial=0)]
+        pixels[f, : len(order)] = np.stack([x[order] + left, y[order] + top], -1)
+        strength[f, : len(order)] = smooth[y, x][order]
+    return pixels, strength
+
+
+def _measure(frames: Frames, f: int, near: Array, radius_px: float, factor: int) -> tuple[Array, float] | None:
+    """Return centre (2,) and sigma of the spot near a pixel, at full size.
+
+    Notes
+    -----
+    Centroid of I - t over the connected region above t, half-way from the surroundings to the peak. A clipped
+    plateau has the same centre as the disc that it cuts off; there t is 0.7 of white, above the lens's glow.
+    """
+    half = int(max(5, np.ceil(0.12 * radius_px), 3 * factor))
+    u, v = np.round(near).astype(int)
+    for _ in range(3):
+        top, left = max(v - half, 0), max(u - half, 0)
+        rows, columns = slice(top, min(v + half + 1, frames.height)), slice(left, min(u + half + 1, frames.width))
+        image = frames.read(rows, [f], columns=columns)[0].mean(-1)
+        if min(image.shape) < 3:
+            return None
+        middle = cv2.GaussianBlur(image, (0, 0), 0.7)
+        reach = max(2, 2 * factor)
+        y0, x0 = v - top, u - left
+        box = middle[max(y0 - reach, 0) : y0 + reach + 1, max(x0 - reach, 0) : x0 + reach + 1]
+        at = np.unravel_index(box.argmax(), box.shape)
+        y, x = at[0] + max(y0 - reach, 0), at[1] + max(x0 - reach, 0)
+        border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+        floor = float(np.median(border))
+        peak = float(middle[y, x])
+        is_clipped = bool(frames.saturated(rows, [f], columns=columns)[0][y, x])
+        level = floor + (0.7 if is_clipped else 0.5) * (peak - floor)
+        regions, _ = ndimage.label(image > level)
+        if not regions[y, x]:
+            return None
+        region = regions == regions[y, x]
+        touches = region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any()
+        if not touches or half > 0.6 * radius_px:
+            break
+        half *= 2
+    weight = np.where(region, np.minimum(image, max(peak, level)) - level, 0) + 1e-12 * region
+    ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
+    center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
+    size = np.sqrt(region.sum() / np.pi)
+    return center, 0.1 + 0.04 * size

@@ -1,0 +1,288 @@
+"""A ball's outline to sub-pixels: the cone that a sphere cuts, three unknowns, no free ellipse.
+
+Offsets are measured along the outline's normals, and the three numbers of `Sphere` (center_px,
+radius_px) move until the offsets vanish. Shadows and mirrored things that cross the outline are
+outvoted: they lie elsewhere in other frames, or on a short arc.
+"""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+SECTORS = 24
+"""Errors along an outline come in arcs (a shadow, a reflection): an arc counts as one observation."""
+EDGE_NOISES = 5.0
+"""An edge must exceed the derivative's noise by this factor."""
+
+EDGE_FLOOR_PX = 0.06
+"""What demosaicing, lens blur and the shading at the limb shift an outline by, beyond the scatter of its edges."""
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """A fitted ball.
+
+    Parameters
+    ----------
+    sphere : Sphere
+        With `sigma_px` and `score`, the share of the outline on which an edge was found where the fit is.
+    covariance : (3, 3) float64
+        Of (center u, center v, radius), px^2.
+    residual_px : float
+        Robust spread of the edges about the outline.
+    """
+
+    sphere: Sphere
+    covariance: Array
+    residual_px: float
+
+
+def refine_on_edges(edges: NDArray[np.complex64], camera: Camera, sphere: Sphere) -> Sphere:
+    """Return the ball moved to the nearest circle of standing edges, with its score.
+
+    `edges` is `candidates.static_edges` of the coarse stack: one map in place of all frames, so that
+    dozens of candidates are cheap.
+    """
+    # Narrow windows: a mirror's outline and the rim of the table that it mirrors lie a tenth of the radius apart.
+    for window in np.maximum(1.5, np.array([0.045, 0.04, 0.03, 0.0, 0.0]) * sphere.radius_px):
+        points, normals, jacobian = _outline(camera, sphere, 120)
+        offsets = np.arange(-window, window + 0.25, 0.5)
+        evidence = _along_normals(edges, points, normals, offsets)
+        best = evidence.argmax(1)
+        weight = np.maximum(evidence[np.arange(len(best)), best], 0)
+        shift = _solve(jacobian, offsets[best], weight)
+        if shift is None or np.abs(shift).max() > 0.25 * sphere.radius_px:
+            return replace(sphere, score=0.0)
+        sphere = _moved(sphere, shift)
+    points, normals, _ = _outline(camera, sphere, 240)
+    evidence = _along_normals(edges, points, normals, np.arange(-1.0, 1.1, 0.5)).max(1)
+    inside = np.all((points > 1) & (points < [camera.width - 2, camera.height - 2]), axis=1)
+    return replace(sphere, score=float(np.mean(np.clip(evidence / 0.3, 0, 1) * inside)))
+
+
+def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
+    """Fit the ball's outline in all frames at full size.
+
+    Parameters
+    ----------
+    frames : Frames
+    camera : Camera
+    sphere : Sphere
+        The start.
+    search_px : float
+        How far from the start the outline may lie.
+
+    Returns
+    -------
+    OutlineFit or None
+        None if less than a quarter of the outline shows an edge.
+    """
+    reach = search_px + 6
+    low = np.floor(np.nanmin(_outline(camera, sphere, 90)[0], 0) - reach - 3).astype(int)
+    high = np.ceil(np.nanmax(_outline(camera, sphere, 90)[0], 0) + reach + 4).astype(int)
+    (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, [camera.width, camera.height])
+    if right - left < 4 or bottom - top < 4:
+        return None
+    rows, columns = slice(int(top), int(bottom)), slice(int(left), int(right))
+    crops = [frames.read(rows, [i], columns=columns)[0].mean(-1) for i in range(len(frames))]
+    return fit_crops(crops, (left, top), camera, sphere, search_px=search_px)
+
+
+def _fit_from(
+    crops: list[NDArray], corner: tuple[int, int], camera: Camera, sphere: Sphere, *, search_px: float
+) -> OutlineFit | None:
+    """Fit the outline from one start."""
+    count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
+    window, fit, reach = search_px, None, search_px
+    for turn in range(10):
+        points, normals, jacobian = _outline(camera, sphere, count)
+        offsets = np.arange(-window - 3, window + 3.01, 0.25)
+        edge = _edges_of_frames(crops, points - corner, normals, offsets, window, reach)
+        if edge is None:
+            return None
+        angle, offset, weight = edge
+        # What is not this outline (a cast shadow, a terminator, the rim of a reflection) gets no weight: the reach
+        # shrinks onto the place where the frames agree.
+        fit = _robust_step(jacobian[angle], offset, weight, reach)
+        if fit is None:
+            return None
+        shift, residual, kept = fit
+        reach = max(0.35, min(0.7 * reach, 3.5 * _spread(residual, weight, reach)))
+        sphere = _moved(sphere, shift)
+        window = max(1.5, 0.6 * window)
+        if turn >= 5 and reach == 0.35 and np.abs(shift).max() < 1e-3:
+            break
+    if fit is None:
+        return None
+    _, residual, kept = fit
+    covariance = _clustered_covariance(jacobian[angle], residual, kept, angle * SECTORS // count)
+    seen = np.zeros(count, bool)
+    seen[angle[np.abs(residual) < reach]] = True
+    if seen.mean() < 0.25 or covariance is None:
+        return None
+    sphere = replace(
+        sphere, sigma_px=float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2)), score=float(seen.mean())
+    )
+    return OutlineFit(sphere, covariance, _spread(residual, weight, 1.5))
+
+
+def fit_crops(
+    crops: list[NDArray], corner: tuple[int, int], camera: Camera, sphere: Sphere, *, search_px: float
+) -> OutlineFit | None:
+    """Fit the outline in images (h, w) whose first pixel is `corner` (u, v) of the camera's image.
+
+    A mirror's outline runs beside the rims that it mirrors, so the fit starts from three radii, and the one
+    on which most of the outline agrees wins.
+    """
+    fits = [
+        _fit_from(crops, corner, camera, replace(sphere, radius_px=sphere.radius_px + d), search_px=search_px)
+        for d in (0.0, -0.5 * search_px, 0.5 * search_px)
+    ]
+    return max((fit for fit in fits if fit), key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15), default=None)
+
+
+def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
+    """Fit the outline to a given silhouette (H, W) bool."""
+    image = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
+    return fit_crops([image], (0, 0), camera, sphere, search_px=max(3.0, 0.06 * sphere.radius_px))
+
+
+def _outline(camera: Camera, sphere: Sphere, count: int) -> tuple[Array, Array, Array]:
+    """Return points (N, 2) on the outline, outward normals (N, 2), and (N, 3) d(offset) / d(u, v, radius)."""
+    points = sphere.outline(camera, count)
+    tangent = np.roll(points, -1, 0) - np.roll(points, 1, 0)
+    normals = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals *= np.sign(np.nanmean(np.sum(normals * (points - points.mean(0)), 1)))
+    step = 0.05
+    jacobian = np.stack(
+        [np.sum((_moved(sphere, d).outline(camera, count) - points) * normals, 1) / step for d in np.eye(3) * step], -1
+    )
+    return points, normals, jacobian
+
+
+def _moved(sphere: Sphere, shift: Array) -> Sphere:
+    return replace(sphere, center_px=sphere.center_px + shift[:2], radius_px=float(sphere.radius_px + shift[2]))
+
+
+def _along_normals(edges: NDArray[np.complex64], points: Array, normals: Array, offsets: Array) -> Array:
+    """Return (N, M): how strongly standing edges run along the outline, shifted by each offset."""
+    where = (points[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
+    real = cv2.remap(np.ascontiguousarray(edges.real), where[..., 0], where[..., 1], cv2.INTER_LINEAR)
+    imag = cv2.remap(np.ascontiguousarray(edges.imag), where[..., 0], where[..., 1], cv2.INTER_LINEAR)
+    turn = (normals[:, 0] - 1j * normals[:, 1]) ** 2
+    return ((real + 1j * imag) * turn[:, None]).real
+
+
+def _solve(jacobian: Array, offset: Array, weight: Array) -> Array | None:
+    """Return the (3,) shift that best explains the offsets, by a robust fit in two steps."""
+    shift = None
+    for scale in (4.0, 1.5):
+        residual = offset if shift is None else offset - jacobian @ shift
+        w = weight / (1 + (residual / scale) ** 2)
+        normal = jacobian.T @ (w[:, None] * jacobian)
+        if np.trace(normal) <= 0 or np.linalg.cond(normal) > 1e8:
+            return None
+        shift = np.linalg.solve(normal, jacobian.T @ (w * offset))
+    return shift
+
+
+def _edges_of_frames(
+    crops: list[NDArray], points: Array, normals: Array, offsets: Array, window: float, reach: float
+) -> tuple[NDArray[np.intp], Array, Array] | None:
+    """Find the edges along each normal in each frame: outline index, offset px, weight."""
+    where = (points[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
+    step = offsets[1] - offsets[0]
+    spacing = np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean()
+    usable = np.all((where > 1) & (where < np.array(crops[0].shape[::-1]) - 2), axis=(1, 2))
+    noise = [0.28 * _noise(crop) for crop in crops]  # of the slope below: the norm of its kernel
+    signal = np.zeros((len(crops), len(points), len(offsets)), np.float32)
+    for i, crop in enumerate(crops):
+        values = cv2.remap(crop.astype(np.float32), where[..., 0], where[..., 1], cv2.INTER_LINEAR)
+        # Less what a wider kernel sees: a step stays, the ball's own shading and a soft shadow go.
+        slope = gaussian_filter1d(values, 0.8 / step, axis=1, order=1) / step
+        slope -= gaussian_filter1d(values, 2.4 / step, axis=1, order=1) / step
+        slope = gaussian_filter1d(slope, 1.0 / spacing, axis=0, mode="wrap")
+        signal[i] = slope / max(EDGE_NOISES * noise[i], 1e-4, 0.004 * np.abs(values).mean())
+    square = signal**2
+    standing = (square / (1 + square)).mean(0)
+    inner = slice(1, -1)
+    strength = np.abs(signal)
+    peak = (strength[..., inner] >= strength[..., :-2]) & (strength[..., inner] > strength[..., 2:])
+    # What is an edge in one frame only is a shadow's; of three frames two must agree.
+    needed = min(0.3, max(0.12, 1.2 / len(crops)))
+    wide = np.maximum(np.maximum(standing[:, :-2], standing[:, 2:]), standing[:, 1:-1])
+    peak &= (strength[..., inner] > 1) & (wide > needed) & usable[:, None]
+    peak &= np.abs(offsets[inner]) <= window
+    frame, angle, at = np.nonzero(peak)
+    if len(frame) < 20:
+        return None
+    before, here, after = (strength[frame, angle, at + d] for d in (0, 1, 2))
+    bend = before - 2 * here + after
+    sub = np.where(bend < 0, 0.5 * (before - after) / np.minimum(bend, -1e-12), 0)
+    places = offsets[at + 1] + step * np.clip(sub, -0.5, 0.5)
+    # On a matte ball's dark side the shading ends inside the outline: until the frames agree to half a pixel,
+    # each frame's strongest edges count most. After that they would only pull toward the brighter side.
+    strong = np.array([np.quantile(here[frame == f], 0.9) if np.any(frame == f) else 1.0 for f in range(len(crops))])
+    weights = standing[angle, at + 1] / (0.25**2 + (1.5 / (EDGE_NOISES * here)) ** 2)
+    if reach > 0.6:
+        weights *= here**2 / (here**2 + 0.5 * strong[frame] ** 2)
+    return angle, places, weights / weights.max()
+
+
+def _noise(image: NDArray) -> float:
+    """Return the pixel noise's standard deviation, blind to anything smooth or straight."""
+    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
+    return 1.4826 * float(np.median(np.abs(cv2.filter2D(image.astype(np.float32), -1, kernel)))) / 6
+
+
+def _spread(offset: Array, weight: Array, window: float) -> float:
+    """Return the robust standard deviation of the offsets near zero."""
+    near = (np.abs(offset) < window) & (weight > 0)
+    if not near.any():
+        return window
+    order = np.argsort(np.abs(offset[near]))
+    share = np.cumsum(weight[near][order])
+    return 1.4826 * float(np.abs(offset[near])[order][np.searchsorted(share, 0.5 * share[-1])])
+
+
+def _robust_step(jacobian: Array, offset: Array, weight: Array, reach: float) -> tuple[Array, Array, Array] | None:
+    """Return shift (3,), residuals (K,) and weights (K,) of a Tukey-weighted linear fit."""
+    shift = np.zeros(3)
+    w = weight
+    for _ in range(10):
+        residual = offset - jacobian @ shift
+        w = weight * np.maximum(1 - (residual / reach) ** 2, 0) ** 2
+        normal = jacobian.T @ (w[:, None] * jacobian)
+        if np.count_nonzero(w) < 12 or np.linalg.cond(normal) > 1e8:
+            return None
+        previous, shift = shift, np.linalg.solve(normal, jacobian.T @ (w * offset))
+        if np.abs(shift - previous).max() < 1e-4:
+            break
+    return shift, offset - jacobian @ shift, w
+
+
+def _clustered_covariance(jacobian: Array, residual: Array, weight: Array, sector: NDArray[np.intp]) -> Array | None:
+    """Return the (3, 3) covariance of a weighted fit whose errors agree within a sector.
+
+    Notes
+    -----
+    The sandwich H^-1 (sum_s g_s g_s^T) H^-1, g_s = sum over the sector's edges of w r J, times S / (S - 3).
+    Thousands of edges on one outline are not thousands of observations: the same arc errs alike in all frames.
+    """
+    normal = jacobian.T @ (weight[:, None] * jacobian)
+    scores = weight[:, None] * residual[:, None] * jacobian
+    sums = np.stack([scores[sector == s].sum(0) for s in np.unique(sector)])
+    if len(sums) < 5 or np.linalg.cond(normal) > 1e8:
+        return None
+    inverse = np.linalg.inv(normal)
+    covariance = inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 3)
+    return covariance + np.eye(3) * EDGE_FLOOR_PX**2
