@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
-"""Told apart by colour-blind eyes too [okabe2008color]."""
+"""Told apart by colour-blind eyes too [Okabe2008]."""
 CHANNELS = (("red", "#D55E00", "triangle-up"), ("green", "#009E73", "circle"), ("blue", "#0072B2", "triangle-down"))
 
 
@@ -17,7 +17,7 @@ def library() -> str:
     return get_plotlyjs()
 
 
-def _html(figure: Any, name: str, alt: str, *, height: int) -> str:
+def _html(figure: Any, name: str, alt: str, *, height: int, legend_y: float = 1.02) -> str:
     import plotly.io
 
     figure.update_layout(
@@ -25,9 +25,11 @@ def _html(figure: Any, name: str, alt: str, *, height: int) -> str:
         height=height,
         margin={"l": 64, "r": 16, "t": 16, "b": 52},
         font={"family": "system-ui, 'Segoe UI', Helvetica, Arial, 'DejaVu Sans', sans-serif", "size": 13},
-        legend={"orientation": "h", "yanchor": "bottom", "y": 1.02, "x": 0},
+        legend={"orientation": "h", "yanchor": "bottom", "y": legend_y, "x": 0},
         hoverlabel={"font": {"size": 13}},
     )
+    figure.update_xaxes(title_font_size=13)
+    figure.update_yaxes(title_font_size=13)
     div = plotly.io.to_html(
         figure,
         include_plotlyjs=False,
@@ -59,17 +61,18 @@ def light_directions(lights: dict[str, Any]) -> str:
                 "color": mean,
                 "colorscale": "Cividis",
                 "line": {"width": 1, "color": "#333"},
-                "colorbar": {"title": {"text": "intensity<br>(mean 1)"}, "thickness": 12, "len": 0.8},
+                "colorbar": {"title": {"text": "intensity"}, "thickness": 12, "len": 0.8, "x": 1.02},
             },
         )
     )
     figure.update_polars(
+        domain={"x": [0.06, 0.84], "y": [0.03, 0.97]},
         radialaxis={
             "range": [0, max(90, np.ceil((lights.get("zenith_max_deg") or 0) / 10) * 10)],
             "tickvals": [0, 30, 60, 90],
             "ticksuffix": "°",
-            "angle": 22.5,
-            "tickangle": 0,
+            "angle": 45,
+            "tickangle": 45,
         },
         angularaxis={
             "tickvals": [0, 90, 180, 270],
@@ -110,7 +113,7 @@ def light_intensities(lights: dict[str, Any]) -> str:
             hovertemplate=f"%{{hovertext}}, {name}: %{{y:.3f}}<extra></extra>",
         )
     figure.update_xaxes(title="light (number in the hemisphere)", dtick=1 if len(rows) <= 30 else None)
-    figure.update_yaxes(title="relative intensity (mean over frames = 1)", rangemode="tozero")
+    figure.update_yaxes(title="intensity (mean over frames = 1)", rangemode="tozero")
     return _html(figure, "light-intensities", "Relative intensity of each light", height=330)
 
 
@@ -135,7 +138,6 @@ def light_sigmas(lights: dict[str, Any]) -> str:
 
 def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> str:
     """Return the near lights in millimetres twice: seen from the camera (x, y), and from above (x, z)."""
-    import plotly.graph_objects as go
     from plotly.subplots import make_subplots
 
     rows = [(i + 1, row) for i, row in enumerate(lights["frames"]) if row.get("position_mm")]
@@ -167,7 +169,10 @@ def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> st
     figure.update_xaxes(title="x (mm), right")
     figure.update_yaxes(title="y (mm), up", scaleanchor="x", row=1, col=1)
     figure.update_yaxes(title="z (mm), toward the viewer", scaleanchor="x2", row=1, col=2)
-    return _html(figure, "light-positions", "Positions of the lights in millimetres, two views", height=430)
+    figure.update_annotations(font_size=13)
+    return _html(
+        figure, "light-positions", "Positions of the lights in millimetres, two views", height=450, legend_y=1.08
+    )
 
 
 def error_histogram(compared: dict[str, Any]) -> str:
@@ -211,7 +216,8 @@ def time_against_error(points: list[dict[str, Any]]) -> str:
             y=[point["median_deg"]],
             mode="markers+text",
             text=[escape(f"{point['method']}, {point['kind']}")],
-            textposition="top center",
+            # Real and twin of one method lie close together: their names keep apart.
+            textposition="top center" if point["kind"] == "real" else "bottom center",
             cliponaxis=False,
             showlegend=False,
             marker={"size": 12, "color": colour, "symbol": "circle" if point["kind"] == "real" else "circle-open"},

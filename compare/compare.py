@@ -1,12 +1,13 @@
 """Every method's normals against the scan's, on the photographs and on their twin."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.facts import light_rows, method_names, read_optional, sphere_rows
-from compare.pictures import colour_scale_end, error_picture_with_scale
+from compare.pictures import colour_scale_end, error_picture_with_scale, known_pixels
 from compare.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
@@ -20,7 +21,7 @@ BAND_PIXELS = 1 << 21
 Normals = NDArray[np.float32]
 
 
-def compare(store: Store) -> dict[str, Any]:
+def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, Any]:
     """Compare all estimates in the output folder with the truth in it, and write error maps to compare/.
 
     Parameters
@@ -29,6 +30,8 @@ def compare(store: Store) -> dict[str, Any]:
         Reads normals/truth.npy, normals/truth_sigma.npy, normals/<method>.npy, twin/normals/<method>.npy and
         mask.png; none of them is required. Writes compare/error_{real,twin}_<method>.npy, (H, W) float32
         degrees, NaN where unknown, and .png with its colour scale drawn below.
+    methods : sequence of str, optional
+        The methods of this run. Without it, all whose normals are in the folder; an older run's may be among them.
 
     Returns
     -------
@@ -47,6 +50,8 @@ def compare(store: Store) -> dict[str, Any]:
         Two maps in the folder have different sizes.
     """
     names, warnings = method_names(store), []
+    if methods is not None:
+        names = [name for name in names if name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
     truth = _open(store, "normals", "truth")
     sizes = {"mask.png": mask.shape} if mask is not None else {}
@@ -172,8 +177,9 @@ def _bands(height: int, width: int) -> list[slice]:
 
 
 def _error_map(a: Normals, b: Normals, mask: NDArray[np.bool_] | None) -> NDArray[np.float32]:
-    error = np.full(a.shape[:2], np.nan, np.float32)
-    for rows in _bands(*error.shape):
+    height, width = a.shape[:2]
+    error = np.full((height, width), np.nan, np.float32)
+    for rows in _bands(height, width):
         counted = slice(None) if mask is None else mask[rows]
         error[rows][counted] = angular_error_deg(a[rows][counted], b[rows][counted])
     return error
@@ -184,9 +190,11 @@ def _without_common_rotation(
 ) -> tuple[float | None, float | None]:
     """Return the turn common to all normals, degrees, and the median error that is left once it is undone."""
     moment = np.zeros((3, 3))
-    bands = _bands(*error.shape)
+    bands = _bands(error.shape[0], error.shape[1])
+    # The worst quarter is left out: shadows and highlights are not what turns a whole map.
+    worst = np.nanquantile(error, 0.75)
     for rows in bands:
-        known = np.isfinite(error[rows])
+        known = error[rows] <= worst
         moment += truth[rows][known].astype(np.float64).T @ estimate[rows][known].astype(np.float64)
     rotation = common_rotation(moment)
     if rotation is None:
@@ -201,7 +209,7 @@ def _without_common_rotation(
 
 
 def _truth_facts(store: Store, truth: Normals, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
-    known = np.isfinite(truth).all(-1)
+    known = known_pixels(truth)
     if mask is not None:
         known &= mask
     facts: dict[str, Any] = {"pixels": int(known.sum()), "sigma_deg_median": None, "sigma_deg_q3": None}

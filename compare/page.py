@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from html import escape, unescape
-from typing import Any
+from typing import Any, TypeGuard
 
 UNKNOWN = '<span class="unknown">unknown</span>'
 
@@ -37,7 +37,8 @@ def percent(share: Any, decimals: int = 0) -> str:
     return _tagged(share, shown, "%")
 
 
-def is_number(value: Any) -> bool:
+def is_number(value: Any) -> TypeGuard[float]:
+    """Tell whether the value can be shown as a number: not None, not NaN, not infinite."""
     return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
 
 
@@ -85,6 +86,7 @@ def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
 
 
 def badge(level: str) -> str:
+    """Return a verdict's level as a word in a coloured frame."""
     return f'<span class="badge {level}">{LEVELS[level]}</span>'
 
 
@@ -94,5 +96,6 @@ def absent(text: str) -> str:
 
 
 def section(anchor: str, title: str, body: str, lead: str = "") -> str:
+    """Return a section; `body` and `lead` are HTML already."""
     lead = f'<p class="lead">{lead}</p>' if lead else ""
     return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'

@@ -33,6 +33,14 @@ class Box:
     def height(self) -> int:
         return self.bottom - self.top
 
+    def shown_width(self, largest: int, *, count: int = 1, total: int | None = None) -> int:
+        """Return the width at which `count` pictures of this box are shown.
+
+        Each has at most as many pixels as a square of side `largest`, all together at most `total`.
+        """
+        pixels = min(largest**2, (total or largest**2 * count) / count)
+        return max(16, min(largest, int((pixels * self.width / self.height) ** 0.5)))
+
     @property
     def rows(self) -> slice:
         return slice(self.top, self.bottom)
@@ -104,12 +112,18 @@ def shrink(image: NDArray, width: int) -> NDArray[np.float32]:
     if image.shape[1] <= width:
         return image
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
-    known = np.isfinite(image).all(-1) if image.ndim == 3 else np.isfinite(image)
+    known = known_pixels(image if image.ndim == 3 else image[..., None])
     weight = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    known = known[..., None] if image.ndim == 3 else known
-    total = cv2.resize(np.where(known, image, 0).astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    weight = weight[..., None] if image.ndim == 3 else weight
+    image = image.copy()
+    image[~known] = 0
+    total = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
+    weight = weight if image.ndim == 2 else weight[..., None]
     return np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 1e-3)
+
+
+def known_pixels(image: NDArray) -> NDArray[np.bool_]:
+    """Return (h, w) bool: every channel of (h, w, c) is a number."""
+    return np.logical_and.reduce(np.isfinite(image), axis=-1)
 
 
 def normal_picture(normals: NDArray, width: int) -> Image:
@@ -137,7 +151,7 @@ def colour_scale_end(value_deg: float) -> float:
 def error_picture(error_deg: NDArray, end_deg: float) -> Image:
     """Return errors as colours, dark 0 to bright `end_deg` and beyond; pale grey where unknown.
 
-    The map is cividis: its lightness rises evenly and it reads alike with colour-blind eyes [nunez2018optimizing].
+    The map is cividis: its lightness rises evenly and it reads alike with colour-blind eyes [Nunez2018].
     """
     import cv2
 

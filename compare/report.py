@@ -5,7 +5,8 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from compare import charts, galleries, sections
+from compare import charts, galleries, maps, sections
+from compare.material import Material
 from compare.page import is_number, number
 from compare.verdict import verdict
 from scene.store import Store, write_text
@@ -44,7 +45,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     Path
         The page. Its policy forbids the browser to load anything from outside it.
     """
-    material = galleries.Material.load(store, summary)
+    material = Material.load(store, summary)
     compared = summary.get("compare") or {}
     warnings = sections.all_warnings(summary)
     name = str(summary.get("name") or store.folder.resolve().name)
@@ -55,10 +56,10 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         galleries.frames_section(material, summary),
         galleries.balls_section(material),
         galleries.lights_section(material),
-        galleries.registration_section(material, summary),
-        galleries.normals_section(material),
-        galleries.twin_section(material, summary),
-        galleries.errors_section(material, summary),
+        maps.registration_section(material, summary),
+        maps.normals_section(material),
+        maps.twin_section(material, summary),
+        maps.errors_section(material, summary),
         sections.statistics_section(compared),
         sections.time_section(summary),
         sections.provenance_section(summary),

@@ -72,28 +72,26 @@ def verdict_box(statements: list[Statement], warnings: int) -> str:
 
 def all_warnings(summary: Summary) -> list[tuple[str, str]]:
     """Return every warning in the summary as (step, text), each once, wherever it was put."""
-    found: list[tuple[str, str]] = []
+    found: dict[tuple[str, str], None] = {}
 
     def add(step: str, texts: Any) -> None:
-        for text in texts or ():
-            if isinstance(text, dict):
-                found.append((str(text.get("step", step)), str(text.get("text", ""))))
-            else:
-                found.append((step, str(text)))
+        for item in texts or ():
+            named, text = (item.get("step", step), item.get("text", "")) if isinstance(item, dict) else (step, item)
+            found.setdefault((str(named), str(text).removeprefix(f"{named}: ")))
 
     add("", summary.get("warnings"))
-    for step in ("capture", "calibrate", "align", "twin", "compare"):
-        add(step, (summary.get(step) or {}).get("warnings"))
+    for step, part in (("check", "capture"), *((step, step) for step in ("calibrate", "align", "twin", "compare"))):
+        add(step, (summary.get(part) or {}).get("warnings"))
     for name, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        add(f"solve: {name}", (row or {}).get("warnings"))
-    # The same text may be both in the list and with its step; the first naming counts.
-    once: dict[str, tuple[str, str]] = {}
-    for step, text in found:
-        once.setdefault(text.removeprefix(f"{step.removeprefix('solve: ')}: "), (step, text))
-    return list(once.values())
+        add(
+            "solve",
+            [text if text.startswith(name) else f"{name}: {text}" for text in (row or {}).get("warnings") or ()],
+        )
+    return list(found)
 
 
 def warnings_section(warnings: list[tuple[str, str]]) -> str:
+    """Return all warnings, each with its step."""
     if not warnings:
         return section("warnings", "Warnings", "<p>None of the steps gave a warning.</p>")
     rows = "".join(f"<li><b>{escape(step or 'session')}</b> {escape(text)}</li>" for step, text in warnings)
@@ -102,15 +100,25 @@ def warnings_section(warnings: list[tuple[str, str]]) -> str:
 
 def truth_check_section(summary: Summary) -> str:
     """Return known truth against what was found (the demo); nothing where none was supplied."""
-    rows = []
+    rows, judged = [], False
     for label, row in (summary.get("truth_check") or {}).items():
-        value, bar, unit = row.get("value"), row.get("bar"), row.get("unit") or ""
+        value, bar, unit = row.get("value"), row.get("bar"), str(row.get("unit") or "")
+        unit = {"degrees": "°"}.get(unit, unit)
         mark = "" if not (is_number(value) and is_number(bar)) else "within" if value <= bar else "<b>over</b>"
-        rows.append((escape(label), number(value, 3, unit), number(bar, 3, unit), mark))
+        judged = judged or bool(mark)
+        words = escape(str(row.get("text") or label)).replace("`", "")
+        rows.append((words, number(value, 3, unit), *((number(bar, 3, unit), mark) if is_number(bar) else ("", ""))))
     if not rows:
         return ""
+    if not judged:
+        rows = [row[:2] for row in rows]
     lead = "This session's truth is known from elsewhere; none of the steps was given it."
-    return section("truth-check", "Against the known truth", table(("", "found", "bar", ""), rows), lead)
+    return section(
+        "truth-check",
+        "Against the known truth",
+        table(("quantity", "found", "bar", "verdict")[: len(rows[0])], rows),
+        lead,
+    )
 
 
 def statistics_section(compared: Summary) -> str:
@@ -129,7 +137,20 @@ def statistics_section(compared: Summary) -> str:
             rows.append((f"{escape(name)} <small>{kind}</small>", *degrees, *shares, number(found["pixels"]), covered))
     body = ""
     if rows:
-        head = ("method", "min", "max", "mean", "median", "std", "Q1", "Q3", "&lt; 5°", "&lt; 10°", "pixels", "answered")
+        head = (
+            "method",
+            "min",
+            "max",
+            "mean",
+            "median",
+            "std",
+            "Q1",
+            "Q3",
+            "&lt; 5°",
+            "&lt; 10°",
+            "pixels",
+            "answered",
+        )
         caption = "Angular error against the ground truth, degrees; “answered”: share of the true pixels."
         body += table(head, rows, caption=caption, kind="numbers")
         body += _correlations(methods)
@@ -217,7 +238,14 @@ def time_section(summary: Summary) -> str:
     if not rows:
         return section("time", "Time against error", absent("No method's time is in the summary."))
     chart = charts.time_against_error(points) if points else absent("No error is known, so only times are given.")
-    head = ("method", "seconds", "s per megapixel-image", "seconds on twin", "median error, °", "settings")
+    head = (
+        "method",
+        "seconds",
+        "s per megapixel-image",
+        "seconds on twin",
+        "median error, °",
+        "<small>settings</small>",
+    )
     lead = "Left and low is better. A megapixel-image is one million pixels of one frame."
     return section("time", "Time against error", chart + table(head, rows, kind="numbers"), lead)
 
@@ -233,7 +261,7 @@ def provenance_section(summary: Summary) -> str:
         values = {name: value for name, value in (summary.get(key) or {}).items() if name != "warnings"}
         if values:
             rows = [(escape(str(name)), escape(_word(value))) for name, value in values.items()]
-            parts.append(table(("", ""), rows, caption=title, kind="plain"))
+            parts.append(table(("name", "value"), rows, caption=title, kind="plain"))
     evidence = [
         (step, text) for step in ("calibrate", "align") for text in (summary.get(step) or {}).get("evidence") or ()
     ]
@@ -245,6 +273,7 @@ def provenance_section(summary: Summary) -> str:
 
 
 def how_to_read_section() -> str:
+    """Return what the page's words mean."""
     rows = "".join(f"<dt>{escape(term)}</dt><dd>{escape(text)}</dd>" for term, text in HOW_TO_READ)
     return section("how-to-read", "How to read this page", f"<dl>{rows}</dl>")
 

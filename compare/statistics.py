@@ -36,7 +36,7 @@ def angular_statistics(error_deg: NDArray, *, mask: NDArray[np.bool_] | None = N
     Notes
     -----
     std is that of the population (division by N). Quartiles interpolate linearly between order statistics,
-    type 7 of [hyndman1996sample]. The seed's table has min, max, mean, median and std.
+    type 7 of [Hyndman1996]. The seed's table has min, max, mean, median and std.
     """
     error = np.asarray(error_deg)
     known = np.isfinite(error) if mask is None else np.isfinite(error) & mask
@@ -75,7 +75,7 @@ def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, flo
 
     Notes
     -----
-    r = cov(a, b) / (std(a) std(b)); Spearman's is the same of the ranks [spearman1904proof]. Neighbouring
+    r = cov(a, b) / (std(a) std(b)); Spearman's is the same of the ranks [Spearman1904]. Neighbouring
     pixels are not independent, so that no p-value follows from `pixels`.
     """
     from scipy.stats import rankdata
@@ -116,7 +116,7 @@ def common_rotation(moment: NDArray[np.float64]) -> NDArray[np.float64] | None:
 
     Notes
     -----
-    The R that maximises trace(R^T moment), by singular values [kabsch1976solution]. None where the normals
+    The R that maximises trace(R^T moment), by singular values [Kabsch1976]. None where the normals
     all but share one direction: the turn about it cannot be seen.
     """
     if not np.isfinite(moment).all():

@@ -122,7 +122,7 @@ def _methods(summary: dict[str, Any], compared: dict[str, Any]) -> list[Statemen
     ]
     if doubting:
         names = ", ".join(map(escape, doubting))
-        out.append(Statement("Methods' own doubts", "care", f"Warned of by the method itself: {names} (see Warnings)."))
+        out.append(Statement("Own doubts", "care", f"Warned of by the method itself: {names} (see Warnings)."))
     return out
 
 
@@ -191,7 +191,14 @@ def _twin(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None
         f"(Pearson {number(r, 2)}, Spearman {number(row.get('spearman'), 2)}); median "
         f"{number(row['real']['median_deg'], 1, '°')} real, {number(row['twin']['median_deg'], 1, '°')} twin."
     )
-    if level == "good":
+    real, twin = row["real"]["median_deg"], row["twin"]["median_deg"]
+    if level == "good" and real > 2 * twin and real - twin > 1:
+        level = "care"
+        text += (
+            f" The twin fails where the object does, but less: {number(row.get('median_difference_deg'), 1, '°')} of "
+            "the median come from what the twin lacks (noise, material, calibration, registration)."
+        )
+    elif level == "good":
         text += " The twin fails where the object does, and may be used to ask why."
     else:
         text += " What the twin lacks (material, light, registration) makes errors of its own kind: do not read the "
@@ -203,8 +210,10 @@ def _lights(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | No
     calibrate, lights = summary.get("calibrate") or {}, compared.get("lights") or {}
     if not calibrate and not lights:
         return Statement("Lights", "unknown", "No calibrated lights are in this folder.")
-    sigma = calibrate.get("direction_sigma_deg_median", lights.get("direction_sigma_deg_median"))
-    relative = calibrate.get("intensity_sigma_median", lights.get("intensity_sigma_median"))
+    sigma, relative = (
+        calibrate[key] if is_number(calibrate.get(key)) else lights.get(key)
+        for key in ("direction_sigma_deg_median", "intensity_sigma_median")
+    )
     model = calibrate.get("model") or lights.get("model") or "unknown"
     count = lights.get("count")
     text = f"{number(count)} lights, model “{escape(str(model))}”." if is_number(count) else ""

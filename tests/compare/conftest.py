@@ -89,7 +89,12 @@ def solve(images: np.ndarray, lights: Lights, mask: np.ndarray, *, trimmed: bool
 
 
 def make_session(
-    folder: Path, *, width: int = 160, height: int = 120, count: int = 12, methods: tuple[str, ...] = ("ls", "iterative")
+    folder: Path,
+    *,
+    width: int = 160,
+    height: int = 120,
+    count: int = 12,
+    methods: tuple[str, ...] = ("ls", "iterative"),
 ) -> Session:
     """Write a whole output folder through `Store` and return it with the summary that lab would write."""
     rng = np.random.default_rng(5)
@@ -157,7 +162,7 @@ def make_session(
         "arguments": {"session": "session.toml", "methods": list(methods)},
         "seconds": {"decode": 1.25, "calibrate": 8.5, "align": 12.0, "solve": 0.75, "twin": 20.5},
         "warnings": [
-            {"step": "capture", "text": "flash_012: 2.1 % of the object is clipped"},
+            {"step": "check", "text": "flash_012: 2.1 % of the object is clipped"},
             {"step": "calibrate", "text": "ball 2: <b>no highlight</b> in flash_012"},
         ],
         "capture": {

@@ -1,0 +1,229 @@
+"""The report's pictures of the object: registration, normals, twin, errors."""
+
+from contextlib import suppress
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare import charts, pictures
+from compare.material import Material, Summary
+from compare.page import absent, drawing, is_number, number, picture, polyline, section, table
+from compare.pictures import Box, Exposure
+from scene.store import Store
+
+PHOTOGRAPH_WIDTH = 1000
+MAP_WIDTH = 440
+MAPS_PIXELS = 2_400_000
+"""Of all maps together: noise does not compress, and the page is to stay below 15 megabytes."""
+
+
+def registration_section(material: Material, summary: Summary) -> str:
+    """Return the registered silhouette over a photograph, and photograph and shading as a checkerboard."""
+    store, frames, mask = material.store, material.frames, material.mask
+    align = summary.get("align") or (summary.get("compare") or {}).get("pose") or {}
+    truth = material.map_of("normals", "truth")
+    if frames is None or (mask is None and truth is None):
+        text = "No scan and no mask: nothing to lay over the photographs."
+        return section("registration", "The object in the photographs", absent(text))
+    size = (frames.height, frames.width)
+    known = pictures.known_pixels(truth) if truth is not None and truth.shape[:2] == size else None
+    mask = mask if mask is not None and mask.shape == size else None
+    shape = mask if mask is not None else known
+    if shape is None:
+        text = "Mask and truth have another size than the photographs; they cannot be laid over them."
+        return section("registration", "The object in the photographs", absent(text))
+    box = Box.of_mask(shape, margin=0.12)
+    index = _raking_frame(material)
+    image = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+    shapes, legend = "", []
+    # The dashed line last: where the two agree, the other shows between the dashes.
+    for region, kind, words in ((known, "scan", "the registered ground truth"), (mask, "mask", "the object's mask")):
+        if region is None or not region.any():
+            continue
+        lines = "".join(polyline(line, kind) for line in pictures.contours(region, box))
+        shapes += lines
+        legend.append(f'<span class="key {kind}"></span> {words}')
+    overlay = drawing(box.width, box.height, shapes, label="outline of the object")
+    caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
+    figures = picture(
+        pictures.data_uri(image, photograph=True), "photograph with the object's outline", caption, overlay=overlay
+    )
+    if known is not None and truth is not None and material.directions is not None and index < len(material.directions):
+        shaded = _shaded(truth[box.rows, box.columns], material.directions[index], image)
+        board = pictures.data_uri(pictures.checkerboard(image, shaded), photograph=True)
+        words = "Squares of the photograph and of the ground truth shaded by the same light, one grey for all of it:"
+        figures += picture(
+            board,
+            "checkerboard of photograph and shaded ground truth",
+            f"{words} edges, folds and shadow borders should run on across the squares. Colour need not.",
+        )
+    body = f'<div class="pair">{figures}</div>'
+    if not store.path("pose.json").exists():
+        body = absent("No scan was registered (no pose); the outline is the object's mask.") + body
+    facts = [
+        ("outline residual", align.get("residual_px"), 2, "px"),
+        ("pose, position ± (1 sigma)", align.get("sigma_mm"), 3, "mm"),
+        ("pose, rotation ± (1 sigma)", align.get("sigma_deg"), 3, "°"),
+        ("ground-truth normals ± (median)", align.get("truth_sigma_deg_median"), 2, "°"),
+    ]
+    facts = [fact for fact in facts if is_number(fact[1])]
+    if facts:
+        rows = [(words, number(value, decimals, unit)) for words, value, decimals, unit in facts]
+        body += table(("registration", "found"), rows, kind="plain")
+    return section("registration", "The object in the photographs", body)
+
+
+def _raking_frame(material: Material) -> int:
+    """Return the frame whose light stands nearest to 40 degrees from the axis: shape shows, shadows stay short."""
+    if material.directions is None or material.frames is None:
+        return 0
+    directions = material.directions[: len(material.frames)]
+    zenith = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
+    return int(np.argmin(np.abs(zenith - 40)))
+
+
+def _shaded(normals: NDArray, direction: NDArray, photograph: pictures.Image) -> pictures.Image:
+    """Return Lambertian shading as grey, as bright at its median as the photograph; the photograph where unknown."""
+    import cv2
+
+    size = (photograph.shape[1], photograph.shape[0])
+    shading = pictures.shrink(np.clip(normals @ direction.astype(np.float32), 0, None), size[0])
+    if shading.shape != photograph.shape[:2]:
+        shading = cv2.resize(shading, size, interpolation=cv2.INTER_NEAREST)
+    lit = np.isfinite(shading) & (shading > 0.05)
+    if not lit.any():
+        return photograph
+    # The photograph is gamma-encoded; the shading is matched there, where the eye compares.
+    encoded = np.nan_to_num(shading) ** (1 / 2.2)
+    level = np.median(photograph.mean(-1)[lit]) / np.median(encoded[lit])
+    grey = np.clip(encoded * level, 0, 255)[..., None]
+    return np.where(np.isfinite(shading)[..., None], grey, photograph).astype(np.uint8)
+
+
+def normals_section(material: Material) -> str:
+    """Return the truth's and every method's normals as colours, with the ball to read them by."""
+    names = material.methods
+    box, figures = _map_box(material), []
+    for place, name, words in [
+        ("normals", "truth", "ground truth"),
+        *(("normals", name, f"{name}, photographs") for name in names),
+        *(("twin/normals", name, f"{name}, twin") for name in names),
+    ]:
+        normals = material.map_of(place, name)
+        if normals is None:
+            continue
+        image = pictures.normal_picture(normals[box.rows, box.columns], _map_width(material, box))
+        caption = escape(words)
+        uri = pictures.data_uri(image, photograph=False)
+        figures.append(picture(uri, f"normals, {words}", caption, kind="map"))
+    if not figures:
+        return section("normals", "Normals", absent("No normals are in this folder."))
+    ball = picture(
+        pictures.data_uri(pictures.legend_ball(180), photograph=False),
+        "a ball coloured like the normals",
+        "the key: a ball facing you. Right side: normals to the right (+x); top: up (+y); middle: toward you (+z)",
+        kind="map key-ball",
+    )
+    lead = "A pixel's colour is its normal's direction: find the same colour on the ball. Pale grey: unknown."
+    if material.map_of("normals", "truth") is None:
+        lead += " <b>There is no ground truth among them.</b>"
+    return section("normals", "Normals", f'<div class="gallery">{ball}{"".join(figures)}</div>', lead)
+
+
+def _map_box(material: Material) -> Box:
+    if material.mask is not None:
+        shape = material.mask
+    else:
+        maps = [m for name in ["truth", *material.methods] if (m := material.map_of("normals", name)) is not None]
+        shape = pictures.known_pixels(maps[0]) if maps else np.ones((1, 1), bool)
+    return Box.of_mask(shape, margin=0.03)
+
+
+def _map_width(material: Material, box: Box) -> int:
+    return box.shown_width(MAP_WIDTH, count=1 + 4 * len(material.methods), total=MAPS_PIXELS)
+
+
+def errors_section(material: Material, summary: Summary) -> str:
+    """Return error maps, real beside twin, on one colour scale, and their histogram."""
+    compared = summary.get("compare") or {}
+    end = compared.get("error_scale_deg")
+    if not is_number(end):
+        reason = (
+            "No method's normals meet the ground truth."
+            if compared.get("has_truth")
+            else "No ground truth (no scan, no given normals): errors cannot be told."
+        )
+        return section("errors", "Where the errors are", absent(reason))
+    box, rows = _map_box(material), []
+    width = _map_width(material, box)
+    for name in compared.get("methods") or {}:
+        row = compared["methods"][name]
+        cells = []
+        for kind, words in (("real", "photographs"), ("twin", "twin")):
+            error = material.map_of("compare", f"error_{kind}_{name}")
+            if error is None or not row.get(kind):
+                reason = "not rendered, or not solved on the twin" if kind == "twin" else "no normals here"
+                cells.append(f'<figure class="map">{absent(f"{name}, {words}: {reason}.")}</figure>')
+                continue
+            image = pictures.error_picture(pictures.shrink(error[box.rows, box.columns], width), end)
+            caption = (
+                f"<b>{escape(name)}</b>, {words}: median {number(row[kind]['median_deg'], 2, '°')}, "
+                f"mean {number(row[kind]['mean_deg'], 2, '°')}"
+            )
+            uri = pictures.data_uri(image, photograph=False)
+            cells.append(picture(uri, f"error map, {name}, {words}", caption, kind="map"))
+        alike = ""
+        if is_number(row.get("pearson")):
+            alike = (
+                f'<p class="alike">Pearson {number(row["pearson"], 2)}, Spearman {number(row.get("spearman"), 2)} over '
+                f"{number(row.get('correlation_pixels'))} pixels; median real − twin "
+                f"{number(row.get('median_difference_deg'), 2, '°')}.</p>"
+            )
+        rows.append(f'<div class="errors">{"".join(cells)}{alike}</div>')
+    stops = ", ".join(f"rgb{colour}" for colour in pictures.error_scale_colours(17))
+    ticks = "".join(f"<span>{end * part / 4:g}°{' and more' if part == 4 else ''}</span>" for part in range(5))
+    scale = (
+        f'<div class="scale" role="img" aria-label="colour scale, 0 to {end:g} degrees">'
+        f'<div class="ramp" style="background: linear-gradient(to right, {stops})"></div>'
+        f'<div class="ticks">{ticks}</div></div>'
+    )
+    body = scale + "".join(rows) + charts.error_histogram(compared)
+    lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; everything beyond has its last colour."
+    return section("errors", "Where the errors are", body, lead)
+
+
+def twin_section(material: Material, summary: Summary) -> str:
+    """Return one photograph beside the twin's frame of the same light."""
+    twin, frames = None, material.frames
+    with suppress(OSError, ValueError, KeyError):
+        twin = Store(material.store.path("twin")).load_frames()
+    if twin is None or len(twin) == 0:
+        reason = (
+            "No twin was rendered: it needs the registered scan."
+            if material.map_of("normals", "truth") is None or not material.store.path("pose.json").exists()
+            else "No twin was rendered in this folder."
+        )
+        return section("twin", "The twin", absent(reason))
+    index = min(_raking_frame(material), len(twin) - 1)
+    box = Box(0, 0, twin.width, twin.height)
+    if material.mask is not None and material.mask.shape == (twin.height, twin.width):
+        box = Box.of_mask(material.mask, margin=0.12)
+    balance = None if material.exposure is None else material.exposure.balance
+    width = box.shown_width(PHOTOGRAPH_WIDTH // 2)
+    linear = pictures.thumbnail(twin, index, width, box)
+    image = pictures.data_uri(Exposure.for_frames(twin, white_value=balance).develop(linear), photograph=True)
+    name = escape(twin.names[index])
+    figures = picture(image, f"twin of {twin.names[index]}", f"twin, {name}; its brightness scaled by itself")
+    if frames is not None and (twin.width, twin.height) == (frames.width, frames.height) and index < len(frames):
+        uri = pictures.data_uri(material.photograph(index, box, width), photograph=True)
+        name = frames.names[index]
+        figures = picture(uri, f"photograph {name}", f"photograph, {escape(name)}") + figures
+    facts = summary.get("twin") or {}
+    lead = "The scan, rendered under the same light. What differs is what the twin does not know."
+    if is_number(facts.get("samples_per_pixel")):
+        lead += (
+            f" {number(facts['samples_per_pixel'])} samples per pixel, {number(facts.get('seconds'), 1, 's')}, "
+            f"engine {escape(str(facts.get('variant', 'unknown')))}."
+        )
+    return section("twin", "The twin", f'<div class="pair">{figures}</div>', lead)

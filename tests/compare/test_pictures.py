@@ -1,0 +1,120 @@
+"""Pictures: axes, half pixels, unknown pixels, brightness."""
+
+import base64
+
+import cv2
+import numpy as np
+import pytest
+
+from compare import pictures
+from compare.pictures import Box, Exposure
+from scene.frames import Frames
+
+
+def frames_of(linear):
+    return Frames.from_linear(tuple(f"f{i}" for i in range(len(linear))), np.asarray(linear, np.float32))
+
+
+def test_normals_are_red_to_the_right_green_upward_blue_toward_the_viewer():
+    ball = pictures.legend_ball(101).astype(int)
+    left, right, top, bottom, middle = ball[50, 3], ball[50, 97], ball[3, 50], ball[97, 50], ball[50, 50]
+    assert right[0] > 240 > 20 > left[0]
+    assert top[1] > 240 > 20 > bottom[1]
+    assert middle.tolist() == [128, 128, 255]
+    assert (ball[2, 2] == pictures.PAPER).all()
+
+
+def test_shrinking_averages_the_known_and_leaves_the_unknown():
+    image = np.array([[1.0, np.nan, np.nan, np.nan], [3.0, 5.0, np.nan, np.nan]])
+    np.testing.assert_allclose(pictures.shrink(image, 2), [[3.0, np.nan]])
+    three = np.repeat(image[..., None], 3, -1)
+    np.testing.assert_allclose(pictures.shrink(three, 2)[0, 0], 3.0)
+    assert pictures.shrink(image, 9).shape == image.shape
+
+
+def test_the_error_colours_rise_evenly_in_lightness_and_stop_at_the_end():
+    codes = pictures.error_picture(np.linspace(0, 12, 121)[None], 10.0)
+    lightness = cv2.cvtColor(codes, cv2.COLOR_RGB2LAB)[0, :, 0].astype(int)
+    assert (np.diff(lightness) >= -1).all()
+    assert lightness[-1] - lightness[0] > 150
+    # Even: no fifth of the scale takes less than half of its share of the lightness.
+    assert np.diff(lightness[[0, 20, 40, 60, 80, 100]]).min() > 0.1 * (lightness[-1] - lightness[0])
+    assert (codes[0, 100:] == codes[0, -1]).all()
+    assert (pictures.error_picture(np.array([[np.nan]]), 10.0) == pictures.PAPER).all()
+
+
+@pytest.mark.parametrize(("value", "end"), [(0.2, 1), (4.9, 5), (5.0, 5), (5.1, 10), (61, 90), (400, 180)])
+def test_scales_end_at_round_numbers(value, end):
+    assert pictures.colour_scale_end(value) == end
+
+
+def test_one_exposure_for_all_frames_and_the_white_balls_colour():
+    linear = np.full((2, 40, 60, 3), 0.2) * np.array([1.0, 0.8, 0.5])
+    linear[1] *= 0.25
+    frames = frames_of(linear)
+    exposure = Exposure.for_frames(frames, white_value=np.array([1.0, 0.8, 0.5]))
+    bright, dark = (exposure.develop(pictures.thumbnail(frames, i, 30)) for i in (0, 1))
+    assert np.ptp(bright[10, 10].astype(int)) <= 1
+    assert bright[10, 10, 0] > 250
+    # sRGB of a quarter is 137.
+    assert dark[10, 10, 0] == pytest.approx(137, abs=2)
+
+
+def test_a_thumbnail_shows_the_cut_and_keeps_its_mean():
+    rng = np.random.default_rng(0)
+    linear = rng.uniform(0, 0.5, (1, 600, 800, 3))
+    linear[0, :, 400:] += 0.4
+    small = pictures.thumbnail(frames_of(linear), 0, 40, Box(200, 100, 600, 500))
+    assert small.shape == (40, 40, 3)
+    assert small[:, 20:].mean() - small[:, :20].mean() == pytest.approx(0.4, abs=0.02)
+    assert small[:, :20].mean() == pytest.approx(0.25, abs=0.02)
+
+
+def test_the_brightest_of_all_frames_collects_highlights_and_the_mean_does_not():
+    linear = np.zeros((4, 10, 10, 3))
+    for i in range(4):
+        linear[i, 5, 2 * i] = 0.8
+    frames, box = frames_of(linear), Box(0, 4, 10, 8)
+    np.testing.assert_allclose(pictures.ball_picture(frames, box, brightest=True)[1, :8:2, 0], 0.8, atol=1e-4)
+    np.testing.assert_allclose(pictures.ball_picture(frames, box, brightest=False)[1, :8:2, 0], 0.2, atol=1e-4)
+
+
+def test_a_contour_runs_through_the_centres_of_the_outermost_pixels():
+    mask = np.zeros((50, 60), bool)
+    mask[10:20, 30:45] = True
+    (line,) = pictures.contours(mask, Box(25, 5, 55, 40))
+    # Pixel 30 of the image is pixel 5 of the crop; its centre lies half a pixel from the corner.
+    assert line.min(0).tolist() == [5.5, 5.5]
+    assert line.max(0).tolist() == [19.5, 14.5]
+
+
+def test_a_box_stays_inside_and_holds_what_it_is_around():
+    mask = np.zeros((50, 60), bool)
+    mask[0:20, 30:59] = True
+    box = Box.of_mask(mask, margin=0.1)
+    assert (box.top, box.right) == (0, 60)
+    assert mask[box.rows, box.columns].sum() == mask.sum()
+    assert Box.of_mask(np.zeros((5, 6), bool), margin=0.1) == Box(0, 0, 6, 5)
+
+
+def test_a_checkerboard_takes_turns():
+    board = pictures.checkerboard(np.zeros((64, 64, 3), np.uint8), np.full((64, 64, 3), 9, np.uint8))
+    assert board[0, 0, 0] == 0
+    assert board[0, 8, 0] == 9
+    assert board[8, 8, 0] == 0
+    assert board.mean() == 4.5
+
+
+@pytest.mark.parametrize(("photograph", "kind"), [(True, "jpeg"), (False, "png")])
+def test_a_data_uri_is_the_picture(photograph, kind):
+    image = np.full((8, 8, 3), [200, 100, 30], np.uint8)
+    head, data = pictures.data_uri(image, photograph=photograph).split(",")
+    assert head == f"data:image/{kind};base64"
+    back = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+    np.testing.assert_allclose(back.astype(int), image, atol=4)
+
+
+def test_a_tall_object_is_not_shown_larger_than_a_wide_one():
+    assert Box(0, 0, 4000, 3000).shown_width(1000) == 1000
+    assert Box(0, 0, 1000, 4000).shown_width(1000) == 500
+    assert Box(0, 0, 500, 500).shown_width(400, count=10, total=100_000) == 100

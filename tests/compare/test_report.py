@@ -1,0 +1,338 @@
+"""The page: whole, self-contained, escaped, true to the summary, and drawn by a browser."""
+
+import copy
+import json
+import re
+import shutil
+import subprocess
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from compare.compare import compare
+from compare.report import write_report
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+from scene.store import Store, write_json
+
+VOID = {"meta", "img", "br", "link", "input", "hr", "polygon", "path"}
+
+
+class Page(HTMLParser):
+    """Collects what a test asks of a page, and fails on tags that do not pair."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.source = path.read_text(encoding="utf-8")
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.texts: dict[str, str] = {}
+        self.open: list[str] = []
+        self.section = ""
+        self.scripts: list[str] = []
+        self.feed(self.source)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attrs):
+        values = dict(attrs)
+        self.tags.append((tag, values))
+        if tag == "section":
+            self.section = values.get("id") or ""
+            assert self.section not in self.texts, "a section appears once"
+            self.texts[self.section] = ""
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+        if tag == "section":
+            self.section = ""
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] == "script":
+            self.scripts.append(data)
+        elif self.section and self.open[-1] != "style":
+            self.texts[self.section] += data
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [values for name, values in self.tags if name == tag]
+
+
+def leaves(value: Any) -> set[float]:
+    if isinstance(value, dict):
+        return set().union(*map(leaves, value.values()), set())
+    if isinstance(value, list):
+        return set().union(*map(leaves, value), set())
+    return {float(value)} if isinstance(value, int | float) else set()
+
+
+@pytest.fixture(scope="module")
+def page(session) -> Page:
+    return Page(write_report(session.store, session.summary))
+
+
+def assert_self_contained(page: Page) -> None:
+    for tag, values in page.tags:
+        assert tag not in {"link", "iframe", "object", "embed", "base", "audio", "video", "source"}
+        for name in ("src", "href", "xlink:href", "data", "poster", "action", "srcset"):
+            address = values.get(name)
+            assert address is None or address.startswith(("data:image/", "#")), (tag, name, address[:60])
+        style = values.get("style") or ""
+        assert "url(" not in style
+    style = re.search(r"<style>(.*?)</style>", page.source, re.S)
+    assert style is not None
+    assert "url(" not in style[1]
+    assert "@import" not in style[1]
+    (policy,) = [v["content"] for v in page.all("meta") if "http-equiv" in v]
+    assert policy is not None
+    assert "default-src 'none'" in policy
+    assert "http" not in policy
+
+
+def test_nothing_is_fetched(page):
+    assert_self_contained(page)
+
+
+def test_the_chart_library_is_there_once(page):
+    assert page.source.count("* plotly.js v") == 1
+    assert len([script for script in page.scripts if "Plotly.newPlot" in script and len(script) < 1e6]) == 6
+
+
+def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
+    write_json(tmp_path / "summary.json", session.summary)
+    known = leaves(json.loads((tmp_path / "summary.json").read_text()))
+    shown = [values["data-value"] for values in page.all("span") if "data-value" in values]
+    assert len(shown) > 150
+    assert {value for value in shown if float(value or "nan") not in known} == set()
+
+
+def test_pictures_are_all_there_each_with_words_for_it(page):
+    images = page.all("img")
+    # 12 frames, 3 balls, silhouette and checkerboard, key ball + truth + 2 methods real and twin, twin's photograph
+    # and rendering, error maps of 2 methods real and twin.
+    assert len(images) == 12 + 3 + 2 + (1 + 1 + 4) + 2 + 4
+    assert all(image["alt"] for image in images)
+    assert all(values.get("aria-label") for values in page.all("svg"))
+
+
+def test_names_are_escaped_wherever_they_go(page, session):
+    assert "<script>alert" not in page.source
+    assert "<b>no highlight</b>" not in page.source
+    assert session.summary["name"] in "".join(re.findall(r"<h1>(.*?)</h1>", page.source)).replace("&lt;", "<").replace(
+        "&gt;", ">"
+    ).replace("&amp;", "&")
+
+
+def test_hostile_names_of_frames_methods_and_settings_stay_text(session, tmp_path):
+    evil = '"><script>evil()</script><img src=x onerror=evil()>'
+    store = Store(tmp_path / "copy")
+    shutil.copytree(session.store.folder, store.folder)
+    summary = copy.deepcopy(session.summary)
+    frames = store.load_frames()
+    store.save_frames_header(Frames((evil, *frames.names[1:]), frames.codes, frames.gain))
+    summary["capture"]["frames_table"][0]["name"] = evil
+    summary["compare"]["lights"]["frames"][0].update(name=evil, flags=[evil])
+    summary["solve"]["methods"]["ls"]["settings"] = {evil: evil}
+    summary["versions"][evil] = evil
+    summary["arguments"] = {evil: [evil]}
+    summary["calibrate"].update(model=evil, evidence=[evil])
+    summary["truth_check"] = {evil: {"value": 1.0, "unit": evil, "bar": 2.0, "text": evil}}
+    summary["warnings"] = [{"step": evil, "text": evil}]
+    page = Page(write_report(store, summary))
+    assert_self_contained(page)
+    assert "<script>evil" not in page.source
+    assert not [values for _, values in page.tags if "onerror" in values]
+    assert all(evil not in script for script in page.scripts)
+
+
+def test_every_warning_is_shown_with_its_step_and_counted(page):
+    text = page.texts["warnings"]
+    assert "check flash_012: 2.1 % of the object is clipped" in text
+    assert "calibrate ball 2: <b>no highlight</b> in flash_012" in text
+    assert "solve iterative: 3 pixels see fewer than four lit samples" in text
+    assert "3 warnings" in page.texts["verdict"]
+
+
+def test_a_warning_that_is_listed_twice_is_shown_once(session):
+    summary = copy.deepcopy(session.summary)
+    summary["warnings"] += [
+        {"step": "solve", "text": "iterative: 3 pixels see fewer than four lit samples"},
+        {"step": "twin", "text": "twin: fell back"},
+    ]
+    summary["twin"]["warnings"] = ["fell back"]
+    text = Page(write_report(session.store, summary)).texts
+    assert text["warnings"].count("fewer than four lit") == 1
+    assert text["warnings"].count("fell back") == 1
+    assert "4 warnings" in text["verdict"]
+
+
+def test_chapters_lead_to_sections_that_exist(page):
+    targets = [values["href"] for values in page.all("a")]
+    assert len(targets) >= 13
+    assert {target.removeprefix("#") for target in targets if target} <= set(page.texts)
+
+
+def test_the_outline_lies_on_the_ball_and_the_highlights_inside(page, session):
+    """The drawing counts from the crop's corner: half a pixel, or a swapped axis, would show here."""
+    spheres, camera = session.store.load_spheres(), session.store.load_camera()
+    frames = session.store.load_frames()
+    drawings = re.findall(r'<svg viewBox="0 0 (\d+) (\d+)"[^>]*highlights">(.*?)</svg>', page.source)
+    assert len(drawings) == 3
+    brightest = frames.read().max(0).sum(-1)
+    for sphere, (width, height, shapes) in zip(spheres, drawings, strict=True):
+        points = np.array([pair.split(",") for pair in re.findall(r'points="([^"]*)"', shapes)[1].split()], float)
+        v, u = np.nonzero(sphere.mask(camera))
+        # Of the ball's own pixels, half a pixel in from the outline on all sides.
+        assert np.ptp(points[:, 0]) == pytest.approx(u.max() - u.min() + 1, abs=1.2)
+        offset = points.min(0) - [u.min(), v.min()]
+        for cross in re.findall(r'class="highlight" d="M([\d.]+),([\d.]+)H([\d.]+)', shapes):
+            left, row, right = map(float, cross)
+            column, line = (left + right) / 2 - offset[0], row - offset[1]
+            around = brightest[round(line) - 2 : round(line) + 3, round(column) - 2 : round(column) + 3]
+            assert around.max() > 0.3
+        assert points.min() >= 0
+        assert (points.max(0) <= [int(width), int(height)]).all()
+
+
+def test_statistics_on_the_page_are_those_of_the_comparison(page, session):
+    for name, row in session.summary["compare"]["methods"].items():
+        for kind in ("real", "twin"):
+            assert f"{name} {kind}" in page.texts["statistics"]
+            assert f"{row[kind]['mean_deg']:.2f}" in page.texts["statistics"]
+            assert f"median {row[kind]['median_deg']:.2f}°" in page.texts["errors"]
+
+
+def without(session, tmp_path, *paths: str) -> Store:
+    store = Store(tmp_path / "part")
+    shutil.copytree(session.store.folder, store.folder)
+    for path in paths:
+        target = store.path(path)
+        shutil.rmtree(target) if target.is_dir() else target.unlink()
+    return store
+
+
+@pytest.mark.parametrize(
+    ("paths", "keys", "section", "reason"),
+    [
+        (("frames",), ("capture",), "frames", "not in this folder"),
+        (("spheres.json", "calibration.json"), (), "balls", "No ball"),
+        (("lights.json",), ("calibrate",), "lights", "No lights"),
+        (("normals/truth.npy", "pose.json"), ("align",), "errors", "No ground truth"),
+        (("normals/truth.npy", "pose.json"), ("align",), "statistics", "which tells where they disagree"),
+        (("pose.json",), ("align",), "registration", "No scan was registered"),
+        (("mask.png", "normals/truth.npy"), (), "registration", "No scan and no mask"),
+        (("twin",), ("twin",), "twin", "No twin was rendered"),
+        (("twin",), ("twin",), "errors", "not rendered"),
+        (("twin",), ("twin",), "statistics", "No twin"),
+        (("normals", "twin"), (), "normals", "No normals"),
+        ((), ("solve",), "time", "No method's time"),
+        (("camera.json",), ("camera",), "balls", "Its camera or its place"),
+    ],
+)
+def test_a_part_that_is_missing_is_said_to_be_missing(session, tmp_path, paths, keys, section, reason):
+    store = without(session, tmp_path, *paths)
+    summary = {key: value for key, value in session.summary.items() if key not in keys}
+    summary["compare"] = compare(store)
+    page = Page(write_report(store, summary))
+    assert reason in page.texts[section]
+    assert_self_contained(page)
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "name",
+        "created",
+        "versions",
+        "arguments",
+        "seconds",
+        "warnings",
+        "capture",
+        "camera",
+        "calibrate",
+        "align",
+        "solve",
+        "twin",
+        "compare",
+        "truth_check",
+    ],
+)
+def test_any_part_of_the_summary_may_be_missing_or_null(session, key):
+    for summary in ({k: v for k, v in session.summary.items() if k != key}, {**session.summary, key: None}):
+        assert_self_contained(Page(write_report(session.store, summary)))
+
+
+def test_an_empty_folder_gets_an_honest_page(tmp_path):
+    page = Page(write_report(Store(tmp_path / "nothing"), {}))
+    assert "good" not in re.findall(r'class="badge (\w+)"', page.source)
+    assert len(page.all("img")) == 0
+    assert page.source.count('class="absent"') >= 8
+
+
+def test_given_lights_an_orthographic_camera_and_balls_apart(session, tmp_path):
+    """What a session without balls in the frames gives: distant lights, no sigmas, no pictures of the balls."""
+    store = without(session, tmp_path, "pose.json", "normals/truth.npy", "normals/truth_sigma.npy", "twin")
+    camera = Camera.orthographic(160, 120)
+    store.save_camera(camera)
+    lights = store.load_lights()
+    store.save_lights(Lights(lights.names, lights.directions, lights.intensities))
+    rows = store.read_json("spheres.json")
+    for row in rows:
+        row.update(apart=True, diameter_mm=None, center_mm=None)
+    write_json(store.path("spheres.json"), rows)
+    summary = {**session.summary, "camera": store.read_json("camera.json"), "align": None, "twin": None}
+    summary["calibrate"] = {"model": "distant", "direction_sigma_deg_median": None}
+    summary["compare"] = compare(store)
+    page = Page(write_report(store, summary))
+    assert "orthographic" in page.texts["verdict"]
+    assert "taken as distant" in page.texts["lights"]
+    assert "not known" in page.texts["lights"]
+    assert page.texts["balls"].count("Photographed apart") == 3
+    assert "seen from above" not in page.source
+
+
+def test_a_large_session_stays_below_fifteen_megabytes(tmp_path):
+    """Noise everywhere: nothing compresses, no real session is larger."""
+    rng, store = np.random.default_rng(3), Store(tmp_path / "large")
+    height, width, count = 525, 700, 100
+    codes = rng.integers(2048, 62048, (count, height // 3, width // 3, 3), dtype=np.uint16)
+    names = tuple(f"flash_{i:03d}" for i in range(count))
+    store.save_frames(Frames(names, codes, np.ones(count)))
+    normals = unit(rng.normal(0, 1, (height, width, 3)) + [0, 0, 2])
+    store.save_truth(normals, np.full((height, width), 0.1))
+    store.save_mask(np.ones((height, width), bool))
+    methods = ("ls", "rpca", "iterative", "hsh", "ldr", "entropy", "tv")
+    for name in methods:
+        for place in ("normals", "twin/normals"):
+            path = store.path(place, f"{name}.npy")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            np.save(path, unit(rng.normal(0, 1, (height, width, 3)) + [0, 0, 2]).astype(np.float32))
+    path = write_report(store, {"compare": compare(store)})
+    assert len(Page(path).all("img")) == count + 1 + 15 + 14
+    assert path.stat().st_size < 15e6
+
+
+def test_a_browser_draws_every_chart_and_refuses_nothing(session, page, tmp_path):
+    browser = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
+    if browser is None:
+        pytest.skip("no Chromium on this machine")
+    path = write_report(session.store, session.summary)
+    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=9000", "--enable-logging=stderr"]
+    done = subprocess.run(
+        [browser, *flags, f"--user-data-dir={tmp_path}", "--window-size=1280,900", "--dump-dom", path.as_uri()],
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    drawn = re.findall(r'id="(chart-[\w-]+)" class="[^"]*js-plotly-plot', done.stdout)
+    assert set(drawn) == set(re.findall(r'<div id="(chart-[\w-]+)"', page.source))
+    assert len(drawn) == 6
+    assert "CONSOLE" not in done.stderr, [line for line in done.stderr.splitlines() if "CONSOLE" in line]

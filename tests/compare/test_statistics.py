@@ -1,0 +1,125 @@
+"""Statistics against cases worked by hand, and their laws."""
+
+import numpy as np
+import pytest
+
+from compare.statistics import angular_statistics, common_rotation, error_correlation
+from scene.normals import unit
+from scene.pose import rotation_from_vector
+
+NAN = np.nan
+
+
+def test_every_statistic_of_a_case_worked_by_hand():
+    found = angular_statistics(np.array([[0.0, 10.0, NAN], [5.0, 1.0, 4.0]]))
+    # 0, 1, 4, 5, 10: mean 4, squares 16 + 9 + 0 + 1 + 36 = 62; 5 and 10 themselves are not under 5 and 10.
+    assert found == pytest.approx(
+        {
+            "min_deg": 0,
+            "max_deg": 10,
+            "mean_deg": 4,
+            "median_deg": 4,
+            "std_deg": np.sqrt(62 / 5),
+            "q1_deg": 1,
+            "q3_deg": 5,
+            "under_5_deg": 3 / 5,
+            "under_10_deg": 4 / 5,
+            "pixels": 5,
+        },
+        abs=1e-12,
+    )
+
+
+def test_quartiles_interpolate_between_pixels():
+    found = angular_statistics(np.array([0.0, 1.0, 2.0, 10.0]))
+    assert (found["q1_deg"], found["median_deg"], found["q3_deg"]) == (0.75, 1.5, 4.0)
+
+
+def test_neither_the_order_of_pixels_nor_unknown_ones_matter():
+    rng = np.random.default_rng(1)
+    error = rng.exponential(5, (40, 30)).astype(np.float32)
+    shuffled = np.concatenate([rng.permutation(error.ravel()), np.full(99, NAN)])
+    assert angular_statistics(shuffled) == pytest.approx(angular_statistics(error), rel=1e-12)
+
+
+def test_a_mask_leaves_pixels_out():
+    error = np.array([1.0, 2.0, 90.0, NAN])
+    assert angular_statistics(error, mask=np.array([True, True, False, True])) == angular_statistics(error[:2])
+
+
+def test_no_pixel_is_no_statistic_rather_than_zero():
+    found = angular_statistics(np.full((3, 3), NAN))
+    assert found.pop("pixels") == 0
+    assert np.isnan(list(found.values())).all()
+
+
+def test_a_map_is_wholly_correlated_with_itself_and_with_its_multiples():
+    rng = np.random.default_rng(2)
+    real = rng.exponential(4, 500)
+    assert error_correlation(real, real) == {
+        "pearson": 1.0,
+        "spearman": pytest.approx(1.0),
+        "median_difference_deg": 0.0,
+        "pixels": 500,
+    }
+    found = error_correlation(real, 2 * real + 3)
+    assert found["pearson"] == pytest.approx(1)
+    assert found["median_difference_deg"] == pytest.approx(-np.median(real) - 3)
+
+
+def test_ranks_see_what_values_do_not():
+    real = np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    found = error_correlation(real, 100.0 / real**3)
+    assert found["spearman"] == pytest.approx(-1)
+    assert -1 < found["pearson"] < -0.5
+
+
+def test_correlation_worked_by_hand_with_ties_and_unknown_pixels():
+    real = np.array([1.0, 2.0, 2.0, 3.0, NAN, 50.0])
+    twin = np.array([2.0, 1.0, 3.0, 6.0, 70.0, NAN])
+    found = error_correlation(real, twin)
+    # Values: cov = ((-1)(-1) + 0 + 0 + (1)(3)) / 4 = 1; var = 2 / 4, 14 / 4.
+    # Ranks: 1, 2.5, 2.5, 4 and 2, 1, 3, 4: centred products 0.75 + 0 + 0 + 2.25 = 3; squares 4.5 and 5.
+    assert found["pixels"] == 4
+    assert found["pearson"] == pytest.approx(4 / np.sqrt(2 * 14))
+    assert found["spearman"] == pytest.approx(3 / np.sqrt(4.5 * 5))
+    assert found["median_difference_deg"] == 2 - 2.5
+
+
+def test_permuting_both_maps_alike_changes_nothing_and_one_alone_breaks_it():
+    rng = np.random.default_rng(3)
+    real = rng.exponential(4, 2000)
+    twin = real + rng.normal(0, 1, 2000)
+    order = rng.permutation(2000)
+    assert error_correlation(real[order], twin[order]) == pytest.approx(error_correlation(real, twin))
+    assert abs(error_correlation(real[order], twin)["pearson"]) < 0.1
+
+
+@pytest.mark.parametrize("twin", [np.full(9, 3.0), np.full(9, NAN)], ids=["constant", "unknown"])
+def test_without_a_pattern_there_is_no_correlation(twin):
+    found = error_correlation(np.arange(9.0), twin)
+    assert np.isnan(found["pearson"])
+    assert np.isnan(found["spearman"])
+
+
+def test_maps_of_different_shape_are_a_fault_of_ours():
+    with pytest.raises(ValueError, match=r"\(3,\) and \(4,\)"):
+        error_correlation(np.zeros(3), np.zeros(4))
+
+
+def test_a_common_turn_is_found_whole_and_with_its_sense():
+    rng = np.random.default_rng(4)
+    truth = unit(rng.normal(0, 1, (300, 3)) + [0, 0, 1.5])
+    turn = rotation_from_vector(np.radians([3.0, -7.0, 12.0]))
+    estimate = truth @ turn.T
+    found = common_rotation(truth.T @ estimate)
+    assert found is not None
+    # It undoes the turn of the estimate: its own inverse turns the truth into it.
+    np.testing.assert_allclose(found, turn.T, atol=1e-12)
+    assert np.linalg.det(found) == pytest.approx(1)
+
+
+def test_a_plane_has_no_common_turn():
+    truth = np.tile([0.0, 0.0, 1.0], (50, 1))
+    assert common_rotation(truth.T @ truth) is None
+    assert common_rotation(np.full((3, 3), NAN)) is None

@@ -1,0 +1,159 @@
+"""The verdict follows the numbers: no praise that they do not carry, no silence about what is missing."""
+
+import copy
+from typing import Any
+
+import pytest
+
+from compare.page import number, percent, plain
+from compare.verdict import verdict
+
+
+def statistics(median: float) -> dict[str, Any]:
+    return {"median_deg": median, "q3_deg": 2 * median, "under_10_deg": 0.8, "under_5_deg": 0.5, "pixels": 1000}
+
+
+def summary_of(median: float = 2.0, twin: float = 1.8, pearson: float = 0.9) -> dict[str, Any]:
+    return {
+        "calibrate": {"model": "near", "direction_sigma_deg_median": 0.2, "intensity_sigma_median": 0.01},
+        "align": {"residual_px": 0.5, "sigma_deg": 0.1},
+        "camera": {"projection": "perspective", "source": "session.toml"},
+        "capture": {"ambient": True},
+        "compare": {
+            "has_truth": True,
+            "truth": {"pixels": 1000, "sigma_deg_median": 0.3},
+            "lights": {"count": 12, "model": "near", "frames": []},
+            "methods": {
+                "ls": {
+                    "real": statistics(median),
+                    "twin": statistics(twin),
+                    "coverage": 1.0,
+                    "pearson": pearson,
+                    "spearman": pearson,
+                    "median_difference_deg": median - twin,
+                    "real_rotation_deg": 0.1,
+                    "real_median_unrotated_deg": median,
+                }
+            },
+        },
+    }
+
+
+def levels(summary: dict[str, Any]) -> dict[str, str]:
+    return {statement.topic: statement.level for statement in verdict(summary)}
+
+
+def text_of(summary: dict[str, Any], topic: str) -> str:
+    return next(statement.text for statement in verdict(summary) if statement.topic == topic)
+
+
+def test_all_is_good_when_every_number_is():
+    assert set(levels(summary_of()).values()) == {"good"}
+
+
+@pytest.mark.parametrize(("median", "level"), [(5.0, "good"), (5.1, "care"), (10.0, "care"), (10.1, "bad")])
+def test_the_median_error_decides_on_the_normals(median, level):
+    assert levels(summary_of(median, median))["Normals"] == level
+    assert f"{median:.1f}°" in text_of(summary_of(median, median), "Normals")
+
+
+@pytest.mark.parametrize(("pearson", "level"), [(0.9, "good"), (0.5, "care"), (0.1, "bad"), (-0.8, "bad")])
+def test_the_error_patterns_decide_on_the_twin(pearson, level):
+    assert levels(summary_of(pearson=pearson))["Twin"] == level
+
+
+def test_a_twin_that_fails_alike_but_much_less_is_not_called_good():
+    assert levels(summary_of(4.5, 1.0))["Twin"] == "care"
+
+
+@pytest.mark.parametrize(
+    ("part", "key", "value", "topic", "level"),
+    [
+        ("align", "residual_px", 2.0, "Ground truth", "care"),
+        ("align", "residual_px", 9.0, "Ground truth", "bad"),
+        ("calibrate", "direction_sigma_deg_median", 2.0, "Lights", "care"),
+        ("calibrate", "direction_sigma_deg_median", 9.0, "Lights", "bad"),
+        ("calibrate", "direction_sigma_deg_median", None, "Lights", "unknown"),
+        ("camera", "projection", "orthographic", "Camera", "care"),
+        ("camera", "source", "EXIF", "Camera", "care"),
+        ("capture", "ambient", False, "Ambient light", "care"),
+    ],
+)
+def test_each_number_moves_its_own_topic(part, key, value, topic, level):
+    summary = summary_of()
+    summary[part][key] = value
+    found = levels(summary)
+    assert found.pop(topic) == level
+    assert set(found.values()) == {"good"}
+
+
+def test_few_answers_and_suspicious_lights_lower_the_level():
+    summary = summary_of()
+    summary["compare"]["methods"]["ls"]["coverage"] = 0.4
+    summary["compare"]["lights"]["frames"] = [{"name": "flash_3", "flags": ["weak"]}]
+    assert levels(summary)["Normals"] == "care"
+    assert "40\u202f%" in text_of(summary, "Normals")
+    assert levels(summary)["Lights"] == "care"
+    assert "flash_3" in text_of(summary, "Lights")
+
+
+def test_a_truth_as_uncertain_as_the_error_is_said_to_be_so():
+    summary = summary_of(0.5, 0.5)
+    assert levels(summary)["Ground truth"] == "care"
+    assert "the truth's own" in text_of(summary, "Ground truth")
+
+
+def test_a_common_tilt_points_to_lights_or_pose():
+    summary = summary_of()
+    row = summary["compare"]["methods"]["ls"]
+    row["real_rotation_deg"], row["real_median_unrotated_deg"] = 1.9, 0.4
+    assert levels(summary)["Common tilt"] == "care"
+
+
+def test_without_truth_nothing_is_called_good_and_disagreement_is_told():
+    summary = summary_of()
+    del summary["align"]
+    summary["compare"] = {
+        "has_truth": False,
+        "methods": {"ls": {"real": None, "twin": None}, "hsh": {"real": None, "twin": None}},
+        "between_methods": [{"a": "ls", "b": "hsh", "median_deg": 8.5, "q3_deg": 20.25, "pixels": 9}],
+        "lights": {"count": 12, "model": "near", "frames": []},
+    }
+    assert levels(summary) == {"Normals": "unknown", "Lights": "good"}
+    text = text_of(summary, "Normals")
+    assert "not known" in text
+    assert "8.5°" in text
+
+
+def test_the_best_method_is_the_one_with_the_smallest_median():
+    summary = summary_of(6.0, 6.0)
+    summary["compare"]["methods"]["<i>tv"] = copy.deepcopy(summary_of(3.0, 3.0)["compare"]["methods"]["ls"])
+    assert levels(summary)["Normals"] == "good"
+    assert levels(summary)["Other methods"] == "care"
+    assert "<i>tv:" in text_of(summary, "Normals")
+    assert all("<i>" not in statement.html for statement in verdict(summary))
+
+
+def test_an_empty_summary_promises_nothing():
+    assert set(levels({}).values()) == {"unknown"}
+
+
+@pytest.mark.parametrize(
+    ("html", "text"),
+    [
+        (number(3.14159, 2, "°"), "3.14°"),
+        (number(-0.004, 2, "px"), "−0.004\u202fpx"),
+        (number(0.0, 2), "0.00"),
+        (number(1234567), "1\u202f234\u202f567"),
+        (number(None), "unknown"),
+        (number(float("nan")), "unknown"),
+        (number(True), "unknown"),
+        (percent(0.123), "12\u202f%"),
+        (percent(1.0), "100\u202f%"),
+        (percent(0.997), "99.7\u202f%"),
+        (percent(0.99999), "over 99.9\u202f%"),
+        (percent(0.00001), "under 0.1\u202f%"),
+    ],
+)
+def test_numbers_are_neither_rounded_to_nothing_nor_to_everything(html, text):
+    assert plain(html) == text
