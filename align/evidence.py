@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from align.embree import RayCaster
 from align.motion import nudge
 from align.refine import Term, information, robust_sigma
-from align.rim import Rim, find_rim, locate_edges, sample, signed_distance
-from align.shading import Explained, Samples, explain, find_shadows, light_vectors, surface
+from align.rim import Rim, find_rim, locate_edges, outline_jacobian, sample, signed_distance
+from align.shading import Samples, choose, explain, find_shadows, light_vectors, surface
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -29,12 +29,19 @@ def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Ar
 
 def _moved_normals(
     caster: RayCaster, camera: Camera, pose: Pose, pixels: NDArray, steps: Array
-) -> list[tuple[float, Array]]:
+) -> list[tuple[float, Array, Array]]:
+    """Return, for each twist, its step and the normals that pixels see after and before it.
+
+    Central differences: a scan's noise makes its normals differ from themselves one facet on, and a one-sided
+    difference would take that for a slope against the residual (a bias of some tenths of a pixel).
+    """
     pivot = pose.apply(caster.mesh.center_mm)
     moved = []
     for axis, step in enumerate(steps):
-        after = nudge(pose, np.eye(6)[axis] * step, pivot) if step else pose
-        moved.append((step or 1.0, surface(caster, camera, after, pixels)[1]))
+        sides = [
+            surface(caster, camera, nudge(pose, np.eye(6)[axis] * step * sign, pivot), pixels)[1] for sign in (1, -1)
+        ]
+        moved.append((step or 1.0, sides[0], sides[1]))
     return moved
 
 
@@ -82,7 +89,7 @@ class RoughEvidence:
         # The slope of the mask's distance, not of the outline's: it is what the residual follows.
         ahead = [sample(self.distance, rim.pixels + d * rim.outward) for d in (-1.0, 0.0, 1.0)]
         slope = (ahead[2] - ahead[0]) / 2
-        jacobian = rim.jacobian(self.camera, pivot) * slope[:, None]
+        jacobian = outline_jacobian(self.camera, rim.points, rim.outward, pivot) * slope[:, None]
         outline = Term(
             ahead[1] / reach,
             jacobian / reach,
@@ -94,9 +101,9 @@ class RoughEvidence:
         scale = 0.5
         residual = np.where(seen[:, None], (normals - self.targets) / scale, 3.0)
         slopes = np.zeros((*residual.shape, 6))
-        for axis, (step, after) in enumerate(_moved_normals(caster, self.camera, pose, self.pixels, steps)):
-            both = seen & np.isfinite(after[:, 0])
-            slopes[both, :, axis] = (after[both] - normals[both]) / (step * scale)
+        for axis, (step, after, before) in enumerate(_moved_normals(caster, self.camera, pose, self.pixels, steps)):
+            both = seen & np.isfinite(after[:, 0]) & np.isfinite(before[:, 0])
+            slopes[both, :, axis] = (after[both] - before[both]) / (2 * step * scale)
         flat = slopes.reshape(-1, 6)
         normal_term = Term(residual.ravel(), flat, np.zeros(len(flat), np.int64), weight=3.0)
         return [outline, normal_term]
@@ -104,7 +111,11 @@ class RoughEvidence:
 
 @dataclass(frozen=True)
 class FinalEvidence:
-    """Outline against the photographs' edges, and the shading of all frames, at full resolution."""
+    """Outline against the photographs' edges, and the shading of all frames, at full resolution.
+
+    What depends on the pose in jumps (which points make the outline, where the picture's edge lies, which
+    samples are lit) is fixed at `pose`; `renewed` takes it again elsewhere.
+    """
 
     caster: RayCaster
     camera: Camera
@@ -114,16 +125,23 @@ class FinalEvidence:
     picture: NDArray[np.float32]
     samples: Samples
     cells: int
-    pose: Pose
-    reach_px: float
-    shadows: NDArray[np.bool_]
     block_px: float
+    pose: Pose
     rim: Rim
+    rim_on_scan: Array
+    """(K, 3), mm, scan frame: the outline's points that have an edge in the picture."""
+    edges: Array
+    """(K, 2) pixels: where those edges are."""
+    outward: Array
+    """(K, 2)."""
+    used: NDArray[np.bool_]
+    """(N, P): samples lit."""
     rim_sigma: float = 1.0
-    rim_share: float = 0.0
-    rim_count: int = 0
-    residual_px: float = np.inf
     shading_sigma: float = 0.1
+    rim_share: float = 0.0
+    residual_px: float = np.inf
+    bias_px: float = 0.0
+    """How far outside the picture's edges the scan's outline lies on the whole."""
     weights: tuple[float, float] = (1.0, 1.0)
     informations: tuple[Array, ...] = ()
     cost: float = np.inf
@@ -133,60 +151,68 @@ class FinalEvidence:
         cls,
         caster: RayCaster,
         camera: Camera,
-        frames: Frames,
         lights: Lights,
         mask: NDArray[np.bool_],
+        picture: NDArray[np.float32],
         samples: Samples,
         pose: Pose,
         *,
         cells: int,
         reach_px: float,
     ) -> "FinalEvidence":
+        """Take the evidence about `pose`; the outline is looked for within `reach_px`."""
+        distance = signed_distance(mask)
+        rim = find_rim(caster, camera, pose, cells=cells)
+        offset = locate_edges(picture, rim.pixels, rim.outward, reach_px=reach_px)
+        at = rim.pixels + np.nan_to_num(offset)[:, None] * rim.outward
+        # An edge far from the mask's border is one inside the object, or of a cast shadow.
+        seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < 4)
+
+        points, normals = surface(caster, camera, pose, samples.pixels)
+        shadows = find_shadows(caster, lights, pose, points, normals)
+        used = choose(samples, normals, _vectors(lights, points), shadows)
         v, u = np.nonzero(mask)
-        block = max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16)
-        nothing = np.zeros(samples.values.shape, bool)
-        evidence = cls(
-            caster, camera, lights, mask, signed_distance(mask), mean_picture(frames, lights, mask), samples, cells,
-            pose, reach_px, nothing, block, find_rim(caster, camera, pose, cells=cells),
+        here = cls(
+            caster, camera, lights, mask, distance, picture, samples, cells,
+            max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16), pose,
+            rim, pose.inverse().apply(rim.points[seen]), at[seen], rim.outward[seen], used,
         )  # fmt: skip
-        return evidence.renewed(pose, reach_px=reach_px)
+        return here._weighed(np.where(seen, offset, np.nan))
 
     def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
-        """Return the evidence about `pose`: cast shadows, robust scales, and the terms' weights anew."""
-        points, normals = surface(self.caster, self.camera, pose, self.samples.pixels)
-        shadows = find_shadows(self.caster, self.lights, pose, points, normals)
-        here = replace(self, pose=pose, reach_px=reach_px, shadows=shadows)
-        rim, offset, used = here._outline(pose)
-        explained = here._shading(pose, with_jacobian=False)
-        rim_sigma = max(robust_sigma(offset[used]), 0.05)
-        near = np.abs(offset[used]) < 3 * rim_sigma
+        """Return the evidence taken again about `pose`."""
+        return FinalEvidence.of(
+            self.caster, self.camera, self.lights, self.mask, self.picture, self.samples, pose,
+            cells=self.cells, reach_px=reach_px,
+        )  # fmt: skip
+
+    def _weighed(self, offset: Array) -> "FinalEvidence":
+        """Return the evidence with robust scales, the terms' weights and information; `offset` (all rim points), px."""
+        found = -offset[np.isfinite(offset)]
+        bias = float(np.median(found)) if len(found) else 0.0
+        rim_sigma = max(robust_sigma(found - bias), 0.05)
+        inliers = found[np.abs(found - bias) < 3 * rim_sigma]
+        residuals = self._shading(self.pose, with_jacobian=False)[0]
         here = replace(
-            here,
-            rim=rim,
+            self,
             rim_sigma=rim_sigma,
-            rim_share=float(used.mean()) if len(used) else 0.0,
-            rim_count=int(used.sum()),
-            residual_px=float(np.sqrt(np.mean(offset[used][near] ** 2))) if near.any() else np.inf,
-            shading_sigma=max(robust_sigma(explained.residuals[explained.used]), 0.005),
-            weights=(1.0, 1.0),
+            bias_px=bias,
+            rim_share=len(found) / max(len(offset), 1),
+            residual_px=float(np.sqrt(np.mean(inliers**2))) if len(inliers) else np.inf,
+            shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
+            cost=self._fixed_cost(offset, residuals),
         )
-        terms = here.terms(pose)
         weights, matrices = [], []
-        scales = small_steps(self.caster.mesh, self.camera, pose, step_px=1.0)
-        for term in terms:
+        scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
+        for term in here.terms(self.pose):
             hessian, scatter = information(term, 1 / 3)
             hessian, scatter = (m * scales * scales[:, None] for m in (hessian, scatter))
             # How much more a term's residuals err together than alone: its design effect.
             effect = max(1.0, float(np.trace(np.linalg.pinv(hessian, rcond=1e-9) @ scatter)) / 6)
             weights.append(9 * len(term.residuals) / effect)
             matrices.append(hessian / effect)
-        total = sum(weights)
-        return replace(
-            here,
-            weights=(weights[0] / total, weights[1] / total),
-            informations=tuple(matrices),
-            cost=here._fixed_cost(offset, used, explained),
-        )
+        total = max(sum(weights), 1e-12)
+        return replace(here, weights=(weights[0] / total, weights[1] / total), informations=tuple(matrices))
 
     def covariance(self) -> Array:
         """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen."""
@@ -194,53 +220,53 @@ class FinalEvidence:
         return np.linalg.pinv(sum(self.informations), rcond=1e-12, hermitian=True) * scales * scales[:, None]
 
     def terms(self, pose: Pose) -> list[Term]:
-        """Return outline and shading as terms, in units of three sigma."""
+        """Return outline and shading at a pose, in units of three sigma."""
         pivot = pose.apply(self.caster.mesh.center_mm)
-        rim, offset, used = self._outline(pose)
+        points = pose.apply(self.rim_on_scan)
+        pixels = self.camera.project(points)
         unit = 3 * self.rim_sigma
-        jacobian = rim.jacobian(self.camera, pivot)[used]
-        outline = Term(offset[used] / unit, jacobian / unit, self._blocks(rim.pixels[used]), self.weights[0])
-        explained = self._shading(pose, with_jacobian=True)
-        assert explained.jacobian is not None
+        # Limbs darken, and the steepest place of a blurred limb lies inside the true outline by an amount that
+        # is much the same all round: `bias_px` takes it up instead of the depth.
+        offset = np.einsum("kp,kp->k", pixels - self.edges, self.outward) - self.bias_px
+        jacobian = outline_jacobian(self.camera, points, self.outward, pivot)
+        pull = 1 / (1 + (offset / unit) ** 2) ** 2
+        if len(offset):
+            jacobian = jacobian - pull @ jacobian / pull.sum()
+            offset = offset - pull @ offset / pull.sum()
+        outline = Term(offset / unit, jacobian / unit, self._blocks(self.edges), self.weights[0])
+        residuals, slopes = self._shading(pose, with_jacobian=True)
+        assert slopes is not None
         unit = 3 * self.shading_sigma
-        which = explained.used
-        blocks = np.broadcast_to(self._blocks(self.samples.pixels), which.shape)[which]
+        blocks = np.broadcast_to(self._blocks(self.samples.pixels), self.used.shape)[self.used]
         shading = Term(
-            explained.residuals[which] / unit,
-            explained.jacobian[which].astype(np.float64) / unit,
-            blocks,
-            self.weights[1],
+            residuals[self.used] / unit, slopes[self.used].astype(np.float64) / unit, blocks, self.weights[1]
         )
         return [outline, shading]
 
-    def _outline(self, pose: Pose) -> tuple[Rim, Array, NDArray[np.bool_]]:
-        """Return the rim, how far it lies outside the picture's edge (K,), px, and where that is known."""
-        rim = find_rim(self.caster, self.camera, pose, cells=self.cells)
-        offset = -locate_edges(self.picture, rim.pixels, rim.outward, reach_px=self.reach_px)
-        # An edge far from the mask's border is one inside the object, or of a cast shadow.
-        at_edge = sample(self.distance, rim.pixels - np.nan_to_num(offset)[:, None] * rim.outward)
-        return rim, offset, np.isfinite(offset) & (np.abs(at_edge) < 4)
-
-    def _shading(self, pose: Pose, *, with_jacobian: bool) -> Explained:
+    def _shading(self, pose: Pose, *, with_jacobian: bool) -> tuple[Array, NDArray[np.float32] | None]:
         pixels = self.samples.pixels
         points, normals = surface(self.caster, self.camera, pose, pixels)
-        vectors = light_vectors(self.lights, np.where(np.isfinite(points), points, self.lights.reference_point_mm))
         steps = small_steps(self.caster.mesh, self.camera, pose, step_px=0.7)
         moved = _moved_normals(self.caster, self.camera, pose, pixels, steps) if with_jacobian else None
-        return explain(self.samples, normals, vectors, self.shadows, moved)
+        return explain(self.samples, self.used, normals, _vectors(self.lights, points), moved)
 
-    def _fixed_cost(self, offset: Array, used: NDArray[np.bool_], explained: Explained) -> float:
+    def _fixed_cost(self, offset: Array, residuals: Array) -> float:
         """Return a cost whose scales do not follow the residuals, to compare poses by."""
         miss = 1 - self.rim.overlap(self.mask)
-        outline = np.where(used, np.nan_to_num(offset), 10.0) / 2
-        relative = np.abs(explained.residuals[explained.used]) / 0.1
-        seen = explained.used.any(0).mean()
+        outline = np.nan_to_num(offset, nan=10.0) / 2
+        relative = residuals[self.used] / 0.1
+        seen = float(self.used.any(0).mean())
         shading = float(np.mean(relative**2 / (1 + relative**2))) if relative.size else 1.0
-        return miss + float(np.mean(outline**2 / (1 + outline**2))) + seen * shading + (1 - seen)
+        edge = float(np.mean(outline**2 / (1 + outline**2))) if outline.size else 1.0
+        return miss + edge + seen * shading + (1 - seen)
 
     def _blocks(self, pixels: NDArray) -> NDArray[np.int64]:
         cell = (pixels / self.block_px).astype(np.int64)
         return cell[:, 1] * 100_000 + cell[:, 0]
+
+
+def _vectors(lights: Lights, points: Array) -> Array:
+    return light_vectors(lights, np.where(np.isfinite(points), points, lights.reference_point_mm))
 
 
 def mean_picture(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> NDArray[np.float32]:

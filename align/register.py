@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from align.evidence import FinalEvidence, RoughEvidence, small_steps
+from align.evidence import FinalEvidence, RoughEvidence, mean_picture, small_steps
 from align.refine import descend
 from align.shading import surface, take_samples
 from align.start import Start, find_starts
@@ -120,12 +120,17 @@ def register(
     rough = _refine_roughly(caster, camera, mask, normals, starts, executor, lambda done: tell(1 + done, total))
 
     count = int(np.clip(600_000 / len(frames), 3000, 40_000))
+    picture = mean_picture(frames, lights, mask)
     finalists = []
     for done, (pose, _) in enumerate(rough[:FINALISTS]):
-        finalists.append(_finish(caster, camera, frames, lights, mask, pose, count=count // 8, cells=160, rounds=2))
+        finalists.append(
+            _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 8, cells=160, rounds=2)
+        )
         tell(2 + STARTS + done, total)
     finalists.sort(key=lambda item: item[1].cost)
-    pose, evidence = _finish(caster, camera, frames, lights, mask, finalists[0][0], count=count, cells=400, rounds=3)
+    pose, evidence = _finish(
+        caster, camera, frames, lights, mask, picture, finalists[0][0], count=count, cells=400, rounds=4
+    )
     tell(total, total)
 
     covariance = evidence.covariance()
@@ -133,7 +138,7 @@ def register(
         "overlap": evidence.rim.overlap(mask),
         "normals_deg": _normals_deg(caster, camera, pose, mask, normals),
         "shading": evidence.shading_sigma,
-        "rim_points": float(evidence.rim_count),
+        "rim_points": float(len(evidence.edges)),
         "rim_share": evidence.rim_share,
         "cost": finalists[0][1].cost,
     }
@@ -254,6 +259,7 @@ def _finish(
     frames: Frames,
     lights: Lights,
     mask: NDArray[np.bool_],
+    picture: NDArray[np.float32],
     pose: Pose,
     *,
     count: int,
@@ -262,11 +268,11 @@ def _finish(
 ) -> tuple[Pose, FinalEvidence]:
     """Refine on outline and shading; shadows, scales and weights are renewed each round."""
     samples = take_samples(frames, lights, mask, count=count)
-    evidence = FinalEvidence.of(caster, camera, frames, lights, mask, samples, pose, cells=cells, reach_px=6.0)
+    evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=6.0)
     for index in range(rounds):
         scales = small_steps(caster.mesh, camera, pose, step_px=0.5)
-        pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(caster.mesh.center_mm), scales, steps=8)
-        evidence = evidence.renewed(pose, reach_px=3.0 if index == 0 else 2.0)
+        pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(caster.mesh.center_mm), scales, steps=6)
+        evidence = evidence.renewed(pose, reach_px=4.0 if index == 0 else 2.5)
     return pose, evidence
 
 

@@ -52,13 +52,19 @@ class Rim:
         both = (window & self.raster).sum()
         return float(both / (area + self.raster.sum() - both))
 
-    def jacobian(self, camera: Camera, pivot: NDArray) -> Array:
-        """Return d(pixel . outward)/d(twist) (K, 6) for `nudge` about `pivot`."""
-        # A point on the rim may slide along the surface: across the outline that moves nothing, to first order.
-        step_mm = 1e-4 * max(1.0, float(np.abs(self.points[:, 2]).max()))
-        moved = [camera.project(self.points + step_mm * axis) - self.pixels for axis in np.eye(3)]
-        flow = np.stack(moved, -1) / step_mm
-        return np.einsum("kp,kpx,kxt->kt", self.outward, flow, point_jacobian(self.points, pivot))
+
+def outline_jacobian(camera: Camera, points: NDArray, outward: NDArray, pivot: NDArray) -> Array:
+    """Return d(pixel . outward)/d(twist) (K, 6) of outline points (K, 3), camera frame, for `nudge` about `pivot`.
+
+    A point on the rim may slide along the surface: across the outline that moves nothing, to first order.
+    """
+    if not len(points):
+        return np.zeros((0, 6))
+    step_mm = 1e-4 * max(1.0, float(np.abs(points[:, 2]).max()))
+    flow = np.stack(
+        [(camera.project(points + step_mm * axis) - camera.project(points - step_mm * axis)) for axis in np.eye(3)], -1
+    ) / (2 * step_mm)
+    return np.einsum("kp,kpx,kxt->kt", outward, flow, point_jacobian(points, pivot))
 
 
 def find_rim(caster: RayCaster, camera: Camera, pose: Pose, *, cells: int) -> Rim:

@@ -66,24 +66,6 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, np.maximum(scale, floor))
 
 
-@dataclass(frozen=True)
-class Explained:
-    """How a pose explains samples.
-
-    Parameters
-    ----------
-    residuals : (N, P) float64
-        (measured - albedo * light . normal) / scale; zero where not used.
-    used : (N, P) bool
-    jacobian : (N, P, 6) float32 or None
-        Of the residuals, for `nudge`; the albedo follows the pose.
-    """
-
-    residuals: Array
-    used: NDArray[np.bool_]
-    jacobian: NDArray[np.float32] | None
-
-
 def light_vectors(lights: Lights, points: NDArray) -> Array:
     """Return (N, P, 3), each light as seen from points (P, 3), at intensity 1 at the reference point."""
     white = replace(lights, intensities=np.ones((len(lights), 3)))
@@ -122,24 +104,40 @@ def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray,
     return out
 
 
+def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return (N, P): samples that a scan with these normals should explain."""
+    b = _cosines(vectors, normals)
+    used = samples.usable & ~shadows & (b > GRAZING * np.linalg.norm(vectors, axis=-1))
+    used &= np.isfinite(normals[:, 0])
+    return used & (used.sum(0) >= FEWEST)
+
+
 def explain(
     samples: Samples,
+    used: NDArray[np.bool_],
     normals: NDArray,
     vectors: Array,
-    shadows: NDArray[np.bool_],
-    moved: list[tuple[float, NDArray]] | None = None,
-) -> Explained:
+    moved: list[tuple[float, NDArray, NDArray]] | None = None,
+) -> tuple[Array, NDArray[np.float32] | None]:
     """Explain samples by normals, with the best albedo for each pixel.
 
     Parameters
     ----------
+    used : (N, P) bool
+        Of `choose`; held while the pose moves, so that the cost does not jump.
     normals : (P, 3)
-        Camera frame, NaN where unknown.
+        Camera frame, NaN where the scan is missed.
     vectors : (N, P, 3)
         Light vectors at the pixels' points.
-    shadows : (N, P) bool
-    moved : list of (step, normals (P, 3)), optional
-        Normals after a small step along each of the six twists: gives the Jacobian.
+    moved : list of (step, normals (P, 3), normals (P, 3)), optional
+        Normals a small step after and before, along each of the six twists: gives the Jacobian.
+
+    Returns
+    -------
+    residuals : (N, P) float64
+        (measured - albedo * light . normal) / the pixel's scale; zero where not used.
+    jacobian : (N, P, 6) float32 or None
+        Of the residuals, for `nudge`; the albedo follows the pose.
 
     Notes
     -----
@@ -147,30 +145,28 @@ def explain(
     [golub1973differentiation]); w falls off for samples that the rest of their pixel contradicts
     (highlights, bounced light).
     """
-    values = np.where(samples.usable, samples.values, 0) / samples.scale
-
-    def cosines(n: NDArray) -> Array:
-        return np.einsum("npk,pk->np", vectors, np.nan_to_num(n))
-
-    b = cosines(normals)
-    length = np.linalg.norm(vectors, axis=-1)
-    used = samples.usable & ~shadows & (b > GRAZING * length) & np.isfinite(normals[:, 0])
-    used &= used.sum(0) >= FEWEST
+    values = np.where(used, samples.values, 0) / samples.scale
     weight = used.astype(np.float64)
 
     def project(b: Array) -> Array:
         albedo = (weight * b * values).sum(0) / np.maximum((weight * b * b).sum(0), 1e-12)
         return np.where(used, values - albedo * b, 0.0)
 
+    b = _cosines(vectors, normals)
     for _ in range(3):
-        residual = project(b)
-        weight = used / (1 + (residual / 0.1) ** 2) ** 2
-    residual = project(b)
-    jacobian = None
-    if moved is not None:
-        jacobian = np.zeros((*b.shape, 6), np.float32)
-        for axis, (step, after) in enumerate(moved):
-            # Where the moved ray misses, or lands beyond a fold, the normal tells nothing of the slope.
-            close = np.einsum("pk,pk->p", np.nan_to_num(after), np.nan_to_num(normals)) > 0.95
-            jacobian[..., axis] = np.where(close, (project(cosines(after)) - residual) / step, 0)
-    return Explained(residual, used, jacobian)
+        residuals = project(b)
+        weight = used / (1 + (residuals / 0.1) ** 2) ** 2
+    residuals = project(b)
+    if moved is None:
+        return residuals, None
+    jacobian = np.zeros((*b.shape, 6), np.float32)
+    for axis, (step, after, before) in enumerate(moved):
+        # Where a moved ray misses, or lands beyond a fold, the normals tell nothing of the slope.
+        close = np.einsum("pk,pk->p", np.nan_to_num(after), np.nan_to_num(before)) > 0.9
+        slope = (project(_cosines(vectors, after)) - project(_cosines(vectors, before))) / (2 * step)
+        jacobian[..., axis] = np.where(close, slope, 0)
+    return residuals, jacobian
+
+
+def _cosines(vectors: Array, normals: NDArray) -> Array:
+    return np.einsum("npk,pk->np", vectors, np.nan_to_num(normals))
