@@ -38,7 +38,9 @@ def registration_section(material: Material, summary: Summary) -> str:
     image = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
     shapes, legend = "", []
     # The dashed line last: where the two agree, the other shows between the dashes.
-    for region, kind, words in ((known, "scan", "the registered ground truth"), (mask, "mask", "the object's mask")):
+    registered = store.path("pose.json").exists()
+    truth_words = "the registered scan" if registered else "the given ground truth"
+    for region, kind, words in ((known, "scan", truth_words), (mask, "mask", "the object's mask")):
         if region is None or not region.any():
             continue
         lines = "".join(polyline(line, kind) for line in pictures.contours(region, box))
@@ -59,8 +61,8 @@ def registration_section(material: Material, summary: Summary) -> str:
             f"{words} edges, folds and shadow borders should run on across the squares. Colour need not.",
         )
     body = f'<div class="pair">{figures}</div>'
-    if not store.path("pose.json").exists():
-        body = absent("No scan was registered (no pose); the outline is the object's mask.") + body
+    if not registered:
+        body = absent("No scan was registered in this folder (there is no pose).") + body
     facts = [
         ("outline residual", align.get("residual_px"), 2, "px"),
         ("pose, position ± (1 sigma)", align.get("sigma_mm"), 3, "mm"),
@@ -157,11 +159,14 @@ def errors_section(material: Material, summary: Summary) -> str:
         return section("errors", "Where the errors are", absent(reason))
     box, rows = _map_box(material), []
     width = _map_width(material, box)
+    any_twin = any(row.get("twin") for row in compared["methods"].values())
     for name in compared.get("methods") or {}:
         row = compared["methods"][name]
         cells = []
         for kind, words in (("real", "photographs"), ("twin", "twin")):
             error = material.map_of("compare", f"error_{kind}_{name}")
+            if (error is None or not row.get(kind)) and kind == "twin" and not any_twin:
+                continue
             if error is None or not row.get(kind):
                 reason = "not rendered, or not solved on the twin" if kind == "twin" else "no normals here"
                 cells.append(f'<figure class="map">{absent(f"{name}, {words}: {reason}.")}</figure>')
@@ -180,7 +185,7 @@ def errors_section(material: Material, summary: Summary) -> str:
                 f"{number(row.get('correlation_pixels'))} pixels; median real − twin "
                 f"{number(row.get('median_difference_deg'), 2, '°')}.</p>"
             )
-        rows.append(f'<div class="errors">{"".join(cells)}{alike}</div>')
+        rows.append("".join(cells) + alike)
     stops = ", ".join(f"rgb{colour}" for colour in pictures.error_scale_colours(17))
     ticks = "".join(f"<span>{end * part / 4:g}°{' and more' if part == 4 else ''}</span>" for part in range(5))
     scale = (
@@ -188,7 +193,11 @@ def errors_section(material: Material, summary: Summary) -> str:
         f'<div class="ramp" style="background: linear-gradient(to right, {stops})"></div>'
         f'<div class="ticks">{ticks}</div></div>'
     )
-    body = scale + "".join(rows) + charts.error_histogram(compared)
+    if any_twin:
+        shown = "".join(f'<div class="errors">{row}</div>' for row in rows)
+    else:
+        shown = f'<div class="errors">{"".join(rows)}</div>' + absent("No twin was solved: no map to lay beside these.")
+    body = scale + shown + charts.error_histogram(compared)
     lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; everything beyond has its last colour."
     return section("errors", "Where the errors are", body, lead)
 

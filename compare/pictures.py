@@ -77,12 +77,16 @@ class Exposure:
 
     @classmethod
     def for_frames(cls, frames: Frames, *, white_value: NDArray | None = None) -> "Exposure":
-        """Choose white so that half a percent of the samples clip; colours by the white ball where there is one."""
+        """Choose white so that in all but the brightest frames 99 % of the pixels are below it.
+
+        Colours are balanced by the white ball where there is one.
+        """
         balance = np.ones(3)
         if white_value is not None and np.isfinite(white_value).all() and (white_value > 0).all():
             balance = np.asarray(white_value, np.float64) / np.mean(white_value)
         samples = [thumbnail(frames, index, 64) / balance for index in range(len(frames))]
-        white = float(np.nanquantile(np.max(samples, -1), 0.995)) if samples else 1.0
+        peaks = [np.nanquantile(np.max(sample, -1), 0.99) for sample in samples]
+        white = float(np.quantile(peaks, 0.95, method="higher")) if peaks else 1.0
         return cls(max(white, 1e-6), balance)
 
     def develop(self, linear: NDArray) -> Image:

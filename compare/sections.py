@@ -230,7 +230,7 @@ def time_section(summary: Summary) -> str:
                 escape(name),
                 number(row.get("seconds"), 2),
                 number(seconds, 3),
-                number(twin_seconds, 2),
+                number(twin_seconds, 2) if is_number(twin_seconds) else "–",
                 number((errors.get("real") or {}).get("median_deg"), 2),
                 f"<small>{escape(settings) or '–'}</small>",
             )

@@ -72,17 +72,13 @@ def _normals(compared: dict[str, Any]) -> Statement | None:
     best = _best(compared, "real")
     if best is not None:
         name, row = best
-        coverage = methods[name].get("coverage")
         level = _level(row["median_deg"], MEDIAN_BARS_DEG)
         text = (
             f"The best normals of the photographs are those of <b>{escape(name)}</b>: against the ground truth half of "
             f"the {number(row['pixels'])} pixels are within {number(row['median_deg'], 1, '°')}, three quarters within "
             f"{number(row['q3_deg'], 1, '°')}, and {percent(row['under_10_deg'])} within 10°."
         )
-        if is_number(coverage) and coverage < COVERAGE_BAR:
-            level = "care" if level == "good" else level
-            text += f" It answers only {percent(coverage)} of the object; the rest is unknown."
-        return Statement("Normals", level, text)
+        return Statement("Normals", *_answered(methods[name], level, text))
     if not methods:
         return Statement("Normals", "unknown", "No normals were computed in this folder.")
     if compared.get("has_truth"):
@@ -104,19 +100,28 @@ def _normals(compared: dict[str, Any]) -> Statement | None:
     return Statement("Normals", "unknown", text)
 
 
+def _answered(row: dict[str, Any], level: str, text: str) -> tuple[str, str]:
+    """Return level and text, lowered and longer where a method leaves much of the object unknown."""
+    coverage = row.get("coverage")
+    if is_number(coverage) and coverage < COVERAGE_BAR:
+        level = "care" if level == "good" else level
+        text += f" It answers only {percent(coverage)} of the object; the rest is unknown."
+    return level, text
+
+
 def _methods(summary: dict[str, Any], compared: dict[str, Any]) -> list[Statement]:
-    """Return one statement for the other methods together, and one for those that doubt themselves."""
+    """Return a statement for each other method, and one for those that doubt themselves."""
     out = []
     best = _best(compared, "real")
-    others = [
-        (name, row["real"])
-        for name, row in (compared.get("methods") or {}).items()
-        if row.get("real") and (best is None or name != best[0])
-    ]
-    if others:
-        worst = max(row["median_deg"] for _, row in others)
-        listed = ", ".join(f"{escape(name)} {number(row['median_deg'], 1, '°')}" for name, row in others)
-        out.append(Statement("Other methods", _level(worst, MEDIAN_BARS_DEG), f"Median error: {listed}."))
+    for name, row in (compared.get("methods") or {}).items():
+        real = row.get("real")
+        if not real or (best is not None and name == best[0]):
+            continue
+        text = (
+            f"Median error {number(real['median_deg'], 1, '°')}, three quarters within "
+            f"{number(real['q3_deg'], 1, '°')}, {percent(real['under_10_deg'])} within 10°."
+        )
+        out.append(Statement(f"Normals of {name}", *_answered(row, _level(real["median_deg"], MEDIAN_BARS_DEG), text)))
     doubting = [
         name for name, row in ((summary.get("solve") or {}).get("methods") or {}).items() if (row or {}).get("warnings")
     ]
@@ -196,7 +201,7 @@ def _twin(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None
         level = "care"
         text += (
             f" The twin fails where the object does, but less: {number(row.get('median_difference_deg'), 1, '°')} of "
-            "the median come from what the twin lacks (noise, material, calibration, registration)."
+            "the median comes from what the twin lacks (noise, material, calibration, registration)."
         )
     elif level == "good":
         text += " The twin fails where the object does, and may be used to ask why."
@@ -236,7 +241,7 @@ def _capture(summary: dict[str, Any]) -> list[Statement]:
     if camera.get("projection") == "orthographic":
         text = (
             "The camera is taken as orthographic (no focal length is known): away from the image's centre the "
-            "directions of view, and with them balls and normals, are off by the angle of the field."
+            "directions of view, and with them balls and normals, are off by up to half the angle of view."
         )
         out.append(Statement("Camera", "care", text))
     elif camera.get("source") in {"EXIF", "assumed"}:

@@ -230,7 +230,7 @@ def without(session, tmp_path, *paths: str) -> Store:
         (("pose.json",), ("align",), "registration", "No scan was registered"),
         (("mask.png", "normals/truth.npy"), (), "registration", "No scan and no mask"),
         (("twin",), ("twin",), "twin", "No twin was rendered"),
-        (("twin",), ("twin",), "errors", "not rendered"),
+        (("twin",), ("twin",), "errors", "No twin was solved"),
         (("twin",), ("twin",), "statistics", "No twin"),
         (("normals", "twin"), (), "normals", "No normals"),
         ((), ("solve",), "time", "No method's time"),

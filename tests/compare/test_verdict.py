@@ -129,7 +129,7 @@ def test_the_best_method_is_the_one_with_the_smallest_median():
     summary = summary_of(6.0, 6.0)
     summary["compare"]["methods"]["<i>tv"] = copy.deepcopy(summary_of(3.0, 3.0)["compare"]["methods"]["ls"])
     assert levels(summary)["Normals"] == "good"
-    assert levels(summary)["Other methods"] == "care"
+    assert levels(summary)["Normals of ls"] == "care"
     assert "<i>tv:" in text_of(summary, "Normals")
     assert all("<i>" not in statement.html for statement in verdict(summary))
 
