@@ -1,0 +1,207 @@
+"""The twin: the registered scan under the calibrated lights, before the session's camera.
+
+What is physical: the scan's shape with its cast shadows, near or distant lights, the measured albedo, light that goes
+from one part of the object to another. What is not (yet): gloss, the table and whatever else stands around, noise,
+lens blur.
+"""
+
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import RenderError
+from scene.frames import PEDESTAL, Frames, encode
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.pose import Pose
+from scene.store import Store, create_array
+from twin.film import Film, film_for
+from twin.path_tracing import PathTracer
+from twin.surface import Surface, textured_surface
+from twin.variant import pick_variant
+from twin.visibility import inside
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """The twin's frames, and how they were made.
+
+    Parameters
+    ----------
+    frames : Frames
+        Named and ordered as the lights; no ambient, no noise but the sampling's. Black where the object is not.
+    variant : str
+        Mitsuba's.
+    samples_per_pixel, max_depth : int
+    seconds : float
+        Wall time.
+    warnings : tuple of str
+    """
+
+    frames: Frames
+    variant: str
+    samples_per_pixel: int
+    max_depth: int
+    seconds: float
+    warnings: tuple[str, ...] = ()
+
+
+def render(
+    mesh: Mesh,
+    pose: Pose,
+    camera: Camera,
+    lights: Lights,
+    albedo: NDArray[np.float32],
+    *,
+    white_value: NDArray[np.float64] | None = None,
+    samples_per_pixel: int = 64,
+    max_depth: int = 3,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    store: Store | None = None,
+) -> Rendering:
+    """Render the scan with its measured albedo, one frame for each light.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        The scan, millimetres, in its own frame.
+    pose : Pose
+        camera_from_scan.
+    camera : Camera
+        Perspective or orthographic; distortion and unequal fx and fy by resampling.
+    lights : Lights
+        Near lights are rendered as points at `positions_mm`, others as distant.
+    albedo : (H, W, 3) float32
+        Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured.
+    white_value : (3,) float64 or None
+        Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
+        taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
+    samples_per_pixel : int
+    max_depth : int
+        2: direct light only; 3: one interreflection; and so on.
+    executor : Executor or None
+        Renders shares of the frames elsewhere, on a cluster say. Mitsuba uses all cores of a machine by itself.
+    progress : callable or None
+        Called with (frames done, frames in all).
+    store : Store or None
+        Frames go to its `frames/codes.npy`, memory-mapped; else they stay in memory.
+
+    Raises
+    ------
+    RenderError
+        The mesh is empty or not finite, the camera does not see it, a light lies inside it, the albedo has another
+        size than the camera's, or a light or the albedo holds nothing that can be rendered.
+
+    Notes
+    -----
+    With reflectance rho = albedo / white * 0.8 and irradiance E = pi * intensity * white / 0.8, a Lambertian surface
+    has the radiance rho / pi * E * cos = albedo * intensity * cos: the direct light's pixel values are the session's
+    own, whatever the ball's true reflectance.
+    """
+    started = time.perf_counter()
+    _check(mesh, camera, lights, albedo)
+    placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
+    film = film_for(camera, placed.vertices)
+    _check_lights_are_outside(placed, lights)
+    white = lights.white_value if white_value is None else white_value
+    surface = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
+    irradiance = np.pi * lights.intensities / surface.scale
+    variant, note = pick_variant()
+    warnings = list(surface.warnings)
+    if variant == "scalar_rgb":
+        warnings.append(f"The twin was rendered by Mitsuba's slow variant: {note}")
+    if film.pixels is not None:
+        warnings.append(
+            "The twin was rendered without lens distortion and with square pixels, then resampled (bilinear): it is "
+            "slightly softer than a photograph."
+        )
+    settings = (surface, film, lights, irradiance, samples_per_pixel, max_depth)
+    with _codes(store, (len(lights), camera.height, camera.width, 3)) as codes:
+        for done, (index, image) in enumerate(_images(settings, executor), 1):
+            codes[index, film.rows, film.columns] = image
+            if progress is not None:
+                progress(done, len(lights))
+    frames = Frames(lights.names, codes, np.ones(len(lights)))
+    if store is not None:
+        store.save_frames_header(frames)
+        frames = store.load_frames()
+    return Rendering(frames, variant, samples_per_pixel, max_depth, time.perf_counter() - started, tuple(warnings))
+
+
+_Settings = tuple[Surface, Film, Lights, NDArray[np.float64], int, int]
+
+
+def _images(settings: _Settings, executor: Executor | None) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+    """Yield (index, codes of the film's box) of every light, as they are done."""
+    count = len(settings[2])
+    if executor is None:
+        yield from _render_share(settings, range(count))
+        return
+    # A share costs its worker one scene; more shares than a machine's cores only build more scenes.
+    shares = [range(count)[start :: min(count, 16)] for start in range(min(count, 16))]
+    futures = [executor.submit(_list_share, settings, share) for share in shares]
+    for future in as_completed(futures):
+        yield from future.result()
+
+
+def _list_share(settings: _Settings, indices: range) -> list[tuple[int, NDArray[np.uint16]]]:
+    return list(_render_share(settings, indices))
+
+
+def _render_share(settings: _Settings, indices: range) -> Iterator[tuple[int, NDArray[np.uint16]]]:
+    """Render some of the lights in this process. Idempotent: the samples are seeded by the light's index."""
+    surface, film, lights, irradiance, samples_per_pixel, max_depth = settings
+    variant, _ = pick_variant()
+    tracer = PathTracer(surface, film, lights, variant=variant, max_depth=max_depth)
+    for index in indices:
+        yield index, encode(film.place(tracer.image(index, irradiance[index], samples_per_pixel)))
+
+
+@contextmanager
+def _codes(store: Store | None, shape: tuple[int, ...]) -> Iterator[NDArray[np.uint16]]:
+    """Give an array of black frames: in memory, or in the store, where it appears when all frames are done."""
+    if store is None:
+        yield np.full(shape, PEDESTAL, np.uint16)
+        return
+    with create_array(store.path("frames", "codes.npy"), shape, np.uint16) as codes:
+        for frame in codes:
+            frame[:] = PEDESTAL
+        yield codes
+
+
+def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:
+    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
+        raise RenderError(
+            f"the scan has {len(mesh.faces)} faces, and {np.count_nonzero(~np.isfinite(mesh.vertices))} of its "
+            "coordinates are not finite; nothing can be rendered. Load or export it again."
+        )
+    if albedo.shape != (camera.height, camera.width, 3):
+        raise RenderError(
+            f"the albedo is {' x '.join(map(str, albedo.shape))}, the camera {camera.height} x {camera.width} x 3. "
+            "Solve again with this camera's frames."
+        )
+    arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
+    for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
+        if not np.isfinite(row).all() or (row[3:6] < 0).any():
+            raise RenderError(
+                f"light {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers "
+                "and no negative intensity. Calibrate again, or leave the frame out with frames.skip."
+            )
+
+
+def _check_lights_are_outside(mesh: Mesh, lights: Lights) -> None:
+    if lights.positions_mm is None:
+        return
+    for name, position in zip(lights.names, lights.positions_mm, strict=True):
+        if inside(mesh, position[None])[0]:
+            raise RenderError(
+                f"light {name} at {np.round(position, 1)} mm lies inside the object ({mesh.radius_mm:.0f} mm about "
+                f"{np.round(mesh.center_mm, 1)}), and lights nothing. Check the balls' diameter_mm and scan_unit."
+            )
