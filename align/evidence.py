@@ -198,7 +198,7 @@ class FinalEvidence:
             rim_sigma=rim_sigma,
             bias_px=bias,
             rim_share=len(found) / max(len(offset), 1),
-            residual_px=float(np.sqrt(np.mean(inliers**2))) if len(inliers) else np.inf,
+            residual_px=float(np.sqrt(np.mean((inliers - bias) ** 2))) if len(inliers) else np.inf,
             shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
             cost=self._fixed_cost(offset, residuals),
         )

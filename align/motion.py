@@ -43,9 +43,9 @@ def even_directions(count: int) -> Array:
     """Return (count, 3) unit vectors, evenly over the sphere (Fibonacci's spiral)."""
     index = np.arange(count) + 0.5
     z = 1 - 2 * index / count
-    angle = index * np.pi * (3 - np.sqrt(5))
-    ring = np.sqrt(1 - z * z)
-    return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], -1)
+    angle = index * (np.pi * (3 - 5**0.5))
+    ring = np.sqrt(np.maximum(1 - z * z, 0.0))
+    return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], -1).astype(np.float64)
 
 
 def looking_along(directions: NDArray) -> Array:

@@ -45,7 +45,8 @@ class Registration:
     pose : Pose
         camera_from_scan, mm.
     residual_px : float
-        Rms distance between the scan's outline and the edge in the photographs, inliers.
+        Rms distance between the scan's outline and the edge in the photographs, inliers, after their common
+        offset (`edge_bias_px` in the evidence: blurred limbs darken, and look a fraction of a pixel smaller).
     sigma_mm, sigma_deg : float
         Standard deviation (rms length) of the position of the scan's middle, and of the rotation. An
         orthographic camera does not tell depth: it is left out there.
@@ -57,7 +58,7 @@ class Registration:
     evidence : dict
         overlap (intersection over union of silhouette and mask), normals_deg (median angle to the photometric
         normals), shading (relative residual), rim_points, rim_share (of the outline where an edge was seen),
-        cost, second_cost, second_angle_deg.
+        edge_bias_px, cost, second_cost, second_angle_deg.
     warnings : tuple of str
     """
 
@@ -140,6 +141,7 @@ def register(
         "shading": evidence.shading_sigma,
         "rim_points": float(len(evidence.edges)),
         "rim_share": evidence.rim_share,
+        "edge_bias_px": evidence.bias_px,
         "cost": finalists[0][1].cost,
     }
     warnings = []
@@ -159,6 +161,12 @@ def register(
         warnings.append(
             f"scan: only {100 * evidence.rim_share:.0f} % of its outline has an edge in the photographs; the pose "
             "rests on the shading."
+        )
+    if abs(evidence.bias_px) > 1:
+        warnings.append(
+            f"scan: its outline lies {abs(evidence.bias_px):.1f} px {'outside' if evidence.bias_px > 0 else 'inside'} "
+            "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
+            "camera's focal length, a little off?"
         )
     pivot = pose.apply(mesh.center_mm)
     return Registration(

@@ -116,7 +116,7 @@ def find_starts(
     views = looking_along(even_directions(VIEWS))
     offsets = _place(caster, aim, views)
     radius = (np.arange(RADII) + 0.5) / RADII * 1.1 * aim.reach
-    angle = np.arange(ANGLES) * (2 * np.pi / ANGLES)
+    angle = np.linspace(0, 2 * np.pi, ANGLES, endpoint=False)
     polar = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
 
     inside, target = _sample_target(aim, mask, normals, polar)
@@ -151,10 +151,9 @@ def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
     raster = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
     centers = views @ mesh.center_mm
     # A first distance from the mean projected area of a convex body, a quarter of its surface.
-    surface = np.linalg.norm(
-        np.cross(*(mesh.vertices[mesh.faces[:, i]] - mesh.vertices[mesh.faces[:, 0]] for i in (1, 2))), axis=1
-    ).sum()
-    distance = np.full(len(views), max(np.sqrt(surface / 8 / aim.area), 1.5 * mesh.radius_mm))
+    first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    surface = np.linalg.norm(np.cross(second - first, third - first), axis=1).sum() / 2
+    distance = np.full(len(views), max(np.sqrt(surface / 4 / aim.area), 1.5 * mesh.radius_mm))
     middle = np.zeros((len(views), 2))
     for _ in range(1 if orthographic else 3):
         if orthographic:
@@ -185,7 +184,7 @@ def _cast_views(
     """Cast image coordinates (V, P, 2) or (P, 2) in every view; return hits (V, P), normals (V, P, 3) aim frame."""
     count = xy.shape[-2]
     hit = np.zeros((len(views), count), bool)
-    normals = np.zeros((len(views), count, 3), np.float32)
+    normals = np.zeros((len(views), count, 3))
     step = max(1, (1 << 18) // count)
     for first in range(0, len(views), step):
         part = slice(first, first + step)
