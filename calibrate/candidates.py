@@ -78,7 +78,9 @@ def find_circles(images: NDArray[np.float32]) -> list[Circle]:
         high = min(40.0, largest / scale)
         for circle in _circles_of_octave(static_edges(images), np.arange(low, high + step, step)):
             circles.append(
-                Circle((circle.u + 0.5) * scale - 0.5, (circle.v + 0.5) * scale - 0.5, circle.radius * scale, circle.score)
+                Circle(
+                    (circle.u + 0.5) * scale - 0.5, (circle.v + 0.5) * scale - 0.5, circle.radius * scale, circle.score
+                )
             )
         images = np.stack([cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for image in images])
         scale *= 2

@@ -96,9 +96,7 @@ Suspect = tuple[Sphere, Behaviour]
 Reasons = list[tuple[Sphere, str]]
 
 
-def _suspects(
-    coarse: Coarse, edges: NDArray[np.complex64], taken: list[Sphere]
-) -> tuple[list[Suspect], Reasons]:
+def _suspects(coarse: Coarse, edges: NDArray[np.complex64], taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
     """Return the circles that behave like balls, one per place, and those that do not."""
     refined = []
     for circle in find_circles(coarse.images):

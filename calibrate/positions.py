@@ -20,6 +20,7 @@ NEAREST_INVERSE_MM = 1e-5
 RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
 INLIER_SIGMAS, INLIER_PX = 5.0, 1.0
+CAP = 30.0
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,8 @@ class LightFit:
     used : (S, F) bool
     chi2 : float
         Sum of squared residuals in expected standard deviations.
+    chi2_all : float
+        The same with the highlights that were left out, each capped at `CAP` sigmas: to compare models.
     unknowns, observations : int
     """
 
@@ -53,6 +56,7 @@ class LightFit:
     residual_px: Array
     used: NDArray[np.bool_]
     chi2: float
+    chi2_all: float
     unknowns: int
     observations: int
 
@@ -210,6 +214,11 @@ class _Problem:
             / det[:, None]
         )
 
+    def _left_out(self, x: Array) -> float:
+        size = np.linalg.norm(self.residual_pixels(x), axis=-1) / self.sigma
+        out = np.isfinite(self.highlights[..., 0]) & ~self.used
+        return float(np.sum(np.minimum(np.nan_to_num(size[out], nan=CAP), CAP) ** 2))
+
     def residuals(self, x: Array) -> Array:
         pixels = self.residual_pixels(x) / self.sigma[..., None]
         # Off the ball there is no mirror; a large constant keeps the step from going there.
@@ -268,6 +277,7 @@ class _Problem:
             pixels,
             self.used.copy(),
             chi2,
+            chi2 + self._left_out(x),
             len(x),
             observations,
         )

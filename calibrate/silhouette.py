@@ -146,7 +146,9 @@ def fit_crops(
         _fit_from(crops, corner, camera, replace(sphere, radius_px=sphere.radius_px + d), search_px=search_px)
         for d in (0.0, -0.5 * search_px, 0.5 * search_px)
     ]
-    return max((fit for fit in fits if fit), key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15), default=None)
+    return max(
+        (fit for fit in fits if fit), key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15), default=None
+    )
 
 
 def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
