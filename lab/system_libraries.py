@@ -43,16 +43,11 @@ def main() -> int:
         return 0
     command = _installer()
     if command:
-        quiet = {"stdout": subprocess.DEVNULL}
         print(f"installing system libraries: {' '.join([*needed, *helpful])}", flush=True)
-        subprocess.run([*command, "update", "-qq"], check=False, **quiet)
-        if needed:
-            subprocess.run([*command, "install", "-y", "-qq", *needed], check=False, **quiet)
-        if helpful:
-            # Older releases do not have it: rendering is slower then, and nothing else.
-            subprocess.run(
-                [*command, "install", "-y", "-qq", *helpful], check=False, stderr=subprocess.DEVNULL, **quiet
-            )
+        _quietly([*command, "update", "-qq"])
+        # One by one: an older release that lacks a helpful one must still get the needed ones.
+        for package in (*needed, *helpful):
+            _quietly([*command, "install", "-y", "-qq", package])
     needed = absent(NEEDED)
     if needed:
         libraries = ", ".join(library for library, package in NEEDED.items() if package in needed)
@@ -72,6 +67,10 @@ def absent_files(libraries: dict[str, str]) -> list[str]:
     """Like `absent`, by file: loading an LLVM into this process would be a waste."""
     known = subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=False).stdout
     return [package for library, package in libraries.items() if library not in known]
+
+
+def _quietly(command: list[str]) -> None:
+    subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
 
 
 def _installer() -> list[str]:
