@@ -191,7 +191,7 @@ def compare(job: Job) -> Outcome:
     """Compare every method with the truth, real and twin."""
     from compare.compare import compare as judge
 
-    result = judge(job.store)
+    result = judge(job.store, methods=job.methods)
     if job.truth:
         result["truth_check"] = _truth_check(job)
     return Outcome(result, list(result.get("warnings", ())))
@@ -266,7 +266,7 @@ STEPS = {
         ),
         Step("solve", solve, ("align",), lambda job: job.methods, lambda job: _methods_done(job)),
         Step("twin", twin, ("solve",), lambda job: job.methods, lambda job: []),
-        Step("compare", compare, ("twin",), lambda job: [job.truth], lambda job: [job.store.path("report.html")]),
+        Step("compare", compare, ("twin",), lambda job: [job.methods, job.truth], lambda job: [job.store.path("report.html")]),
     )
 }
 """In the order in which data flow."""
