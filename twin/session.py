@@ -1,0 +1,123 @@
+"""The twin as a session of its own: a folder that `rgbn process` takes like any capture."""
+
+import glob
+import json
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import RenderError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.store import Store, write_npy, write_png, write_text
+from twin.virtual_camera import Sensor, expose, write_dng
+
+_FIRST_SHOT = datetime(2000, 1, 1, 12, 0)
+"""A rendering has no hour: EXIF gets a fixed one, so that the same rendering gives the same files."""
+
+
+def write_session(
+    folder: Store,
+    frames: Frames,
+    camera: Camera,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    truth: NDArray[np.float32],
+    *,
+    sensor: Sensor | None = None,
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write rendered frames, their camera, lights, mask and true normals as a session folder.
+
+    Parameters
+    ----------
+    folder : Store
+        Gets session.toml, flash/<name>.png (or .dng), lights.json with its text forms, mask.png and truth.npy.
+    frames : Frames
+    lights : Lights
+        Of the same names, in the same order.
+    mask : (H, W) bool
+    truth : (H, W, 3) float32
+        Unit normals, camera frame, NaN where unknown.
+    sensor : Sensor or None
+        None: 16-bit linear PNG, 65535 = white, no noise. Else the virtual camera photographs each frame as a DNG.
+    seed : int
+        Of the virtual camera's noise; frame i draws from its own stream (seed, i).
+    progress : callable or None
+        Called with (frames written, frames in all).
+
+    Returns
+    -------
+    path : Path
+        The session.toml. It is written last: where it is, the session is whole.
+
+    Raises
+    ------
+    RenderError
+        Frames and lights, or frames and camera, do not fit together.
+    """
+    if frames.names != lights.names:
+        raise RenderError(
+            f"{folder.folder}: frames {', '.join(frames.names[:3])} ... ({len(frames)}) and lights "
+            f"{', '.join(lights.names[:3])} ... ({len(lights)}) differ; a session has one light a frame, in one order."
+        )
+    size = (camera.height, camera.width)
+    if not (frames.height, frames.width) == size == mask.shape == truth.shape[:2]:
+        raise RenderError(
+            f"{folder.folder}: frames {frames.codes.shape[1:3]}, camera {size}, mask {mask.shape} "
+            f"and normals {truth.shape[:2]} px: all must agree."
+        )
+    files = []
+    for index, name in enumerate(frames.names):
+        image = frames.frame(index)
+        file = f"flash/{name}.{'png' if sensor is None else 'dng'}"
+        if sensor is None:
+            write_png(folder.path(file), np.round(np.clip(image, 0, 1) * 65535).astype(np.uint16))
+        else:
+            write_dng(
+                folder.path(file),
+                expose(image, sensor, np.random.default_rng([seed, index])),
+                sensor,
+                exposure_s=1 / 125,
+                iso=100,
+                aperture=8,
+                # Without millimetres to pixels (orthographic) a normal lens is as good as any.
+                focal_mm=50.0 if camera.is_orthographic else camera.fx * sensor.pixel_um / 1000,
+                time=_FIRST_SHOT + timedelta(seconds=2 * index),
+            )
+        files.append(file)
+        if progress is not None:
+            progress(index + 1, len(frames))
+    folder.save_lights(lights)
+    folder.save_mask(mask)
+    write_npy(folder.path("truth.npy"), truth.astype(np.float32))
+    path = folder.path("session.toml")
+    write_text(path, _manifest(files, camera, folder.folder.resolve().parent.name, sensor is None))
+    return path
+
+
+def _manifest(files: list[str], camera: Camera, name: str, is_png: bool) -> str:
+    """Return session.toml. The files are listed one by one: their order is that of lights.json."""
+    # JSON's strings are TOML's too; a name with brackets must not be taken for a glob.
+    listed = "".join(f"  {json.dumps(glob.escape(file))},\n" for file in files)
+    lines = [
+        "# Rendered: the twin of the session that this folder lies in.",
+        "version = 1",
+        f"name = {json.dumps(f'{name} twin')}",
+        "",
+        "[frames]",
+        f"flash = [\n{listed}]",
+        *(["linear = true"] if is_png else []),
+        "",
+    ]
+    if not camera.is_orthographic:  # which is what a session without [camera] is taken to be
+        lines += ["[camera]", f"width = {camera.width}", f"height = {camera.height}"]
+        lines += [f"{key} = {float(getattr(camera, key))}" for key in ("fx", "fy", "cx", "cy")]
+        lines += [f"distortion = {[float(value) for value in camera.distortion]}", ""]
+    lines += ["[lights]", 'file = "lights.json"', "", "[object]", 'mask = "mask.png"', 'normals = "truth.npy"', ""]
+    return "\n".join(lines)
