@@ -137,8 +137,8 @@ def _given(frames: Frames, camera: Camera, request: SphereRequest, warnings: lis
             return fit
     u, v = request.center_px
     warnings.append(
-        f"{request.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found at the given circle; the circle is taken as "
-        f"it is, with {GIVEN_SIGMA_PX} px of doubt."
+        f"{request.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found at the given circle; it is taken "
+        f"as it is, with {GIVEN_SIGMA_PX} px of doubt."
     )
     return OutlineFit(replace(start, sigma_px=GIVEN_SIGMA_PX, score=0.0), np.eye(3) * GIVEN_SIGMA_PX**2, GIVEN_SIGMA_PX)
 
@@ -166,12 +166,13 @@ def _match(
         if len(set(known)) > 1 or 0 < len(known) < len(asked):
             if len(known) == len(asked) == len(mine):
                 warnings.append(
-                    f"{kind} balls of {', '.join(f'{d:g}' for d in known)} mm were told apart by their size in the picture."
+                    f"{kind} balls of {', '.join(f'{d:g}' for d in known)} mm were told apart by their size in the "
+                    "picture."
                 )
             else:
                 warnings.append(
-                    f"{len(mine)} {kind} balls were found for diameters {known} mm and cannot be told apart: none is used. "
-                    "Give center_px and radius_px."
+                    f"{len(mine)} {kind} balls were found for diameters {known} mm and cannot be told apart: no "
+                    "diameter is used. Give center_px and radius_px."
                 )
                 known = []
         for i, one in enumerate(mine):
@@ -184,5 +185,6 @@ def _nothing(requests: Sequence[SphereRequest], rejected: tuple[Rejected, ...]) 
     text = f"spheres: no ball found (asked for: {asked or 'any'}); {len(rejected)} circles were looked at"
     if rejected:
         best = rejected[0]
-        text += f", the best at ({best.center_px[0]:.0f}, {best.center_px[1]:.0f}) px, radius {best.radius_px:.0f} px: {best.reason}"
+        u, v = best.center_px
+        text += f", the best at ({u:.0f}, {v:.0f}) px, radius {best.radius_px:.0f} px: {best.reason}"
     return text + ". Give center_px and radius_px in session.toml, or known lights (lights.file)."

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 SMALLEST_PX, LARGEST_SHARE = 6.0, 0.42
 """Radii searched: from 6 coarse pixels to 0.42 of the image's shorter side."""
@@ -61,7 +60,8 @@ def _local_median(values: NDArray[np.float32], tile: int = 24) -> NDArray[np.flo
     rows, columns = max(1, height // tile), max(1, width // tile)
     blocks = values[: rows * (height // rows), : columns * (width // columns)]
     blocks = blocks.reshape(rows, height // rows, columns, width // columns).swapaxes(1, 2).reshape(rows, columns, -1)
-    return cv2.resize(np.median(blocks, -1).astype(np.float32), (width, height), interpolation=cv2.INTER_LINEAR)
+    medians = np.median(blocks, -1).astype(np.float32)
+    return np.asarray(cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
 
 
 def find_circles(images: NDArray[np.float32]) -> list[Circle]:
@@ -92,9 +92,9 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
     """Correlate the edges with rings of outward orientation, one radius after another."""
     height, width = edges.shape
     pad = int(radii[-1]) + 4
-    shape = (fft.next_fast_len(height + pad), fft.next_fast_len(width + pad))
-    spectrum = fft.fft2(edges, shape)
-    inside = fft.rfft2(np.ones(edges.shape, np.float32), shape)
+    shape = (cv2.getOptimalDFTSize(height + pad), cv2.getOptimalDFTSize(width + pad))
+    spectrum = np.fft.fft2(edges, shape)
+    inside = np.fft.rfft2(np.ones(edges.shape, np.float32), shape)
     scores = np.empty((len(radii), height, width), np.float32)
     v = (np.arange(shape[0]) + shape[0] // 2) % shape[0] - shape[0] // 2
     u = (np.arange(shape[1]) + shape[1] // 2) % shape[1] - shape[1] // 2
@@ -103,8 +103,8 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
     for i, radius in enumerate(radii):
         ring = np.exp(-0.5 * ((far - radius) / (0.5 + 0.025 * radius)) ** 2)
         ring /= ring.sum()
-        agree = fft.ifft2(spectrum * np.conj(fft.fft2(ring * outward))).real[:height, :width]
-        seen = fft.irfft2(inside * np.conj(fft.rfft2(ring)), shape)[:height, :width]
+        agree = np.fft.ifft2(spectrum * np.conj(np.fft.fft2(ring * outward))).real[:height, :width]
+        seen = np.fft.irfft2(inside * np.conj(np.fft.rfft2(ring)), shape)[:height, :width]
         # A ball cut by the border has less outline; under half of it is no evidence.
         scores[i] = np.where(seen > 0.5, agree / np.maximum(seen, 0.5), 0)
     peaks = cv2.dilate(scores.max(0), np.ones((5, 5), np.uint8))

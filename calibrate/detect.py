@@ -69,7 +69,8 @@ def detect(
     rejected : tuple of Rejected
         Circles that looked like balls and are none, with the reason.
     """
-    edges = static_edges(coarse.images)
+    votes = static_edges(coarse.images)
+    edges = np.stack([votes.real, votes.imag], -1)
     suspects, rejected = _suspects(coarse, edges, [coarse.from_full(s) for s in taken])
     if wanted is not None:
         suspects, surplus = _choose(suspects, wanted)
@@ -96,7 +97,7 @@ Suspect = tuple[Sphere, Behaviour]
 Reasons = list[tuple[Sphere, str]]
 
 
-def _suspects(coarse: Coarse, edges: NDArray[np.complex64], taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
+def _suspects(coarse: Coarse, edges: NDArray[np.float32], taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
     """Return the circles that behave like balls, one per place, and those that do not."""
     refined = []
     for circle in find_circles(coarse.images):
@@ -137,7 +138,7 @@ def _overlap(a: Sphere, b: Sphere) -> bool:
 
 
 def _outermost(
-    coarse: Coarse, edges: NDArray[np.complex64], sphere: Sphere, behaviour: Behaviour
+    coarse: Coarse, edges: NDArray[np.float32], sphere: Sphere, behaviour: Behaviour
 ) -> tuple[Sphere, Behaviour]:
     """Return the outermost standing circle around a mirror's.
 

@@ -40,10 +40,10 @@ def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Arra
 
 def mean_directions(directions: Array) -> Array:
     """Return (F, 3) unit mean over balls of (S, F, 3), NaN balls left out; NaN where no ball saw the flash."""
-    seen = np.isfinite(directions[..., 0])
-    total = np.where(seen[..., None], directions, 0).sum(0)
+    seen = np.isfinite(np.asarray(directions)[..., :1])
+    total = np.where(seen, directions, 0).sum(0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.where(seen.any(0)[:, None], total / np.linalg.norm(total, axis=1, keepdims=True), np.nan)
+        return np.where(seen.any(0), total / np.linalg.norm(total, axis=1, keepdims=True), np.nan)
 
 
 def angle_deg(a: Array, b: Array) -> Array:

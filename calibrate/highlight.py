@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from calibrate.coarse import Coarse
 from scene.camera import Camera
@@ -15,6 +14,8 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 MOST_SPOTS = 4
 """Bright points looked at per ball and frame: the flash, and what else may outshine it."""
+GLOWING_PX = 40
+"""A clipped plateau of more pixels glows: its surroundings are the lens's, not the flash's."""
 FAINT = 0.1
 """A spot under this share of the ball's usual one is no flash: the ball stood in shadow, or the flash misfired."""
 
@@ -85,8 +86,8 @@ def _measure(frames: Frames, f: int, near: Array, radius_px: float, factor: int)
 
     Notes
     -----
-    Centroid of I - t over the connected region above t, half-way from the surroundings to the peak. A clipped
-    plateau has the same centre as the disc that it cuts off; there t is 0.7 of white, above the lens's glow.
+    Centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak. A clipped
+    plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's glow.
     """
     half = int(max(5, np.ceil(0.12 * radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
@@ -105,9 +106,9 @@ def _measure(frames: Frames, f: int, near: Array, radius_px: float, factor: int)
         border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
         floor = float(np.median(border))
         peak = float(middle[y, x])
-        is_clipped = bool(frames.saturated(rows, [f], columns=columns)[0][y, x])
-        level = floor + (0.7 if is_clipped else 0.5) * (peak - floor)
-        regions, _ = ndimage.label(image > level)
+        plateau = frames.saturated(rows, [f], columns=columns)[0].sum()
+        level = floor + (0.7 if plateau > GLOWING_PX else 0.3) * (peak - floor)
+        regions = np.asarray(cv2.connectedComponents((image > level).astype(np.uint8), connectivity=4)[1])
         if not regions[y, x]:
             return None
         region = regions == regions[y, x]

@@ -72,10 +72,8 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     rows, columns = np.nonzero(sphere.mask(camera))
     pixels = np.stack([columns, rows], -1)
     normals, points = sphere.normals(camera, pixels)
-    if camera.is_orthographic:
-        facing = normals[:, 2]
-    else:
-        facing = -np.sum(normals * points, 1) / np.linalg.norm(points, axis=1)
+    view = [0.0, 0.0, 1.0] if camera.is_orthographic else -points / np.linalg.norm(points, axis=1, keepdims=True)
+    facing = np.sum(normals * view, 1)
     keep = np.flatnonzero(facing > FACING)
     keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
     pixels, points, normals = pixels[keep], points[keep], normals[keep]
@@ -189,7 +187,12 @@ def _patches(
     def mean(x: Array) -> Array:
         return np.bincount(block, weight * x, blocks) / some
 
-    return total, mean(shading), mean(bounce), np.stack([mean(values[:, c]) for c in range(3)], -1)
+    return (
+        np.asarray(total, np.float64),
+        mean(shading),
+        mean(bounce),
+        np.stack([mean(values[:, c]) for c in range(3)], -1),
+    )
 
 
 def _shared_fit(

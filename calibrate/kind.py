@@ -57,9 +57,8 @@ class Behaviour:
         """Why it is neither, in words."""
         parts = [f"shading follows n.l only to {max(self.lambert, 0):.0%} (a matte ball: above 90 %)"]
         if self.spot_area > 0.05 or self.spot_contrast < 6:
-            parts.append(
-                f"no single bright point (half-peak area {self.spot_area:.0%} of the disc, contrast {self.spot_contrast:.1f})"
-            )
+            measured = f"half-peak area {self.spot_area:.0%} of the disc, contrast {self.spot_contrast:.1f}"
+            parts.append(f"no single bright point ({measured})")
         elif self.spot_travel < 0.03:
             parts.append("its bright point stands still")
         else:

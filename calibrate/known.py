@@ -163,7 +163,8 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...]) -> Lights:
         order, flag = list(range(len(names))), ("taken in the file's order: its names are not the frames'",)
     elif len(lights) != len(names):
         raise CalibrationError(
-            f"{path}: {len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or by name."
+            f"{path}: {len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or by "
+            "name."
         )
     else:
         missing = [name for name in names if name not in known]

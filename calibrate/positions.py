@@ -104,7 +104,13 @@ def fit_lights(
     for loss in ("soft_l1", "linear", "linear"):
         problem.used = used
         solution = least_squares(
-            problem.residuals, start, problem.jacobian, method="trf", loss=loss, f_scale=2.0, x_scale="jac", max_nfev=60
+            problem.residuals,
+            start,
+            problem.jacobian,  # pyright: ignore[reportArgumentType]: the stub knows only the names of differences
+            loss=loss,
+            f_scale=2.0,
+            x_scale="jac",
+            max_nfev=60,
         )
         start = solution.x
         pixels = problem.residual_pixels(solution.x)

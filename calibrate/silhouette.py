@@ -45,15 +45,18 @@ class OutlineFit:
     residual_px: float
 
 
-def refine_on_edges(edges: NDArray[np.complex64], camera: Camera, sphere: Sphere) -> Sphere:
+def refine_on_edges(edges: NDArray[np.float32], camera: Camera, sphere: Sphere) -> Sphere:
     """Return the ball moved to the nearest circle of standing edges, with its score.
 
-    `edges` is `candidates.static_edges` of the coarse stack: one map in place of all frames, so that
-    dozens of candidates are cheap.
+    `edges` (h, w, 2) is `candidates.static_edges` of the coarse stack, real and imaginary part: one map in place
+    of all frames, so that dozens of candidates are cheap.
     """
+    jacobian = None
     # Narrow windows: a mirror's outline and the rim of the table that it mirrors lie a tenth of the radius apart.
     for window in np.maximum(1.5, np.array([0.045, 0.04, 0.03, 0.0, 0.0]) * sphere.radius_px):
-        points, normals, jacobian = _outline(camera, sphere, 120)
+        points, normals = _outline(camera, sphere, 120)
+        if jacobian is None:
+            jacobian = _jacobian(camera, sphere, points, normals)  # hardly changes within a few pixels
         offsets = np.arange(-window, window + 0.25, 0.5)
         evidence = _along_normals(edges, points, normals, offsets)
         best = evidence.argmax(1)
@@ -62,7 +65,7 @@ def refine_on_edges(edges: NDArray[np.complex64], camera: Camera, sphere: Sphere
         if shift is None or np.abs(shift).max() > 0.25 * sphere.radius_px:
             return replace(sphere, score=0.0)
         sphere = _moved(sphere, shift)
-    points, normals, _ = _outline(camera, sphere, 240)
+    points, normals = _outline(camera, sphere, 240)
     evidence = _along_normals(edges, points, normals, np.arange(-1.0, 1.1, 0.5)).max(1)
     inside = np.all((points > 1) & (points < [camera.width - 2, camera.height - 2]), axis=1)
     return replace(sphere, score=float(np.mean(np.clip(evidence / 0.3, 0, 1) * inside)))
@@ -103,7 +106,8 @@ def _fit_from(
     count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
     window, fit, reach = search_px, None, search_px
     for turn in range(10):
-        points, normals, jacobian = _outline(camera, sphere, count)
+        points, normals = _outline(camera, sphere, count)
+        jacobian = _jacobian(camera, sphere, points, normals)
         offsets = np.arange(-window - 3, window + 3.01, 0.25)
         edge = _edges_of_frames(crops, points - corner, normals, offsets, window, reach)
         if edge is None:
@@ -123,7 +127,7 @@ def _fit_from(
     if fit is None:
         return None
     _, residual, kept = fit
-    covariance = _clustered_covariance(jacobian[angle], residual, kept, angle * SECTORS // count)
+    covariance = _clustered_covariance(jacobian[angle], residual, kept, np.asarray(angle * SECTORS // count))
     seen = np.zeros(count, bool)
     seen[angle[np.abs(residual) < reach]] = True
     if seen.mean() < 0.25 or covariance is None:
@@ -157,31 +161,34 @@ def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> Outline
     return fit_crops([image], (0, 0), camera, sphere, search_px=max(3.0, 0.06 * sphere.radius_px))
 
 
-def _outline(camera: Camera, sphere: Sphere, count: int) -> tuple[Array, Array, Array]:
-    """Return points (N, 2) on the outline, outward normals (N, 2), and (N, 3) d(offset) / d(u, v, radius)."""
+def _outline(camera: Camera, sphere: Sphere, count: int) -> tuple[Array, Array]:
+    """Return points (N, 2) on the outline and outward normals (N, 2)."""
     points = sphere.outline(camera, count)
     tangent = np.roll(points, -1, 0) - np.roll(points, 1, 0)
     normals = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     normals *= np.sign(np.nanmean(np.sum(normals * (points - points.mean(0)), 1)))
+    return points, normals
+
+
+def _jacobian(camera: Camera, sphere: Sphere, points: Array, normals: Array) -> Array:
+    """Return (N, 3), what the outline's offset along each normal changes by with u, v and radius."""
     step = 0.05
-    jacobian = np.stack(
-        [np.sum((_moved(sphere, d).outline(camera, count) - points) * normals, 1) / step for d in np.eye(3) * step], -1
-    )
-    return points, normals, jacobian
+    moved = [_moved(sphere, shift).outline(camera, len(points)) for shift in np.eye(3) * step]
+    return np.stack([np.sum((to - points) * normals, 1) / step for to in moved], -1)
 
 
 def _moved(sphere: Sphere, shift: Array) -> Sphere:
     return replace(sphere, center_px=sphere.center_px + shift[:2], radius_px=float(sphere.radius_px + shift[2]))
 
 
-def _along_normals(edges: NDArray[np.complex64], points: Array, normals: Array, offsets: Array) -> Array:
+def _along_normals(edges: NDArray[np.float32], points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
     """Return (N, M): how strongly standing edges run along the outline, shifted by each offset."""
     where = (points[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
-    real = cv2.remap(np.ascontiguousarray(edges.real), where[..., 0], where[..., 1], cv2.INTER_LINEAR)
-    imag = cv2.remap(np.ascontiguousarray(edges.imag), where[..., 0], where[..., 1], cv2.INTER_LINEAR)
-    turn = (normals[:, 0] - 1j * normals[:, 1]) ** 2
-    return ((real + 1j * imag) * turn[:, None]).real
+    sampled = cv2.remap(edges, where[..., 0], where[..., 1], cv2.INTER_LINEAR)
+    # The real part of evidence times (n_u - i n_v)^2: edges across the outline count against it.
+    along = (normals[:, 0] ** 2 - normals[:, 1] ** 2)[:, None] * sampled[..., 0]
+    return np.asarray(along + (2 * normals[:, 0] * normals[:, 1])[:, None] * sampled[..., 1], np.float32)
 
 
 def _solve(jacobian: Array, offset: Array, weight: Array) -> Array | None:
@@ -194,7 +201,7 @@ def _solve(jacobian: Array, offset: Array, weight: Array) -> Array | None:
         if np.trace(normal) <= 0 or np.linalg.cond(normal) > 1e8:
             return None
         shift = np.linalg.solve(normal, jacobian.T @ (w * offset))
-    return shift
+    return None if shift is None else np.asarray(shift, np.float64)
 
 
 def _edges_of_frames(
@@ -269,7 +276,7 @@ def _robust_step(jacobian: Array, offset: Array, weight: Array, reach: float) ->
         previous, shift = shift, np.linalg.solve(normal, jacobian.T @ (w * offset))
         if np.abs(shift - previous).max() < 1e-4:
             break
-    return shift, offset - jacobian @ shift, w
+    return np.asarray(shift, np.float64), np.asarray(offset - jacobian @ shift, np.float64), w
 
 
 def _clustered_covariance(jacobian: Array, residual: Array, weight: Array, sector: NDArray[np.intp]) -> Array | None:

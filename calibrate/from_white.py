@@ -1,0 +1,89 @@
+"""What the white balls say: intensities, and directions where chrome has none."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.directions import angle_deg
+from calibrate.intensity import Skin, measure, propagate
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+MISFIRE = 0.05
+"""A flash under this share of the median did not fire."""
+APART_DEG = 6.0
+"""From here shading and highlights contradict each other."""
+
+
+def intensities_from_white(
+    frames: Frames,
+    skins: list[Skin],
+    meter: tuple[Array, Array | None, Array, Array],
+    reference: Array,
+    flags: list[list[str]],
+    evidence: list[str],
+    warnings: list[str],
+) -> tuple[Array, Array, Array]:
+    """Return intensities (F, 3), relative sigma (F,) and ambient (3,), as pixel values on the first white ball.
+
+    `meter` holds directions, positions, their sigma (degrees) and the ranges' (relative), as the ball is to read them.
+    """
+    directions, positions, sigma_deg, range_sigma = meter
+    intensities, sigma, ambient = [], [], []
+    for skin in skins:
+        light = measure(skin, directions, positions, reference)
+        bad = ~np.isfinite(light.intensities).all(1)
+        if bad.any():
+            names = ", ".join(np.array(frames.names)[bad][:3])
+            raise CalibrationError(
+                f"{names}: the white ball cannot be read ({light.clipped[bad].max():.0%} of it is clipped). Expose "
+                "less, or turn the flash so that it lights the ball."
+            )
+        evidence.append(light.evidence)
+        relative = propagate(skin, directions, positions, reference, sigma_deg, range_sigma)
+        intensities.append(light.intensities)
+        sigma.append(np.hypot(light.sigma, relative))
+        ambient.append(light.ambient)
+        if light.residual > 0.08:
+            warnings.append(
+                f"the white ball misses n.l by {light.residual:.0%} of the flash: glossy, dirty, or frames not linear?"
+            )
+    # Other white balls may be of another gray: only what varies between frames is theirs to say.
+    scale = [i.mean(0) / intensities[0].mean(0) for i in intensities]
+    weight = [1 / np.maximum(s, 1e-4) ** 2 for s in sigma]
+    total = np.sum(weight, axis=0)
+    mean = sum(w[:, None] * i / k for w, i, k in zip(weight, intensities, scale, strict=True)) / total[:, None]
+    level = mean.mean(1) / np.median(mean.mean(1))
+    for f in np.flatnonzero(level < MISFIRE):
+        flags[f].append(f"misfire: {level[f]:.1%} of the median flash")
+        warnings.append(
+            f"{frames.names[f]}: the flash did not fire (white ball at {level[f]:.1%} of the median). Reshoot, or list "
+            "it under frames.skip."
+        )
+    return np.maximum(mean, 1e-9), 1 / np.sqrt(total), ambient[0]
+
+
+def compare_with_chrome(
+    camera: Camera,
+    sphere: Sphere,
+    shaded: Array,
+    directions: Array,
+    positions: Array | None,
+    evidence: list[str],
+    warnings: list[str],
+) -> float:
+    """Return, and say, how far the white ball's shading and the chrome balls' lights agree, degrees (median)."""
+    toward = directions
+    if positions is not None and sphere.diameter_mm:
+        toward = positions - sphere.center_mm(camera)
+        toward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    angle = float(np.nanmedian(angle_deg(shaded, toward)))
+    evidence.append(f"the white ball's shading agrees with the chrome to {angle:.1f} degrees (median)")
+    if angle > APART_DEG:
+        warnings.append(
+            f"the white ball's shading and the chrome balls' highlights point {angle:.0f} degrees apart (median): is "
+            "the white ball matte, and are the frames linear?"
+        )
+    return angle
