@@ -1,2 +1,115 @@
-def audit(session, frames, exif, *, facts, ambient_exif=()):
-    return ()
+"""What is wrong with a capture, found before anybody computes with it; each finding a message that can be acted on.
+
+A flash that did not fire is an error: its light does not exist. All else is usable, and a warning.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from capture.exif import Exif
+from capture.facts import FrameFacts, facts_of, reduced
+from capture.flashes import doubles, misfires
+from capture.gamma import noise_slope, speaks_for_gamma, stated_encoding
+from capture.globs import kind_of
+from capture.movement import movement
+from capture.session import Session
+from capture.settings import gaps_in_numbering, mixed_settings
+from scene.frames import Frames
+
+BLOWN = 0.002
+"""Share of the picture in large clipped spots that is worth a warning."""
+
+
+def audit(
+    session: Session,
+    frames: Frames,
+    exif: Sequence[Exif],
+    *,
+    facts: list[FrameFacts] | None = None,
+    ambient_exif: Sequence[Exif] = (),
+) -> tuple[str, ...]:
+    """Return what is suspicious about a capture.
+
+    Parameters
+    ----------
+    session : Session
+    frames : Frames
+        Its decoded frames.
+    exif : F Exif
+        The flash frames', in order; those of the ambient frames apart.
+    facts : list of F FrameFacts, optional
+        Gathered while decoding; else they are gathered from the frames now.
+
+    Returns
+    -------
+    warnings : tuple of str
+        Mixed settings, doubles, clipping, movement, gaps in the numbering, gamma. "frame: what. What to do."
+
+    Raises
+    ------
+    CaptureError
+        A flash did not fire, or it fired in the ambient frame; every such frame is named.
+    """
+    facts = facts or [facts_of(frames.codes[i]) for i in range(len(frames))]
+    light = np.stack([fact.small * gain for fact, gain in zip(facts, frames.gain, strict=True)])
+    ambient = None if frames.ambient is None else reduced(frames.ambient)
+    if ambient is not None:
+        light = light - ambient
+    return (
+        *mixed_settings(session, exif, ambient_exif),
+        *gaps_in_numbering(session),
+        *misfires(frames.names, light, ambient),
+        *doubles(frames.names, facts, light),
+        *_blown(frames.names, facts),
+        *_moved(frames, facts),
+        *_encoding(session, frames),
+    )
+
+
+def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
+    share = np.array([fact.blown_share for fact in facts])
+    blown = np.flatnonzero(share > BLOWN)
+    if not len(blown):
+        return []
+    worst = int(np.argmax(share))
+    listed = ", ".join(names[i] for i in blown[:6]) + (f" and {len(blown) - 6} more" if len(blown) > 6 else "")
+    return [
+        f"{listed}: overexposed ({names[worst]}: {share[worst]:.1%} of the picture is clipped in large spots). Those "
+        "samples are left out; expose so that only a chrome ball's highlight clips."
+    ]
+
+
+def _moved(frames: Frames, facts: list[FrameFacts]) -> list[str]:
+    found = movement(frames, facts)
+    return [
+        f"{frames.names[i]}: the picture lies {np.hypot(*found.shift_px[i]):.1f} px off the other frames' "
+        f"(right {found.shift_px[i, 0]:+.1f}, down {found.shift_px[i, 1]:+.1f}): the camera or the table moved. "
+        "Reshoot, or list it under frames.skip."
+        for i in np.flatnonzero(found.moved)
+    ]
+
+
+def _encoding(session: Session, frames: Frames) -> list[str]:
+    """Name what speaks against values being linear."""
+    if session.encoding != "linear" or kind_of(session.flash[0]) != "image" or frames.codes.dtype != np.uint16:
+        return []
+    evidence = stated_encoding(session.flash[0])
+    # At most 256 different codes: an 8-bit file.
+    few = not session.half and np.unique(frames.codes[0, ::3, ::3]).size <= 256
+    noise = noise_slope(frames, step=1 / 255 if few else 0.0)
+    reasons = [evidence] if evidence else []
+    if noise and speaks_for_gamma(*noise):
+        reasons.append(f"noise that falls with brightness (slope {noise[0]:.2f}; 0 to 1 in linear values)")
+    if reasons:
+        verb = "speaks" if len(reasons) == 1 else "speak"
+        return [
+            f"frames.linear: taken as linear, but {' and '.join(reasons)} {verb} for gamma encoding, "
+            "which costs some 14 degrees in the normals. Set linear = false (sRGB) or gamma = 2.2, or give the RAW files."
+        ]
+    if few and not session.encoding_stated:
+        return [
+            "frames.linear: not stated, and the files have 8 bits: taken as linear. Write linear = true if they are, "
+            "linear = false if they are sRGB-encoded, as cameras' JPEG and most 8-bit pictures are."
+        ]
+    return []

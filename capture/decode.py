@@ -4,8 +4,9 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +59,20 @@ class CaptureReport:
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
 
+    @property
+    def frames_table(self) -> list[dict[str, Any]]:
+        """One row a frame, for summary and report."""
+        return [
+            {
+                "name": name,
+                "brightness": float(self.brightness[i]),
+                "saturated_share": float(self.saturated_share[i]),
+                "gain": float(self.gain[i]),
+                **{key: value for key, value in asdict(self.exif[i]).items() if value is not None},
+            }
+            for i, name in enumerate(self.names)
+        ]
+
 
 def decode(
     session: Session, store: Store, *, executor: Executor | None = None, progress: Progress | None = None
@@ -90,7 +105,7 @@ def decode(
     exif = [read_exif(path) for path in session.flash]
     reference, gain = reference_exposure(exif)
     steps = _Steps(progress, len(session.flash) + len(session.ambient) + len(session.dark) + len(session.flat))
-    scratch = {key: store.path("frames", f".{key}.{os.getpid()}.npy") for key in ("dark", "flat")}
+    scratch = {key: store.path("frames", f".{key}.npy.{os.getpid()}.tmp") for key in ("dark", "flat")}
     try:
         recipe = Recipe(session.encoding, session.half, session.flash[0])
         first = read_photograph(session.flash[0], recipe)
