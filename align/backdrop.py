@@ -1,0 +1,100 @@
+"""The backdrop: one smooth surface, and the pixels that contradict it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+TEXTURE = 0.12
+"""A backdrop's own texture and unevenness, relative: what it may differ from a smooth surface by."""
+BORDER = 0.15
+"""Share of the image, at each side, where the backdrop is looked for at first."""
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """How each pixel contradicts the backdrop.
+
+    Parameters
+    ----------
+    bright : (h, w) float32
+        Share of frames in which it is brighter than the backdrop can be.
+    lit : (h, w) float32
+        Share of frames in which it looks like lit backdrop.
+    object_likely : (h, w) bool
+    backdrop : (h, w) float32
+        The backdrop's mean over the frames, had it no shadows.
+    backdrop_noise : float
+        Relative rms of the backdrop about its smooth model.
+    """
+
+    bright: NDArray[np.float32]
+    lit: NDArray[np.float32]
+    object_likely: NDArray[np.bool_]
+    backdrop: NDArray[np.float32]
+    backdrop_noise: float
+
+
+def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -> Contradiction:
+    """Fit the backdrop to a stack, and say where it cannot be.
+
+    Parameters
+    ----------
+    stack : (F, h, w) float32
+        Gray frames.
+    ignore : (h, w) bool
+        Balls.
+
+    Notes
+    -----
+    In each frame the backdrop is a polynomial of the pixel, fitted robustly, at first to the image's border,
+    then to all that agreed. A backdrop pixel may be darker in some frames (cast shadow) but not brighter;
+    one that never looks like lit backdrop is dark object.
+    """
+    count, height, width = stack.shape
+    v, u = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
+    edge = (np.abs(u) > 1 - 2 * BORDER) | (np.abs(v) > 1 - 2 * BORDER)
+    member = edge & ~ignore
+    # Eight-bit black is constant, and still no surface: what is under a percent of the scene's bright parts is noise.
+    step = np.abs(np.diff(stack[:, member], axis=1))
+    noise = max(float(np.median(step)), 0.01 * float(np.percentile(stack, 99)), 1e-6)
+    bright = lit = backdrop = np.zeros((height, width), np.float32)
+    relative = 1.0
+    # Few terms reach from the border into the middle without swinging; more once the middle is known.
+    for degree in (2, 2, 3, 4):
+        basis = np.stack([u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)], -1)
+        bright, lit = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
+        backdrop = np.zeros((height, width), np.float32)
+        spread = []
+        for index in range(count):
+            model = np.maximum(basis @ _robust_fit(basis[member], stack[index][member], noise), 0)
+            backdrop += (model / count).astype(np.float32)
+            tolerance = np.hypot(3 * noise, 3 * TEXTURE * model)
+            excess = stack[index] - model
+            bright += excess > tolerance
+            agrees = np.abs(excess) <= tolerance
+            lit += agrees
+            spread.append(np.std((excess / np.maximum(model, noise))[agrees & member]))
+        bright, lit = bright / count, lit / count
+        relative = float(np.mean(spread))
+        member = (bright < 0.15) & (lit > 0.4) & ~ignore
+        if member.sum() < 10 * basis.shape[-1]:
+            break
+    likely = (bright > 0.35) | ((lit < 0.2) & (bright > 0.05)) | (lit < 0.05)
+    return Contradiction(bright, lit, likely & ~ignore, backdrop, relative)
+
+
+def _robust_fit(basis: NDArray, values: NDArray, noise: float) -> NDArray[np.float64]:
+    """Return coefficients by reweighted least squares that shadows below and objects above do not pull."""
+    step = max(1, len(values) // 20000)
+    basis, values = basis[::step], values[::step].astype(np.float64)
+    # The brighter half at first: shadows are many, and go one way.
+    weight = (values > np.median(values)).astype(np.float64) + 0.2
+    solution = np.zeros(basis.shape[1])
+    for _ in range(8):
+        weighted = basis * weight[:, None]
+        solution = np.linalg.lstsq(weighted.T @ basis, weighted.T @ values, rcond=None)[0]
+        residual = values - basis @ solution
+        scale = max(1.4826 * float(np.median(np.abs(residual))), noise)
+        weight = 1 / (1 + (residual / (2 * scale)) ** 2) ** 2
+    return solution
