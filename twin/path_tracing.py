@@ -9,8 +9,8 @@ from scene.lights import Lights
 from twin.film import Film, sensor_description
 from twin.surface import Surface
 
-SAMPLES_PER_BAND = 1 << 22
-"""Samples traced in one call: bounds the vectorised variant's memory to about a gigabyte."""
+SAMPLES_PER_BAND = 1 << 21
+"""Samples traced in one call: bounds the vectorised variant's memory to about half a gigabyte."""
 
 
 class PathTracer:
@@ -34,15 +34,19 @@ class PathTracer:
         self._scene: Any = mi.load_dict(description)
         self._sensors: dict[tuple[int, int], Any] = {}
 
-    def image(self, index: int, irradiance: NDArray[np.float64], samples_per_pixel: int) -> NDArray[np.float32]:
+    def image(
+        self, index: int, irradiance: NDArray[np.float64], samples_per_pixel: int, *, seed: int = 0
+    ) -> NDArray[np.float32]:
         """Return radiance (h, w, 3) of the film's window under one light.
 
         Parameters
         ----------
         index : int
-            Which light; seeds the samples too.
+            Which light.
         irradiance : (3,) float64
             On a surface that faces the light at the lights' reference point.
+        seed : int
+            Other samples of the same light.
         """
         mi, lights = self._mitsuba, self._lights
         parameters = mi.traverse(self._scene)
@@ -60,14 +64,15 @@ class PathTracer:
             parameters["flash.intensity.value"] = mi.Color3f(*(irradiance * square).tolist())
         parameters.update()
         bands = self._film.bands(SAMPLES_PER_BAND, samples_per_pixel)
-        return np.concatenate([self._band(index, *band, samples_per_pixel) for band in bands])
+        return np.concatenate([self._band((seed, index), *band, samples_per_pixel) for band in bands])
 
-    def _band(self, index: int, first_row: int, height: int, samples_per_pixel: int) -> NDArray[np.float32]:
+    def _band(self, seeds: tuple[int, int], first_row: int, height: int, samples_per_pixel: int) -> NDArray[np.float32]:
         mi = self._mitsuba
         key = (first_row, height)
         if key not in self._sensors:
             self._sensors[key] = mi.load_dict(sensor_description(self._film, self._points, first_row, height))
-        seed = (index * self._film.rendered.height + first_row) % (1 << 31)
+        # Mixed, not added up: neighbouring bands and lights must not share samples.
+        seed = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
         image = mi.render(self._scene, sensor=self._sensors[key], spp=samples_per_pixel, seed=seed)
         return np.asarray(image, np.float32)[..., :3]
 

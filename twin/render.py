@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ from twin.surface import Surface, textured_surface
 from twin.variant import pick_variant
 from twin.visibility import inside
 
+SAMPLES_PER_FRAME = 1 << 24
+"""Samples that a frame may cost unless more are asked for: seconds on two cores."""
+
 
 @dataclass(frozen=True)
 class Rendering:
@@ -39,6 +42,8 @@ class Rendering:
     variant : str
         Mitsuba's.
     samples_per_pixel, max_depth : int
+    noise : float
+        Of the sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip twice.
     seconds : float
         Wall time.
     warnings : tuple of str
@@ -48,6 +53,7 @@ class Rendering:
     variant: str
     samples_per_pixel: int
     max_depth: int
+    noise: float
     seconds: float
     warnings: tuple[str, ...] = ()
 
@@ -60,7 +66,7 @@ def render(
     albedo: NDArray[np.float32],
     *,
     white_value: NDArray[np.float64] | None = None,
-    samples_per_pixel: int = 64,
+    samples_per_pixel: int | None = None,
     max_depth: int = 3,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
@@ -83,7 +89,8 @@ def render(
     white_value : (3,) float64 or None
         Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
         taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
-    samples_per_pixel : int
+    samples_per_pixel : int or None
+        None: 64, or fewer for an object that fills more than a quarter of a megapixel, down to 4.
     max_depth : int
         2: direct light only; 3: one interreflection; and so on.
     executor : Executor or None
@@ -122,7 +129,15 @@ def render(
             "The twin was rendered without lens distortion and with square pixels, then resampled (bilinear): it is "
             "slightly softer than a photograph."
         )
+    if samples_per_pixel is None:
+        samples_per_pixel = int(np.clip(SAMPLES_PER_FRAME // (film.window[2] * film.window[3]), 4, 64))
     settings = (surface, film, lights, irradiance, samples_per_pixel, max_depth)
+    noise = _noise(settings) if executor is None else executor.submit(_noise, settings).result()
+    if noise > 0.03:
+        warnings.append(
+            f"The twin's own noise is {100 * noise:.0f} % of a lit pixel at {samples_per_pixel} samples a pixel; it "
+            "counts as an error of the methods that are run on it."
+        )
     with _codes(store, (len(lights), camera.height, camera.width, 3)) as codes:
         for done, (index, image) in enumerate(_images(settings, executor), 1):
             codes[index, film.rows, film.columns] = image
@@ -132,7 +147,8 @@ def render(
     if store is not None:
         store.save_frames_header(frames)
         frames = store.load_frames()
-    return Rendering(frames, variant, samples_per_pixel, max_depth, time.perf_counter() - started, tuple(warnings))
+    seconds = time.perf_counter() - started
+    return Rendering(frames, variant, samples_per_pixel, max_depth, noise, seconds, tuple(warnings))
 
 
 _Settings = tuple[Surface, Film, Lights, NDArray[np.float64], int, int]
@@ -162,6 +178,21 @@ def _render_share(settings: _Settings, indices: range) -> Iterator[tuple[int, ND
     tracer = PathTracer(surface, film, lights, variant=variant, max_depth=max_depth)
     for index in indices:
         yield index, encode(film.place(tracer.image(index, irradiance[index], samples_per_pixel)))
+
+
+def _noise(settings: _Settings) -> float:
+    """Render the film's middle rows twice under the strongest light; see `Rendering.noise`."""
+    surface, film, lights, irradiance, samples_per_pixel, max_depth = settings
+    top, left, height, width = film.window
+    strip = replace(film, window=(top + max(0, height // 2 - 24), left, min(48, height), width))
+    variant, _ = pick_variant()
+    tracer = PathTracer(surface, strip, lights, variant=variant, max_depth=max_depth)
+    index = int(np.argmax(irradiance.sum(1)))
+    one, two = (tracer.image(index, irradiance[index], samples_per_pixel, seed=seed) for seed in (1, 2))
+    mean = (one + two) / 2
+    lit = mean > 0.05 * mean.max()
+    # Two renderings differ by twice the variance of one.
+    return float(np.sqrt(np.mean((one - two)[lit] ** 2) / 2) / np.mean(mean[lit])) if lit.any() else 0.0
 
 
 @contextmanager

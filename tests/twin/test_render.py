@@ -255,7 +255,33 @@ def test_frames_are_named_stored_and_the_same_wherever_they_are_rendered(tmp_pat
     assert isinstance(there.frames.codes, np.memmap)
     assert np.array_equal(Store(tmp_path).load_frames().codes, there.frames.codes)
     assert (here.frames.codes[:, :4, :4] == PEDESTAL).all()
+    assert 0 < here.noise == there.noise
     assert (here.variant, here.samples_per_pixel, here.max_depth) == (there.variant, 4, 3)
+
+
+def test_noise_is_measured_and_falls_with_the_samples():
+    pose = Pose.from_rotation_translation(np.eye(3), CENTER)
+    lights = distant([-1, 1, 2])
+    few, many = (
+        render(ball(subdivisions=4), pose, CAMERA, lights, flat(CAMERA), samples_per_pixel=samples)
+        for samples in (4, 64)
+    )
+    again = render(ball(subdivisions=4), pose, CAMERA, lights, flat(CAMERA), samples_per_pixel=1024).frames.frame(0)
+    lit = again > 0.05 * again.max()
+    for rendered in (few, many):
+        found = np.sqrt(np.mean((rendered.frames.frame(0) - again)[lit] ** 2)) / again[lit].mean()
+        assert 0.6 * found < rendered.noise < 1.7 * found
+    assert many.noise < 0.5 * few.noise
+
+
+def test_a_pixel_is_cheaper_where_there_are_more_pixels(monkeypatch):
+    pose = Pose.from_rotation_translation(np.eye(3), CENTER)
+    given = (ball(subdivisions=2), pose, CAMERA, distant([0, 0, 1]), flat(CAMERA))
+    assert render(*given).samples_per_pixel == 64
+    monkeypatch.setattr("twin.render.SAMPLES_PER_FRAME", 100_000)
+    assert 10 < render(*given).samples_per_pixel < 40
+    monkeypatch.setattr("twin.render.SAMPLES_PER_FRAME", 1)
+    assert render(*given).samples_per_pixel == 4
 
 
 def test_brighter_intensity_is_only_brighter():
