@@ -104,8 +104,8 @@ def _encoding(session: Session, frames: Frames) -> list[str]:
     if reasons:
         verb = "speaks" if len(reasons) == 1 else "speak"
         return [
-            f"frames.linear: taken as linear, but {' and '.join(reasons)} {verb} for gamma encoding, "
-            "which costs some 14 degrees in the normals. Set linear = false (sRGB) or gamma = 2.2, or give the RAW files."
+            f"frames.linear: taken as linear, but {' and '.join(reasons)} {verb} for gamma encoding, which "
+            "costs some 14 degrees in the normals. Set linear = false (sRGB) or gamma = 2.2, or give the RAW files."
         ]
     if few and not session.encoding_stated:
         return [

@@ -1,0 +1,190 @@
+"""The camera of a session: what `session.toml` says, else a board's photographs, else EXIF, else orthographic."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.exif import Exif
+from capture.session import Charuco, Session
+from scene.camera import Camera
+from scene.errors import SessionError
+
+if TYPE_CHECKING:
+    from capture.decode import CaptureReport
+
+DIAGONAL_35MM = 43.2666
+"""Diagonal of 36 x 24 mm: what "35 mm equivalent" refers to [CIPA2005]. By width it would be 4 % off on 4:3."""
+
+
+def camera_of(
+    session: Session, report: "CaptureReport | Sequence[Exif]", width: int, height: int
+) -> tuple[Camera, tuple[str, ...]]:
+    """Return the camera of frames of the given size.
+
+    Parameters
+    ----------
+    session : Session
+    report : CaptureReport or sequence of Exif
+        Of the flash frames.
+    width, height : int
+        Of the decoded frames (halved, if `frames.half`).
+
+    Returns
+    -------
+    camera : Camera
+    warnings : tuple of str
+        Where the camera came from, unless the session states it, and what that costs.
+
+    Raises
+    ------
+    SessionError
+        [camera] is of another size than the frames, or the board was not found.
+    """
+    exif = report if isinstance(report, Sequence) else report.exif
+    if isinstance(session.camera, Camera):
+        return _fitted(session.camera, session, width, height), ()
+    if isinstance(session.camera, Charuco):
+        camera, note = calibrate_board(session.camera, session)
+        return _fitted(camera, session, width, height), (note,)
+    if session.layout == "diligent":
+        return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
+    return _from_exif(exif, session, width, height)
+
+
+def _fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
+    """Return the camera at the frames' size: as it is, or halved with the superpixels."""
+    if (camera.width, camera.height) == (width, height):
+        return camera
+    if session.half and (camera.width // 2, camera.height // 2) == (width, height):
+        return camera.halved()
+    remedy = (
+        "Give the size that fx, fy, cx and cy refer to; it must be the photographs'."
+        if not session.half
+        else "With frames.half it must be the photographs' full size, or half of it."
+    )
+    raise SessionError(
+        f"camera.width, camera.height: found {camera.width} x {camera.height}, but the frames are {width} x {height} "
+        f"px. {remedy}"
+    )
+
+
+def _from_exif(exif: Sequence[Exif], session: Session, width: int, height: int) -> tuple[Camera, tuple[str, ...]]:
+    """Return the camera by the middle frame's focal length: focal-plane resolution, else the 35 mm equivalent."""
+    scale = 2 if session.half else 1
+    measured = [e for e in exif if e.focal_mm and e.pixels_per_mm]
+    equivalent = [e for e in exif if e.focal_35mm]
+    if measured:
+        e = sorted(measured, key=lambda e: e.focal_mm or 0)[len(measured) // 2]
+        assert e.focal_mm
+        assert e.pixels_per_mm
+        # A picture that was scaled after it was taken still states the resolution of the sensor. RAW files show
+        # a few more pixels than EXIF's width, of the same pitch.
+        shrunk = width * scale / e.width_px if e.width_px else 1.0
+        shrunk = 1.0 if 0.9 < shrunk < 1.1 else shrunk
+        fx, fy = (e.focal_mm * resolution * shrunk / scale for resolution in e.pixels_per_mm)
+        what = f"{e.focal_mm:g} mm at {e.pixels_per_mm[0]:.1f} px/mm (focal-plane resolution)"
+    elif equivalent:
+        e = sorted(equivalent, key=lambda e: e.focal_35mm or 0)[len(equivalent) // 2]
+        assert e.focal_35mm
+        fx = fy = e.focal_35mm * float(np.hypot(width, height)) / DIAGONAL_35MM
+        what = f"{e.focal_35mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
+    else:
+        return Camera.orthographic(width, height), (
+            "camera: unknown (no [camera] in session.toml, no focal length in EXIF): taken as orthographic. Then no "
+            "light has a position, and a ball away from the centre gives a direction that is off by about as much as "
+            "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera], or shots of a ChArUco board.",
+        )
+    camera = Camera(width, height, fx, fy, (width - 1) / 2, (height - 1) / 2, source="EXIF")
+    return camera, (
+        f"camera: focal length from EXIF, {what}: {fx:.1f} px. It is good to a few per cent, the principal point is "
+        "taken as the centre, distortion as none. Shots of a ChArUco board would measure all of them.",
+    )
+
+
+def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
+    """Calibrate from photographs of a ChArUco board.
+
+    Returns
+    -------
+    camera : Camera
+        Full size, with distortion.
+    note : str
+        Shots used, reprojection error, sigma of the focal length.
+
+    Raises
+    ------
+    SessionError
+        Unknown dictionary, or fewer than 3 shots in which the board was found.
+
+    Notes
+    -----
+    Zhang's method [Zhang2000] on the corners of a ChArUco board [GarridoJurado2014].
+    """
+    import cv2
+
+    known = sorted(name for name in dir(cv2.aruco) if name.startswith("DICT_"))
+    if charuco.dictionary not in known:
+        raise SessionError(f'camera.board.dictionary: found "{charuco.dictionary}"; known are {", ".join(known)}.')
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, charuco.dictionary))
+    board = cv2.aruco.CharucoBoard(charuco.squares, charuco.square_mm, charuco.marker_mm, dictionary)
+    detector = cv2.aruco.CharucoDetector(board)
+    objects, images, size, missed = [], [], None, []
+    for file in charuco.files:
+        picture = _board_picture(file, session)
+        size = size or picture.shape
+        if picture.shape != size:
+            raise SessionError(
+                f"camera.charuco: {file.name} is {picture.shape[1]} x {picture.shape[0]} px, the first shot {size[1]} "
+                f"x {size[0]}. All must be of the frames' size."
+            )
+        corners, ids, _, _ = detector.detectBoard(picture)
+        count = 0 if ids is None else len(ids)
+        if count < 8:
+            missed.append(f"{file.name} ({count} corners)")
+            continue
+        points, pixels = board.matchImagePoints(corners, ids)
+        objects.append(points)
+        images.append(pixels)
+    if len(objects) < 3 or size is None:
+        raise SessionError(
+            f"camera.charuco: the board was found in {len(objects)} of {len(charuco.files)} shots, at least 3 are "
+            f"needed (too few corners in {', '.join(missed[:6])}). Check squares and dictionary, light the board evenly, fill "
+            "the picture with it, tilt it differently in each shot."
+        )
+    return _camera_of_corners(objects, images, size, missed)
+
+
+def _camera_of_corners(
+    objects: list[NDArray], images: list[NDArray], size: tuple[int, ...], missed: list[str]
+) -> tuple[Camera, str]:
+    import cv2
+
+    # OpenCV's stubs demand matrices where None lets it choose.
+    calibrate: Any = cv2.calibrateCameraExtended
+    rms, matrix, distortion, _, _, sigma, _, _ = calibrate(objects, images, (size[1], size[0]), None, None)
+    fx, fy, cx, cy = (float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    k1, k2, p1, p2, k3 = (float(k) for k in np.ravel(distortion)[:5])
+    camera = Camera(size[1], size[0], fx, fy, cx, cy, (k1, k2, p1, p2, k3), source="ChArUco")
+    note = (
+        f"camera: from {len(objects)} shots of the board, reprojection error {rms:.2f} px, fx {camera.fx:.1f} +- "
+        f"{float(np.ravel(sigma)[0]):.1f} px."
+    )
+    if missed:
+        note += f" The board was not found in {', '.join(missed)}."
+    if rms > 1:
+        note += (
+            " An error above 1 px is too much: is the board flat, are the shots sharp, is the lens at the same focus?"
+        )
+    return camera, note
+
+
+def _board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
+    """Return an 8-bit gray picture for the marker detector, full size, gamma-encoded, bright."""
+    from capture.develop import Recipe, read_photograph
+    from scene.frames import decode
+
+    linear = decode(read_photograph(file, Recipe(session.encoding, False, file)).codes).mean(axis=-1)
+    white = max(float(np.quantile(linear, 0.99)), 1e-6)
+    return (255 * np.clip(linear / white, 0, 1) ** (1 / 2.2)).astype(np.uint8)

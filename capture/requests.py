@@ -1,0 +1,118 @@
+"""What calibration and alignment are given of a session: the balls asked for, the object's mask."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session import Session, SphereSpec
+from scene.camera import Camera
+from scene.errors import SceneError, SessionError
+from scene.frames import PEDESTAL, Frames
+from scene.spheres import SphereRequest
+from scene.store import Store, write_json
+
+
+def sphere_requests(session: Session, store: Store) -> list[SphereRequest]:
+    """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded.
+
+    Parameters
+    ----------
+    session : Session
+    store : Store
+        Holds the session's frames already. A ball that was shot apart gets frames of its own in
+        spheres/<n>/frames; they are used again while they are newer than the photographs.
+
+    Raises
+    ------
+    SessionError
+        A mask or a ball's photographs are of another size than the frames.
+    CaptureError
+        A ball's photograph cannot be decoded.
+    """
+    header = store.load_frames()
+    decoded: dict[tuple[Path, ...], Frames] = {}
+    requests = []
+    for i, spec in enumerate(session.spheres):
+        key = f"spheres[{i}]"
+        if spec.frames and spec.frames not in decoded:
+            decoded[spec.frames] = _frames_apart(
+                session, spec, Store(store.path("spheres", str(i))), store.path("frames", "frames.json")
+            )
+        frames = decoded.get(spec.frames)
+        if frames is not None and (frames.height, frames.width) != (header.height, header.width):
+            raise SessionError(
+                f"{key}.frames: the ball's photographs are {frames.width} x {frames.height} px, the flash frames "
+                f"{header.width} x {header.height}. Both must come from the same camera at the same size."
+            )
+        scale = _hint_scale(session, header.width)
+        center, radius = spec.center_px, spec.radius_px
+        if center and radius:
+            # Pixel centres are integers: 2 x 2 pixels around 0.5 become pixel 0.
+            center = ((center[0] + 0.5) / scale - 0.5, (center[1] + 0.5) / scale - 0.5)
+            radius /= scale
+            if not (-radius < center[0] < header.width + radius and -radius < center[1] < header.height + radius):
+                raise SessionError(
+                    f"{key}.center_px: found {list(spec.center_px or ())}, outside of the picture of "
+                    f"{header.width} x {header.height} px."
+                )
+        mask = read_mask(spec.mask, header.height, header.width) if spec.mask else None
+        requests.append(SphereRequest(spec.kind, spec.diameter_mm, center, radius, mask, frames))
+    return requests
+
+
+def _hint_scale(session: Session, width: int) -> int:
+    """Return 2 where hints count full-size pixels of halved frames: they go with [camera], else the photographs."""
+    if not session.half:
+        return 1
+    return 1 if isinstance(session.camera, Camera) and session.camera.width == width else 2
+
+
+def _frames_apart(session: Session, spec: SphereSpec, store: Store, session_header: Path) -> Frames:
+    """Return the photographs of a ball that was shot apart, decoded as the session's own."""
+    from capture.decode import decode
+
+    photographs = [str(path) for path in spec.frames]
+    header, source = store.path("frames", "frames.json"), store.path("source.json")
+    if header.exists() and source.exists() and store.read_json("source.json") == photographs:
+        # The session's own frames are decoded again whenever a setting changes; these follow.
+        newest = max(path.stat().st_mtime_ns for path in (*spec.frames, session_header))
+        if header.stat().st_mtime_ns > newest:
+            return store.load_frames()
+    # The session's ambient frame shows the object's scene, not the ball's.
+    own = replace(session, flash=spec.frames, ambient=(), skip=(), spheres=())
+    frames, _ = decode(own, store)
+    write_json(source, photographs)
+    return frames
+
+
+def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:
+    """Return a mask image as (height, width) bool: True where it is brighter than half of its white.
+
+    A mask of twice the size fits frames that were halved: a superpixel belongs if all four pixels do.
+
+    Raises
+    ------
+    SessionError
+        Unreadable, of another size, or empty.
+    """
+    from capture.images import read_image
+
+    try:
+        codes = read_image(path, "linear").codes
+    except SceneError as error:
+        raise SessionError(f"{path}: the mask cannot be read. Give a PNG, white where the object is.") from error
+    values = codes.max(axis=-1).astype(np.float32)
+    low, high = float(values.min()), float(values.max())
+    mask = values > (low + high) / 2 if high > low else values > PEDESTAL
+    if (mask.shape[0] // 2, mask.shape[1] // 2) == (height, width):
+        mask = mask[: 2 * height, : 2 * width].reshape(height, 2, width, 2).all(axis=(1, 3))
+    if mask.shape != (height, width):
+        raise SessionError(
+            f"{path}: the mask is {mask.shape[1]} x {mask.shape[0]} px, the frames {width} x {height}. "
+            "It must have the frames' size."
+        )
+    if not mask.any():
+        raise SessionError(f"{path}: the mask is empty (one value everywhere). Paint the object white on black.")
+    return mask
