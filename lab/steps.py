@@ -83,7 +83,7 @@ def align(job: Job) -> Outcome:
         store.save_mask(found.mask)
         store.save_lights(lights)
     elif session.scan:
-        result, more = _register(job, frames, camera, lights, found.mask)
+        result, more = _register(job, frames, camera, lights, found)
         warnings += more
     else:
         store.save_mask(found.mask)
@@ -95,8 +95,9 @@ def align(job: Job) -> Outcome:
     return Outcome({"truth": result}, warnings)
 
 
-def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, mask: Any) -> tuple[dict, list[str]]:
+def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
+    from align.mask import scan_mask
     from align.register import register
     from align.scan import load_scan
     from align.truth import ground_truth
@@ -104,22 +105,25 @@ def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, mask: An
 
     store, session = job.store, job.session
     mesh = load_scan(session.scan, session.scan_unit)
+    mask = rough_mask.mask
     rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
     with progress_bar("register") as progress:
         found = register(mesh, camera, frames, lights, mask, rough.normals, executor=job.executor, progress=progress)
     truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance)
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
-    store.save_mask(truth.mask)
+    final_mask = scan_mask(truth.mask, rough_mask)
+    store.save_mask(final_mask.mask)
     store.save_lights(lights.seen_from(found.pose.apply(mesh.center_mm)))
     result = {
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,
         "sigma_deg": found.sigma_deg,
-        "evidence": [*found.evidence, *mesh.repairs],
+        "fit": found.evidence,
+        "evidence": list(mesh.repairs),
         "truth_sigma_deg_median": _median(truth.sigma_deg),
     }
-    return result, list(found.warnings)
+    return result, [*found.warnings, *final_mask.warnings]
 
 
 def _given_truth(job: Job, mask: Any) -> dict:
