@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -145,19 +146,15 @@ def _outermost(
     A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which
     differs from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside.
     """
-    angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    sides = np.vstack([np.stack([np.cos(angles), np.sin(angles)], -1), np.zeros((1, 2))])
     enough = 0.85 * sphere.score
     for _ in range(6):
         best = None
-        for step in np.array([0.05, 0.1, 0.15, 0.22]) * sphere.radius_px:
-            for side in sides:
-                start = replace(sphere, center_px=sphere.center_px + step * side, radius_px=sphere.radius_px + step)
-                grown = refine_on_edges(edges, coarse.camera, start)
-                gain = grown.radius_px - sphere.radius_px
-                holds = np.hypot(*(grown.center_px - sphere.center_px)) < gain + 1.5
-                if gain > 0.7 and holds and grown.score >= enough and (best is None or grown.score > best.score):
-                    best = grown
+        for start in _larger(edges, sphere):
+            grown = refine_on_edges(edges, coarse.camera, start)
+            gain = grown.radius_px - sphere.radius_px
+            holds = np.hypot(*(grown.center_px - sphere.center_px)) < gain + 1.5
+            if gain > 0.7 and holds and grown.score >= enough and (best is None or grown.score > best.score):
+                best = grown
         if best is None:
             break
         seen = observe(coarse, best)
@@ -165,6 +162,29 @@ def _outermost(
             break
         sphere, behaviour, enough = best, seen, max(enough, 0.85 * best.score)
     return sphere, behaviour
+
+
+def _larger(edges: NDArray[np.float32], sphere: Sphere, most: int = 8) -> list[Sphere]:
+    """Return the circles around a circle that most evidence runs along, from a grid of radii and shifts."""
+    gain = np.arange(0.04, 0.61, 0.03)[:, None] * sphere.radius_px
+    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    shift = np.vstack([[[0.0, 0.0]], *(k * np.stack([np.cos(angle), np.sin(angle)], -1) for k in (0.35, 0.7, 1.0))])
+    centers = (sphere.center_px + gain[..., None] * shift).reshape(-1, 2)
+    radii = np.broadcast_to(sphere.radius_px + gain, (len(gain), len(shift))).ravel()
+    around = np.linspace(0, 2 * np.pi, 90, endpoint=False)
+    normals = np.stack([np.cos(around), np.sin(around)], -1)
+    where = (centers[:, None] + radii[:, None, None] * normals).astype(np.float32)
+    sampled = cv2.remap(edges, where[..., 0], where[..., 1], cv2.INTER_LINEAR)
+    evidence = sampled[..., 0] * np.cos(2 * around) + sampled[..., 1] * np.sin(2 * around)
+    score = np.clip(evidence / 0.3, -0.3, 1).mean(1)
+    chosen: list[int] = []
+    for i in np.argsort(-score):
+        apart = [np.hypot(*(centers[i] - centers[k])) + abs(radii[i] - radii[k]) for k in chosen]
+        if not chosen or min(apart) > 0.08 * sphere.radius_px:
+            chosen.append(int(i))
+        if len(chosen) == most:
+            break
+    return [replace(sphere, center_px=centers[i], radius_px=float(radii[i])) for i in chosen]
 
 
 def _alike(a: Behaviour, b: Behaviour) -> float:

@@ -117,10 +117,10 @@ def fit_lights(
         size = np.linalg.norm(pixels, axis=-1)
         scale = max(1.0, float(np.sqrt(np.nanmedian((size / sigma_px)[used] ** 2) / 1.39)))
         good = np.isfinite(size) & (size < np.maximum(INLIER_SIGMAS * scale * sigma_px, INLIER_PX))
-        # A frame keeps the highlight that fits best, however badly: a light without any cannot be had.
-        best = np.where(np.isfinite(size), size, np.inf).argmin(0)
-        good[best, np.arange(good.shape[1])] |= ~good.any(0)
-        used = good & np.isfinite(highlights[..., 0])
+        seen = np.isfinite(highlights[..., 0])
+        for f in np.flatnonzero((seen & ~good).any(0)):
+            good[:, f] = problem.agreeing(solution.x, int(f), np.flatnonzero(seen[:, f]))
+        used = good & seen
     assert solution is not None
     problem.used = used
     return problem.result(solution.x)
@@ -198,10 +198,10 @@ class _Problem:
             out[s] = self._of_ball(sphere, self.highlights[s], directions, inverse)
         return out
 
-    def _of_ball(self, sphere: Sphere, pixels: Array, directions: Array, inverse: Array) -> Array:
+    def _of_ball(self, sphere: Sphere, pixels: Array, directions: Array, inverse: Array | float) -> Array:
         step = 0.01
         points, seen = mirrored_rays(self.camera, sphere, pixels)
-        target = directions + inverse[:, None] * (self.reference - points)
+        target = directions + np.reshape(inverse, (-1, 1)) * (self.reference - points)
         target = target / np.linalg.norm(target, axis=1, keepdims=True)
         along = np.stack(
             [(mirrored_rays(self.camera, sphere, pixels + d)[1] - seen) / step for d in np.eye(2) * step], -1
@@ -219,6 +219,37 @@ class _Problem:
             )
             / det[:, None]
         )
+
+    def agreeing(self, x: Array, f: int, balls: NDArray[np.intp]) -> NDArray[np.bool_]:
+        """Return (S,) which balls of a frame to believe: all but the one without which the others agree best.
+
+        Of two that contradict each other nobody knows which is right: the surer one is kept.
+        """
+        keep = np.zeros(self.balls, bool)
+        if len(balls) < 3:
+            keep[balls[self.sigma[balls, f].argmin()]] = True
+            return keep
+        spheres = self.unpack(x)[0]
+        x_of_light = x[3 * self.balls + self.per_light * f :][: self.per_light]
+        misses = []
+        for left_out in balls:
+            others = [int(s) for s in balls if s != left_out]
+
+            def miss(light: Array, others: list[int] = others) -> Array:
+                direction = self.origin[f] + light[0] * self.side[f] + light[1] * self.up[f]
+                near = np.exp(np.clip(light[2], np.log(NEAREST_INVERSE_MM), 3.0)) if self.near else 0.0
+                rows = [
+                    self._of_ball(
+                        spheres[s], self.highlights[s, f : f + 1], direction[None] / np.linalg.norm(direction), near
+                    )
+                    for s in others
+                ]
+                return np.nan_to_num(np.concatenate(rows).ravel(), nan=1e3)
+
+            misses.append(float(least_squares(miss, x_of_light, loss="soft_l1").cost))
+        keep[balls] = True
+        keep[balls[int(np.argmin(misses))]] = False
+        return keep
 
     def _left_out(self, x: Array) -> float:
         size = np.linalg.norm(self.residual_pixels(x), axis=-1) / self.sigma

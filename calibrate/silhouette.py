@@ -57,11 +57,14 @@ def refine_on_edges(edges: NDArray[np.float32], camera: Camera, sphere: Sphere) 
         points, normals = _outline(camera, sphere, 120)
         if jacobian is None:
             jacobian = _jacobian(camera, sphere, points, normals)  # hardly changes within a few pixels
-        offsets = np.arange(-window, window + 0.25, 0.5)
+        offsets = np.arange(-window - 0.5, window + 0.75, 0.5)
         evidence = _along_normals(edges, points, normals, offsets)
-        best = evidence.argmax(1)
-        weight = np.maximum(evidence[np.arange(len(best)), best], 0)
-        shift = _solve(jacobian, offsets[best], weight)
+        # The nearest edge, not the strongest: the rim of what a mirror shows outshines its own outline.
+        here = evidence[:, 1:-1]
+        peak = (here >= evidence[:, :-2]) & (here > evidence[:, 2:]) & (here > 0.1)
+        best = np.where(peak, np.abs(offsets[1:-1]), np.inf).argmin(1)
+        weight = np.where(peak.any(1), np.clip(here[np.arange(len(best)), best], 0, 0.4), 0)
+        shift = _solve(jacobian, offsets[1:-1][best], weight)
         if shift is None or np.abs(shift).max() > 0.25 * sphere.radius_px:
             return replace(sphere, score=0.0)
         sphere = _moved(sphere, shift)

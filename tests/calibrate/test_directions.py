@@ -1,0 +1,66 @@
+"""The law of the mirror: signs by cases that fail for each wrong one, exactness by geometry alone."""
+
+import numpy as np
+import pytest
+
+from calibrate.directions import angle_deg, mirrored_rays
+from scene.camera import Camera
+from scene.spheres import Sphere
+
+PERSPECTIVE = Camera(900, 600, 1000.0, 1000.0, 450.0, 300.0)
+ORTHOGRAPHIC = Camera(900, 600, 2.0, 2.0, 450.0, 300.0, projection="orthographic")
+
+
+def _ball(camera, center, radius):
+    center = np.asarray(center, float)
+    scale = camera.fx / (1 if camera.is_orthographic else -center[2])
+    return Sphere("chrome", camera.project(center), radius * scale, 2 * radius)
+
+
+@pytest.mark.parametrize(
+    ("step", "axis", "sign"),
+    [((20, 0), 0, 1), ((-20, 0), 0, -1), ((0, -20), 1, 1), ((0, 20), 1, -1)],
+    ids=["right", "left", "up", "down"],
+)
+@pytest.mark.parametrize("camera", [PERSPECTIVE, ORTHOGRAPHIC], ids=["perspective", "orthographic"])
+def test_highlight_beside_the_centre_means_a_light_on_that_side(camera, step, axis, sign):
+    ball = Sphere("chrome", np.array([450.0, 300.0]), 80.0, 60.0)
+    _, direction = mirrored_rays(camera, ball, ball.center_px + step)
+    assert sign * direction[axis] > 0.4
+    assert abs(direction[1 - axis]) < 1e-9
+    assert direction[2] > 0.5
+
+
+def test_highlight_at_the_centre_means_a_light_at_the_camera():
+    ball = _ball(PERSPECTIVE, [200, -120, -1000], 40)
+    _, direction = mirrored_rays(PERSPECTIVE, ball, ball.center_px)
+    toward_camera = -np.array([200, -120, -1000]) / np.linalg.norm([200, -120, -1000])
+    assert angle_deg(direction, toward_camera) < 1e-9
+
+
+@pytest.mark.parametrize("center", [[0, 0, -900], [260, 150, -1000], [-300, 100, -800]])
+def test_mirrored_ray_bends_by_the_normal_of_the_true_sphere(center):
+    """Points are put on the sphere and projected; nothing of Sphere.normals is used to predict."""
+    rng = np.random.default_rng(0)
+    center = np.array(center, float)
+    ball = _ball(PERSPECTIVE, center, 35.0)
+    normals = rng.normal(size=(200, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = center + 35.0 * normals
+    view = -points / np.linalg.norm(points, axis=1, keepdims=True)
+    visible = np.sum(view * normals, 1) > 0.1
+    found_points, found = mirrored_rays(PERSPECTIVE, ball, PERSPECTIVE.project(points[visible]))
+    np.testing.assert_allclose(found_points, points[visible], atol=1e-6)
+    # The normal is the bisector of view and mirrored ray, and all three lie in a plane.
+    half = found + view[visible]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    np.testing.assert_allclose(half, normals[visible], atol=1e-9)
+
+
+def test_direction_needs_no_diameter():
+    known = _ball(PERSPECTIVE, [200, 100, -1000], 30.0)
+    unknown = Sphere("chrome", known.center_px, known.radius_px)
+    pixels = known.center_px + [[3.0, 4.0], [-10.0, 5.0]]
+    np.testing.assert_allclose(
+        mirrored_rays(PERSPECTIVE, known, pixels)[1], mirrored_rays(PERSPECTIVE, unknown, pixels)[1], atol=1e-12
+    )

@@ -1,0 +1,76 @@
+"""Outlines to a tenth of a pixel, on images whose truth is geometry."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+
+from calibrate.silhouette import fit_mask, fit_outline
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+
+def _coverage(camera, center, radius, oversample=8):
+    """Share of each pixel that the sphere covers, by asking rays whether they pass it (no cone, no ellipse)."""
+    step = (np.arange(oversample) + 0.5) / oversample - 0.5
+    out = np.zeros((camera.height, camera.width))
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    for dv in step:
+        for du in step:
+            ray = np.stack([(u + du - camera.cx) / camera.fx, -(v + dv - camera.cy) / camera.fy, 0 * u - 1.0], -1)
+            ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+            out += np.linalg.norm(np.cross(ray, center), axis=-1) < radius
+    return out / oversample**2
+
+
+@pytest.mark.parametrize("center", [[0.0, 0.0, -400.0], [120.0, 70.0, -400.0]], ids=["on axis", "17 degrees off axis"])
+def test_outline_of_a_sphere_in_perspective(center):
+    camera = Camera(300, 200, 400.0, 400.0, 150.3, 98.9)
+    camera = camera if center[0] == 0 else Camera(300, 200, 400.0, 400.0, 40.3, 150.9)
+    image = gaussian_filter(0.1 + 0.5 * _coverage(camera, np.array(center), 40.0), 0.7)
+    frames = Frames.from_linear(("a", "b", "c"), np.repeat(image[None, ..., None], 3, -1).repeat(3, 0))
+    truth = camera.project(np.array(center)), 400.0 * 40 / 400
+    start = Sphere("chrome", truth[0] + [1.5, -1.0], truth[1] - 1.3)
+    fit = fit_outline(frames, camera, start, search_px=4.0)
+    assert fit is not None
+    np.testing.assert_allclose(fit.sphere.center_px, truth[0], atol=0.05)
+    assert fit.sphere.radius_px == pytest.approx(truth[1], abs=0.05)
+    assert fit.sphere.score > 0.95
+    assert 0.01 < fit.sphere.sigma_px < 0.2
+
+
+def test_outline_of_a_mask():
+    camera = Camera(300, 200, 400.0, 400.0, 40.3, 150.9)
+    center = np.array([120.0, 70.0, -400.0])
+    mask = _coverage(camera, center, 40.0, oversample=1) > 0.5
+    rows, columns = np.nonzero(mask)
+    start = Sphere("white", np.array([columns.mean(), rows.mean()]), float(np.sqrt(mask.sum() / np.pi)))
+    fit = fit_mask(mask, camera, start)
+    assert fit is not None
+    np.testing.assert_allclose(fit.sphere.center_px, camera.project(center), atol=0.15)
+    assert fit.sphere.radius_px == pytest.approx(40.0, abs=0.15)
+
+
+def test_moving_shadow_edges_do_not_pull_the_outline():
+    camera = Camera(240, 200, 300.0, 300.0, 120.0, 100.0)
+    ball = _coverage(camera, np.array([0.0, 0.0, -300.0]), 45.0, oversample=6)
+    v, u = np.mgrid[0:200, 0:240]
+    images = []
+    for k in range(8):
+        # A far blacker disc than the ball crosses its outline at another place in each frame.
+        angle = 2 * np.pi * k / 8
+        shadow = np.hypot(u - 120 - 35 * np.cos(angle), v - 100 - 35 * np.sin(angle)) < 40
+        images.append(gaussian_filter(np.where(shadow & (ball < 0.5), 0.01, 0.4) * (1 - 0.4 * ball), 0.7))
+    stack = np.repeat(np.stack(images)[..., None], 3, -1)
+    frames = Frames.from_linear(tuple("abcdefgh"), stack + np.random.default_rng(0).normal(size=stack.shape) * 2e-3)
+    fit = fit_outline(frames, camera, Sphere("chrome", np.array([121.0, 99.0]), 44.0), search_px=3.0)
+    assert fit is not None
+    np.testing.assert_allclose(fit.sphere.center_px, [120.0, 100.0], atol=0.1)
+    assert fit.sphere.radius_px == pytest.approx(45.0, abs=0.1)
+
+
+def test_no_outline_is_said():
+    noise = 0.2 + 0.01 * np.random.default_rng(0).normal(size=(4, 120, 120, 3))
+    frames = Frames.from_linear(tuple("abcd"), noise)
+    camera = Camera(120, 120, 200.0, 200.0, 60.0, 60.0)
+    assert fit_outline(frames, camera, Sphere("chrome", np.array([60.0, 60.0]), 30.0), search_px=3.0) is None
