@@ -151,8 +151,7 @@ def lights_section(material: Material) -> str:
 
 def _sentence(item: object) -> str:
     """Return what calibration.json says of a refused candidate, as text."""
-    if not isinstance(item, dict):
+    if not isinstance(item, dict) or "reason" not in item:
         return str(item)
-    return ", ".join(
-        f"{key} {[round(v, 1) for v in value] if isinstance(value, list) else value}" for key, value in item.items()
-    )
+    u, v = (round(value) for value in item["center_px"])
+    return f"At column {u}, row {v}, radius {item['radius_px']:.0f} px: {item['reason']}."

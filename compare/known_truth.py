@@ -16,6 +16,9 @@ from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.store import Store
 
+BARS = {"direction_median_deg": 1.0, "intensity_rms_percent": 3.0, "registration_rms_px": 1.0, "truth_median_deg": 1.0}
+"""What a session with two chrome balls, a white one and a laser scan must reach."""
+
 
 def known_truth(store: Store, truth_folder: Path, *, mesh: Mesh | None) -> dict[str, dict[str, Any]]:
     """Compare a session's results with its known truth.
@@ -32,7 +35,7 @@ def known_truth(store: Store, truth_folder: Path, *, mesh: Mesh | None) -> dict[
     Returns
     -------
     dict
-        One row a figure: {"value", "unit", "text"}. `bar` is not judged here.
+        One row a figure: {"value", "unit", "text"}, and "bar" where a value is asked for.
     """
     truth = json.loads((truth_folder / "truth.json").read_text())
     arrays = np.load(truth_folder / "truth.npz")
@@ -40,6 +43,8 @@ def known_truth(store: Store, truth_folder: Path, *, mesh: Mesh | None) -> dict[
 
     def row(key: str, value: float, unit: str, text: str) -> None:
         rows[key] = {"value": float(value), "unit": unit, "text": text}
+        if key in BARS:
+            rows[key]["bar"] = BARS[key]
 
     center = np.array(truth["object_centre_mm"])
     lights = store.load_lights().seen_from(center)

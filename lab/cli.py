@@ -120,8 +120,8 @@ def _run(
     """Run one verb with all that it needs, and tell what came out."""
     from capture.session import load_session
     from lab.job import Job, locked
+    from lab.plan import STEPS
     from lab.progress import say
-    from lab.steps import STEPS
     from lab.summary import write_summary
     from lab.tell import tell
     from scene.store import Store

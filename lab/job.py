@@ -95,9 +95,8 @@ class Job:
             wanted,
             {"fingerprint": mark, "seconds": seconds, "result": outcome.result, "warnings": outcome.warnings},
         )
-        say(f"{wanted}: {seconds:.1f} s")
-        for text in outcome.warnings:
-            say(f"  warning: {text}")
+        warned = f", {len(outcome.warnings)} warnings" if outcome.warnings else ""
+        say(f"{wanted}: {seconds:.1f} s{warned}")
 
     def _record(self, step: str, entry: dict[str, Any] | None) -> None:
         if entry is None:

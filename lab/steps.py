@@ -1,11 +1,11 @@
 """The verbs: each reads what the steps before it wrote, calls one room, and writes its files."""
 
-from pathlib import Path
+import shutil
 from typing import Any
 
 import numpy as np
 
-from lab.job import Job, Outcome, Step
+from lab.job import Job, Outcome
 from lab.progress import progress_bar
 from scene.camera import Camera
 from scene.frames import Frames
@@ -72,6 +72,9 @@ def align(job: Job) -> Outcome:
     from capture.requests import read_mask
 
     store, session = job.store, job.session
+    # A scan that was there before and is no longer must not leave its truth behind.
+    for stale in ("pose.json", "normals/truth.npy", "normals/truth.png", "normals/truth_sigma.npy"):
+        store.path(stale).unlink(missing_ok=True)
     frames, camera, lights = store.load_frames(), store.load_camera(), store.load_lights()
     spheres = store.load_spheres()
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
@@ -167,6 +170,7 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
     store, session = job.store, job.session
+    shutil.rmtree(store.path("twin"), ignore_errors=True)
     if not store.path("pose.json").exists():
         return Outcome({"rendered": False}, ["No registered scan: no twin was rendered."])
     from align.scan import load_scan
@@ -227,50 +231,3 @@ def _object_point(camera: Camera, spheres: list[Sphere], lights: Lights, mask: A
 def _median(values: Any) -> float | None:
     values = np.asarray(values, float)
     return float(np.nanmedian(values)) if np.isfinite(values).any() else None
-
-
-def _frame_inputs(job: Job) -> list[Any]:
-    session = job.session
-    files = (session.flash, session.ambient, session.dark, session.flat)
-    return [*files, session.encoding, session.half, session.skip, session.camera]
-
-
-def _object_inputs(job: Job) -> list[Any]:
-    session = job.session
-    return [session.mask, session.scan, session.scan_unit, session.normals]
-
-
-def _methods_done(job: Job, *parts: str) -> list[Path]:
-    return [job.store.path(*parts, "normals", f"{method}.npy") for method in job.methods]
-
-
-STEPS = {
-    step.name: step
-    for step in (
-        Step(
-            "check",
-            check,
-            (),
-            _frame_inputs,
-            lambda job: [job.store.path("frames", "codes.npy"), job.store.path("camera.json")],
-        ),
-        Step(
-            "calibrate",
-            calibrate,
-            ("check",),
-            lambda job: [job.session.spheres, job.session.lights_file],
-            lambda job: [job.store.path("lights.json"), job.store.path("calibration.json")],
-        ),
-        Step(
-            "align",
-            align,
-            ("calibrate",),
-            _object_inputs,
-            lambda job: [job.store.path("mask.png")],
-        ),
-        Step("solve", solve, ("align",), lambda job: job.methods, lambda job: _methods_done(job)),
-        Step("twin", twin, ("solve",), lambda job: job.methods, lambda job: []),
-        Step("compare", compare, ("twin",), lambda job: [job.methods, job.truth], lambda job: [job.store.path("report.html")]),
-    )
-}
-"""In the order in which data flow."""

@@ -7,15 +7,17 @@ def tell(summary: dict[str, Any]) -> None:
     """Print a session's figures as a table, with the warnings below."""
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     console = Console()
-    table = Table(title=summary["name"], show_header=False, title_justify="left")
+    table = Table(title=Text(summary["name"]), show_header=False, title_justify="left")
     table.add_column(style="bold")
     table.add_column()
     for label, text in _rows(summary):
         table.add_row(label, text)
     console.print(table)
-    if methods := summary["compare"].get("methods"):
+    methods = summary["compare"].get("methods") or {}
+    if any(row.get("real") for row in methods.values()):
         console.print(_error_table(Table, methods))
     if check := summary.get("truth_check"):
         known = Table(title="Against the known truth", title_justify="left")
@@ -25,7 +27,8 @@ def tell(summary: dict[str, Any]) -> None:
             known.add_row(row["text"], f"{row['value']:.3g} {row['unit']}")
         console.print(known)
     for warning in summary["warnings"]:
-        console.print(f"[yellow]warning[/yellow] ({warning['step']})", warning["text"], markup=True, highlight=False)
+        # The texts name keys such as [camera], which rich would take for its markup.
+        console.print(Text("warning ", style="yellow") + Text(f"({warning['step']}) {warning['text']}"))
 
 
 def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
