@@ -20,6 +20,7 @@ class PathTracer:
         import mitsuba as mi
 
         mi.set_variant(variant)  # type: ignore[attr-defined]
+        mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
         self._mitsuba: Any = mi
         self._film = film
         self._points = surface.vertices

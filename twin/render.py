@@ -5,6 +5,7 @@ from one part of the object to another. What is not (yet): gloss, the table and 
 lens blur.
 """
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
@@ -21,6 +22,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.store import Store, create_array
+from twin.depth import albedo_at_the_surface
 from twin.film import Film, film_for
 from twin.path_tracing import PathTracer
 from twin.surface import Surface, textured_surface
@@ -65,6 +67,7 @@ def render(
     lights: Lights,
     albedo: NDArray[np.float32],
     *,
+    albedo_depth_mm: float | None = None,
     white_value: NDArray[np.float64] | None = None,
     samples_per_pixel: int | None = None,
     max_depth: int = 3,
@@ -86,11 +89,15 @@ def render(
         Near lights are rendered as points at `positions_mm`, others as distant.
     albedo : (H, W, 3) float32
         Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured.
+    albedo_depth_mm : float or None
+        The z at which near lights were evaluated when the albedo was measured, if not at the surface itself: a solver
+        that knows no shape takes the reference point's.
     white_value : (3,) float64 or None
         Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
         taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
     samples_per_pixel : int or None
-        None: 64, or fewer for an object that fills more than a quarter of a megapixel, down to 4.
+        None: 64, or fewer for an object that fills more than a quarter of a megapixel, down to 4. Rounded up to a
+        square: each pixel is sampled on a jittered grid.
     max_depth : int
         2: direct light only; 3: one interreflection; and so on.
     executor : Executor or None
@@ -118,6 +125,8 @@ def render(
     film = film_for(camera, placed.vertices)
     _check_lights_are_outside(placed, lights)
     white = lights.white_value if white_value is None else white_value
+    if albedo_depth_mm is not None and lights.positions_mm is not None:
+        albedo = albedo_at_the_surface(albedo, albedo_depth_mm, placed, camera, lights, film.rows, film.columns)
     surface = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
     irradiance = np.pi * lights.intensities / surface.scale
     variant, note = pick_variant()
@@ -130,7 +139,9 @@ def render(
             "slightly softer than a photograph."
         )
     if samples_per_pixel is None:
-        samples_per_pixel = int(np.clip(SAMPLES_PER_FRAME // (film.window[2] * film.window[3]), 4, 64))
+        affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
+        samples_per_pixel = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
+    samples_per_pixel = math.ceil(math.sqrt(samples_per_pixel)) ** 2
     settings = (surface, film, lights, irradiance, samples_per_pixel, max_depth)
     noise = _noise(settings) if executor is None else executor.submit(_noise, settings).result()
     if noise > 0.03:

@@ -1,6 +1,7 @@
 """What the camera sees of a mesh, and what lies inside it: ray casting by Embree, through Open3D."""
 
 import ctypes
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -12,45 +13,63 @@ from scene.mesh import Mesh
 Array = NDArray[np.float64]
 
 
-def seen_faces(
-    vertices: Array, faces: NDArray[np.int64], camera: Camera, rows: slice, columns: slice
-) -> NDArray[np.bool_]:
-    """Return (T,) whether the camera sees a face: at a pixel's centre, or at one of its corners."""
-    open3d = import_open3d()
-    middle = vertices.mean(0)
-    scene = open3d.t.geometry.RaycastingScene()
-    scene.add_triangles((vertices - middle).astype(np.float32), faces.astype(np.uint32))
-    seen = np.zeros(len(faces), bool)
-    reach = float(np.linalg.norm(vertices - middle, axis=1).max())
-    for row in range(rows.start, rows.stop, 64):
-        origins, directions = camera.rays(camera.grid(slice(row, min(row + 64, rows.stop)))[:, columns])
-        # Start beside the mesh: Embree's float32 keeps seven digits, and a camera may stand metres away.
-        near = np.maximum(np.sum((middle - origins) * directions, -1, keepdims=True) - 1.01 * reach, 0)
-        if camera.is_orthographic:
-            near = np.sum((middle - origins) * directions, -1, keepdims=True) - 1.01 * reach
-        rays = np.concatenate([origins + near * directions - middle, directions], -1).astype(np.float32)
-        hit = scene.cast_rays(open3d.core.Tensor(rays))["primitive_ids"].numpy()
-        seen[hit[hit != scene.INVALID_ID]] = True
-    toward = np.array([0.0, 0.0, 1.0]) + np.zeros_like(vertices)
-    if not camera.is_orthographic:
-        toward = -vertices / np.linalg.norm(vertices, axis=1, keepdims=True)
-    rays = np.concatenate([vertices - middle + 1e-4 * reach * toward, toward], 1).astype(np.float32)
-    free = ~scene.test_occlusions(open3d.core.Tensor(rays)).numpy()
-    a, b, c = (vertices[faces[:, corner]] for corner in range(3))
-    front = np.sum(np.cross(b - a, c - a) * toward[faces[:, 0]], 1) > 0
-    return seen | (front & free[faces].any(1))
+class Sight:
+    """A mesh, given in the camera frame, seen by the camera."""
 
+    def __init__(self, vertices: Array, faces: NDArray[np.int64], camera: Camera) -> None:
+        open3d = import_open3d()
+        self._tensor: Any = open3d.core.Tensor
+        self._vertices, self._faces, self._camera = vertices, faces, camera
+        # Embree's float32 keeps seven digits, and a camera may stand metres away: work about the mesh's middle.
+        self._middle = (vertices.min(0) + vertices.max(0)) / 2
+        self._reach = float(np.linalg.norm(vertices - self._middle, axis=1).max())
+        self._scene: Any = open3d.t.geometry.RaycastingScene()
+        self._scene.add_triangles((vertices - self._middle).astype(np.float32), faces.astype(np.uint32))
 
-def import_open3d() -> Any:
-    """Import Open3D where libusb-1.0 is not installed, as on a bare machine, too."""
-    import libusb_package
+    def rows(self, rows: slice, columns: slice) -> Iterator[tuple[slice, NDArray[np.int64], Array, Array]]:
+        """Yield bands of a box of the picture.
 
-    library = libusb_package.get_library_path()
-    if library is not None:
-        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    import open3d
+        Yields
+        ------
+        band : slice
+            Rows of the picture.
+        face : (h, w) int64
+            The triangle that each pixel's centre sees, -1 if none.
+        weights : (h, w, 3) float64
+            Barycentric, of the triangle's corners.
+        points : (h, w, 3) float64
+            Where, mm; not finite where nothing is seen.
+        """
+        for start in range(rows.start, rows.stop, 64):
+            band = slice(start, min(start + 64, rows.stop))
+            origins, directions = self._camera.rays(self._camera.grid(band)[:, columns])
+            near = np.sum((self._middle - origins) * directions, -1, keepdims=True) - 1.01 * self._reach
+            if not self._camera.is_orthographic:  # whose plane z = 0 may lie anywhere in the mesh
+                near = np.maximum(near, 0)
+            origins = origins + near * directions - self._middle
+            hit = self._scene.cast_rays(self._tensor(np.concatenate([origins, directions], -1).astype(np.float32)))
+            distance = hit["t_hit"].numpy().astype(np.float64)
+            found = np.isfinite(distance)
+            face = np.where(found, hit["primitive_ids"].numpy().astype(np.int64), -1)
+            uv = hit["primitive_uvs"].numpy().astype(np.float64)
+            weights = np.concatenate([1 - uv.sum(-1, keepdims=True), uv], -1)
+            points = origins + np.where(found, distance, np.nan)[..., None] * directions + self._middle
+            yield band, face, weights, points
 
-    return open3d
+    def seen_faces(self, rows: slice, columns: slice) -> NDArray[np.bool_]:
+        """Return (T,) whether the camera sees a face: at a pixel's centre of the box, or at one of its corners."""
+        seen = np.zeros(len(self._faces), bool)
+        for _, face, _, _ in self.rows(rows, columns):
+            seen[face[face >= 0]] = True
+        toward = np.zeros_like(self._vertices) + [0.0, 0.0, 1.0]
+        if not self._camera.is_orthographic:
+            toward = -self._vertices / np.linalg.norm(self._vertices, axis=1, keepdims=True)
+        origins = self._vertices - self._middle + 1e-4 * self._reach * toward
+        rays = np.concatenate([origins, toward], 1).astype(np.float32)
+        free = ~self._scene.test_occlusions(self._tensor(rays)).numpy()
+        a, b, c = (self._vertices[self._faces[:, corner]] for corner in range(3))
+        front = np.sum(np.cross(b - a, c - a) * toward[self._faces[:, 0]], 1) > 0
+        return seen | (front & free[self._faces].any(1))
 
 
 def inside(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
@@ -67,3 +86,15 @@ def inside(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
         query = open3d.core.Tensor((points[near] - mesh.center_mm).astype(np.float32))
         near[near] = scene.compute_occupancy(query, nsamples=3).numpy() > 0.5
     return near
+
+
+def import_open3d() -> Any:
+    """Import Open3D where libusb-1.0 is not installed, as on a bare machine, too."""
+    import libusb_package
+
+    library = libusb_package.get_library_path()
+    if library is not None:
+        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
+    import open3d
+
+    return open3d
