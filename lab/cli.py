@@ -21,6 +21,7 @@ app = App(
     version_flags=["--version"],
     version=lambda: __import__("importlib.metadata", fromlist=["version"]).version("rgbn"),
     result_action="return_value",
+    suppress_keyboard_interrupt=False,
 )
 
 Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
@@ -179,7 +180,7 @@ def main() -> None:
         from lab.rooms import check_rooms
 
         check_rooms()
-        app()
+        app(sys.argv[1:])
         sys.stdout.flush()
     except SceneError as error:
         print(f"rgbn: {error}", file=sys.stderr)

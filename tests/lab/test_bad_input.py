@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +94,8 @@ def test_a_frame_of_another_size(session, capsys, monkeypatch):
 
     victim = session / "raw" / "flash_004.dng"
     victim.unlink()
-    write_dng(victim, np.full((240, 320), 1000, np.uint16), Sensor())
+    shot = {"exposure_s": 0.01, "iso": 100, "aperture": 8.0, "focal_mm": 50.0, "time": datetime(2026, 1, 1, 12)}
+    write_dng(victim, np.full((240, 320), 1000, np.uint16), Sensor(), **shot)
     refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "flash_004", "320", "640")
     assert not half_written(session)
 
