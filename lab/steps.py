@@ -181,13 +181,25 @@ def twin(job: Job) -> Outcome:
     folder = Store(store.path("twin"))
     albedo = np.load(store.path("albedo", f"{_material_method(job)}.npy"))
     with progress_bar("twin") as progress:
-        rendered = render(mesh, store.load_pose(), camera, lights, albedo, store=folder, progress=progress)
+        rendered = render(
+            mesh,
+            store.load_pose(),
+            camera,
+            lights,
+            albedo,
+            # The solvers evaluate near lights at this one depth; the scan knows better.
+            albedo_depth_mm=float(lights.reference_point_mm[2]),
+            store=folder,
+            progress=progress,
+        )
     write_session(folder, rendered.frames, camera, lights, store.load_mask(), store.load_normals("truth"))
     solved, warnings = _solve_all(job, folder, "twin")
     result = {
         "rendered": True,
         "variant": rendered.variant,
         "samples_per_pixel": rendered.samples_per_pixel,
+        "max_depth": rendered.max_depth,
+        "noise": rendered.noise,
         "seconds": rendered.seconds,
         "warnings": rendered.warnings,
         "twin_seconds": {method: row["seconds"] for method, row in solved["methods"].items()},
