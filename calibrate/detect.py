@@ -83,7 +83,7 @@ def detect(
         full = replace(
             sphere, center_px=coarse.to_full(sphere.center_px), radius_px=float(sphere.radius_px * coarse.factor)
         )
-        fit = fit_outline(frames, camera, full, search_px=2.0 * coarse.factor + 0.5)
+        fit = fit_outline(frames, camera, full, search_px=1.4 * coarse.factor + 0.6)
         if fit is None:
             rejected.append((sphere, "its outline cannot be followed at full size"))
         else:

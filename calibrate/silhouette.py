@@ -22,8 +22,9 @@ SECTORS = 24
 EDGE_NOISES = 5.0
 """An edge must exceed the derivative's noise by this factor."""
 
-EDGE_FLOOR_PX = 0.06
-"""What demosaicing, lens blur and the shading at the limb shift an outline by, beyond the scatter of its edges."""
+EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
+"""What lens blur, demosaicing and what is mirrored at the limb shift an outline by, beyond its edges' scatter: a
+constant, and a share of the residual, because a faint outline among strong rims is shifted more."""
 
 
 @dataclass(frozen=True)
@@ -130,7 +131,8 @@ def _fit_from(
     if fit is None:
         return None
     _, residual, kept = fit
-    covariance = _clustered_covariance(jacobian[angle], residual, kept, np.asarray(angle * SECTORS // count))
+    spread = _spread(residual, weight, 1.5)
+    covariance = _clustered_covariance(jacobian[angle], residual, kept, np.asarray(angle * SECTORS // count), spread)
     seen = np.zeros(count, bool)
     seen[angle[np.abs(residual) < reach]] = True
     if seen.mean() < 0.25 or covariance is None:
@@ -138,7 +140,7 @@ def _fit_from(
     sphere = replace(
         sphere, sigma_px=float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2)), score=float(seen.mean())
     )
-    return OutlineFit(sphere, covariance, _spread(residual, weight, 1.5))
+    return OutlineFit(sphere, covariance, spread)
 
 
 def fit_crops(
@@ -146,16 +148,17 @@ def fit_crops(
 ) -> OutlineFit | None:
     """Fit the outline in images (h, w) whose first pixel is `corner` (u, v) of the camera's image.
 
-    A mirror's outline runs beside the rims that it mirrors, so the fit starts from three radii, and the one
-    on which most of the outline agrees wins.
+    The fit starts from three radii. On a matte ball the one on which most of the outline agrees wins; a mirror's
+    outline runs beside the rims that it mirrors, all of them inside, and so of equals the outermost wins.
     """
-    fits = [
-        _fit_from(crops, corner, camera, replace(sphere, radius_px=sphere.radius_px + d), search_px=search_px)
-        for d in (0.0, -0.5 * search_px, 0.5 * search_px)
-    ]
-    return max(
-        (fit for fit in fits if fit), key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15), default=None
-    )
+    starts = [replace(sphere, radius_px=sphere.radius_px + d) for d in (-0.5 * search_px, 0.0, 0.5 * search_px)]
+    fits = [fit for fit in (_fit_from(crops, corner, camera, s, search_px=search_px) for s in starts) if fit]
+    if not fits:
+        return None
+    if sphere.kind == "white":
+        return max(fits, key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15))
+    best = max(fit.sphere.score for fit in fits)
+    return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)
 
 
 def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
@@ -282,7 +285,9 @@ def _robust_step(jacobian: Array, offset: Array, weight: Array, reach: float) ->
     return np.asarray(shift, np.float64), np.asarray(offset - jacobian @ shift, np.float64), w
 
 
-def _clustered_covariance(jacobian: Array, residual: Array, weight: Array, sector: NDArray[np.intp]) -> Array | None:
+def _clustered_covariance(
+    jacobian: Array, residual: Array, weight: Array, sector: NDArray[np.intp], spread: float
+) -> Array | None:
     """Return the (3, 3) covariance of a weighted fit whose errors agree within a sector.
 
     Notes
@@ -297,4 +302,4 @@ def _clustered_covariance(jacobian: Array, residual: Array, weight: Array, secto
         return None
     inverse = np.linalg.inv(normal)
     covariance = inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 3)
-    return covariance + np.eye(3) * EDGE_FLOOR_PX**2
+    return covariance + np.eye(3) * (EDGE_FLOOR_PX**2 + (EDGE_FLOOR_SHARE * spread) ** 2)

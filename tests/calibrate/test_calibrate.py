@@ -1,0 +1,179 @@
+"""The whole room on rendered photographs: lights against the truth that the tracer used."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibrate.calibrate import calibrate
+from calibrate.directions import angle_deg
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.spheres import SphereRequest
+
+OBJECT = np.array([0.0, 0.0, -1000.0])
+BALLS = [SphereRequest("chrome", 76.0), SphereRequest("chrome", 76.0), SphereRequest("white", 70.0)]
+
+
+@pytest.fixture(scope="module")
+def found(table):
+    world, frames = table
+    return calibrate(frames, world.camera, BALLS)
+
+
+def _truth(world, point=OBJECT):
+    toward = world.lights - point
+    distance = np.linalg.norm(toward, axis=1, keepdims=True)
+    intensity = world.powers / distance**2
+    return toward / distance, intensity / intensity.mean(0)
+
+
+def _hints(world, kinds):
+    """Where the balls are: detection has its own tests and costs seconds."""
+    requests = []
+    for ball in world.balls:
+        if ball.kind in kinds:
+            u, v = world.camera.project(ball.center)
+            radius = world.camera.fx * ball.radius / -ball.center[2]
+            requests.append(SphereRequest(ball.kind, 2 * ball.radius, (float(u), float(v)), float(radius)))
+    return requests
+
+
+def test_lights_at_the_object(table, found):
+    """Balls of 31 px: one pixel of error is 4 degrees."""
+    world, _ = table
+    lights = found.lights.seen_from(OBJECT)
+    directions, intensities = _truth(world)
+    angle = angle_deg(lights.directions, directions)
+    assert np.median(angle) < 0.7
+    assert angle.max() < 1.5
+    assert np.sqrt(np.mean((lights.intensities / intensities - 1) ** 2)) < 0.02
+    assert lights.model == "near"
+    ranges = np.linalg.norm(world.lights - OBJECT, axis=1)
+    assert np.median(np.linalg.norm(lights.positions_mm - world.lights, axis=1) / ranges) < 0.04
+    assert not found.warnings
+
+
+def test_stated_sigma_covers_the_truth(table, found):
+    world, _ = table
+    reference = found.lights.reference_point_mm
+    directions, intensities = _truth(world, reference)
+    angle = angle_deg(found.lights.directions, directions)
+    assert np.mean(angle < 2.448 * found.lights.direction_sigma_deg) > 0.75
+    assert (found.lights.direction_sigma_deg < 1).all()
+    off = found.lights.intensities.mean(1) / intensities.mean(1) - 1
+    assert np.mean(np.abs(off) < 3 * found.lights.intensity_sigma) > 0.75
+
+
+def test_what_is_reported(table, found):
+    world, frames = table
+    assert found.lights.names == frames.names
+    assert sorted(sphere.kind for sphere in found.spheres) == ["chrome", "chrome", "white"]
+    for sphere, shown in zip(found.spheres, found.highlights_px, strict=True):
+        assert np.isnan(shown).all() == (sphere.kind == "white")
+        if sphere.kind == "chrome":
+            assert (np.linalg.norm(shown - sphere.center_px, axis=1) < 0.9 * sphere.radius_px).all()
+    text = " ".join(found.evidence)
+    assert "near lights" in text
+    assert "dBIC" in text
+    centers = [ball.center for ball in world.balls if ball.kind != "object"]
+    np.testing.assert_allclose(found.lights.reference_point_mm, np.mean(centers, axis=0), atol=8)
+
+
+def test_white_value_ties_albedo_to_the_ball(table, found):
+    """A pixel of the ball's own albedo, 0.85, facing a light of intensity 1 at the reference point."""
+    world, _ = table
+    distance = np.linalg.norm(world.lights - found.lights.reference_point_mm, axis=1, keepdims=True)
+    expected = (0.85 * world.powers * (1000 / distance) ** 2).mean(0)
+    np.testing.assert_allclose(found.lights.white_value, expected, rtol=0.03)
+
+
+def test_one_chrome_ball_claims_directions_only(table):
+    world, frames = table
+    result = calibrate(frames, world.camera, _hints(world, ["chrome"])[:1])
+    assert result.lights.model == "distant"
+    directions, _ = _truth(world, world.balls[0].center)
+    assert np.median(angle_deg(result.lights.directions, directions)) < 1.0
+    np.testing.assert_array_equal(result.lights.intensities, 1)
+    assert any("no white ball" in warning for warning in result.warnings)
+
+
+def test_unknown_diameters_claim_no_ranges_and_say_that_balls_disagree(table):
+    world, frames = table
+    requests = [replace(request, diameter_mm=None) for request in _hints(world, ["chrome"])]
+    result = calibrate(frames, world.camera, requests)
+    assert result.lights.positions_mm is None
+    assert any("disagree" in warning and "diameter_mm" in warning for warning in result.warnings)
+    # The balls stay on their outlines: a wrong model must not bend them.
+    np.testing.assert_allclose(result.spheres[0].center_px, requests[0].center_px, atol=0.2)
+
+
+def test_white_ball_alone(table):
+    world, frames = table
+    result = calibrate(frames, world.camera, _hints(world, ["white"]))
+    directions, _ = _truth(world, world.balls[2].center)
+    assert np.median(angle_deg(result.lights.directions, directions)) < 2.5
+    assert "shading" in " ".join(result.evidence)
+
+
+def test_a_ball_shot_apart(table):
+    """The chrome ball's photographs are other frames than the object's."""
+    world, frames = table
+    (chrome, *_), white = _hints(world, ["chrome"]), _hints(world, ["white"])[0]
+    own = Frames(frames.names, frames.codes.copy(), frames.gain)
+    result = calibrate(frames, world.camera, [replace(chrome, frames=own), white])
+    assert {sphere.kind: sphere.apart for sphere in result.spheres} == {"chrome": True, "white": False}
+    directions, _ = _truth(world, world.balls[0].center)
+    assert np.median(angle_deg(result.lights.directions, directions)) < 1.0
+
+
+def test_misfire_is_named(table):
+    world, frames = table
+    codes = frames.codes.copy()
+    codes[4] = 2048 + (codes[4].astype(int) - 2048) // 60
+    result = calibrate(Frames(frames.names, codes, frames.gain), world.camera, _hints(world, ["chrome", "white"]))
+    assert any("flash_004" in warning and "did not fire" in warning for warning in result.warnings)
+    assert any("misfire" in flag for flag in result.lights.flags[4])
+    assert not any("misfire" in flag for flags in result.lights.flags[:4] for flag in flags)
+
+
+def test_twice_the_same_light_is_named(table):
+    world, frames = table
+    codes = frames.codes.copy()
+    codes[7] = codes[2]
+    result = calibrate(Frames(frames.names, codes, frames.gain), world.camera, _hints(world, ["chrome", "white"]))
+    assert any("flash_002 and flash_007 have the same light" in warning for warning in result.warnings)
+
+
+def test_known_lights_are_used_as_they_are(table):
+    world, frames = table
+    directions, intensities = _truth(world)
+    known = Lights(frames.names, directions, intensities, world.lights, OBJECT)
+    result = calibrate(frames, world.camera, _hints(world, ["chrome"]), known_lights=known)
+    assert result.lights is known
+    assert all("sees the known lights" in line for line in result.evidence[1:])
+    off = [float(line.split("lights ")[1].split()[0]) for line in result.evidence[1:]]
+    assert max(off) < 1.0
+    assert not calibrate(frames, world.camera, [], known_lights=known).spheres
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_fewer_than_three_lights(table, count):
+    world, frames = table
+    few = Frames(frames.names[:count], frames.codes[:count], frames.gain[:count])
+    with pytest.raises(CalibrationError, match="at least 3"):
+        calibrate(few, world.camera, _hints(world, ["white"]))
+
+
+def test_coplanar_lights(tracer):
+    angles = np.deg2rad([-40, -15, 20, 45])
+    world = tracer.World(Camera(240, 160, 400.0, 400.0, 120.0, 80.0), [], np.zeros((4, 3)), np.full((4, 3), 0.6))
+    world.stand("white", 0, 0, 60)
+    # Lights on a circle around the ball, in the plane y = the ball's own.
+    center = world.balls[0].center
+    world.lights = center + 3000 * np.stack([np.sin(angles), 0 * angles, np.cos(angles)], -1)
+    world.powers = np.full((4, 3), 5.0)
+    with pytest.raises(CalibrationError, match="in one plane"):
+        calibrate(tracer.render(world), world.camera, [SphereRequest("white", 120.0)])

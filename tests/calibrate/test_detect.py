@@ -1,0 +1,114 @@
+"""Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
+
+import numpy as np
+import pytest
+
+from calibrate.balls import find_balls
+from calibrate.coarse import shrink
+from calibrate.detect import detect
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.spheres import SphereRequest
+
+
+def _truth(world):
+    camera = world.camera
+    return [
+        (ball.kind, camera.project(ball.center), camera.fx * ball.radius / -ball.center[2])
+        for ball in world.balls
+        if ball.kind != "object"
+    ]
+
+
+def test_every_ball_is_found_and_no_other(table):
+    world, frames = table
+    found, rejected = detect(frames, world.camera, shrink(frames, world.camera), wanted={"chrome": 2, "white": 1})
+    assert len(found) == 3
+    for kind, center, radius in _truth(world):
+        ball = min(found, key=lambda one: np.hypot(*(one.sphere.center_px - center))).sphere
+        assert ball.kind == kind
+        # A matte ball darkens at its limb, which draws its edge inward by a fifth of a pixel.
+        np.testing.assert_allclose(ball.center_px, center, atol=0.1)
+        assert ball.radius_px == pytest.approx(radius, abs=0.1 if kind == "chrome" else 0.3)
+        assert ball.score > 0.9
+    assert all(r.reason for r in rejected)
+
+
+def test_order_of_frames_does_not_matter(table):
+    world, frames = table
+    order = np.random.default_rng(0).permutation(len(frames))
+    shuffled = Frames(tuple(frames.names[i] for i in order), frames.codes[order], frames.gain[order])
+    one, _ = detect(frames, world.camera, shrink(frames, world.camera), wanted={"chrome": 2})
+    two, _ = detect(shuffled, world.camera, shrink(shuffled, world.camera), wanted={"chrome": 2})
+    for a, b in zip(one, two, strict=True):
+        np.testing.assert_allclose(a.sphere.center_px, b.sphere.center_px, atol=1e-3)
+
+
+def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
+    """Coarse to fine: searched at half size, fitted at full size."""
+    world, frames = table
+    monkeypatch.setattr("calibrate.coarse.LONGEST_SIDE_PX", 300)
+    coarse = shrink(frames, world.camera)
+    assert coarse.factor == 2
+    assert coarse.images.shape == (len(frames), 200, 300)
+    center = world.camera.project(world.balls[0].center)
+    np.testing.assert_allclose(coarse.to_full(coarse.camera.project(world.balls[0].center)), center, atol=1e-9)
+    found, _ = detect(frames, world.camera, coarse, wanted={"white": 1})
+    kind, center, radius = _truth(world)[2]
+    assert [one.sphere.kind for one in found] == [kind]
+    np.testing.assert_allclose(found[0].sphere.center_px, center, atol=0.15)
+    assert found[0].sphere.radius_px == pytest.approx(radius, abs=0.3)
+
+
+def test_no_ball_is_an_error_that_says_what_was_seen():
+    rng = np.random.default_rng(0)
+    frames = Frames.from_linear(tuple("abcd"), 0.2 + 0.01 * rng.normal(size=(4, 120, 160, 3)).astype(np.float32))
+    with pytest.raises(CalibrationError, match=r"no ball found \(asked for: 2 chrome, 1 white\).*lights.file"):
+        find_balls(
+            frames,
+            Camera.orthographic(160, 120),
+            [SphereRequest("chrome"), SphereRequest("chrome"), SphereRequest("white")],
+        )
+
+
+def test_hint_and_mask_skip_detection(table):
+    world, frames = table
+    (_, center, radius), _, (_, white, white_radius) = _truth(world)
+    v, u = np.mgrid[0 : frames.height, 0 : frames.width]
+    mask = np.hypot(u - white[0], v - white[1]) < white_radius
+    hint = (float(center[0]) + 0.8, float(center[1]) - 0.7)
+    balls, rejected, warnings = find_balls(
+        frames,
+        world.camera,
+        [
+            SphereRequest("chrome", 76.0, center_px=hint, radius_px=radius + 0.5),
+            SphereRequest("white", 70.0, mask=mask),
+        ],
+    )
+    assert not rejected
+    assert not warnings
+    np.testing.assert_allclose(balls[0].sphere.center_px, center, atol=0.1)
+    assert balls[0].sphere.diameter_mm == 76.0
+    np.testing.assert_allclose(balls[1].sphere.center_px, white, atol=0.4)
+
+
+@pytest.mark.parametrize(
+    ("request_", "message"),
+    [
+        (SphereRequest("chrome", center_px=(50.0, 50.0)), "radius_px"),
+        (SphereRequest("chrome", mask=np.zeros((400, 600), bool)), "only 0 px"),
+        (SphereRequest("chrome", mask=np.ones((4, 6), bool)), "but the frames are 600 x 400"),
+    ],
+)
+def test_requests_that_cannot_be_met(table, request_, message):
+    world, frames = table
+    with pytest.raises(CalibrationError, match=message):
+        find_balls(frames, world.camera, [request_])
+
+
+def test_a_ball_shot_apart_needs_as_many_frames(table):
+    world, frames = table
+    own = Frames(frames.names[:4], frames.codes[:4], frames.gain[:4])
+    with pytest.raises(CalibrationError, match="4 photographs of the ball, but 10 flash frames"):
+        find_balls(frames, world.camera, [SphereRequest("chrome", frames=own)])
