@@ -144,14 +144,15 @@ def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
         if count < 8:
             missed.append(f"{file.name} ({count} corners)")
             continue
-        points, pixels = board.matchImagePoints(corners, ids)
+        match: Any = board.matchImagePoints
+        points, pixels = match(corners, ids)
         objects.append(points)
         images.append(pixels)
     if len(objects) < 3 or size is None:
         raise SessionError(
             f"camera.charuco: the board was found in {len(objects)} of {len(charuco.files)} shots, at least 3 are "
-            f"needed (too few corners in {', '.join(missed[:6])}). Check squares and dictionary, light the board evenly, fill "
-            "the picture with it, tilt it differently in each shot."
+            f"needed (too few corners in {', '.join(missed[:6])}). Check squares and dictionary, light it evenly, "
+            "fill the picture with it, tilt it differently in each shot."
         )
     return _camera_of_corners(objects, images, size, missed)
 

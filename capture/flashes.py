@@ -8,8 +8,8 @@ from scene.errors import CaptureError
 
 MISFIRE = 0.04
 """Share of the other frames' light below which the flash did not fire."""
-SAME_LIGHT = 0.01
-"""Relative difference of two pictures, after scaling, below which their lights cannot be told apart: half a degree."""
+SAME_LIGHT = 0.003
+"""Relative difference of two pictures, after scaling, below which their lights cannot be told apart: about a degree."""
 
 
 def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) -> list[str]:
@@ -77,7 +77,7 @@ def doubles(names: tuple[str, ...], facts: list[FrameFacts], light: NDArray) -> 
         else:
             warnings.append(f"{first} and {names[i]} are the same photograph. List one of them under frames.skip.")
     # Further reduced: what is left of the noise must lie far below the threshold.
-    scale = min(1.0, 192 / max(light.shape[1:]))
+    scale = min(1.0, 64 / max(light.shape[1:]))
     tiny = [cv2.resize(light[i], None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).ravel() for i in unique]
     rows = np.array([row / max(float(np.linalg.norm(row)), 1e-12) for row in tiny], np.float64)
     difference = np.sqrt(np.maximum(2 - 2 * rows @ rows.T, 0))

@@ -86,8 +86,8 @@ def _slope(level: NDArray, variance: NDArray, rounding: float) -> tuple[float, f
             if quiet > rounding:
                 points.append((np.log((low + high) / 2), np.log(quiet)))
     x, y = np.array(points).reshape(-1, 2).T
-    # Over less than a factor of four in brightness there is no lever for a slope.
-    if len(points) < 8 or np.ptp(x) < np.log(4):
+    # Over less than a factor of 1.8 in brightness, four before encoding, there is no lever for a slope.
+    if len(points) < 8 or np.ptp(x) < np.log(1.8):
         return None
     (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
     return float(slope), float(np.sqrt(covariance[0, 0]))

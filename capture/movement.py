@@ -20,6 +20,8 @@ MOST_TILES = 32
 TILE_PX = 96
 REACH_PX = 20
 REACH = (REACH_PX, REACH_PX)
+COHERENT = 0.75
+"""Length of the mean of the frames' gradient directions, on a static edge at least; 1 where all agree."""
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,19 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
 
 
 def _sharpness(units: NDArray[np.complex64]) -> NDArray[np.float64]:
-    """Return (h, w): 1 on an edge that every frame has, 0 without. Cubed: what only some frames have, moves."""
-    return (np.abs(units.mean(axis=0)) ** 3).astype(np.float64)
+    """Return (h, w): up to 1 on an edge that the frames agree on, 0 where they do not."""
+    mean = np.abs(units.mean(axis=0)).astype(np.float64)
+    agreed = mean > COHERENT * np.maximum(np.abs(units).mean(axis=0), 1e-6)
+    # Cubed: a strong edge that some frames lack is one that comes and goes with the light.
+    return np.where(agreed, mean**3, 0)
+
+
+def _edge_share(count: int) -> float:
+    """Return the share of pixels that must lie on static edges, among so many frames: well above chance.
+
+    Directions at random agree by the length r of their mean with probability exp(-F r^2) (Rayleigh's walk).
+    """
+    return 0.005 + 3 * float(np.exp(-count * COHERENT**2))
 
 
 def _jolts(small: list[NDArray], floor: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
@@ -96,6 +109,8 @@ def _jolts(small: list[NDArray], floor: NDArray) -> tuple[NDArray, NDArray[np.bo
 
     pictures = [cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for picture in small]
     units = np.stack([_orientation(picture, offset) for picture, offset in zip(pictures, floor, strict=True)])
+    if np.mean(_sharpness(units) > 0) < _edge_share(len(units)):
+        return np.zeros((len(units), 2)), np.zeros(len(units), bool)
     height, width = units.shape[1:]
     reach = (height // 2 - 1, width // 2 - 1)
     planes = _correlations(units, np.ones(len(units), bool), reach)
@@ -128,16 +143,22 @@ def _tiles(units: NDArray[np.complex64], tile: int, most: int) -> list[tuple[int
     """Return (row, column) of the tiles with the most static edges, overlapping by half."""
     import cv2
 
-    sums = cv2.integral(_sharpness(units))
-    energy = (sums[tile:, tile:] - sums[:-tile, tile:] - sums[tile:, :-tile] + sums[:-tile, :-tile])[
-        :: max(tile // 2, 1), :: max(tile // 2, 1)
-    ]
+    sharpness = _sharpness(units)
+    half = max(tile // 2, 1)
+
+    def by_tile(image: NDArray) -> NDArray:
+        sums = cv2.integral(image)
+        return (sums[tile:, tile:] - sums[:-tile, tile:] - sums[tile:, :-tile] + sums[:-tile, :-tile])[::half, ::half]
+
+    energy = by_tile(sharpness)
     if not energy.size:
         return []
+    share = by_tile((sharpness > 0).astype(np.float64)) / tile**2
+    energy = np.where(share > _edge_share(len(units)), energy, 0)
     order = np.argsort(-energy, axis=None)[:most]
     rows, columns = np.unravel_index(order, energy.shape)
-    enough = energy.ravel()[order] > max(0.05 * float(energy.max()), 1e-6)
-    return [(int(y) * (tile // 2), int(x) * (tile // 2)) for y, x in zip(rows[enough], columns[enough], strict=True)]
+    enough = energy.ravel()[order] > 0.05 * float(energy.max())
+    return [(int(y) * half, int(x) * half) for y, x in zip(rows[enough], columns[enough], strict=True)]
 
 
 def _vote(tiles: list[NDArray[np.float32]], steady: NDArray[np.bool_]) -> tuple[NDArray, NDArray[np.bool_]]:

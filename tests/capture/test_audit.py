@@ -1,0 +1,286 @@
+"""The audit: each fault, put into a sound session by the test, is named; a sound session raises no alarm."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.decode import decode
+from capture.exif import Exif
+from capture.facts import facts_of
+from capture.gamma import noise_slope, speaks_for_gamma
+from capture.movement import movement
+from capture.session import load_session
+from capture.settings import gaps_in_numbering, mixed_settings
+from scene.errors import CaptureError
+from scene.frames import Frames
+from scene.store import Store
+
+
+@pytest.fixture
+def warnings_of(picture_session, tmp_path):
+    def audited(images, **more):
+        _, report = decode(load_session(picture_session(images, **more)), Store(tmp_path / "out"))
+        return report.warnings
+
+    return audited
+
+
+def test_a_sound_session_raises_no_alarm(warnings_of, scene_pictures):
+    assert warnings_of(scene_pictures()) == ()
+
+
+def test_misfires_are_refused_by_name(warnings_of, scene_pictures):
+    images = scene_pictures()
+    ambient = 0.1 * images.mean(0)
+    images = images * 0.7 + ambient
+    rng = np.random.default_rng(1)
+    for i in (3, 7):
+        images[i] = ambient + rng.normal(scale=0.002, size=ambient.shape)
+    with pytest.raises(CaptureError) as caught:
+        warnings_of(images, ambient=ambient)
+    text = str(caught.value)
+    assert "flash_003: the flash did not fire" in text
+    assert "flash_007: the flash did not fire" in text
+    assert "frames.skip" in text
+    assert text.count("did not fire") == 2
+
+
+def test_a_skipped_misfire_is_no_fault(warnings_of, scene_pictures):
+    images = scene_pictures()
+    images[3] = 0
+    assert warnings_of(images, table='linear = true\nskip = ["flash_003"]') == ()
+
+
+def test_a_misfire_in_a_bright_room_without_an_ambient_frame(warnings_of, scene_pictures):
+    images = scene_pictures() * 0.6
+    room = 0.25 * images.mean(0)
+    images += room
+    images[5] = room
+    (warning,) = [text for text in warnings_of(images) if "flash_005" in text]
+    assert "darker than every other frame" in warning
+
+
+def test_a_weak_flash_is_no_misfire(warnings_of, scene_pictures):
+    images = scene_pictures()
+    images[4] *= 0.3
+    assert not [text for text in warnings_of(images) if "did not fire (" in text]
+
+
+def test_a_flash_in_the_ambient_frame(warnings_of, scene_pictures):
+    images = scene_pictures()
+    with pytest.raises(CaptureError, match=r"frames\.ambient"):
+        warnings_of(images, ambient=images.mean(0) * 1.05)
+
+
+def test_one_photograph_twice(warnings_of, scene_pictures):
+    images = scene_pictures()
+    images[9] = images[2]
+    (warning,) = warnings_of(images)
+    assert "flash_002 and flash_009 are the same photograph" in warning
+
+
+def test_two_flashes_from_one_place(warnings_of, scene_pictures):
+    """The noise and the power differ: another photograph, the same light."""
+    images = scene_pictures()
+    again = scene_pictures()[4] * 0.8
+    images[10] = again + np.random.default_rng(5).normal(scale=0.003, size=again.shape)
+    (warning,) = warnings_of(images)
+    assert "flash_004, flash_010: lit from the same place" in warning
+
+
+def test_lights_three_degrees_apart_are_two(warnings_of, scene_pictures):
+    tilt = np.radians([30, 33, 30, 30, 30, 30])
+    azimuth = np.radians([0, 0, 60, 120, 200, 300])
+    lights = np.stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)], -1)
+    assert warnings_of(scene_pictures(6, lights=lights)) == ()
+
+
+def test_overexposure_is_told_from_highlights(warnings_of, scene_pictures):
+    images = scene_pictures()
+    for i in range(12):
+        images[i, 50:53, 20 + 5 * i : 23 + 5 * i] = 1.0
+    assert warnings_of(images) == (), "a chrome ball's highlights may clip"
+    images[6, 150:190, 200:260] = 1.0
+    (warning,) = warnings_of(images)
+    assert warning.startswith("flash_006: overexposed")
+
+
+def test_underexposure(warnings_of, scene_pictures):
+    assert any("underexposed" in text for text in warnings_of(scene_pictures() * 0.02))
+
+
+@pytest.mark.parametrize("shift", [(1.5, 0.0), (-1.2, 2.0), (0.0, -7.0), (60.0, 35.0)])
+def test_a_moved_camera_is_named(warnings_of, scene_pictures, shift):
+    """In full-size pixels and with the right sign: the picture's content moves right and down."""
+    images = scene_pictures()
+    images[8] = moved(images[8], shift)
+    (warning,) = warnings_of(images)
+    assert warning.startswith("flash_008: the picture lies")
+    right, down = (float(warning.split(word)[1].split(",")[0].split(")")[0]) for word in ("right ", "down "))
+    # A jolt is measured on reduced pictures.
+    assert abs(right - shift[0]) < 0.5 + 0.02 * abs(shift[0])
+    assert abs(down - shift[1]) < 0.5 + 0.02 * abs(shift[1])
+
+
+def moved(image, shift):
+    matrix = np.array([[1, 0, shift[0]], [0, 1, shift[1]]], np.float32)
+    size = (image.shape[1], image.shape[0])
+    return cv2.warpAffine(image, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
+
+
+def test_one_pixel_is_seen_in_a_large_picture(scene_pictures):
+    """The reduced pictures are half the size: tiles of full size must see it."""
+    images = scene_pictures(6, shape=(800, 1150))
+    images[1] = moved(images[1], (1.2, -0.6))
+    frames = Frames.from_linear(tuple("abcdef"), images)
+    found = movement(frames, [facts_of(codes) for codes in frames.codes])
+    assert found.moved.tolist() == [False, True, False, False, False, False]
+    assert np.allclose(found.shift_px[1], (1.2, -0.6), atol=0.3)
+
+
+def test_movement_is_not_claimed_where_nothing_stands_still():
+    """Smooth shading and noise only: no edge could tell."""
+    rng = np.random.default_rng(0)
+    v, u = np.mgrid[-1:1:300j, -1:1:400j]
+    images = [0.3 + 0.1 * (np.cos(a) * u + np.sin(a) * v) for a in np.linspace(0, 5, 8)]
+    images = np.repeat(np.array(images)[..., None], 3, -1) + rng.normal(scale=0.004, size=(8, 300, 400, 3))
+    frames = Frames.from_linear(tuple("abcdefgh"), images)
+    assert not movement(frames, [facts_of(codes) for codes in frames.codes]).moved.any()
+
+
+def test_movement_is_not_claimed_of_few_frames(scene_pictures):
+    frames = Frames.from_linear(tuple("abc"), scene_pictures(3))
+    found = movement(frames, [facts_of(codes) for codes in frames.codes])
+    assert np.isnan(found.shift_px).all()
+    assert not found.moved.any()
+
+
+REAL = ["sessions/bunny", "real/diligent/catPNG"]
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_a_still_camera_of_a_real_session(shared, tmp_path, name):
+    """No alarm as it is; a frame moved by 3 px is found, and no other."""
+    session = load_session(shared(name))
+    keep = range(0, len(session.flash), max(1, len(session.flash) // 12))
+    session = replace(session, flash=tuple(session.flash[i] for i in keep), names=tuple(session.names[i] for i in keep))
+    frames, report = decode(session, Store(tmp_path / "out"))
+    assert report.warnings == ()
+    codes = np.array(frames.codes)
+    codes[3] = moved(codes[3], (2.4, -1.8))
+    frames = replace(frames, codes=codes)
+    found = movement(frames, [facts_of(picture) for picture in codes])
+    assert np.flatnonzero(found.moved).tolist() == [3]
+    assert np.allclose(found.shift_px[3], (2.4, -1.8), atol=0.7)
+
+
+def srgb(linear):
+    linear = np.clip(linear, 0, 1)
+    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+
+
+def test_noise_tells_gamma(warnings_of):
+    """Sixteen bits, no metadata: only the noise can tell. Stated as sRGB, all is well."""
+    rng = np.random.default_rng(2)
+    v, u = np.mgrid[-1:1:200j, -1:1:300j]
+    azimuth = np.linspace(0, 2 * np.pi, 6, endpoint=False)
+    ramp = np.exp(-2.5 + 1.5 * np.array([np.cos(a) * u + np.sin(a) * v for a in azimuth]))
+    light = np.repeat(ramp[..., None], 3, -1)
+    light = light + rng.normal(size=light.shape) * np.sqrt(1e-6 + 2e-5 * light)
+    assert warnings_of(light) == ()
+    (warning,) = warnings_of(srgb(light))
+    assert "noise that falls with brightness" in warning
+    assert "linear = false" in warning
+    assert warnings_of(srgb(light), table="linear = false") == ()
+
+
+LINEAR = [
+    "sessions/bunny",
+    "real/diligent/ballPNG",
+    "real/diligent/catPNG",
+]
+
+
+@pytest.mark.parametrize("name", LINEAR)
+def test_noise_tells_gamma_on_real_captures(shared, tmp_path, name):
+    session = load_session(shared(name))
+    session = replace(session, flash=session.flash[:4], names=session.names[:4], ambient=())
+    frames, _ = decode(session, Store(tmp_path / "out"))
+    linear = frames.read(subtract_ambient=False)
+    linear /= np.quantile(linear, 0.9999)
+    as_linear = noise_slope(Frames.from_linear(frames.names, linear))
+    as_srgb = noise_slope(Frames.from_linear(frames.names, srgb(linear)))
+    assert as_linear is not None
+    assert as_srgb is not None
+    assert not speaks_for_gamma(*as_linear)
+    assert speaks_for_gamma(*as_srgb)
+
+
+def test_jpeg_said_to_be_linear(tmp_path, scene_pictures):
+    for i, image in enumerate(scene_pictures()):
+        cv2.imwrite(str(tmp_path / f"flash_{i:03d}.jpg"), (image.clip(0, 1) * 255).astype(np.uint8)[..., ::-1])
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.jpg"\nlinear = true\n')
+    _, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    assert any("JPEG" in text and "gamma" in text for text in report.warnings)
+
+
+def test_eight_bits_of_unknown_encoding(tmp_path, scene_pictures):
+    for i, image in enumerate(scene_pictures()):
+        cv2.imwrite(str(tmp_path / f"flash_{i:03d}.png"), (image.clip(0, 1) * 255).round().astype(np.uint8)[..., ::-1])
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.png"\n')
+    _, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    assert any("not stated" in text for text in report.warnings)
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.png"\nlinear = true\n')
+    _, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    assert report.warnings == ()
+
+
+@pytest.fixture
+def numbered(picture_session):
+    def session(numbers, name="flash_{:03d}", skip=()):
+        images = np.zeros((len(numbers), 2, 2, 3))
+        folder = picture_session(images, names=[name.format(n) for n in numbers])
+        for entry in skip:
+            (folder / f"{entry}.png").write_bytes((folder / f"{name.format(numbers[0])}.png").read_bytes())
+        listed = ", ".join(f'"{entry}"' for entry in skip)
+        (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*.png"\nskip = [{listed}]')
+        return load_session(folder)
+
+    return session
+
+
+@pytest.mark.parametrize(
+    ("numbers", "missing"),
+    [
+        (list(range(12)), None),
+        ([14, 15, 17, 18], "flash_016"),
+        ([1, 2, 3, 6, 7, 8, 9, 10, 11], "flash_004, flash_005"),
+        ([0, 10, 20, 30, 50, 60, 70], "flash_040"),
+        ([3, 17, 42, 99], None),
+    ],
+)
+def test_a_missing_number(numbered, numbers, missing):
+    warnings = gaps_in_numbering(numbered(numbers))
+    if missing is None:
+        assert warnings == []
+    else:
+        assert warnings[0].startswith(f"{missing}: missing from the numbering")
+
+
+def test_a_skipped_number_is_not_missing(numbered):
+    assert gaps_in_numbering(numbered([14, 15, 17, 18], skip=["flash_016"])) == []
+
+
+def test_mixed_settings_are_named(numbered):
+    session = numbered([0, 1, 2, 3])
+    usual = Exif(exposure_s=0.01, iso=100, aperture=8.0, focal_mm=50, camera="A")
+    assert mixed_settings(session, [usual] * 4, []) == []
+    odd = Exif(exposure_s=0.01, iso=200, aperture=5.6, focal_mm=55, camera="B")
+    found = mixed_settings(session, [usual, usual, odd, usual], [])
+    for part in ("flash_002 (ISO 200)", "flash_002 (aperture f/5.6)", "flash_002 (focal length 55 mm)", "(camera B)"):
+        assert any(text.startswith("flash_002") and part in text for text in found)
+    (silent,) = mixed_settings(session, [usual, usual, Exif(), usual], [])
+    assert silent.startswith("flash_002: no exposure in EXIF")
+    assert mixed_settings(session, [Exif()] * 4, []) == []

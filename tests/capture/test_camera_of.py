@@ -1,0 +1,128 @@
+"""The camera: stated, calibrated from a board, by EXIF, or none."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.camera import camera_of
+from capture.exif import Exif
+from capture.session import Charuco, Session, load_session
+from scene.camera import Camera
+from scene.errors import SessionError
+
+
+@pytest.fixture
+def session(tmp_path):
+    return Session("x", tmp_path, (tmp_path / "a.png",), ("a",), (0,))
+
+
+STATED = Camera(1200, 800, 1666.7, 1660.0, 606.8, 394.9, (0.1, 0, 0, 0, 0))
+
+
+def test_a_stated_camera(session):
+    session = replace(session, camera=STATED)
+    assert camera_of(session, [], 1200, 800) == (STATED, ())
+    half = replace(session, half=True)
+    assert camera_of(half, [], 600, 400)[0] == STATED.halved()
+    small = replace(half, camera=STATED.halved())
+    assert camera_of(small, [], 600, 400)[0] == STATED.halved()
+
+
+@pytest.mark.parametrize(("half", "size"), [(False, (600, 400)), (True, (300, 200)), (False, (1204, 800))])
+def test_a_camera_of_another_size(session, half, size):
+    with pytest.raises(SessionError, match=rf"1200 x 800.*{size[0]} x {size[1]}"):
+        camera_of(replace(session, camera=STATED, half=half), [], *size)
+
+
+def test_focal_plane_resolution_comes_first(session):
+    exif = [Exif(focal_mm=50, focal_35mm=81, pixels_per_mm=(240.0, 241.0), width_px=5472)]
+    camera, (warning,) = camera_of(session, exif, 5496, 3670)
+    assert (camera.fx, camera.fy) == pytest.approx((12000, 12050)), "a few more pixels of the same pitch"
+    assert (camera.cx, camera.cy) == (2747.5, 1834.5)
+    assert camera.source == "EXIF"
+    assert "focal-plane resolution" in warning
+    reduced, _ = camera_of(session, exif, 1368, 912)
+    assert reduced.fx == pytest.approx(3000), "a picture scaled to a quarter"
+    halved, _ = camera_of(replace(session, half=True), exif, 2736, 1824)
+    assert halved.fx == pytest.approx(6000)
+
+
+def test_the_35_mm_equivalent_is_by_the_diagonal(session):
+    """On a 4:3 sensor the width would give 4 % more."""
+    camera, (warning,) = camera_of(session, [Exif(focal_35mm=50)], 4000, 3000)
+    assert camera.fx == pytest.approx(50 * 5000 / np.hypot(36, 24), rel=1e-5)
+    assert camera.fx / (50 * 4000 / 36) == pytest.approx(1.04, abs=0.001)
+    assert "35 mm" in warning
+
+
+def test_nothing_known(session):
+    camera, (warning,) = camera_of(session, [Exif()], 640, 480)
+    assert camera.is_orthographic
+    assert "orthographic" in warning
+    assert "5 to 15 degrees" in warning
+    diligent = replace(session, layout="diligent")
+    camera, warnings = camera_of(diligent, [Exif()], 612, 512)
+    assert camera.is_orthographic
+    assert warnings == ()
+
+
+BOARD = cv2.aruco.CharucoBoard((9, 6), 20.0, 14.0, cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_100))
+TRUE = Camera(960, 640, 1100.0, 1100.0, 470.0, 330.0, (-0.08, 0.03, 0.0, 0.0, 0.0))
+
+
+def board_shot(rotation, translation):
+    """Photograph the board with TRUE: each pixel's ray meets the board's plane, and takes the colour there."""
+    scale = 8
+    art = BOARD.generateImage((9 * 20 * scale, 6 * 20 * scale))
+    rotation = cv2.Rodrigues(np.asarray(rotation, float))[0]
+    _, rays = TRUE.rays(TRUE.grid())
+    rays = rays * [1, -1, -1]
+    normal, origin = rotation[:, 2], np.asarray(translation, float)
+    points = rays * ((origin @ normal) / (rays @ normal))[..., None]
+    on_board = (points - origin) @ rotation[:, :2] * scale - 0.5
+    view = cv2.remap(art, on_board.astype(np.float32), None, cv2.INTER_AREA, borderValue=90)
+    return cv2.GaussianBlur(view, (0, 0), 0.8)
+
+
+@pytest.fixture
+def shots(tmp_path):
+    rng = np.random.default_rng(0)
+    for i in range(8):
+        tilt = rng.uniform(-0.45, 0.45, 3) * [1, 1, 0.3]
+        place = np.array([-90, -60, 260]) + rng.uniform(-1, 1, 3) * [25, 15, 30]
+        cv2.imwrite(str(tmp_path / f"board_{i}.png"), board_shot(tilt, place))
+    return tuple(sorted(tmp_path.glob("board_*.png")))
+
+
+def test_a_board_gives_the_camera(session, shots):
+    charuco = Charuco(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
+    camera, (note,) = camera_of(replace(session, camera=charuco, encoding="srgb"), [], 960, 640)
+    assert camera.fx == pytest.approx(TRUE.fx, rel=0.005)
+    assert camera.fy == pytest.approx(TRUE.fy, rel=0.005)
+    assert abs(camera.cx - TRUE.cx) < 5
+    assert abs(camera.cy - TRUE.cy) < 5
+    # The strongest check: rays into the corners of the picture, where distortion tells (0.6 degrees of it).
+    corners = np.array([[30, 30], [930, 30], [30, 610], [930, 610], [470, 330]])
+    cosine = np.sum(camera.rays(corners)[1] * TRUE.rays(corners)[1], -1)
+    assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.4
+    assert "8 shots" in note
+    assert "reprojection error 0." in note
+
+
+def test_a_board_that_is_not_there(session, shots, tmp_path):
+    for path in shots[1:]:
+        cv2.imwrite(str(path), np.full((640, 960), 90, np.uint8))
+    charuco = Charuco(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
+    with pytest.raises(SessionError, match="found in 1 of 8 shots"):
+        camera_of(replace(session, camera=charuco), [], 960, 640)
+    with pytest.raises(SessionError, match="DICT_4X4_100"):
+        camera_of(replace(session, camera=replace(charuco, dictionary="DICT_4x4")), [], 960, 640)
+
+
+def test_the_bunny_states_its_camera(shared):
+    session = load_session(shared("sessions/bunny"))
+    camera, warnings = camera_of(session, [], 960, 640)
+    assert (camera.fx, camera.cx, camera.cy) == (1333.3333333333333, 486.8, 314.9)
+    assert warnings == ()

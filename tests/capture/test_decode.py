@@ -1,0 +1,269 @@
+"""The whole decode: what lands in the store, and what does not when a photograph is at fault."""
+
+import multiprocessing
+import time
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from capture.decode import decode
+from capture.fan_out import fan_out
+from capture.session import load_session
+from scene.errors import CaptureError
+from scene.frames import PEDESTAL, WHITE
+from scene.store import Store, write_png
+
+CODE = 1 / (WHITE - PEDESTAL)
+DN = 1 / (16383 - 512)
+
+
+@pytest.fixture
+def raw_session(tmp_path, write_dng, mosaic, scene_pictures):
+    """Six flash frames and two ambient frames as Bayer DNG; returns the folder and the linear truth."""
+
+    def write(*, exposures=(1.0,) * 6, table=""):
+        ambient = 0.05 + 0.02 * scene_pictures(1, shape=(96, 128), seed=9)[0]
+        light = scene_pictures(6, shape=(96, 128)) + ambient
+        folder = tmp_path / "session"
+        folder.mkdir()
+        for i, (picture, exposure) in enumerate(zip(light, exposures, strict=True)):
+            write_dng(
+                folder / f"flash_{i}.dng", mosaic(picture * exposure), exposure_s=exposure / 100, iso=100, aperture=8
+            )
+        rng = np.random.default_rng(0)
+        for i in range(2):
+            noisy = ambient + rng.normal(scale=0.002, size=ambient.shape)
+            write_dng(folder / f"ambient_{i}.dng", mosaic(noisy), exposure_s=0.01, iso=100, aperture=8)
+        (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*.dng"\nambient = "ambient_*.dng"\n{table}')
+        return folder, light, ambient
+
+    return write
+
+
+def files_of(folder):
+    return sorted(path.name for path in folder.rglob("*") if path.is_file())
+
+
+INNER = np.s_[..., 2:-2, 2:-2, :]
+
+
+def bilinear(linear, mosaic):
+    """What any linear decode sees of a scene: bilinear interpolation of its mosaic, by convolution."""
+    from scipy.ndimage import convolve
+
+    v, u = np.mgrid[: linear.shape[0], : linear.shape[1]]
+    channel = np.array([0, 1, 1, 2])[(v % 2) * 2 + u % 2]
+    values = (mosaic(linear) - 512.0) * DN
+    cross = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
+    square = np.array([[1, 2, 1], [2, 4, 2], [1, 2, 1]]) / 4
+    return np.stack(
+        [convolve(np.where(channel == i, values, 0), kernel) for i, kernel in enumerate((square, cross, square))], -1
+    )
+
+
+def test_frames_are_the_scene(raw_session, tmp_path, mosaic):
+    folder, light, ambient = raw_session()
+    steps = []
+    frames, report = decode(
+        load_session(folder), Store(tmp_path / "out"), progress=lambda done, total: steps.append((done, total))
+    )
+    assert files_of(tmp_path / "out") == ["ambient.npy", "codes.npy", "frames.json"]
+    assert frames.names == tuple(f"flash_{i}" for i in range(6))
+    assert isinstance(frames.codes, np.memmap)
+    assert frames.is_mosaic
+    for i in range(6):
+        found = frames.frame(i, subtract_ambient=False)
+        assert np.abs(found - bilinear(light[i], mosaic))[INNER].max() < 2 * CODE
+    assert np.abs(frames.frame(0) - bilinear(light[0] - ambient, mosaic))[INNER].std() < 0.002
+    assert steps == [(i + 1, 8) for i in range(8)]
+    assert report.warnings == ()
+    assert report.ambient_count == 2
+    assert np.allclose(report.brightness, light.mean((1, 2, 3)), rtol=0.01)
+    assert [row["exposure_s"] for row in report.frames_table] == [0.01] * 6
+
+
+def test_what_is_read_back_is_what_was_returned(raw_session, tmp_path):
+    folder, *_ = raw_session()
+    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
+    again = Store(tmp_path / "out").load_frames()
+    assert np.array_equal(frames.read(), again.read())
+
+
+def test_exposures_are_brought_together(raw_session, tmp_path):
+    """Frames shot at a third and at double time agree to 0.2 % in the mean, and it is said."""
+    folder, light, _ = raw_session(exposures=(1, 1 / 3, 1, 2, 1, 1))
+    frames, report = decode(load_session(folder), Store(tmp_path / "out"))
+    assert np.allclose(frames.gain, [1, 3, 1, 0.5, 1, 1], rtol=2e-4)
+    means = frames.read(subtract_ambient=False).mean((1, 2, 3))
+    assert np.allclose(means[[0, 1, 2, 4, 5]], light.mean((1, 2, 3))[[0, 1, 2, 4, 5]], rtol=0.002)
+    (warning,) = [text for text in report.warnings if "exposure time" in text]
+    assert "flash_1 (exposure time 0.003333 s), flash_3 (exposure time 0.02 s)" in warning
+
+
+def test_half_is_the_mean_of_the_colours(raw_session, tmp_path, mosaic):
+    folder, light, _ = raw_session(table="half = true")
+    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
+    assert (frames.height, frames.width) == (48, 64)
+    assert not frames.is_mosaic
+    grid = (mosaic(light[2]) - 512.0) * DN
+    expected = np.stack([grid[::2, ::2], (grid[::2, 1::2] + grid[1::2, ::2]) / 2, grid[1::2, 1::2]], -1)
+    assert np.abs(frames.frame(2, subtract_ambient=False) - expected).max() < 1.5 * CODE
+
+
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, ProcessPoolExecutor])
+def test_any_executor_gives_the_same_bytes(raw_session, tmp_path, pool):
+    folder, *_ = raw_session()
+    session = load_session(folder)
+    decode(session, Store(tmp_path / "one"))
+    context = {} if pool is ThreadPoolExecutor else {"mp_context": multiprocessing.get_context("spawn")}
+    with pool(2, **context) as executor:
+        decode(session, Store(tmp_path / "two"), executor=executor)
+    for name in ("codes.npy", "ambient.npy", "frames.json"):
+        assert (tmp_path / "one/frames" / name).read_bytes() == (tmp_path / "two/frames" / name).read_bytes()
+
+
+def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
+    """A sensor with an offset that grows to one side, behind a lens that darkens its corners."""
+    truth = scene_pictures(5, shape=(60, 80))
+    v, u = np.mgrid[-1:1:60j, -1:1:80j]
+    vignette = (1 / (1 + 0.5 * (u * u + v * v)))[..., None] * [1.0, 0.9, 0.8]
+    offset = 0.01 + 0.005 * u[..., None] + np.zeros(3)
+    shot = truth * vignette + offset
+    shot[3, 40:44, 10:14] = 1.0
+    folder = picture_session(shot, table='linear = true\ndark = "dark.png"\nflat = "flat.png"')
+    for name, image in (("dark", offset), ("flat", 0.7 * vignette + offset)):
+        write_png(folder / f"{name}.png", (image * 65535).round().astype(np.uint16))
+    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
+    scale = vignette.mean((0, 1))
+    clean = np.ones((60, 80), bool)
+    clean[40:44, 10:14] = False
+    for i in range(5):
+        assert np.abs(frames.frame(i) - truth[i] * scale)[clean].max() < 5e-4
+    assert frames.saturated(frames=[3])[0, 40:44, 10:14].all(), "what was clipped stays clipped"
+    assert frames.saturated().sum() == 16
+    assert files_of(tmp_path / "out") == ["codes.npy", "frames.json"]
+
+
+def test_a_flat_frame_that_cannot_do(picture_session, scene_pictures, tmp_path):
+    folder = picture_session(scene_pictures(5, shape=(60, 80)), table='linear = true\nflat = "flat.png"')
+    for level, part in ((0.001, "too dark"), (1.0, "overexposed")):
+        write_png(folder / "flat.png", np.full((60, 80, 3), int(level * 65535), np.uint16))
+        with pytest.raises(CaptureError, match=part):
+            decode(load_session(folder), Store(tmp_path / "out"))
+    assert files_of(tmp_path / "out") == []
+
+
+def test_exr_is_unbounded(tmp_path, scene_pictures):
+    import mitsuba
+
+    truth = scene_pictures(4, shape=(40, 50)).astype(np.float32) * 20
+    for i in range(4):
+        mitsuba.Bitmap(truth[i]).write(str(tmp_path / f"flash_{i}.exr"))
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.exr"\n')
+    frames, _ = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    assert frames.codes.dtype == np.float16
+    assert frames.saturation == np.inf
+    assert not frames.saturated().any()
+    assert np.allclose(frames.read(), truth, rtol=1e-3, atol=1e-4)
+    assert Store(tmp_path / "out").load_frames().saturation == np.inf
+
+
+@pytest.mark.parametrize("how", ["corrupt", "other size", "gone", "misfire"])
+def test_a_bad_frame_leaves_nothing(raw_session, write_dng, tmp_path, how):
+    folder, *_ = raw_session()
+    session = load_session(folder)
+    victim = folder / "flash_3.dng"
+    if how == "corrupt":
+        victim.write_bytes(victim.read_bytes()[:9000])
+    elif how == "other size":
+        write_dng(victim, np.full((64, 128), 900, np.uint16))
+    elif how == "gone":
+        victim.unlink()
+    else:
+        victim.write_bytes((folder / "ambient_0.dng").read_bytes())
+    with pytest.raises(CaptureError, match="flash_3") as caught:
+        decode(session, Store(tmp_path / "out"))
+    if how == "other size":
+        assert "128 x 64 px, flash_0.dng is 128 x 96" in str(caught.value)
+    assert files_of(tmp_path / "out") == []
+
+
+def test_a_failed_rerun_does_not_pass_for_the_old_one(raw_session, write_dng, tmp_path):
+    """After a first good run a frame is spoilt: no header may stand beside codes that are not its own."""
+    folder, *_ = raw_session()
+    session = load_session(folder)
+    decode(session, Store(tmp_path / "out"))
+    write_dng(folder / "flash_5.dng", np.full((96, 128), 512, np.uint16))
+    with pytest.raises(CaptureError, match="flash_5: the flash did not fire"):
+        decode(session, Store(tmp_path / "out"))
+    assert "frames.json" not in files_of(tmp_path / "out")
+
+
+def test_an_interrupt_leaves_nothing(raw_session, tmp_path):
+    folder, *_ = raw_session()
+
+    def press(done, _):
+        if done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        decode(load_session(folder), Store(tmp_path / "out"), progress=press)
+    assert files_of(tmp_path / "out") == []
+
+
+@pytest.mark.parametrize("own", [True, False])
+def test_an_interrupt_ends_soon(own):
+    """Units that have not begun are cancelled, those that run are waited for: none is left to write."""
+    begun, ended = [], []
+
+    def unit(job):
+        begun.append(job)
+        time.sleep(0.02)
+        ended.append(job)
+
+    def press():
+        raise KeyboardInterrupt
+
+    with ThreadPoolExecutor(2) as pool:
+        with pytest.raises(KeyboardInterrupt):
+            fan_out(unit, range(200), executor=None if own else pool, done=press)
+        count = len(begun)
+        assert len(ended) == count <= 20
+        time.sleep(0.05)
+        assert len(begun) == count
+
+
+def test_a_sensor_that_clips_below_its_stated_white(tmp_path, write_dng, mosaic, scene_pictures):
+    """The header says 16383, the sensor ends at 15200: 5 % of samples would be believed that are no light."""
+    light = np.minimum(scene_pictures(6, shape=(96, 128)) * 3, (15200 - 512) * DN)
+    for i, picture in enumerate(light):
+        write_dng(tmp_path / f"flash_{i}.dng", mosaic(picture))
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "*.dng"\n')
+    frames, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    ceiling = (15200 - 512) * DN
+    assert 0.95 * ceiling < frames.saturation < ceiling
+    assert any("the sensor clips there" in text for text in report.warnings)
+    clipped = (light >= ceiling - 1e-9).all(-1)
+    assert frames.saturated()[clipped].all()
+
+
+def test_the_bunny(shared, tmp_path):
+    """A session of another program: no warning, nothing but its chrome highlights clipped."""
+    frames, report = decode(load_session(shared("sessions/bunny")), Store(tmp_path / "out"))
+    assert frames.codes.shape == (12, 640, 960, 3)
+    assert report.warnings == ()
+    assert 0 < report.saturated_share.max() < 1e-3
+
+
+def test_the_diligent_ball_keeps_its_values(shared, tmp_path):
+    """Not divided by the lights' intensities, and within half a code of the file."""
+    import cv2
+
+    session = load_session(shared("real/diligent/ballPNG"))
+    few = replace(session, flash=session.flash[:6], names=session.names[:6], kept=session.kept[:6])
+    frames, report = decode(few, Store(tmp_path / "out"))
+    expected = cv2.imread(str(session.flash[4]), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535
+    assert np.abs(frames.frame(4) - expected).max() <= 0.51 * CODE
+    assert report.warnings == ()

@@ -1,0 +1,111 @@
+"""What calibration and alignment are given: balls asked for, balls shot apart, masks."""
+
+import numpy as np
+import pytest
+
+from capture.decode import decode
+from capture.requests import read_mask, sphere_requests
+from capture.session import load_session
+from scene.errors import SessionError
+from scene.store import Store, write_png
+
+
+def linear_png(path, image):
+    write_png(path, (np.clip(image, 0, 1) * 65535).round().astype(np.uint16))
+
+
+@pytest.fixture
+def apart(picture_session, scene_pictures, tmp_path):
+    """Four flash frames, of which one is skipped, and a ball photographed apart under the same lights."""
+
+    def make(more="", *, size=(60, 80), table=""):
+        balls = scene_pictures(4, shape=size, seed=7)
+        folder = picture_session(
+            scene_pictures(4, shape=(60, 80)),
+            more=f'[[spheres]]\nkind = "chrome"\nframes = "ball_*.png"\n{more}',
+            table=f'linear = true\nskip = ["flash_001"]\n{table}',
+        )
+        for i, ball in enumerate(balls):
+            linear_png(folder / f"ball_{i}.png", ball)
+        session, store = load_session(folder), Store(tmp_path / "out")
+        decode(session, store)
+        return session, store, balls
+
+    return make
+
+
+def test_a_ball_shot_apart_has_frames_of_its_own(apart):
+    session, store, balls = apart('[[spheres]]\nkind = "white"\ndiameter_mm = 70\nframes = "ball_*.png"')
+    chrome, white = sphere_requests(session, store)
+    assert (chrome.kind, white.kind, white.diameter_mm) == ("chrome", "white", 70)
+    assert chrome.frames is white.frames, "decoded once"
+    assert chrome.frames is not None
+    for found, i in zip(chrome.frames.read(), (0, 2, 3), strict=True):
+        assert np.abs(found - balls[i]).max() < 2e-5, "in order, the skipped frame's ball left out"
+    assert store.load_frames().names == ("flash_000", "flash_002", "flash_003"), "the session's own are untouched"
+
+
+def test_it_is_decoded_again_only_when_something_changed(apart):
+    session, store, balls = apart()
+    codes = store.path("spheres", "0", "frames", "codes.npy")
+    sphere_requests(session, store)
+    first = codes.stat().st_mtime_ns
+    sphere_requests(session, store)
+    assert codes.stat().st_mtime_ns == first
+    linear_png(session.spheres[0].frames[1], balls[0] * 0.5)
+    (request,) = sphere_requests(session, store)
+    assert request.frames is not None
+    assert np.abs(request.frames.frame(1) - balls[0] * 0.5).max() < 2e-5
+    second = codes.stat().st_mtime_ns
+    decode(session, store)
+    sphere_requests(session, store)
+    assert codes.stat().st_mtime_ns > second, "the session was decoded anew: a setting may have changed"
+
+
+def test_a_ball_of_another_size(apart):
+    session, store, _ = apart(size=(48, 64))
+    with pytest.raises(SessionError, match=r"spheres\[0\]\.frames.*64 x 48.*80 x 60"):
+        sphere_requests(session, store)
+
+
+@pytest.mark.parametrize(("half", "center", "radius"), [(False, (40.5, 20.5), 10), (True, (20, 10), 5)])
+def test_hints_follow_superpixels(apart, half, center, radius):
+    more = '[[spheres]]\nkind = "white"\ncenter_px = [40.5, 20.5]\nradius_px = 10'
+    session, store, _ = apart(more, table=f"half = {str(half).lower()}")
+    hint = sphere_requests(session, store)[1]
+    assert hint.center_px == center
+    assert hint.radius_px == radius
+
+
+def test_hints_outside_of_the_picture(apart):
+    session, store, _ = apart('[[spheres]]\nkind = "white"\ncenter_px = [400, 20]\nradius_px = 10')
+    with pytest.raises(SessionError, match=r"spheres\[1\]\.center_px"):
+        sphere_requests(session, store)
+
+
+def test_masks(tmp_path):
+    truth = np.zeros((8, 10), bool)
+    truth[2:6, 3:9] = True
+    path = tmp_path / "mask.png"
+    for white in (1, 255):
+        write_png(path, truth.astype(np.uint8) * white)
+        assert np.array_equal(read_mask(path, 8, 10), truth)
+    write_png(path, np.repeat(truth[..., None] * np.uint8(200), 3, -1))
+    assert np.array_equal(read_mask(path, 8, 10), truth)
+    write_png(path, np.full((8, 10), 255, np.uint8))
+    assert read_mask(path, 8, 10).all()
+    write_png(path, np.kron(truth, np.ones((2, 2), bool)))
+    assert np.array_equal(read_mask(path, 8, 10), truth), "a full-size mask of superpixels"
+
+
+@pytest.mark.parametrize(("shape", "part"), [((8, 11), "11 x 8 px, the frames 10 x 8"), ((8, 10), "empty")])
+def test_masks_that_cannot_do(tmp_path, shape, part):
+    write_png(tmp_path / "mask.png", np.zeros(shape, np.uint8))
+    with pytest.raises(SessionError, match=part):
+        read_mask(tmp_path / "mask.png", 8, 10)
+
+
+def test_a_mask_that_is_no_picture(tmp_path):
+    (tmp_path / "mask.png").write_bytes(b"no")
+    with pytest.raises(SessionError, match="mask cannot be read"):
+        read_mask(tmp_path / "mask.png", 8, 10)

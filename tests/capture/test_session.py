@@ -1,0 +1,244 @@
+"""`session.toml` and DiLiGenT folders: every fault at once, nothing guessed."""
+
+import numpy as np
+import pytest
+
+from capture.globs import natural_key
+from capture.session import Charuco, load_session
+from scene.camera import Camera
+from scene.errors import SessionError
+from scene.store import write_png
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with frames flash_2, flash_9, flash_10, an ambient frame and a ball shot apart."""
+    for name in ("flash_2", "flash_9", "flash_10", "dusk", "ball_1", "ball_2", "ball_3", "mask"):
+        write_png(tmp_path / f"{name}.png", np.full((4, 6), 9, np.uint8))
+    (tmp_path / "object.ply").write_text("ply")
+    (tmp_path / "lights.lp").write_text("0")
+    return tmp_path
+
+
+def load(folder, text):
+    (folder / "session.toml").write_text(text)
+    return load_session(folder)
+
+
+def faults_of(folder, text):
+    with pytest.raises(SessionError) as caught:
+        load(folder, text)
+    return str(caught.value)
+
+
+FLASH = '[frames]\nflash = "flash_*.png"\n'
+
+
+def test_two_lines_are_enough(folder):
+    session = load(folder, FLASH)
+    assert session.names == ("flash_2", "flash_9", "flash_10")
+    assert session.name == folder.name
+    assert session.encoding == "linear"
+    assert not session.encoding_stated
+    assert session.camera is None
+    assert load_session(folder / "session.toml") == session
+
+
+def test_every_key_arrives(folder):
+    session = load(
+        folder,
+        """
+        version = 1
+        name = "penguin"
+        [frames]
+        flash = ["flash_10.png", "flash_[29].png"]
+        ambient = "dusk.png"
+        gamma = 1.8
+        half = true
+        skip = ["flash_2"]
+        [camera]
+        width = 6
+        height = 4
+        fx = 7
+        fy = 7.5
+        cx = 2.5
+        cy = 1.5
+        distortion = [0.1, 0, 0, 0, 0]
+        [[spheres]]
+        kind = "chrome"
+        diameter_mm = 76
+        center_px = [1, 2.5]
+        radius_px = 3
+        [[spheres]]
+        kind = "white"
+        mask = "mask.png"
+        frames = "ball_*.png"
+        [lights]
+        file = "lights.lp"
+        [object]
+        mask = "mask.png"
+        scan = "object.ply"
+        scan_unit = "m"
+        """,
+    )
+    assert session.names == ("flash_10", "flash_9"), "the globs in their order, flash_2 skipped"
+    assert session.kept == (0, 2)
+    assert session.ambient == (folder / "dusk.png",)
+    assert session.encoding == 1.8
+    assert session.half
+    assert session.camera == Camera(6, 4, 7, 7.5, 2.5, 1.5, (0.1, 0, 0, 0, 0))
+    chrome, white = session.spheres
+    assert (chrome.kind, chrome.diameter_mm, chrome.center_px, chrome.radius_px) == ("chrome", 76, (1, 2.5), 3)
+    assert white.mask == folder / "mask.png"
+    assert [path.name for path in white.frames] == ["ball_1.png", "ball_3.png"], "the skipped frame's is left out"
+    assert (session.lights_file, session.scan, session.scan_unit) == (
+        folder / "lights.lp",
+        folder / "object.ply",
+        "m",
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "encoding"), [("linear = true", "linear"), ("linear = false", "srgb"), ("gamma = 2.2", 2.2)]
+)
+def test_encoding(folder, line, encoding):
+    session = load(folder, FLASH + line)
+    assert session.encoding == encoding
+    assert session.encoding_stated
+
+
+def test_a_board(folder):
+    board = '{ squares = [11, 8], square_mm = 15, marker_mm = 11, dictionary = "D" }'
+    text = f'[camera]\ncharuco = "ball_*.png"\nboard = {board}'
+    camera = load(folder, FLASH + text).camera
+    assert isinstance(camera, Charuco)
+    assert (len(camera.files), camera.squares, camera.square_mm) == (3, (11, 8), 15)
+
+
+def test_all_faults_at_once(folder):
+    message = faults_of(
+        folder,
+        """
+        nme = "x"
+        [frames]
+        flsh = "flash_*.png"
+        flash = "flash_*.png"
+        ambient = "dawn_*.png"
+        skip = ["flash_3"]
+        [camera]
+        fx = 100.0
+        [[spheres]]
+        kind = "crome"
+        [object]
+        mask = "msk.png"
+        scan_unit = "mile"
+        [lights]
+        file = "lights.lp"
+        """,
+    )
+    for part in (
+        "nme: unknown key. Did you mean name?",
+        "frames.flsh: unknown key. Did you mean flash?",
+        'frames.ambient: "dawn_*.png" matches no file',
+        'frames.skip: "flash_3" is none of the 3 flash frames. Did you mean flash_',
+        "camera: incomplete, without width, height, fy, cx, cy",
+        "spheres[0].kind: found 'crome'",
+        "object.scan_unit: found 'mile'",
+        "7 faults",
+    ):
+        assert part in message
+
+
+@pytest.mark.parametrize(
+    ("text", "parts"),
+    [
+        ("", ["frames: missing"]),
+        ("[frames]\nlinear = true", ["frames.flash: missing"]),
+        ("[frames\n", ["TOML", "line 1"]),
+        ('[frames]\nflash = "FLASH_*.png"', ["Upper and lower case", "flash_"]),
+        ('[frames]\nflash = "raw/*.png"', ["folder", "raw", "does not exist"]),
+        ('[frames]\nflash = "*.lp"', ["lights.lp is no photograph"]),
+        ('[frames]\nflash = ["flash_*.png", "flash_2.png"]', ["flash_2.png a second time"]),
+        ('[frames]\nflash = "*.png"\nambient = "dusk.png"', ["dusk.png is also among frames.flash"]),
+        (FLASH + "scan_unit = 1", ["frames.scan_unit: unknown key. It belongs under [object]"]),
+        (FLASH + "linear = true\ngamma = 2.2", ["frames.gamma", "Keep one"]),
+        (FLASH + 'skip = ["flash_2", "flash_9", "flash_10"]', ["leaves none"]),
+        (FLASH + '[camera]\nfx = "wide"', ["camera.fx: found 'wide'", "number"]),
+        (FLASH + "[camera]\nwidth=6\nheight=4\nfx=7\nfy=7\ncx=60\ncy=2", ["camera.cx", "outside"]),
+        (FLASH + '[camera]\ncharuco = "ball_*.png"', ["camera.board: missing"]),
+        (FLASH + '[[spheres]]\nkind = "white"\nradius_px = 3', ["spheres[0].center_px: missing"]),
+        (FLASH + '[[spheres]]\nkind = "white"\nframes = "ball_[12].png"', ["matches 2 files, frames.flash 3"]),
+        (FLASH + '[object]\nmask = "mask.pgn"', ["object.mask: there is no file", "Did you mean mask.png?"]),
+        (FLASH + '[lights]\nfile = "mask.png"', ["lights.file", ".lp"]),
+        ("version = 2\n" + FLASH, ["version: found 2"]),
+    ],
+)
+def test_faults_say_where_and_what_to_do(folder, text, parts):
+    message = faults_of(folder, text)
+    for part in [*parts, "session.toml"]:
+        assert part in message
+
+
+def test_frames_of_two_kinds(folder):
+    (folder / "flash_2.dng").write_bytes(b"x")
+    assert "1 .dng and 3 .png" in faults_of(folder, '[frames]\nflash = "flash_*"')
+    assert "of another kind" in faults_of(folder, FLASH + 'ambient = "*.dng"')
+
+
+def test_raw_files_are_linear_by_themselves(folder):
+    (folder / "a.dng").write_bytes(b"x")
+    assert "linear by themselves" in faults_of(folder, '[frames]\nflash = "a.dng"\nlinear = false')
+
+
+def test_no_session(tmp_path):
+    with pytest.raises(SessionError, match=r"neither session\.toml"):
+        load_session(tmp_path)
+    with pytest.raises(SessionError, match="no such session"):
+        load_session(tmp_path / "elsewhere")
+
+
+def test_natural_order():
+    from pathlib import Path
+
+    names = ["b1", "a10", "a9", "a9b", "a", "A2"]
+    assert [p.name for p in sorted(map(Path, names), key=natural_key)] == ["a", "A2", "a9", "a9b", "a10", "b1"]
+
+
+def diligent(folder, count=3):
+    for i in range(count):
+        write_png(folder / f"{i + 1:03d}.png", np.full((4, 6, 3), 900, np.uint16))
+    write_png(folder / "mask.png", np.ones((4, 6), bool))
+    (folder / "filenames.txt").write_text("".join(f"{i + 1:03d}.png\n" for i in range(count)))
+    for name in ("light_directions.txt", "light_intensities.txt"):
+        (folder / name).write_text("0 0 1\n" * count)
+    (folder / "normal.txt").write_text("")
+
+
+def test_a_diligent_folder_is_a_session(tmp_path):
+    diligent(tmp_path)
+    session = load_session(tmp_path)
+    assert session.layout == "diligent"
+    assert session.names == ("001", "002", "003")
+    assert session.lights_file == tmp_path / "light_directions.txt"
+    assert (session.mask, session.normals) == (tmp_path / "mask.png", tmp_path / "normal.txt")
+    assert session.encoding == "linear"
+
+
+def test_a_diligent_folder_with_gaps(tmp_path):
+    diligent(tmp_path)
+    (tmp_path / "002.png").unlink()
+    (tmp_path / "light_intensities.txt").unlink()
+    (tmp_path / "light_directions.txt").write_text("0 0 1\n")
+    with pytest.raises(SessionError) as caught:
+        load_session(tmp_path)
+    for part in ("names 002.png", "light_intensities.txt: missing", "has 1 rows, filenames.txt 3", "3 faults"):
+        assert part in str(caught.value)
+
+
+def test_the_shared_captures_load(shared):
+    bunny = load_session(shared("sessions/bunny"))
+    assert (len(bunny.flash), len(bunny.ambient), len(bunny.spheres)) == (12, 1, 3)
+    ball = load_session(shared("real/diligent/ballPNG"))
+    assert len(ball.flash) == 96
+    assert ball.normals is not None
+    assert ball.normals.name == "Normal_gt.mat"
