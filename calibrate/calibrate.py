@@ -12,7 +12,7 @@ from calibrate.directions import angle_deg, mirrored_rays
 from calibrate.from_chrome import lights_from_chrome, spread_over_frames
 from calibrate.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.highlight import find_spots
-from calibrate.intensity import read_skin, shading_directions
+from calibrate.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

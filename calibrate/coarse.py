@@ -53,7 +53,7 @@ def shrink(frames: Frames, camera: Camera, *, progress: Callable[[int, int], Non
         images[index] = small if ambient is None else small - ambient
         if progress:
             progress(index + 1, len(frames))
-    return Coarse(images, _shrunken(camera, width, height, factor), factor)
+    return Coarse(images, shrunken(camera, width, height, factor), factor)
 
 
 def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
@@ -72,7 +72,7 @@ def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
     return out
 
 
-def _shrunken(camera: Camera, width: int, height: int, factor: int) -> Camera:
+def shrunken(camera: Camera, width: int, height: int, factor: int) -> Camera:
     """Return the camera of `factor` x `factor` superpixels: pixel centre u becomes (u + 0.5) / factor - 0.5."""
     return replace(
         camera,

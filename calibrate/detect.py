@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from calibrate.candidates import find_circles, static_edges
 from calibrate.coarse import Coarse
 from calibrate.kind import Behaviour, observe
-from calibrate.silhouette import OutlineFit, fit_outline, refine_on_edges
+from calibrate.outline import refine_on_edges
+from calibrate.silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere

@@ -4,7 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.directions import angle_deg
-from calibrate.intensity import Skin, measure, propagate
+from calibrate.intensity import measure, propagate
+from calibrate.skin import Skin
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

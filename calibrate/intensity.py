@@ -5,38 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
-from scene.frames import Frames
-from scene.spheres import Sphere
+from calibrate.skin import FEWEST_PIXELS, LIT, Skin, tukey_weights
 
 Array = NDArray[np.float64]
-MOST_PIXELS = 6000
-FACING = 0.35
-"""Cosine to the viewer under which the limb's blur and gloss begin."""
-LIT = 0.2
-"""Share of the brightest shading under which a large flash is half set behind the ball's horizon."""
-FEWEST_PIXELS = 40
-RINGS, ANGLES = 4, 12
-
-
-@dataclass(frozen=True)
-class Skin:
-    """A matte ball's surface and what it showed.
-
-    Parameters
-    ----------
-    points, normals : (P, 3) float64
-    values : (F, P, 3) float32
-    clipped : (F, P) bool
-    block : (P,) int
-        Which patch of the ball a pixel lies in: errors agree within a patch.
-    """
-
-    points: Array
-    normals: Array
-    values: NDArray[np.float32]
-    clipped: NDArray[np.bool_]
-    block: NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -65,31 +36,6 @@ class Photometry:
     residual: float
     clipped: Array
     evidence: str
-
-
-def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
-    """Read the pixels of the ball that face the camera, evenly thinned to `MOST_PIXELS`."""
-    rows, columns = np.nonzero(sphere.mask(camera))
-    pixels = np.stack([columns, rows], -1)
-    normals, points = sphere.normals(camera, pixels)
-    view = [0.0, 0.0, 1.0] if camera.is_orthographic else -points / np.linalg.norm(points, axis=1, keepdims=True)
-    facing = np.sum(normals * view, 1)
-    keep = np.flatnonzero(facing > FACING)
-    keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
-    pixels, points, normals = pixels[keep], points[keep], normals[keep]
-    if not len(keep):
-        empty = np.zeros((len(frames), 0, 3), np.float32)
-        return Skin(points, normals, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp))
-    (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
-    band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
-    at = (pixels[:, 1] - top, pixels[:, 0] - left)
-    values = np.stack([frames.read(band, [f], columns=side)[0][at] for f in range(len(frames))])
-    clipped = np.stack([frames.saturated(band, [f], columns=side)[0][at] for f in range(len(frames))])
-    offset = pixels - sphere.center_px
-    angle = np.arctan2(offset[:, 1], offset[:, 0]) + np.pi
-    ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
-    block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
-    return Skin(points, normals, values, clipped, block)
 
 
 def measure(skin: Skin, directions: Array, positions: Array | None, reference: Array) -> Photometry:
@@ -179,7 +125,7 @@ def _patches(
     shading = np.maximum(shading[use], 0)
     bounce = (1 - skin.normals[use, 2]) / 2
     values = skin.values[f][use].astype(np.float64)
-    weight = _tukey_weights(np.column_stack([shading, bounce, np.ones(len(bounce))]), values.mean(1))
+    weight = tukey_weights(np.column_stack([shading, bounce, np.ones(len(bounce))]), values.mean(1))
     block = skin.block[use]
     total = np.bincount(block, weight, blocks)
     some = np.maximum(total, 1e-12)
@@ -218,49 +164,6 @@ def _shared_fit(
                 break
     residual = values - a - energy[:, None] * (shading + k * bounce)
     return energy, k, a, float(np.sum(weight * residual**2))
-
-
-def shading_directions(skin: Skin) -> tuple[Array, Array]:
-    """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone.
-
-    For a session without chrome. I = max(0, n.b) + a, b's direction is the light's; the lit side is found
-    by turns with b.
-    """
-    count = len(skin.values)
-    directions = np.full((count, 3), np.nan)
-    sigma = np.full(count, np.nan)
-    for f in range(count):
-        values = skin.values[f].mean(1).astype(np.float64)
-        good = ~skin.clipped[f]
-        use = good & (values > np.quantile(values, 0.3))
-        for _ in range(10):
-            if use.sum() < FEWEST_PIXELS:
-                break
-            design = np.column_stack([skin.normals[use], np.ones(use.sum())])
-            weight = _tukey_weights(design, values[use])
-            normal = np.linalg.pinv(design.T @ (weight[:, None] * design))
-            b = normal @ (design.T @ (weight * values[use]))
-            length = np.linalg.norm(b[:3])
-            directions[f] = b[:3] / length
-            residual = values[use] - design @ b
-            score = (weight * residual)[:, None] * design
-            sums = np.stack([score[skin.block[use] == k].sum(0) for k in np.unique(skin.block[use])])
-            covariance = normal @ (sums.T @ sums) @ normal * len(sums) / max(len(sums) - 4, 1)
-            across = np.eye(3) - np.outer(directions[f], directions[f])
-            sigma[f] = np.rad2deg(np.sqrt(np.trace(across @ covariance[:3, :3] @ across) / 2) / length)
-            use = good & (skin.normals @ directions[f] > LIT)
-    return directions, sigma
-
-
-def _tukey_weights(design: Array, values: Array) -> Array:
-    """Return the weights (P,) at which a robust linear fit comes to rest."""
-    weight = np.ones(len(values))
-    for _ in range(12):
-        root = np.sqrt(weight)[:, None]
-        residual = values - design @ np.linalg.lstsq(design * root, values * root[:, 0], rcond=None)[0]
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-7)
-        weight = np.maximum(1 - (residual / (4.685 * scale)) ** 2, 0) ** 2
-    return weight
 
 
 def propagate(

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
+from calibrate.coarse import shrunken
+from calibrate.outline import moved, offset_jacobian, outline_with_normals, scaled
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -22,6 +24,8 @@ SECTORS = 24
 EDGE_NOISES = 5.0
 """An edge must exceed the derivative's noise by this factor."""
 
+SOFTEST = 8
+"""Averaging of pixels up to which an unsharp outline is looked for."""
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
 """What lens blur, demosaicing and what is mirrored at the limb shift an outline by, beyond its edges' scatter: a
 constant, and a share of the residual, because a faint outline among strong rims is shifted more."""
@@ -46,35 +50,6 @@ class OutlineFit:
     residual_px: float
 
 
-def refine_on_edges(edges: NDArray[np.float32], camera: Camera, sphere: Sphere) -> Sphere:
-    """Return the ball moved to the nearest circle of standing edges, with its score.
-
-    `edges` (h, w, 2) is `candidates.static_edges` of the coarse stack, real and imaginary part: one map in place
-    of all frames, so that dozens of candidates are cheap.
-    """
-    jacobian = None
-    # Narrow windows: a mirror's outline and the rim of the table that it mirrors lie a tenth of the radius apart.
-    for window in np.maximum(1.5, np.array([0.045, 0.04, 0.03, 0.0, 0.0]) * sphere.radius_px):
-        points, normals = _outline(camera, sphere, 120)
-        if jacobian is None:
-            jacobian = _jacobian(camera, sphere, points, normals)  # hardly changes within a few pixels
-        offsets = np.arange(-window - 0.5, window + 0.75, 0.5)
-        evidence = _along_normals(edges, points, normals, offsets)
-        # The nearest edge, not the strongest: the rim of what a mirror shows outshines its own outline.
-        here = evidence[:, 1:-1]
-        peak = (here >= evidence[:, :-2]) & (here > evidence[:, 2:]) & (here > 0.1)
-        best = np.where(peak, np.abs(offsets[1:-1]), np.inf).argmin(1)
-        weight = np.where(peak.any(1), np.clip(here[np.arange(len(best)), best], 0, 0.4), 0)
-        shift = _solve(jacobian, offsets[1:-1][best], weight)
-        if shift is None or np.abs(shift).max() > 0.25 * sphere.radius_px:
-            return replace(sphere, score=0.0)
-        sphere = _moved(sphere, shift)
-    points, normals = _outline(camera, sphere, 240)
-    evidence = _along_normals(edges, points, normals, np.arange(-1.0, 1.1, 0.5)).max(1)
-    inside = np.all((points > 1) & (points < [camera.width - 2, camera.height - 2]), axis=1)
-    return replace(sphere, score=float(np.mean(np.clip(evidence / 0.3, 0, 1) * inside)))
-
-
 def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
     """Fit the ball's outline in all frames at full size.
 
@@ -93,14 +68,42 @@ def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: fl
         None if less than a quarter of the outline shows an edge.
     """
     reach = search_px + 6
-    low = np.floor(np.nanmin(_outline(camera, sphere, 90)[0], 0) - reach - 3).astype(int)
-    high = np.ceil(np.nanmax(_outline(camera, sphere, 90)[0], 0) + reach + 4).astype(int)
+    low = np.floor(np.nanmin(outline_with_normals(camera, sphere, 90)[0], 0) - reach - 3).astype(int)
+    high = np.ceil(np.nanmax(outline_with_normals(camera, sphere, 90)[0], 0) + reach + 4).astype(int)
     (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, [camera.width, camera.height])
     if right - left < 4 or bottom - top < 4:
         return None
+    left, top = left // SOFTEST * SOFTEST, top // SOFTEST * SOFTEST
     rows, columns = slice(int(top), int(bottom)), slice(int(left), int(right))
     crops = [frames.read(rows, [i], columns=columns)[0].mean(-1) for i in range(len(frames))]
-    return fit_crops(crops, (left, top), camera, sphere, search_px=search_px)
+    best = fit_crops(crops, (left, top), camera, sphere, search_px=search_px)
+    factor = 2
+    while factor <= SOFTEST and sphere.radius_px > 20 * factor and (best is None or best.sphere.score < 0.6):
+        fit = _fit_shrunken(crops, (left, top), camera, sphere, search_px, factor)
+        if fit is not None and (best is None or fit.sphere.score > best.sphere.score + 0.15):
+            best = fit
+        factor *= 2
+    return best
+
+
+def _fit_shrunken(
+    crops: list[NDArray], corner: tuple[int, int], camera: Camera, sphere: Sphere, search_px: float, factor: int
+) -> OutlineFit | None:
+    """Fit in crops averaged over `factor` x `factor` pixels: an outline out of focus is no edge at full size."""
+    height, width = (side // factor * factor for side in crops[0].shape)
+    size = (width // factor, height // factor)
+    small = [cv2.resize(crop[:height, :width], size, interpolation=cv2.INTER_AREA) for crop in crops]
+    fit = fit_crops(
+        small,
+        (corner[0] // factor, corner[1] // factor),
+        shrunken(camera, camera.width // factor, camera.height // factor, factor),
+        scaled(sphere, 1 / factor),
+        search_px=max(search_px / factor, 1.5),
+    )
+    if fit is None:
+        return None
+    sphere = replace(scaled(fit.sphere, factor), sigma_px=fit.sphere.sigma_px * factor)
+    return OutlineFit(sphere, fit.covariance * factor**2, fit.residual_px * factor)
 
 
 def _fit_from(
@@ -110,8 +113,8 @@ def _fit_from(
     count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
     window, fit, reach = search_px, None, search_px
     for turn in range(10):
-        points, normals = _outline(camera, sphere, count)
-        jacobian = _jacobian(camera, sphere, points, normals)
+        points, normals = outline_with_normals(camera, sphere, count)
+        jacobian = offset_jacobian(camera, sphere, points, normals)
         offsets = np.arange(-window - 3, window + 3.01, 0.25)
         edge = _edges_of_frames(crops, points - corner, normals, offsets, window, reach)
         if edge is None:
@@ -124,7 +127,7 @@ def _fit_from(
             return None
         shift, residual, kept = fit
         reach = max(0.35, min(0.7 * reach, 3.5 * _spread(residual, weight, reach)))
-        sphere = _moved(sphere, shift)
+        sphere = moved(sphere, shift)
         window = max(1.5, 0.6 * window)
         if turn >= 5 and reach == 0.35 and np.abs(shift).max() < 1e-3:
             break
@@ -165,49 +168,6 @@ def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> Outline
     """Fit the outline to a given silhouette (H, W) bool."""
     image = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
     return fit_crops([image], (0, 0), camera, sphere, search_px=max(3.0, 0.06 * sphere.radius_px))
-
-
-def _outline(camera: Camera, sphere: Sphere, count: int) -> tuple[Array, Array]:
-    """Return points (N, 2) on the outline and outward normals (N, 2)."""
-    points = sphere.outline(camera, count)
-    tangent = np.roll(points, -1, 0) - np.roll(points, 1, 0)
-    normals = np.stack([tangent[:, 1], -tangent[:, 0]], -1)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    normals *= np.sign(np.nanmean(np.sum(normals * (points - points.mean(0)), 1)))
-    return points, normals
-
-
-def _jacobian(camera: Camera, sphere: Sphere, points: Array, normals: Array) -> Array:
-    """Return (N, 3), what the outline's offset along each normal changes by with u, v and radius."""
-    step = 0.05
-    moved = [_moved(sphere, shift).outline(camera, len(points)) for shift in np.eye(3) * step]
-    return np.stack([np.sum((to - points) * normals, 1) / step for to in moved], -1)
-
-
-def _moved(sphere: Sphere, shift: Array) -> Sphere:
-    return replace(sphere, center_px=sphere.center_px + shift[:2], radius_px=float(sphere.radius_px + shift[2]))
-
-
-def _along_normals(edges: NDArray[np.float32], points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
-    """Return (N, M): how strongly standing edges run along the outline, shifted by each offset."""
-    where = (points[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
-    sampled = cv2.remap(edges, where[..., 0], where[..., 1], cv2.INTER_LINEAR)
-    # The real part of evidence times (n_u - i n_v)^2: edges across the outline count against it.
-    along = (normals[:, 0] ** 2 - normals[:, 1] ** 2)[:, None] * sampled[..., 0]
-    return np.asarray(along + (2 * normals[:, 0] * normals[:, 1])[:, None] * sampled[..., 1], np.float32)
-
-
-def _solve(jacobian: Array, offset: Array, weight: Array) -> Array | None:
-    """Return the (3,) shift that best explains the offsets, by a robust fit in two steps."""
-    shift = None
-    for scale in (4.0, 1.5):
-        residual = offset if shift is None else offset - jacobian @ shift
-        w = weight / (1 + (residual / scale) ** 2)
-        normal = jacobian.T @ (w[:, None] * jacobian)
-        if np.trace(normal) <= 0 or np.linalg.cond(normal) > 1e8:
-            return None
-        shift = np.linalg.solve(normal, jacobian.T @ (w * offset))
-    return None if shift is None else np.asarray(shift, np.float64)
 
 
 def _edges_of_frames(

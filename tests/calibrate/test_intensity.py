@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from calibrate.directions import angle_deg
-from calibrate.intensity import measure, read_skin, shading_directions
+from calibrate.intensity import measure
+from calibrate.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere

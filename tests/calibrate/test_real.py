@@ -11,7 +11,7 @@ import pytest
 
 from calibrate.calibrate import calibrate
 from calibrate.directions import angle_deg
-from calibrate.intensity import read_skin, shading_directions
+from calibrate.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import SphereRequest
