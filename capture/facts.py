@@ -62,13 +62,14 @@ def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:
 
     step = max(1, -(-max(codes.shape[:2]) // longest_px))
     height, width = max(codes.shape[0] // step, 1), max(codes.shape[1] // step, 1)
-    cropped = codes[: height * step, : width * step]
-    if cropped.dtype != np.uint16:
-        cropped = cropped.astype(np.float32)
-    # float32 from here on: averages of 16-bit codes keep their fractions.
-    box = cv2.resize(np.ascontiguousarray(cropped).astype(np.float32), (width, height), interpolation=cv2.INTER_AREA)
-    linear = box.mean(axis=2)
-    return (linear - PEDESTAL) / np.float32(WHITE - PEDESTAL) if codes.dtype == np.uint16 else linear
+    out = np.zeros((height, width), np.float32)
+    # In bands: a whole frame as float32 would be twice the frame.
+    rows = max(1, 256 // step)
+    for start in range(0, height, rows):
+        stop = min(start + rows, height)
+        band = codes[start * step : stop * step, : width * step].astype(np.float32)
+        out[start:stop] = cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA).mean(axis=2)
+    return (out - PEDESTAL) / np.float32(WHITE - PEDESTAL) if codes.dtype == np.uint16 else out
 
 
 def _clipped(codes: NDArray[np.uint16], white: float) -> tuple[float, float]:
