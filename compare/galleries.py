@@ -78,7 +78,7 @@ def _ball(material: Material, index: int, row: Summary, seen: list | None) -> st
     if row.get("kind") == "chrome" and is_number(row.get("highlights_seen")):
         facts.append(f"highlight in {number(row['highlights_seen'])} of {number(row['highlights_frames'])} frames")
     caption = f"{title}<br>{', '.join(facts)}."
-    camera, frames = material.camera, material.frames
+    camera, (frames, exposure) = material.camera, material.photographs_of_ball(index)
     spheres = []
     with suppress(OSError, ValueError, KeyError):
         spheres = material.store.load_spheres()
@@ -100,15 +100,17 @@ def _ball(material: Material, index: int, row: Summary, seen: list | None) -> st
         title_ = f"<title>{escape(f'{number_ + 1}: {name}')}</title>"
         shapes += f'<g>{title_}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
     overlay = drawing(box.width, box.height, shapes, label="fitted outline and highlights")
+    if row.get("apart"):
+        caption += " Photographed apart."
     fits = frames is not None and (frames.width, frames.height) == (camera.width, camera.height)
-    if row.get("apart") or not fits or material.exposure is None:
-        caption += " Photographed apart; its pictures are not kept here, so only the fit is drawn."
+    if not fits or exposure is None:
+        caption += " Its pictures are not kept here, so only the fit is drawn."
         return (
             f'<figure class="ball"><div class="stack blank">{overlay}</div><figcaption>{caption}</figcaption></figure>'
         )
     assert frames is not None
     linear = pictures.ball_picture(frames, box, brightest=row.get("kind") == "chrome")
-    image = material.exposure.develop(pictures.shrink(linear, BALL_WIDTH))
+    image = exposure.develop(pictures.shrink(linear, BALL_WIDTH))
     uri = pictures.data_uri(image, photograph=True)
     return picture(
         uri, f"{row.get('kind')} ball {index + 1} with its fitted outline", caption, overlay=overlay, kind="ball"

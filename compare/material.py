@@ -65,6 +65,18 @@ class Material:
         assert self.exposure is not None
         return self.exposure.develop(pictures.thumbnail(self.frames, index, width, box))
 
+    def photographs_of_ball(self, index: int) -> tuple[Frames | None, Exposure | None]:
+        """Return the frames that show a ball: the session's, or its own where it was shot apart."""
+        apart = [i for i, row in enumerate(self.spheres) if row.get("apart")]
+        if index not in apart:
+            return self.frames, self.exposure
+        folders = sorted(self.store.path("spheres").glob("*/frames"), key=lambda path: int(path.parent.name))
+        # Balls that share their photographs share a folder: which is whose is then not known here.
+        if len(folders) != len(apart):
+            return None, None
+        frames = Store(folders[apart.index(index)].parent).load_frames()
+        return frames, Exposure.for_frames(frames)
+
     def map_of(self, place: str, name: str) -> NDArray[np.float32] | None:
         path = self.store.path(place, f"{name}.npy")
         return np.load(path, mmap_mode="r") if path.exists() else None

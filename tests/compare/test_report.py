@@ -295,7 +295,7 @@ def test_given_lights_an_orthographic_camera_and_balls_apart(session, tmp_path):
     assert "orthographic" in page.texts["verdict"]
     assert "taken as distant" in page.texts["lights"]
     assert "not known" in page.texts["lights"]
-    assert page.texts["balls"].count("Photographed apart") == 3
+    assert page.texts["balls"].count("only the fit is drawn") == 3
     assert "seen from above" not in page.source
 
 
