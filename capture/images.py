@@ -57,7 +57,7 @@ def linear_of_values(values: NDArray, encoding: Encoding) -> NDArray[np.float64]
 
     Notes
     -----
-    sRGB: v / 12.92 below 0.04045, ((v + 0.055) / 1.055) ** 2.4 above [IEC61966].
+    sRGB: v / 12.92 below 0.04045, ((v + 0.055) / 1.055) ** 2.4 above (IEC 61966-2-1).
     """
     values = np.asarray(values, np.float64)
     if encoding == "linear":

@@ -20,11 +20,15 @@ Globs = Annotated[Names, Field(min_length=1)]
 
 
 class Table(BaseModel):
+    """A TOML table: unknown keys are faults."""
+
     # Strict: `fx = "1666"` is a slip of the pen, not a number. TOML knows its kinds.
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
 class FramesTable(Table):
+    """[frames]: the photographs, and how their values are coded."""
+
     flash: Globs
     ambient: Globs | None = None
     dark: Globs | None = None
@@ -36,6 +40,8 @@ class FramesTable(Table):
 
 
 class BoardTable(Table):
+    """camera.board: the ChArUco board."""
+
     squares: list[PositiveInt] = Field(min_length=2, max_length=2)
     square_mm: PositiveFloat
     marker_mm: PositiveFloat
@@ -43,6 +49,8 @@ class BoardTable(Table):
 
 
 class CameraTable(Table):
+    """[camera]: numbers, or a board's photographs."""
+
     width: PositiveInt | None = None
     height: PositiveInt | None = None
     fx: PositiveFloat | None = None
@@ -55,6 +63,8 @@ class CameraTable(Table):
 
 
 class SphereTable(Table):
+    """[[spheres]]: one calibration ball."""
+
     kind: Literal["chrome", "white"]
     diameter_mm: PositiveFloat | None = None
     center_px: list[float] | None = Field(default=None, min_length=2, max_length=2)
@@ -64,10 +74,14 @@ class SphereTable(Table):
 
 
 class LightsTable(Table):
+    """[lights]: known lights instead of balls."""
+
     file: str
 
 
 class ObjectTable(Table):
+    """[object]: what is known of the thing itself."""
+
     mask: str | None = None
     scan: str | None = None
     scan_unit: Literal["um", "mm", "cm", "m", "inch", "unknown"] = "mm"
@@ -75,6 +89,8 @@ class ObjectTable(Table):
 
 
 class Manifest(Table):
+    """The whole `session.toml`."""
+
     version: Literal[1] = 1
     name: str | None = None
     frames: FramesTable
