@@ -36,8 +36,8 @@ ROWS = (
 def measure(folder: Path) -> tuple[dict, float]:
     """Process one session in an empty folder; return its summary and the seconds of the whole command."""
     code = (
-        "import sys; from pathlib import Path; from lab.cli import _run; "
-        "_run(Path(sys.argv[1]), 'compare', Path(sys.argv[2]), 'ls,iterative', True, None, truth=Path(sys.argv[1]))"
+        "import sys; from pathlib import Path; from lab.cli import run_session; "
+        "run_session(Path(sys.argv[1]), 'compare', out=Path(sys.argv[2]), json=True, truth=Path(sys.argv[1]))"
     )
     with tempfile.TemporaryDirectory() as out:
         start = time.perf_counter()

@@ -43,7 +43,7 @@ def process(
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    _run(session, "compare", out, method, json, scheduler)
+    run_session(session, "compare", out=out, method=method, json=json, scheduler=scheduler)
 
 
 @app.command(sort_key=2)
@@ -52,25 +52,25 @@ def demo(*, out: Out = None, json: Json = False) -> None:
     from lab.rooms import ROOT
 
     folder = ROOT / "fixtures" / "bumpy"
-    _run(folder, "compare", out or Path("out") / "demo", DEFAULT_METHODS, json, None, truth=folder)
+    run_session(folder, "compare", out=out or Path("out") / "demo", json=json, truth=folder)
 
 
 @app.command(sort_key=3)
 def check(session: Session, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> None:
     """Decode a capture and audit it: exposure, misfires, doubles, movement, clipping."""
-    _run(session, "check", out, DEFAULT_METHODS, json, scheduler)
+    run_session(session, "check", out=out, json=json, scheduler=scheduler)
 
 
 @app.command(sort_key=4)
 def calibrate(session: Session, /, *, out: Out = None, json: Json = False) -> None:
     """Find the balls, and from them each flash's direction, position and intensity."""
-    _run(session, "calibrate", out, DEFAULT_METHODS, json, None)
+    run_session(session, "calibrate", out=out, json=json)
 
 
 @app.command(sort_key=5)
 def align(session: Session, /, *, out: Out = None, json: Json = False) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
-    _run(session, "align", out, DEFAULT_METHODS, json, None)
+    run_session(session, "align", out=out, json=json)
 
 
 @app.command(sort_key=6)
@@ -84,19 +84,19 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo."""
-    _run(session, "solve", out, method, json, scheduler)
+    run_session(session, "solve", out=out, method=method, json=json, scheduler=scheduler)
 
 
 @app.command(sort_key=7)
 def twin(session: Session, /, *, out: Out = None, method: Method = DEFAULT_METHODS, json: Json = False) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering."""
-    _run(session, "twin", out, method, json, None)
+    run_session(session, "twin", out=out, method=method, json=json)
 
 
 @app.command(sort_key=8)
 def compare(session: Session, /, *, out: Out = None, method: Method = DEFAULT_METHODS, json: Json = False) -> None:
     """Compare real and synthetic with the truth, and write report.html."""
-    _run(session, "compare", out, method, json, None)
+    run_session(session, "compare", out=out, method=method, json=json)
 
 
 @app.command(sort_key=9)
@@ -108,17 +108,34 @@ def doctor() -> None:
         print(f"{what:32} {finding}")
 
 
-def _run(
+def run_session(
     session_path: Path,
     wanted: str,
-    out: Path | None,
-    method: str,
-    json: bool,
-    scheduler: str | None,
     *,
+    out: Path | None = None,
+    method: str = DEFAULT_METHODS,
+    json: bool = False,
+    scheduler: str | None = None,
     truth: Path | None = None,
 ) -> None:
-    """Run one verb with all that it needs, and tell what came out."""
+    """Run one verb with all that it needs, and tell what came out.
+
+    Parameters
+    ----------
+    session_path : Path
+    wanted : str
+        The last step to run, a key of `lab.plan.STEPS`.
+    out : Path, optional
+        Output folder; out/NAME without.
+    method : str
+        Solvers, with commas.
+    json : bool
+        Print the summary as JSON, not as a table.
+    scheduler : str, optional
+        Address of a Dask scheduler.
+    truth : Path, optional
+        Folder of a known truth (truth.json, truth.npz) to judge the results by.
+    """
     from capture.session import load_session
     from lab.job import Job, locked
     from lab.plan import STEPS
