@@ -95,7 +95,7 @@ def fit_lights(
     A highlight's residual is, to first order, its distance in the picture from where the light would be
     mirrored: the angle between the mirrored ray and the direction to the light, through the inverse of
     d(direction) / d(pixel). Minimising it in the picture weights small and slanted mirrors rightly
-    [ackermann2013].
+    [Ackermann2013].
     """
     problem = _Problem(camera, spheres, covariances, highlights, sigma_px, reference, near)
     start = problem.start()
