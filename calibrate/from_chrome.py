@@ -61,8 +61,9 @@ def lights_from_chrome(
         evidence.append("distant lights: one chrome ball gives directions only")
         if not balls[0].sphere.apart:
             warnings.append(
-                "one chrome ball: the directions hold where it stands. An object 100 mm beside it, under flashes a metre "
-                "away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and state diameter_mm."
+                "one chrome ball: the directions hold where it stands. An object 100 mm beside it, under flashes a "
+                "metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and state "
+                "diameter_mm."
             )
     else:
         evidence.append(
