@@ -9,6 +9,7 @@ from align.embree import RayCaster
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.normals import unit
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
@@ -166,6 +167,23 @@ def explain(
         slope = (project(_cosines(vectors, after)) - project(_cosines(vectors, before))) / (2 * step)
         jacobian[..., axis] = np.where(close, slope, 0)
     return residuals, jacobian
+
+
+def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> Array:
+    """Return (P, 3) unit normals that fit the used samples best, whatever the scan says; NaN under 5 samples.
+
+    Reweighted like `explain`, so that a highlight spoils both alike.
+    """
+    values = np.where(used, samples.values, 0) / samples.scale
+    weight = used.astype(np.float64)
+    out = np.zeros((values.shape[1], 3))
+    for _ in range(4):
+        matrix = np.einsum("np,npi,npj->pij", weight, vectors, vectors) + 1e-9 * np.eye(3)
+        out = np.linalg.solve(matrix, np.einsum("np,npi,np->pi", weight, vectors, values)[..., None])[..., 0]
+        residuals = values - np.einsum("npi,pi->np", vectors, out)
+        weight = used / (1 + (residuals / 0.1) ** 2) ** 2
+    out[used.sum(0) < FEWEST + 1] = np.nan
+    return unit(out)
 
 
 def _cosines(vectors: Array, normals: NDArray) -> Array:

@@ -1,4 +1,4 @@
-"""What the photographs say about a pose: outline, photometric normals, shading."""
+"""What the photographs say about a pose, at full resolution: the outline's edges, and the shading of all frames."""
 
 from dataclasses import dataclass, replace
 
@@ -6,107 +6,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from align.motion import nudge
 from align.refine import Term, information, robust_sigma
 from align.rim import Rim, find_rim, locate_edges, outline_jacobian, sample, signed_distance
-from align.shading import Samples, choose, explain, find_shadows, light_vectors, surface
+from align.rough import moved_normals, small_steps
+from align.shading import Samples, choose, explain, find_shadows, free_normals, light_vectors, surface
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.mesh import Mesh
+from scene.normals import angular_error_deg
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
 
-def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Array:
-    """Return (6,) twists (radians, mm) that each move the scan's image by about `step_px`; 0 where nothing moves."""
-    depth = 1.0 if camera.is_orthographic else -float(pose.apply(mesh.center_mm)[2])
-    side = step_px * depth / camera.fx
-    along = 0.0 if camera.is_orthographic else side * depth / mesh.radius_mm
-    return np.array([side / mesh.radius_mm] * 3 + [side, side, along])
-
-
-def _moved_normals(
-    caster: RayCaster, camera: Camera, pose: Pose, pixels: NDArray, steps: Array
-) -> list[tuple[float, Array, Array]]:
-    """Return, for each twist, its step and the normals that pixels see after and before it.
-
-    Central differences: a scan's noise makes its normals differ from themselves one facet on, and a one-sided
-    difference would take that for a slope against the residual (a bias of some tenths of a pixel).
-    """
-    pivot = pose.apply(caster.mesh.center_mm)
-    moved = []
-    for axis, step in enumerate(steps):
-        sides = [
-            surface(caster, camera, nudge(pose, np.eye(6)[axis] * step * sign, pivot), pixels)[1] for sign in (1, -1)
-        ]
-        moved.append((step or 1.0, sides[0], sides[1]))
-    return moved
-
-
 @dataclass(frozen=True)
-class RoughEvidence:
-    """Silhouette against mask, and rendered against photometric normals: a wide basin, a rough answer."""
+class Fit:
+    """How well a pose explains the photographs, in terms that a wrong scan cannot meet.
 
-    camera: Camera
-    mask: NDArray[np.bool_]
-    distance: NDArray[np.float32]
-    pixels: Array
-    targets: Array
-    cells: int
-    step_px: float
+    Parameters
+    ----------
+    overlap : float
+        Intersection over union of the scan's silhouette and the mask.
+    normals_deg : float
+        Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under
+        the same lights and with the same samples.
+    outline_share : float
+        Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs.
+    """
 
-    @classmethod
-    def of(
-        cls, camera: Camera, mask: NDArray[np.bool_], normals: NDArray, *, cells: int, count: int
-    ) -> "RoughEvidence":
-        """Prepare for a raster of `cells` across the object and `count` normals."""
-        import cv2
+    overlap: float
+    normals_deg: float
+    outline_share: float
 
-        v, u = np.nonzero(mask)
-        size = max(np.ptp(u), np.ptp(v)) + 1
-        step = float(size / cells)
-        known = mask & np.isfinite(normals).all(-1)
-        smooth = cv2.GaussianBlur(
-            np.where(known[..., None], normals, 0).astype(np.float32), (0, 0), max(0.4 * step, 0.5)
+    @property
+    def misfit(self) -> float:
+        """One number: 10 degrees off everywhere, or a quarter of the outline without its edge, is 1."""
+        return self.normals_deg / 10 + (1 - self.outline_share) / 0.25
+
+    @property
+    def words(self) -> str:
+        return (
+            f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} %, "
+            f"{100 * self.outline_share:.0f} % of the scan's outline lie on an edge in the photographs (expected above "
+            f"90 %), and its normals are {self.normals_deg:.1f} degrees (median) from what the photographs show "
+            "(expected below 4)"
         )
-        v, u = np.nonzero(known)
-        pick = np.unique(np.linspace(0, len(v) - 1, min(count, len(v))).astype(int))
-        target = smooth[v[pick], u[pick]].astype(np.float64)
-        target /= np.linalg.norm(target, axis=1, keepdims=True)
-        pixels = np.stack([u, v], -1)[pick].astype(np.float64)
-        return cls(camera, mask, signed_distance(mask), pixels, target, cells, step)
-
-    def rim(self, caster: RayCaster, pose: Pose) -> Rim:
-        return find_rim(caster, self.camera, pose, cells=self.cells)
-
-    def terms(self, caster: RayCaster, steps: Array, pose: Pose) -> list[Term]:
-        """Return the terms at a pose; `steps` (6,) are the finite differences' steps."""
-        pivot = pose.apply(caster.mesh.center_mm)
-        rim = self.rim(caster, pose)
-        reach = 2 * self.step_px
-        # The slope of the mask's distance, not of the outline's: it is what the residual follows.
-        ahead = [sample(self.distance, rim.pixels + d * rim.outward) for d in (-1.0, 0.0, 1.0)]
-        slope = (ahead[2] - ahead[0]) / 2
-        jacobian = outline_jacobian(self.camera, rim.points, rim.outward, pivot) * slope[:, None]
-        outline = Term(
-            ahead[1] / reach,
-            jacobian / reach,
-            np.zeros(len(slope), np.int64),
-            constant=1 - rim.overlap(self.mask),
-        )
-        _, normals = surface(caster, self.camera, pose, self.pixels)
-        seen = np.isfinite(normals[:, 0])
-        scale = 0.5
-        residual = np.where(seen[:, None], (normals - self.targets) / scale, 3.0)
-        slopes = np.zeros((*residual.shape, 6))
-        for axis, (step, after, before) in enumerate(_moved_normals(caster, self.camera, pose, self.pixels, steps)):
-            both = seen & np.isfinite(after[:, 0]) & np.isfinite(before[:, 0])
-            slopes[both, :, axis] = (after[both] - before[both]) / (2 * step * scale)
-        flat = slopes.reshape(-1, 6)
-        normal_term = Term(residual.ravel(), flat, np.zeros(len(flat), np.int64), weight=3.0)
-        return [outline, normal_term]
 
 
 @dataclass(frozen=True)
@@ -138,7 +82,6 @@ class FinalEvidence:
     """(N, P): samples lit."""
     rim_sigma: float = 1.0
     shading_sigma: float = 0.1
-    rim_share: float = 0.0
     residual_px: float = np.inf
     bias_px: float = 0.0
     """How far outside the picture's edges the scan's outline lies on the whole."""
@@ -197,7 +140,6 @@ class FinalEvidence:
             self,
             rim_sigma=rim_sigma,
             bias_px=bias,
-            rim_share=len(found) / max(len(offset), 1),
             residual_px=float(np.sqrt(np.mean((inliers - bias) ** 2))) if len(inliers) else np.inf,
             shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
             cost=self._fixed_cost(offset, residuals),
@@ -243,11 +185,26 @@ class FinalEvidence:
         )
         return [outline, shading]
 
+    def fit(self) -> Fit:
+        """Return how well the evidence's pose fits."""
+        pixels = self.samples.pixels
+        points, normals = surface(self.caster, self.camera, self.pose, pixels)
+        error = angular_error_deg(free_normals(self.samples, self.used, _vectors(self.lights, points)), normals)
+        size = float(np.ptp(np.argwhere(self.mask), axis=0).max()) + 1
+        near = max(1.0, 0.005 * size)
+        offset = locate_edges(self.picture, self.rim.pixels, self.rim.outward, reach_px=max(6.0, 0.05 * size))
+        on_edge = np.abs(offset + self.bias_px) < near
+        return Fit(
+            self.rim.overlap(self.mask),
+            float(np.nanmedian(error)) if np.isfinite(error).any() else 90.0,
+            float(np.mean(on_edge)) if len(on_edge) else 0.0,
+        )
+
     def _shading(self, pose: Pose, *, with_jacobian: bool) -> tuple[Array, NDArray[np.float32] | None]:
         pixels = self.samples.pixels
         points, normals = surface(self.caster, self.camera, pose, pixels)
         steps = small_steps(self.caster.mesh, self.camera, pose, step_px=0.7)
-        moved = _moved_normals(self.caster, self.camera, pose, pixels, steps) if with_jacobian else None
+        moved = moved_normals(self.caster, self.camera, pose, pixels, steps) if with_jacobian else None
         return explain(self.samples, self.used, normals, _vectors(self.lights, points), moved)
 
     def _fixed_cost(self, offset: Array, residuals: Array) -> float:

@@ -1,0 +1,155 @@
+"""From a scan, a mask and a stack to a pose: every orientation, then fewer and finer."""
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.embree import RayCaster
+from align.final import FinalEvidence, mean_picture
+from align.refine import descend
+from align.rough import RoughEvidence, small_steps
+from align.shading import take_samples
+from align.start import Start, find_starts
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.pose import Pose
+
+STARTS = 20
+"""Orientations that are refined at low resolution."""
+FINALISTS = 3
+"""Of these, how many are refined on the frames."""
+STEPS = STARTS + FINALISTS + 2
+"""What `progress` counts to."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The best pose, with what speaks for it, and the next best.
+
+    `cost` and `second_cost` compare the two on equal terms; `second` is None where all starts led to one pose.
+    """
+
+    pose: Pose
+    evidence: FinalEvidence
+    cost: float
+    second: Pose | None
+    second_cost: float
+
+
+def search(
+    mesh: Mesh,
+    camera: Camera,
+    frames: Frames,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    normals: NDArray,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Found:
+    """Return the pose that explains the photographs best, whether well or not; see `align.register.register`."""
+    tell = progress or (lambda done, total: None)
+    caster = RayCaster(mesh)
+    starts = find_starts(caster, camera, mask, normals, count=STARTS)
+    tell(1, STEPS)
+    rough = _refine_roughly(caster, camera, mask, normals, starts, executor, lambda done: tell(1 + done, STEPS))
+
+    # The more frames, the fewer pixels tell as much; their Jacobian stays under 30 MB.
+    count = int(np.clip(600_000 / len(frames), 3000, 40_000))
+    picture = mean_picture(frames, lights, mask)
+    finalists = []
+    for done, (pose, _) in enumerate(rough[:FINALISTS]):
+        finalists.append(
+            _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 8, cells=160, rounds=2)
+        )
+        tell(2 + STARTS + done, STEPS)
+    finalists.sort(key=lambda item: item[1].cost)
+    best, best_evidence = finalists[0]
+    pose, evidence = _finish(caster, camera, frames, lights, mask, picture, best, count=count, cells=400, rounds=4)
+    tell(STEPS, STEPS)
+    others = [(p, e.cost) for p, e in finalists[1:] if apart_px(mesh, camera, best, p) > 5]
+    second, second_cost = others[0] if others else (None, np.inf)
+    return Found(pose, evidence, best_evidence.cost, second, second_cost)
+
+
+def _refine_roughly(
+    caster: RayCaster,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    normals: NDArray,
+    starts: list[Start],
+    executor: Executor | None,
+    tell: Callable[[int], None],
+) -> list[tuple[Pose, float]]:
+    """Refine starts by silhouette and normals in two rounds; return distinct poses, lowest cost first."""
+    coarse = RoughEvidence.of(camera, mask, normals, cells=40, count=500)
+    fine = RoughEvidence.of(camera, mask, normals, cells=90, count=2000)
+    run = partial(_descend_roughly, caster, coarse, 6)
+    found: list[tuple[Pose, float]] = []
+    results: Iterator[tuple[Pose, float]] = (executor.map if executor else map)(run, [s.pose for s in starts])
+    for done, item in enumerate(results):
+        found.append(item)
+        tell(done + 1)
+    found = _distinct(caster.mesh, camera, found, spacing_px=coarse.step_px)
+    run = partial(_descend_roughly, caster, fine, 8)
+    found = list((executor.map if executor else map)(run, [pose for pose, _ in found[: 2 * FINALISTS]]))
+    return _distinct(caster.mesh, camera, found, spacing_px=2 * fine.step_px)
+
+
+def _descend_roughly(caster: RayCaster, evidence: RoughEvidence, steps: int, pose: Pose) -> tuple[Pose, float]:
+    scales = small_steps(caster.mesh, evidence.camera, pose, step_px=evidence.step_px)
+    pose, cost, _ = descend(
+        partial(evidence.terms, caster, scales),
+        pose,
+        lambda p: p.apply(caster.mesh.center_mm),
+        scales,
+        steps=steps,
+    )
+    return pose, cost
+
+
+def _distinct(
+    mesh: Mesh, camera: Camera, found: list[tuple[Pose, float]], *, spacing_px: float
+) -> list[tuple[Pose, float]]:
+    kept: list[tuple[Pose, float]] = []
+    for pose, cost in sorted(found, key=lambda item: item[1]):
+        if all(apart_px(mesh, camera, pose, other) > 3 * spacing_px for other, _ in kept):
+            kept.append((pose, cost))
+    return kept
+
+
+def apart_px(mesh: Mesh, camera: Camera, a: Pose, b: Pose) -> float:
+    """Return the rms distance, in pixels, between the images of the scan at two poses."""
+    points = mesh.vertices[:: max(1, len(mesh.vertices) // 500)]
+    apart = np.linalg.norm(a.apply(points) - b.apply(points), axis=1)
+    scale = 1.0 if camera.is_orthographic else max(-float(a.apply(mesh.center_mm)[2]), 1e-9)
+    return float(np.sqrt(np.mean(apart**2)) * camera.fx / scale)
+
+
+def _finish(
+    caster: RayCaster,
+    camera: Camera,
+    frames: Frames,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    picture: NDArray[np.float32],
+    pose: Pose,
+    *,
+    count: int,
+    cells: int,
+    rounds: int,
+) -> tuple[Pose, FinalEvidence]:
+    """Refine on outline and shading; shadows, scales and weights are renewed each round."""
+    samples = take_samples(frames, lights, mask, count=count)
+    evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=6.0)
+    for index in range(rounds):
+        scales = small_steps(caster.mesh, camera, pose, step_px=0.5)
+        pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(caster.mesh.center_mm), scales, steps=6)
+        evidence = evidence.renewed(pose, reach_px=4.0 if index == 0 else 2.5)
+    return pose, evidence
