@@ -5,10 +5,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.adjustment import LightFit, ray_meeting
 from calibrate.balls import Ball
 from calibrate.directions import angle_deg, mean_directions, mirrored_rays
 from calibrate.highlight import Spots, find_spots
-from calibrate.positions import LightFit, fit_lights, ray_meeting
+from calibrate.positions import fit_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

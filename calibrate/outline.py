@@ -59,6 +59,7 @@ def offset_jacobian(camera: Camera, sphere: Sphere, points: Array, normals: Arra
 
 
 def moved(sphere: Sphere, shift: Array) -> Sphere:
+    """Return the ball shifted by (u, v, radius), pixels."""
     return replace(sphere, center_px=sphere.center_px + shift[:2], radius_px=float(sphere.radius_px + shift[2]))
 
 

@@ -18,8 +18,9 @@ from capture.facts import FrameFacts, sensor_ceiling
 from capture.fan_out import fan_out
 from capture.photograph import SATURATION
 from capture.session import Session
+from scene.files import create_array, write_npy
 from scene.frames import Frames
-from scene.store import Store, create_array, write_npy
+from scene.store import Store
 
 Progress = Callable[[int, int], None]
 

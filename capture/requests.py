@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from capture.session import Session, SphereSpec
 from scene.camera import Camera
 from scene.errors import SceneError, SessionError
+from scene.files import write_json
 from scene.frames import PEDESTAL, Frames
 from scene.spheres import SphereRequest
-from scene.store import Store, write_json
+from scene.store import Store
 
 
 def sphere_requests(session: Session, store: Store) -> list[SphereRequest]:

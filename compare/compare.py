@@ -10,9 +10,10 @@ from compare.facts import light_rows, method_names, read_optional, sphere_rows
 from compare.pictures import colour_scale_end, error_picture_with_scale, known_pixels
 from compare.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
+from scene.files import write_npy, write_png
 from scene.normals import angular_error_deg
 from scene.pose import Pose
-from scene.store import Store, write_npy, write_png
+from scene.store import Store
 
 HISTOGRAM_BINS = 60
 BAND_PIXELS = 1 << 21

@@ -9,7 +9,8 @@ from compare import charts, galleries, maps, sections
 from compare.material import Material
 from compare.page import is_number, number
 from compare.verdict import verdict
-from scene.store import Store, write_text
+from scene.files import write_text
+from scene.store import Store
 
 CHAPTERS = (
     ("verdict", "Verdict"),

@@ -18,7 +18,8 @@ from typing import Any
 from lab.progress import say
 from lab.rooms import ROOMS, ROOT
 from scene.errors import SceneError
-from scene.store import Store, write_json
+from scene.files import write_json
+from scene.store import Store
 
 
 @dataclass

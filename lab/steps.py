@@ -8,11 +8,12 @@ import numpy as np
 from lab.job import Job, Outcome
 from lab.progress import progress_bar
 from scene.camera import Camera
+from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.spheres import Sphere
-from scene.store import Store, write_json
+from scene.store import Store
 
 
 def check(job: Job) -> Outcome:

@@ -5,7 +5,7 @@ from typing import Any
 
 from lab.doctor import versions
 from lab.job import Job
-from scene.store import write_json
+from scene.files import write_json
 
 
 def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
+from scene.files import create_array
 from scene.frames import PEDESTAL, Frames, encode
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
-from scene.store import Store, create_array
+from scene.store import Store
 from twin.depth import albedo_at_the_surface
 from twin.film import Film, film_for
 from twin.path_tracing import PathTracer

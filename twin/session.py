@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
+from scene.files import write_npy, write_png, write_text
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.store import Store, write_npy, write_png, write_text
+from scene.store import Store
 from twin.virtual_camera import Sensor, expose, write_dng
 
 _FIRST_SHOT = datetime(2000, 1, 1, 12, 0)

@@ -15,7 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from scene.errors import SceneError
-from scene.store import write_json
+from scene.files import write_json
 
 FAST, SLOW = "llvm_ad_rgb", "scalar_rgb"
 OLDEST_LLVM = 16

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import RenderError
-from scene.store import write_whole
+from scene.files import write_whole
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from calibrate.adjustment import ray_meeting
 from calibrate.directions import angle_deg
-from calibrate.positions import fit_lights, ray_meeting
+from calibrate.positions import fit_lights
 from scene.camera import Camera
 from scene.spheres import Sphere
 

@@ -91,7 +91,7 @@ def picture_session(tmp_path):
     """Write linear pictures (F, H, W, 3) as 16-bit PNG with a session.toml; return the folder."""
 
     def write(images, *, more="", names=None, table="linear = true", ambient=None):
-        from scene.store import write_png
+        from scene.files import write_png
 
         folder = tmp_path / "session"
         folder.mkdir(exist_ok=True)

@@ -12,8 +12,9 @@ from capture.decode import decode
 from capture.fan_out import fan_out
 from capture.session import load_session
 from scene.errors import CaptureError
+from scene.files import write_png
 from scene.frames import PEDESTAL, WHITE
-from scene.store import Store, write_png
+from scene.store import Store
 
 CODE = 1 / (WHITE - PEDESTAL)
 DN = 1 / (16383 - 512)

@@ -7,7 +7,8 @@ from capture.decode import decode
 from capture.requests import read_mask, sphere_requests
 from capture.session import load_session
 from scene.errors import SessionError
-from scene.store import Store, write_png
+from scene.files import write_png
+from scene.store import Store
 
 
 def linear_png(path, image):

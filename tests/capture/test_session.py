@@ -7,7 +7,7 @@ from capture.globs import natural_key
 from capture.session import Charuco, load_session
 from scene.camera import Camera
 from scene.errors import SessionError
-from scene.store import write_png
+from scene.files import write_png
 
 
 @pytest.fixture

@@ -10,12 +10,13 @@ import pytest
 from compare.compare import compare
 from scene.camera import Camera
 from scene.estimate import Estimate
+from scene.files import write_json, write_npy
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
 from scene.pose import Pose
 from scene.spheres import Sphere
-from scene.store import Store, write_json, write_npy
+from scene.store import Store
 
 NAME = "lab <script>alert(1)</script> & “penguin”"
 

@@ -9,9 +9,10 @@ import pytest
 import compare.compare as module
 from compare.compare import compare
 from scene.errors import SceneError
+from scene.files import write_npy
 from scene.normals import unit
 from scene.pose import rotation_from_vector
-from scene.store import Store, write_npy
+from scene.store import Store
 
 
 def some_truth(height=24, width=32):

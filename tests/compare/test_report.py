@@ -15,10 +15,11 @@ import pytest
 from compare.compare import compare
 from compare.report import write_report
 from scene.camera import Camera
+from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
-from scene.store import Store, write_json
+from scene.store import Store
 
 VOID = {"meta", "img", "br", "link", "input", "hr", "polygon", "path"}
 

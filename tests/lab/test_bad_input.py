@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lab import cli
-from scene import store as store_module
+from scene import files as files_module
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
@@ -102,7 +102,7 @@ def test_a_frame_of_another_size(session, capsys, monkeypatch):
 
 def picture_session(folder, images, more=""):
     """A session of 16-bit linear PNG made by the test."""
-    from scene.store import write_png
+    from scene.files import write_png
 
     folder.mkdir()
     for index, image in enumerate(images):
@@ -157,7 +157,7 @@ def test_a_full_disk(session, capsys, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(store_module.os, "posix_fallocate", full)
+    monkeypatch.setattr(files_module.os, "posix_fallocate", full)
     refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "disk is full", "codes.npy")
     assert not half_written(session)
 

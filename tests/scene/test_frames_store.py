@@ -8,15 +8,16 @@ import pickle
 import numpy as np
 import pytest
 
-from scene import store as store_module
+from scene import files as files_module
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.estimate import Estimate
+from scene.files import create_array, write_json, write_png, write_whole
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.pose import Pose
 from scene.spheres import Sphere
-from scene.store import Store, create_array, write_json, write_png, write_whole
+from scene.store import Store
 
 
 @pytest.fixture
@@ -150,7 +151,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(tmp_path, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr(store_module.os, "posix_fallocate", full)
+    monkeypatch.setattr(files_module.os, "posix_fallocate", full)
     with pytest.raises(SceneError, match="disk is full"), create_array(tmp_path / "codes.npy", (10, 10), np.uint16):
         raise AssertionError("not reached")
     with pytest.raises(SceneError, match="disk is full"), write_whole(tmp_path / "b") as file:
