@@ -1,17 +1,16 @@
 """What the photographs say about a pose, at full resolution: the outline's edges, and the shading of all frames."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from align.refine import Term, information, robust_sigma
+from align.refine import Term, disagreement, information, robust_sigma
 from align.rim import Rim, find_rim, locate_edges, outline_jacobian, sample, signed_distance
 from align.rough import moved_normals, small_steps
 from align.shading import Samples, choose, explain, find_shadows, free_normals, light_vectors, surface
 from scene.camera import Camera
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.pose import Pose
@@ -86,7 +85,9 @@ class FinalEvidence:
     bias_px: float = 0.0
     """How far outside the picture's edges the scan's outline lies on the whole."""
     weights: tuple[float, float] = (1.0, 1.0)
-    informations: tuple[Array, ...] = ()
+    information: Array = field(default_factory=lambda: np.zeros((6, 6)))
+    """(6, 6), inverse covariance in units of `small_steps` of one pixel."""
+    disagreement: float = 1.0
     cost: float = np.inf
 
     @classmethod
@@ -144,22 +145,28 @@ class FinalEvidence:
             shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
             cost=self._fixed_cost(offset, residuals),
         )
-        weights, matrices = [], []
+        weights, matrices, slopes = [], [], []
         scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
         for term in here.terms(self.pose):
-            hessian, scatter = information(term, 1 / 3)
+            hessian, scatter, slope = information(term, 1 / 3)
             hessian, scatter = (m * scales * scales[:, None] for m in (hessian, scatter))
             # How much more a term's residuals err together than alone: its design effect.
             effect = max(1.0, float(np.trace(np.linalg.pinv(hessian, rcond=1e-9) @ scatter)) / 6)
             weights.append(9 * len(term.residuals) / effect)
             matrices.append(hessian / effect)
+            slopes.append(slope * scales / effect)
         total = max(sum(weights), 1e-12)
-        return replace(here, weights=(weights[0] / total, weights[1] / total), informations=tuple(matrices))
+        return replace(
+            here,
+            weights=(weights[0] / total, weights[1] / total),
+            information=sum(matrices) / disagreement(matrices, slopes),
+            disagreement=disagreement(matrices, slopes),
+        )
 
     def covariance(self) -> Array:
         """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen."""
         scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
-        return np.linalg.pinv(sum(self.informations), rcond=1e-12, hermitian=True) * scales * scales[:, None]
+        return np.linalg.pinv(self.information, rcond=1e-12, hermitian=True) * scales * scales[:, None]
 
     def terms(self, pose: Pose) -> list[Term]:
         """Return outline and shading at a pose, in units of three sigma."""
@@ -224,19 +231,3 @@ class FinalEvidence:
 
 def _vectors(lights: Lights, points: Array) -> Array:
     return light_vectors(lights, np.where(np.isfinite(points), points, lights.reference_point_mm))
-
-
-def mean_picture(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return (H, W) float32, the mean frame in units of the lights' intensity, around the mask; 0 elsewhere."""
-    v, u = np.nonzero(mask)
-    margin = 20
-    columns = slice(max(int(u.min()) - margin, 0), int(u.max()) + margin + 1)
-    top, bottom = max(int(v.min()) - margin, 0), min(int(v.max()) + margin + 1, frames.height)
-    out = np.zeros(mask.shape, np.float32)
-    weight = (1 / lights.intensities / (3 * len(frames))).astype(np.float32)
-    for band in frames.bands(64 << 20):
-        rows = slice(max(band.start, top), min(band.stop, bottom))
-        for index in range(len(frames)) if rows.start < rows.stop else ():
-            # A mirror's glint in one frame must not make the edge.
-            out[rows, columns] += np.minimum(frames.read(rows, [index], columns=columns)[0], 1) @ weight[index]
-    return out

@@ -40,7 +40,10 @@ def read_normals(path: Path, height: int, width: int) -> NDArray[np.float32]:
         raise AlignError(f"{path}: cannot read normals with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
     try:
         values = readers[suffix](path, height, width)
-    except (OSError, ValueError, KeyError, NotImplementedError) as error:
+    except AlignError:
+        raise
+    except Exception as error:
+        # scipy and h5py raise whatever they stumble over; all of it means a damaged file.
         raise AlignError(f"{path}: cannot be read as a normal map ({error}).") from error
     if values.shape != (height, width, 3):
         raise AlignError(

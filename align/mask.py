@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.backdrop import Contradiction, contradict_backdrop
+from align.picture import block_means, bright_mean, bright_picture
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -64,7 +65,7 @@ def find_object(
     -----
     The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
     lies in a cast shadow (`align.backdrop`). The object contradicts it in many frames. The border is then put
-    where the mean frame passes midway between its values just inside and just outside.
+    where each pixel's brightest quarter of frames passes midway between its values just inside and just outside.
     """
     size = (camera.height, camera.width)
     balls = np.zeros(size, bool)
@@ -81,12 +82,12 @@ def find_object(
     contradiction = contradict_backdrop(stack, balls_small)
     small, warnings = _choose(contradiction, balls_small)
     small = _trim(stack.mean(0), contradiction, small)
-    border = _sharpen(stack.mean(0), small, balls_small, reach=3)
+    border = _sharpen(bright_mean(stack), small, balls_small, reach=3)
     if factor > 1:
         big = np.zeros(size, bool)
         blown = np.kron(border, np.ones((factor, factor), bool))
         big[: blown.shape[0], : blown.shape[1]] = blown
-        border = _sharpen(_mean_frame(frames, big), big, balls, reach=2 * factor + 1)
+        border = _sharpen(bright_picture(frames, big), big, balls, reach=2 * factor + 1)
     border = _one_piece(border & ~balls)
     rim = border[[0, -1]].sum() + border[:, [0, -1]].sum()
     if rim > 4:
@@ -134,33 +135,6 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
             "something hides the object there, or the mask lacks it."
         )
     return ObjectMask(mask, "scan", tuple(warnings))
-
-
-def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
-    """Return (F, H // factor, W // factor) float32, the channels' and blocks' means of every frame."""
-    height, width = frames.height // factor, frames.width // factor
-    out = np.empty((len(frames), height, width), np.float32)
-    step = max(1, (32 << 20) // (frames.width * 12 * factor))
-    for first in range(0, height, step):
-        last = min(first + step, height)
-        rows, columns = slice(first * factor, last * factor), slice(0, width * factor)
-        for index in range(len(frames)):
-            gray = frames.read(rows, [index], columns=columns)[0].mean(-1)
-            out[index, first:last] = gray.reshape(last - first, factor, width, factor).mean((1, 3))
-    return out
-
-
-def _mean_frame(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Return (H, W) float32, the frames' mean around the pixels of `near`; 0 elsewhere."""
-    v, u = np.nonzero(near)
-    margin = 32
-    columns = slice(max(int(u.min()) - margin, 0), int(u.max()) + margin + 1)
-    out = np.zeros(near.shape, np.float32)
-    for band in frames.bands(64 << 20):
-        rows = slice(max(band.start, int(v.min()) - margin), min(band.stop, int(v.max()) + margin + 1))
-        for index in range(len(frames)) if rows.start < rows.stop else ():
-            out[rows, columns] += frames.read(rows, [index], columns=columns)[0].mean(-1) / len(frames)
-    return out
 
 
 def _blocks(mask: NDArray[np.bool_], factor: int, height: int, width: int) -> NDArray[np.bool_]:

@@ -96,7 +96,7 @@ def _read_ascii(text: bytes, elements: list[_Element]) -> dict:
             size = element.count * len(element.properties)
             if at + size > len(numbers):
                 raise ValueError(f"{element.name}: values are missing")
-            table = numbers[at : at + size].reshape(element.count, -1)
+            table = numbers[at : at + size].reshape(element.count, len(element.properties))
             columns[element.name] = {name: table[:, i] for i, (name, *_) in enumerate(element.properties)}
             at += size
             continue

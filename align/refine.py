@@ -104,8 +104,8 @@ def descend(
     return pose, cost, terms
 
 
-def information(term: Term, sigma: float) -> tuple[Array, Array]:
-    """Return what a term knows of the pose (6, 6), and the scatter of its blocks' pulls (6, 6).
+def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
+    """Return what a term knows of the pose (6, 6), the scatter of its blocks' pulls (6, 6), and its slope (6,).
 
     Parameters
     ----------
@@ -123,8 +123,22 @@ def information(term: Term, sigma: float) -> tuple[Array, Array]:
     hessian = weighted.T @ term.jacobian
     _, block = np.unique(term.blocks, return_inverse=True)
     pulls = np.stack([np.bincount(block, weighted[:, k] * term.residuals) for k in range(6)], -1)
+    slope = pulls.sum(0)
     pulls -= pulls.mean(0)
-    return hessian, pulls.T @ pulls
+    return hessian, pulls.T @ pulls, slope
+
+
+def disagreement(hessians: list[Array], slopes: list[Array]) -> float:
+    """Return by how many times their own variance two terms contradict each other, at least 1.
+
+    Each term alone would step by -H^-1 slope. Where the two steps differ by more than their covariances allow,
+    something is in neither model (bounced light, a light's error), and the covariance is inflated by the excess
+    (Birge's ratio [birge1932calculation]).
+    """
+    covariances = [np.linalg.pinv(h, rcond=1e-9, hermitian=True) for h in hessians]
+    gap = covariances[0] @ slopes[0] - covariances[1] @ slopes[1]
+    inverse = np.linalg.pinv(covariances[0] + covariances[1], rcond=1e-9, hermitian=True)
+    return float(max(1.0, gap @ inverse @ gap / max(np.linalg.matrix_rank(inverse), 1)))
 
 
 def robust_sigma(residuals: NDArray) -> float:

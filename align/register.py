@@ -49,8 +49,8 @@ class Registration:
     evidence : dict
         overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that
         fit the photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as
-        one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px, cost, second_cost,
-        second_angle_deg.
+        one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of
+        outline and shading: the variance is inflated by it), cost, second_cost, second_angle_deg.
     warnings : tuple of str
     """
 
@@ -117,6 +117,7 @@ def register(
         "shading": evidence.shading_sigma,
         "rim_points": float(len(evidence.edges)),
         "edge_bias_px": evidence.bias_px,
+        "disagreement": evidence.disagreement,
         "cost": found.cost,
     }
     warnings = []

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from align.final import FinalEvidence, mean_picture
+from align.final import FinalEvidence
+from align.picture import bright_picture
 from align.refine import descend
 from align.rough import RoughEvidence, small_steps
 from align.shading import take_samples
@@ -62,7 +63,7 @@ def search(
 
     # The more frames, the fewer pixels tell as much; their Jacobian stays under 30 MB.
     count = int(np.clip(600_000 / len(frames), 3000, 40_000))
-    picture = mean_picture(frames, lights, mask)
+    picture = bright_picture(frames, mask, lights=lights)
     finalists = []
     for done, (pose, _) in enumerate(rough[:FINALISTS]):
         finalists.append(

@@ -1,0 +1,75 @@
+"""Normal maps that others registered: every format gives the same map, every fault its reason."""
+
+import numpy as np
+import pytest
+
+from align.given import read_normals
+from scene.errors import AlignError
+from scene.normals import angular_error_deg, unit
+
+HEIGHT, WIDTH = 12, 17
+
+
+@pytest.fixture
+def dome():
+    """Normals of a dome that lean right and up in the upper right; zero outside."""
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    x, y = (u - 8) / 8, -(v - 6) / 7
+    inside = x * x + y * y < 0.8
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x * x - y * y, 0.1))], -1)
+    return np.where(inside[..., None], unit(normals), 0)
+
+
+def write(folder, normals, kind):
+    import cv2
+    import h5py
+    import scipy.io
+
+    path = folder / f"{kind.replace(' ', '_')}.{kind.split()[0]}"
+    if kind == "mat 5":
+        scipy.io.savemat(path, {"Normal_gt": normals, "mask": np.ones((HEIGHT, WIDTH))})
+    elif kind == "mat other name":
+        scipy.io.savemat(path, {"n": normals})
+    elif kind == "mat 7.3":
+        with h5py.File(path, "w") as file:
+            file["Normal_gt"] = normals.T
+    elif kind == "txt":
+        np.savetxt(path, normals.reshape(-1, 3))
+    elif kind == "npy":
+        np.save(path, normals.astype(np.float32))
+    else:
+        top = 255 if "8" in kind else 65535
+        code = np.round((normals + 1) / 2 * top).astype(np.uint8 if top == 255 else np.uint16)
+        code[(normals == 0).all(-1)] = 0
+        cv2.imwrite(str(path), code[..., ::-1])
+    return path
+
+
+@pytest.mark.parametrize("kind", ["mat 5", "mat other name", "mat 7.3", "txt", "npy", "png 8", "png 16"])
+def test_every_format_gives_the_same_map(tmp_path, dome, kind):
+    found = read_normals(write(tmp_path, dome, kind), HEIGHT, WIDTH)
+    assert found.dtype == np.float32
+    known = (dome != 0).any(-1)
+    assert (np.isfinite(found).all(-1) == known).all()
+    assert angular_error_deg(found, dome)[known].max() < (0.6 if kind == "png 8" else 0.01)
+
+
+def test_faults_are_named(tmp_path, dome):
+    with pytest.raises(AlignError, match="expected 5 x 5 x 3"):
+        read_normals(write(tmp_path, dome, "npy"), 5, 5)
+    with pytest.raises(AlignError, match="rows"):
+        read_normals(write(tmp_path, dome, "txt"), 5, 5)
+    with pytest.raises(AlignError, match="length"):
+        read_normals(write(tmp_path, dome * 0.6, "npy"), HEIGHT, WIDTH)
+    with pytest.raises(AlignError, match="flip the signs of y and z"):
+        read_normals(write(tmp_path, dome * [1, -1, -1], "npy"), HEIGHT, WIDTH)
+    with pytest.raises(AlignError, match="no pixel"):
+        read_normals(write(tmp_path, dome * 0, "npy"), HEIGHT, WIDTH)
+    with pytest.raises(AlignError, match="no such file"):
+        read_normals(tmp_path / "absent.npy", HEIGHT, WIDTH)
+    (tmp_path / "x.bin").write_bytes(b"")
+    with pytest.raises(AlignError, match="ending"):
+        read_normals(tmp_path / "x.bin", 5, 5)
+    (tmp_path / "broken.mat").write_bytes(b"not matlab at all, by a long way")
+    with pytest.raises(AlignError, match="cannot be read"):
+        read_normals(tmp_path / "broken.mat", HEIGHT, WIDTH)

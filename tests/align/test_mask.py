@@ -1,0 +1,137 @@
+"""The object on its table, found from the stack; and the final mask."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from align.mask import ObjectMask, block_means, find_object, scan_mask
+from scene.camera import Camera
+from scene.errors import AlignError
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+
+def overlap(a, b):
+    return (a & b).sum() / (a | b).sum()
+
+
+@pytest.fixture(scope="module")
+def on_table(bumpy, rotations, build):
+    """A brighter object on a gray table with moving cast shadows, which are a fifth of the picture."""
+    return build(bumpy, rotations[3], table=0.12)
+
+
+def test_the_object_is_found_on_a_lit_table(on_table):
+    found = find_object(on_table.frames, on_table.camera, [])
+    assert overlap(found.mask, on_table.mask) > 0.95
+    assert found.source == "found"
+    assert found.warnings == ()
+    # The table's shadows are no object: one frame's dark patch beside it stays out.
+    assert (found.mask & ~on_table.mask).sum() < 0.02 * on_table.mask.sum()
+
+
+def test_before_black_and_upside_down(bumpy, rotations, build):
+    world = build(bumpy, rotations[2])
+    found = find_object(world.frames, world.camera, [])
+    assert overlap(found.mask, world.mask) > 0.95
+    flipped = Frames(world.frames.names, world.frames.codes[:, ::-1].copy(), world.frames.gain)
+    again = find_object(flipped, world.camera, [])
+    assert overlap(again.mask[::-1], found.mask) > 0.99
+
+
+def test_the_order_and_power_of_frames_do_not_matter(on_table):
+    frames = on_table.frames
+    found = find_object(frames, on_table.camera, []).mask
+    order = list(range(len(frames)))[::-1]
+    other = Frames(tuple(frames.names[i] for i in order), frames.codes[order], frames.gain)
+    assert overlap(find_object(other, on_table.camera, []).mask, found) > 0.999
+
+
+def test_balls_are_no_object(on_table):
+    """A white ball as bright as the object, painted into the corner and beside the object."""
+    linear = on_table.frames.read()
+    sphere = Sphere("white", np.array([22.0, 22.0]), 12.0, 24.0)
+    linear[:, sphere.mask(on_table.camera)] = 0.5
+    frames = Frames.from_linear(on_table.frames.names, linear)
+    found = find_object(frames, on_table.camera, [sphere])
+    assert not (found.mask & sphere.mask(on_table.camera)).any()
+    assert overlap(found.mask, on_table.mask) > 0.95
+    given = find_object(frames, on_table.camera, [sphere], mask_given=on_table.mask | sphere.mask(on_table.camera))
+    assert overlap(given.mask, on_table.mask) > 0.99
+    assert "calibration balls" in given.warnings[0]
+
+
+def test_a_large_picture_is_searched_small_and_bordered_large(on_table):
+    big = np.kron(on_table.frames.codes, np.ones((1, 9, 9, 1), np.uint16))
+    frames = Frames(on_table.frames.names, big, on_table.frames.gain)
+    camera = Camera(1440, 1080, 2700.0, 2700.0, 751.0, 517.0)
+    found = find_object(frames, camera, [])
+    assert found.mask.shape == (1080, 1440)
+    assert overlap(found.mask, np.kron(on_table.mask, np.ones((9, 9), bool))) > 0.94
+
+
+def test_block_means_are_means(on_table):
+    frames = on_table.frames
+    expected = frames.read()[:, :, :159].mean(-1).reshape(len(frames), 40, 3, 53, 3).mean((2, 4))
+    assert block_means(frames, 3) == pytest.approx(expected, abs=1e-6)
+
+
+def test_nothing_to_find_is_refused():
+    generator = np.random.default_rng(1)
+    v, u = np.mgrid[-1:1:90j, -1:1:120j]
+    table = np.stack([0.1 + 0.03 * np.cos(t) * u + 0.03 * np.sin(t) * v for t in range(6)])
+    linear = table[..., None] * np.ones(3) + 0.001 * generator.standard_normal((6, 90, 120, 3))
+    frames = Frames.from_linear(tuple("abcdef"), linear)
+    with pytest.raises(AlignError, match="no object found"):
+        find_object(frames, Camera.orthographic(120, 90), [])
+
+
+def test_a_given_mask_is_checked(on_table):
+    def give(mask):
+        return find_object(on_table.frames, on_table.camera, [], mask_given=mask)
+
+    assert (give(on_table.mask).mask == on_table.mask).all()
+    for mask, words in (
+        (on_table.mask[1:], "frames are"),
+        (on_table.mask & False, "empty"),
+        (on_table.mask | True, "white"),
+    ):
+        with pytest.raises(AlignError, match=words):
+            give(mask)
+
+
+def test_the_final_mask_is_the_silhouette_and_what_was_not_scanned():
+    silhouette = np.zeros((80, 100), bool)
+    silhouette[20:60, 20:60] = True
+    silhouette[35:42, 35:42] = False
+    found = np.zeros_like(silhouette)
+    # One pixel too wide all round, the hole filled, and a limb of ten pixels that the scan lacks.
+    found[19:61, 19:61] = True
+    found[30:50, 60:80] = True
+    final = scan_mask(silhouette, ObjectMask(found, "found"))
+    expected = silhouette.copy()
+    expected[35:42, 35:42] = True
+    expected[30:50, 60:80] = True
+    assert (final.mask ^ expected).sum() < 40
+    assert (final.mask & ~found).sum() == 0
+    assert not final.mask[19, 19:61].any()
+    assert any("not scanned" in warning for warning in final.warnings)
+    hidden = scan_mask(silhouette, ObjectMask(found & (np.arange(100) < 40), "found"))
+    assert any("outside the mask" in warning for warning in hidden.warnings)
+    assert scan_mask(silhouette | expected, ObjectMask(silhouette | expected, "found")).warnings == ()
+
+
+@pytest.mark.parametrize("name", ["buddha", "cat", "horse", "owl", "rock"])
+def test_real_objects_before_black_cloth(name):
+    """Against the masks that came with the photographs."""
+    import cv2
+
+    folder = Path(__file__).parents[2] / ".." / "shared" / "real" / "uw_psm" / "png" / name
+    if not folder.exists():
+        pytest.skip("../shared/real/uw_psm is absent")
+    stack = np.stack([cv2.imread(str(folder / f"{name}.{i}.png"))[..., ::-1] / 255.0 for i in range(12)])
+    frames = Frames.from_linear(tuple(map(str, range(12))), stack)
+    given = cv2.imread(str(folder / f"{name}.mask.png"), cv2.IMREAD_GRAYSCALE) > 127
+    found = find_object(frames, Camera.orthographic(frames.width, frames.height), [])
+    assert overlap(found.mask, given) > 0.94

@@ -1,0 +1,157 @@
+"""Ground truth against analytic spheres, and its laws."""
+
+import numpy as np
+import pytest
+
+from align.truth import ground_truth, normal_noise_deg
+from scene.camera import Camera
+from scene.mesh import Mesh
+from scene.normals import angular_error_deg
+from scene.pose import Pose
+from scene.spheres import Sphere
+
+PERSPECTIVE = Camera(160, 120, 300.0, 300.0, 83.0, 57.0)
+
+
+def sphere_mesh(subdivisions=5, radius_mm=50.0) -> Mesh:
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions, radius_mm)
+    return Mesh(np.array(ball.vertices), np.array(ball.faces, np.int64))
+
+
+@pytest.mark.parametrize("distortion", [(0.0,) * 5, (-0.2, 0.05, 0.002, -0.003, 0.0)])
+def test_a_sphere_is_met_where_geometry_says(distortion):
+    camera = Camera(160, 120, 300.0, 300.0, 83.0, 57.0, distortion)
+    center = np.array([30.0, 20.0, -400.0])
+    truth = ground_truth(sphere_mesh(), Pose.from_rotation_translation(np.eye(3), center), camera)
+    ball = Sphere("white", Camera.project(camera, center), camera.fx * 50 / 400, 100.0)
+    # The ball's cone is exact for a pinhole: take its analytic normals through the same distorted rays.
+    origins, rays = camera.rays(camera.grid())
+    along = rays @ center
+    square = along**2 - center @ center + 50.0**2
+    points = rays * (along - np.sqrt(np.where(square > 0, square, np.nan)))[..., None]
+    normals = (points - center) / 50
+    known = np.isfinite(truth.normals[..., 0])
+    # Facets of an icosphere of 5 subdivisions turn by 2 degrees; interpolation removes all but a trace.
+    assert angular_error_deg(truth.normals, normals)[known].max() < 0.35
+    assert np.abs(truth.depth_mm + points[..., 2])[known].max() < 0.1
+    assert known.sum() > 0.9 * np.isfinite(points[..., 0]).sum()
+    assert (truth.mask == np.isfinite(points[..., 0])).mean() > 0.998
+    if not any(distortion):
+        assert angular_error_deg(ball.normals(camera, camera.grid())[0], normals)[known].max() < 1e-6
+    # Axes: above the ball's middle the normals look up, right of it right.
+    v, u = np.round(Camera.project(camera, center))[::-1].astype(int)
+    assert truth.normals[v - 15, u, 1] > 0.2
+    assert truth.normals[v, u + 15, 0] > 0.2
+    assert truth.normals[v, u, 2] > 0.9
+
+
+def test_orthographic_rays_are_parallel():
+    camera = Camera(160, 120, 1.5, 1.5, 83.0, 57.0, projection="orthographic")
+    truth = ground_truth(sphere_mesh(radius_mm=30), Pose.from_rotation_translation(np.eye(3), [5, -4, -90]), camera)
+    u, v = camera.grid()[..., 0], camera.grid()[..., 1]
+    x, y = (u - 83) / 1.5 - 5, -(v - 57) / 1.5 + 4
+    z = np.sqrt(np.maximum(900 - x * x - y * y, 0))
+    known = np.isfinite(truth.normals[..., 0])
+    assert known.sum() > 0.9 * (z > 0).sum()
+    assert angular_error_deg(truth.normals, np.stack([x, y, z], -1))[known].max() < 0.35
+
+
+def test_moving_the_scan_and_undoing_it_in_the_pose_changes_nothing(bumpy, rotations):
+    pose = Pose.from_rotation_translation(rotations[0], [5, -3, -600])
+    plain = ground_truth(bumpy, pose, PERSPECTIVE)
+    # Far from the scan's origin: float32 alone would lose the surface's detail.
+    motion = Pose.from_rotation_translation(rotations[1], [4000.0, -9000.0, 2500.0])
+    moved = ground_truth(Mesh(motion.apply(bumpy.vertices), bumpy.faces), pose @ motion.inverse(), PERSPECTIVE)
+    both = np.isfinite(plain.normals[..., 0]) & np.isfinite(moved.normals[..., 0])
+    assert both.sum() > 0.995 * np.isfinite(plain.normals[..., 0]).sum()
+    assert angular_error_deg(plain.normals, moved.normals)[both].max() < 0.05
+
+
+def test_turning_scene_and_image_plane_together_turns_the_normals(bumpy, rotations):
+    """A quarter turn about the viewing axis is a quarter turn of the picture."""
+    camera = Camera(121, 121, 300.0, 300.0, 60.0, 60.0)
+    pose = Pose.from_rotation_translation(rotations[0], [0, 0, -600])
+    quarter = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1.0]])
+    plain = ground_truth(bumpy, pose, camera)
+    turned = ground_truth(bumpy, Pose.from_rotation_translation(quarter, [0, 0, 0]) @ pose, camera)
+    expected = np.rot90(plain.normals, 1) @ quarter.T
+    both = np.isfinite(expected[..., 0]) & np.isfinite(turned.normals[..., 0])
+    assert both.sum() > 0.99 * np.isfinite(expected[..., 0]).sum()
+    assert angular_error_deg(expected, turned.normals)[both].max() < 0.05
+
+
+def test_edges_holes_grazing_and_back_faces_are_unknown():
+    grid = np.arange(-40, 41, 2.0)
+    x, y = np.meshgrid(grid, grid)
+    corner = np.arange(len(grid) - 1)
+    a = (corner[:, None] * len(grid) + corner).ravel()
+    n = len(grid)
+    faces = np.concatenate([np.stack([a, a + 1, a + n + 1], -1), np.stack([a, a + n + 1, a + n], -1)])
+    plane = np.stack([x.ravel(), y.ravel(), np.zeros(x.size)], -1)
+    hole = (np.abs(plane[faces].mean(1)) < 5).all(1)
+    # A second, smaller plane floats before the first: its border is a depth edge on both.
+    faces = np.concatenate([faces[~hole], faces[hole] + len(plane)])
+    vertices = np.concatenate([plane, plane * 1.0 + [20, 20, 10]])
+    mesh = Mesh(vertices, faces)
+    pose = Pose.from_rotation_translation(np.eye(3), [0, 0, -400])
+    truth = ground_truth(mesh, pose, PERSPECTIVE)
+    known = np.isfinite(truth.normals[..., 0])
+    assert angular_error_deg(truth.normals[known], [0, 0, 1]).max() < 0.1
+    seen = truth.mask
+    depth = truth.depth_mm
+    for axis in (0, 1):
+        jump = ~(np.abs(np.diff(depth, axis=axis)) < 5)
+        touched = np.zeros_like(seen)
+        low = [slice(None)] * 2
+        low[axis] = slice(None, -1)
+        high = [slice(None)] * 2
+        high[axis] = slice(1, None)
+        touched[tuple(low)] |= jump
+        touched[tuple(high)] |= jump
+        assert not (known & touched).any()
+    # In the hole nothing is seen, and its rim is unknown.
+    v, u = np.round(PERSPECTIVE.project([0, 0, -400.0]))[::-1].astype(int)
+    assert not seen[v, u]
+    # From behind: seen, but unknown.
+    behind = ground_truth(mesh, Pose.from_rotation_translation(np.diag([-1.0, 1, -1]), [0, 0, -400]), PERSPECTIVE)
+    assert behind.mask.sum() > 1000
+    assert not np.isfinite(behind.normals).any()
+    # At 85 degrees: seen, but unknown.
+    c, s = np.cos(np.radians(85)), np.sin(np.radians(85))
+    tilted = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    grazing = ground_truth(mesh, Pose.from_rotation_translation(tilted, [0, 0, -400]), PERSPECTIVE)
+    assert grazing.mask.any()
+    assert not np.isfinite(grazing.normals).any()
+
+
+def test_sigma_follows_pose_and_curvature(bumpy):
+    """A shift of one sigma turns a sphere's normals by sigma / R; twice the sigma, twice the angle."""
+    pose = Pose.from_rotation_translation(np.eye(3), [0, 0, -600])
+    smooth = sphere_mesh(6, 40.0)
+    shift = np.diag([0, 0, 0, 0.5**2, 0, 0])
+    sigma = ground_truth(smooth, pose, PERSPECTIVE, covariance=shift).sigma_deg
+    v, u = np.round(PERSPECTIVE.project([0, 0, -560.0]))[::-1].astype(int)
+    assert sigma[v, u] == pytest.approx(np.degrees(0.5 / 40), rel=0.1)
+    double = ground_truth(smooth, pose, PERSPECTIVE, covariance=4 * shift).sigma_deg
+    assert double[v, u] == pytest.approx(2 * sigma[v, u], rel=0.1)
+    # Turning a sphere about its own middle shows nothing.
+    turn = ground_truth(smooth, pose, PERSPECTIVE, covariance=np.diag([0.01**2, 0, 0, 0, 0, 0])).sigma_deg
+    assert np.nanmedian(turn) < 0.1
+    known = np.isfinite(sigma)
+    assert (known == np.isfinite(ground_truth(smooth, pose, PERSPECTIVE).normals[..., 0])).all()
+
+
+@pytest.mark.parametrize("noise_mm", [0.02, 0.1])
+def test_scan_noise_is_measured_from_the_scan(bumpy, noise_mm):
+    generator = np.random.default_rng(2)
+    noisy = Mesh(bumpy.vertices + noise_mm * generator.standard_normal(bumpy.vertices.shape), bumpy.faces)
+    pose = Pose.from_rotation_translation(np.eye(3), [0, 0, -600])
+    clean, dirty = (ground_truth(mesh, pose, PERSPECTIVE) for mesh in (bumpy, noisy))
+    error = angular_error_deg(clean.normals, dirty.normals)
+    known = np.isfinite(error)
+    rms = np.sqrt(np.mean(error[known] ** 2))
+    assert np.sqrt(np.mean(dirty.sigma_deg[known] ** 2)) == pytest.approx(rms, rel=0.3)
+    assert 0.9 < (error < 2 * dirty.sigma_deg)[known].mean() <= 1
+    assert np.median(normal_noise_deg(bumpy)) < 0.3 * np.median(normal_noise_deg(noisy))
