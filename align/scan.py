@@ -63,7 +63,8 @@ def load_scan(path: Path, unit: str) -> Mesh:
     repairs: list[str] = []
     vertices, faces = _merge(vertices, faces, repairs)
     faces = _drop_flat(vertices, faces, repairs)
-    faces = _drop_dust(vertices, faces, repairs)
+    if len(faces):
+        faces = _drop_dust(vertices, faces, repairs)
     if len(faces) < 4:
         raise AlignError(f"{path}: only {len(faces)} faces with an area are left of the scan. Export it again.")
     _check_manifold(path, vertices, faces, repairs)

@@ -19,11 +19,11 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-VIEWS = 1800
-"""View directions: neighbours are 5 degrees apart."""
+VIEWS = 1200
+"""View directions: neighbours are 6 degrees apart."""
 RADII, ANGLES = 24, 72
 """The polar grid; a turn is found to 2.5 degrees."""
-RASTER = 40
+RASTER = 28
 """Rays along a side of the square raster that measures a view's area and centroid."""
 
 
@@ -120,7 +120,7 @@ def find_starts(
     polar = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
 
     inside, target = _sample_target(aim, mask, normals, polar)
-    seen, rendered = _cast_views(caster, aim, views, offsets, polar)
+    seen, rendered = _cast_views(caster, aim, views, offsets, polar, with_normals=True)
     score = _score(inside, target, seen, rendered, angle, radius)
 
     starts: list[Start] = []
@@ -155,7 +155,7 @@ def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
     surface = np.linalg.norm(np.cross(second - first, third - first), axis=1).sum() / 2
     distance = np.full(len(views), max(np.sqrt(surface / 4 / aim.area), 1.5 * mesh.radius_mm))
     middle = np.zeros((len(views), 2))
-    for _ in range(1 if orthographic else 3):
+    for _ in range(1 if orthographic else 2):
         if orthographic:
             distance[:] = 1.5 * mesh.radius_mm
         offsets = np.concatenate([middle, -distance[:, None]], 1) - centers
@@ -164,7 +164,7 @@ def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
         origin_xy = middle if orthographic else middle / distance[:, None]
         wide = np.broadcast_to(extent, len(views)) * (1 if orthographic else 1.15)
         xy = origin_xy[:, None] + wide[:, None, None] * raster
-        hits = _cast_views(caster, aim, views, offsets, xy)[0]
+        hits = _cast_views(caster, aim, views, offsets, xy, with_normals=False)[0]
         share = hits.mean(1)
         if not share.all():
             raise AlignError("the scan cannot be seen from some side: it is no surface. Export it again.")
@@ -179,12 +179,12 @@ def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
 
 
 def _cast_views(
-    caster: RayCaster, aim: Aim, views: Array, offsets: Array, xy: Array
-) -> tuple[NDArray[np.bool_], Array]:
+    caster: RayCaster, aim: Aim, views: Array, offsets: Array, xy: Array, *, with_normals: bool
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
     """Cast image coordinates (V, P, 2) or (P, 2) in every view; return hits (V, P), normals (V, P, 3) aim frame."""
     count = xy.shape[-2]
     hit = np.zeros((len(views), count), bool)
-    normals = np.zeros((len(views), count, 3))
+    normals = np.zeros((len(views), count, 3) if with_normals else (0, count, 3), np.float32)
     step = max(1, (1 << 18) // count)
     for first in range(0, len(views), step):
         part = slice(first, first + step)
@@ -195,8 +195,9 @@ def _cast_views(
         # Row vectors times R is R^T applied: from the aim frame into the scan's.
         found = caster.cast((origins @ views[part]).reshape(-1, 3), (directions @ views[part]).reshape(-1, 3))
         hit[part] = found.hit.reshape(block.shape[:2])
-        smooth = np.nan_to_num(found.interpolate(caster.mesh, caster.mesh.vertex_normals))
-        normals[part] = np.einsum("vij,vpj->vpi", views[part], smooth.reshape(*block.shape[:2], 3))
+        if with_normals:
+            smooth = np.nan_to_num(found.interpolate(caster.mesh, caster.mesh.vertex_normals))
+            normals[part] = smooth.reshape(*block.shape[:2], 3) @ views[part].transpose(0, 2, 1)
     return hit, normals
 
 
@@ -226,13 +227,13 @@ def _sample_target(
 
 
 def _score(
-    inside: NDArray[np.bool_], target: Array, seen: NDArray[np.bool_], rendered: Array, angle: Array, radius: Array
+    inside: NDArray[np.bool_], target: Array, seen: NDArray[np.bool_], rendered: NDArray, angle: Array, radius: Array
 ) -> Array:
     """Return (V, ANGLES): overlap of the silhouettes times agreement of the normals, for every view and turn."""
     shape = (RADII, ANGLES)
     area = np.repeat(radius, ANGLES)
 
-    def polar_frame(vectors: Array) -> Array:
+    def polar_frame(vectors: NDArray) -> NDArray:
         x, y, z = (vectors[..., i].reshape(*vectors.shape[:-2], *shape) for i in range(3))
         return np.stack([x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle), z], -3)
 

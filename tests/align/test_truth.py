@@ -27,7 +27,7 @@ def test_a_sphere_is_met_where_geometry_says(distortion):
     truth = ground_truth(sphere_mesh(), Pose.from_rotation_translation(np.eye(3), center), camera)
     ball = Sphere("white", Camera.project(camera, center), camera.fx * 50 / 400, 100.0)
     # The ball's cone is exact for a pinhole: take its analytic normals through the same distorted rays.
-    origins, rays = camera.rays(camera.grid())
+    rays = camera.rays(camera.grid())[1]
     along = rays @ center
     square = along**2 - center @ center + 50.0**2
     points = rays * (along - np.sqrt(np.where(square > 0, square, np.nan)))[..., None]
