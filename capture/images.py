@@ -3,6 +3,7 @@
 No colour profile is applied, no orientation: the sensor's pixels as they lie in the file.
 """
 
+import threading
 from pathlib import Path
 from typing import Any, Literal
 
@@ -17,6 +18,8 @@ from scene.frames import encode
 Encoding = Literal["linear", "srgb"] | float
 
 FLOAT16_MAX = 65504.0
+
+_THREADS = threading.Lock()
 
 
 def read_image(path: Path, encoding: Encoding, *, half: bool = False) -> Photograph:
@@ -147,8 +150,13 @@ def _read_tga(path: Path) -> NDArray:
 
 def _read_exr(path: Path) -> tuple[NDArray[np.float32], int]:
     # Mitsuba brings a full OpenEXR reader; OpenCV's wheels have lost theirs.
+    import drjit
     import mitsuba
 
+    # With a single thread, that of a machine with one core, the reader waits for a helper that never comes.
+    with _THREADS:
+        if drjit.thread_count() < 2:
+            drjit.set_thread_count(2)
     _bytes_of(path)
     try:
         bitmap: Any = mitsuba.Bitmap(str(path))

@@ -64,6 +64,20 @@ def mosaic_of(linear, pattern="RGGB", *, black=BLACK, white=WHITE_DN):
 
 
 @pytest.fixture
+def write_exr():
+    """Write float32 (H, W, C) as EXR."""
+    import drjit
+    import mitsuba
+
+    def write(path, values):
+        # On one core the writer waits for ever, as the reader would.
+        drjit.set_thread_count(max(drjit.thread_count(), 2))
+        mitsuba.Bitmap(np.asarray(values, np.float32)).write(str(path))
+
+    return write
+
+
+@pytest.fixture
 def write_dng():
     return write_dng_file
 

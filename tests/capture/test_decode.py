@@ -156,12 +156,10 @@ def test_a_flat_frame_that_cannot_do(picture_session, scene_pictures, tmp_path):
     assert files_of(tmp_path / "out") == []
 
 
-def test_exr_is_unbounded(tmp_path, scene_pictures):
-    import mitsuba
-
+def test_exr_is_unbounded(tmp_path, write_exr, scene_pictures):
     truth = scene_pictures(4, shape=(40, 50)).astype(np.float32) * 20
     for i in range(4):
-        mitsuba.Bitmap(truth[i]).write(str(tmp_path / f"flash_{i}.exr"))
+        write_exr(tmp_path / f"flash_{i}.exr", truth[i])
     (tmp_path / "session.toml").write_text('[frames]\nflash = "*.exr"\n')
     frames, _ = decode(load_session(tmp_path), Store(tmp_path / "out"))
     assert frames.codes.dtype == np.float16

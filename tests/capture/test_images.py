@@ -1,5 +1,10 @@
 """Pictures that are no RAW: values, colour order, encodings, broken files."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -86,11 +91,9 @@ def test_orientation_is_not_applied(tmp_path):
 
 
 @pytest.mark.parametrize("channels", [3, 1])
-def test_exr(tmp_path, channels):
-    import mitsuba
-
+def test_exr(tmp_path, write_exr, channels):
     values = (rgb() * [30.0, 1.0, 0.001]).astype(np.float32)
-    mitsuba.Bitmap(values[..., :channels]).write(str(tmp_path / "a.exr"))
+    write_exr(tmp_path / "a.exr", values[..., :channels])
     codes = read_image(tmp_path / "a.exr", "linear").codes
     assert codes.dtype == np.float16
     expected = values if channels == 3 else np.repeat(values[..., :1], 3, -1)
@@ -125,15 +128,13 @@ def test_half(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".tif", ".tga", ".exr", ".pgm"])
 @pytest.mark.parametrize("how", ["cut", "noise", "empty"])
-def test_a_broken_file_is_named(tmp_path, suffix, how):
+def test_a_broken_file_is_named(tmp_path, write_exr, suffix, how):
     from PIL import Image
 
     path = tmp_path / f"flash_007{suffix}"
     values = (rgb((60, 80)) * 255).astype(np.uint8)
     if suffix == ".exr":
-        import mitsuba
-
-        mitsuba.Bitmap(values.astype(np.float32)).write(str(path))
+        write_exr(path, values.astype(np.float32))
     elif suffix == ".tga":
         Image.fromarray(values).save(path)
     else:
@@ -145,11 +146,25 @@ def test_a_broken_file_is_named(tmp_path, suffix, how):
         read_image(path, "linear")
 
 
-def test_values_that_are_no_numbers(tmp_path):
-    import mitsuba
-
+def test_values_that_are_no_numbers(tmp_path, write_exr):
     values = np.ones((4, 4, 3), np.float32)
     values[1, 1, 1] = np.nan
-    mitsuba.Bitmap(values).write(str(tmp_path / "a.exr"))
+    write_exr(tmp_path / "a.exr", values)
     with pytest.raises(CaptureError, match="no number"):
         read_image(tmp_path / "a.exr", "linear")
+
+
+def test_exr_on_one_core(tmp_path, write_exr):
+    """Mitsuba's reader deadlocks with one thread: a machine of one core must read all the same."""
+    if not hasattr(os, "sched_setaffinity"):
+        pytest.skip("a process cannot be bound to one core here")
+    write_exr(tmp_path / "a.exr", rgb())
+    program = (
+        "import os, sys; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
+        "from pathlib import Path; from capture.images import read_image\n"
+        "print(read_image(Path(sys.argv[1]), 'linear').codes.shape)"
+    )
+    words = [sys.executable, "-c", program, str(tmp_path / "a.exr")]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=60, cwd=root, check=True)
+    assert done.stdout == "(12, 17, 3)\n"
