@@ -13,7 +13,7 @@ from scene.lights import Lights
 Array = NDArray[np.float64]
 
 
-def read_lights(path: Path, names: tuple[str, ...]) -> Lights:
+def read_lights(path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] = ()) -> Lights:
     """Read the lights of the frames `names` from a file.
 
     Parameters
@@ -23,6 +23,8 @@ def read_lights(path: Path, names: tuple[str, ...]) -> Lights:
         light_intensities.txt and filenames.txt are read where present.
     names : tuple of F str
         The frames' names, without suffix, in order.
+    skipped : tuple of int
+        Places, among all that were photographed, of frames that are left out: a file without names counts them too.
 
     Returns
     -------
@@ -52,7 +54,7 @@ def read_lights(path: Path, names: tuple[str, ...]) -> Lights:
             "(DiLiGenT's light_directions.txt)."
         )
     lights = readers[path.suffix.lower()](path, text)
-    return _in_order(path, lights, names).normalised()
+    return _in_order(path, lights, names, skipped).normalised()
 
 
 def _read_lp(path: Path, text: str) -> Lights:
@@ -154,13 +156,17 @@ def _stem(name: str) -> str:
     return Path(name.strip().replace("\\", "/")).stem
 
 
-def _in_order(path: Path, lights: Lights, names: tuple[str, ...]) -> Lights:
+def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple[int, ...]) -> Lights:
     """Return the lights in the frames' order, under the frames' names."""
     known = {name: i for i, name in enumerate(lights.names)}
+    no_name_known = not any(name in known for name in names)
     if len(known) == len(lights) and all(name in known for name in names):
         order, flag = [known[name] for name in names], ()
-    elif len(lights) == len(names) and not any(name in known for name in names):
+    elif len(lights) == len(names) and no_name_known:
         order, flag = list(range(len(names))), ("taken in the file's order: its names are not the frames'",)
+    elif len(lights) == len(names) + len(skipped) and no_name_known:
+        order = [i for i in range(len(lights)) if i not in skipped]
+        flag = ("taken in the file's order, which counts the skipped frames",)
     elif len(lights) != len(names):
         raise CalibrationError(
             f"{path}: {len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or by "

@@ -43,7 +43,9 @@ def calibrate(job: Job) -> Outcome:
 
     store = job.store
     frames, camera = store.load_frames(), store.load_camera()
-    known = read_lights(job.session.lights_file, frames.names) if job.session.lights_file else None
+    session = job.session
+    skipped = tuple(set(range(len(session.kept) + len(session.skip))) - set(session.kept))
+    known = read_lights(session.lights_file, frames.names, skipped=skipped) if session.lights_file else None
     requests = sphere_requests(job.session, store)
     with progress_bar("calibrate") as progress:
         found = find_lights(frames, camera, requests, known_lights=known, progress=progress)

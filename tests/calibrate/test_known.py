@@ -38,6 +38,16 @@ def test_foreign_names_are_taken_in_order_and_flagged(tmp_path):
     assert all("order" in flags[0] for flags in lights.flags)
 
 
+@pytest.mark.parametrize("skipped", [(0,), (1,), (2,)])
+def test_a_file_without_names_counts_the_skipped_frames(tmp_path, skipped):
+    np.savetxt(tmp_path / "light_directions.txt", DIRECTIONS)
+    names = tuple(name for i, name in enumerate(NAMES) if i not in skipped)
+    lights = read_lights(tmp_path / "light_directions.txt", names, skipped=skipped)
+    np.testing.assert_allclose(lights.directions, np.delete(DIRECTIONS, skipped, 0))
+    with pytest.raises(CalibrationError, match="3 lights for 2"):
+        read_lights(tmp_path / "light_directions.txt", names)
+
+
 def test_diligent_reads_intensities_beside(tmp_path):
     np.savetxt(tmp_path / "light_directions.txt", DIRECTIONS)
     np.savetxt(tmp_path / "light_intensities.txt", [[2, 2, 2], [4, 3, 2], [6, 4, 2]])
