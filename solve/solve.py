@@ -73,6 +73,7 @@ def solve(
     module = importlib.import_module(f"solve.{method}")
     from solve.samples import bands, scale_of
 
+    _compile(module, frames, lights, camera, mask)
     start = time.perf_counter()
     scale = scale_of(frames, lights, mask)
     normals = np.full((*mask.shape, 3), np.nan, np.float32)
@@ -101,6 +102,14 @@ def solve(
         dict(module.SETTINGS),
         _doubts(mask, normals, samples),
     )
+
+
+def _compile(module, frames, lights, camera, mask) -> None:
+    """Solve one pixel, so that compiling the kernels does not count as the method's time."""
+    one = np.zeros_like(mask)
+    row, column = np.unravel_index(int(mask.argmax()), mask.shape)
+    one[row, column] = True
+    _solve_band(module, frames, lights, camera, one, slice(int(row), int(row) + 1), 1.0)
 
 
 def _solve_band(module, frames, lights, camera, mask, rows, scale):

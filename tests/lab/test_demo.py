@@ -51,7 +51,7 @@ def test_registration_and_ground_truth(demo):
 
 
 def test_the_twin_fails_as_the_frames_do(demo):
-    """Within each other's reach: the twin has neither coat nor table, so it is better, by less than a factor of three."""
+    """Within each other's reach: the twin has neither coat nor table, so it is better, by less than three times."""
     methods = demo[1]["compare"]["methods"]
     for row in methods.values():
         assert 1 / 3 < row["twin"]["median_deg"] / row["real"]["median_deg"] < 1.5
