@@ -62,7 +62,8 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
     head = (
-        "| session | frames | kpx | method | mean, degrees | median | under 10 degrees | seconds | s per megapixel-image |\n"
+        "| session | frames | kpx | method | mean, degrees | median | under 10 degrees | seconds | "
+        "s per megapixel-image |\n"
         "|---|---|---|---|---|---|---|---|---|"
     )
     body = [line for name, folder in SESSIONS.items() if folder.is_dir() for line in rows(name, measure(folder))]
