@@ -1,6 +1,6 @@
 """Ray casting against a mesh: the one place that touches Open3D.
 
-Open3D's RaycastingScene drives Intel's Embree [wald2014embree]. Embree works in float32: rays are
+Open3D's RaycastingScene drives Intel's Embree [Wald2014]. Embree works in float32: rays are
 cast in the mesh's own coordinates, moved to the middle of the mesh, so that a scan far from its
 origin loses no digits.
 """

@@ -110,7 +110,7 @@ class FinalEvidence:
         offset = locate_edges(picture, rim.pixels, rim.outward, reach_px=reach_px)
         at = rim.pixels + np.nan_to_num(offset)[:, None] * rim.outward
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
-        seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < 4)
+        seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < max(4.0, 0.7 * reach_px))
 
         points, normals = surface(caster, camera, pose, samples.pixels)
         shadows = find_shadows(caster, lights, pose, points, normals)

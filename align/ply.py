@@ -1,7 +1,7 @@
 """PLY as scanners write it: polygons, and the triangle strips of Cyberware and Stanford.
 
 trimesh reads a PLY with `tristrips` as an empty mesh, without a word; this reads them all.
-The format: [turk1994ply].
+The format: [Turk1994].
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """From a rough pose to the best one: Gauss-Newton on silhouette, normals and shading.
 
 Each kind of evidence is a `Term`: residuals in units of its own robust scale, with their Jacobian. Terms are
-minimised together under a bounded loss r^2 / (1 + r^2) [geman1987statistical]: what does not fit at all
+minimised together under a bounded loss r^2 / (1 + r^2) [Geman1987]: what does not fit at all
 (highlights, a support that was not scanned, a wrong patch of the mask) stops pulling.
 """
 
@@ -62,7 +62,7 @@ Evaluate = Callable[[Pose], Sequence[Term]]
 def descend(
     evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], scales: NDArray, *, steps: int
 ) -> tuple[Pose, float, Sequence[Term]]:
-    """Minimise the terms' cost from `pose` by Levenberg-Marquardt [marquardt1963algorithm].
+    """Minimise the terms' cost from `pose` by Levenberg-Marquardt [Marquardt1963].
 
     Parameters
     ----------
@@ -116,7 +116,7 @@ def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
     -----
     H = J^T W J / sigma^2 is the covariance's inverse if all residuals erred independently. They do not: a
     highlight, or a ripple of the scan, pulls a whole patch one way. The scatter of the patches' summed pulls,
-    G = sum_blocks g g^T, replaces that assumption (sandwich H^-1 G H^-1, clustered [liang1986longitudinal]).
+    G = sum_blocks g g^T, replaces that assumption (sandwich H^-1 G H^-1, clustered [Liang1986]).
     """
     pull = 1 / (1 + term.residuals**2) ** 2 / sigma**2
     weighted = term.jacobian * pull[:, None]
@@ -133,7 +133,7 @@ def disagreement(hessians: list[Array], slopes: list[Array]) -> float:
 
     Each term alone would step by -H^-1 slope. Where the two steps differ by more than their covariances allow,
     something is in neither model (bounced light, a light's error), and the covariance is inflated by the excess
-    (Birge's ratio [birge1932calculation]).
+    (Birge's ratio [Birge1932]).
     """
     covariances = [np.linalg.pinv(h, rcond=1e-9, hermitian=True) for h in hessians]
     gap = covariances[0] @ slopes[0] - covariances[1] @ slopes[1]

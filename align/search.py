@@ -19,10 +19,13 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.normals import unit
 from scene.pose import Pose
 
 STARTS = 20
 """Orientations that are refined at low resolution."""
+ROUGH_SIZE = 500
+"""Pixels across the object, at most, until the frames themselves are asked."""
 FINALISTS = 3
 """Of these, how many are refined on the frames."""
 STEPS = STARTS + FINALISTS + 2
@@ -57,9 +60,10 @@ def search(
     """Return the pose that explains the photographs best, whether well or not; see `align.register.register`."""
     tell = progress or (lambda done, total: None)
     caster = RayCaster(mesh)
-    starts = find_starts(caster, camera, mask, normals, count=STARTS)
+    small = _shrunken(camera, mask, normals)
+    starts = find_starts(caster, *small, count=STARTS)
     tell(1, STEPS)
-    rough = _refine_roughly(caster, camera, mask, normals, starts, executor, lambda done: tell(1 + done, STEPS))
+    rough = _refine_roughly(caster, *small, starts, executor, lambda done: tell(1 + done, STEPS))
 
     # The more frames, the fewer pixels tell as much; their Jacobian stays under 30 MB.
     count = int(np.clip(600_000 / len(frames), 3000, 40_000))
@@ -77,6 +81,17 @@ def search(
     others = [(p, e.cost) for p, e in finalists[1:] if apart_px(mesh, camera, best, p) > 5]
     second, second_cost = others[0] if others else (None, np.inf)
     return Found(pose, evidence, best_evidence.cost, second, second_cost)
+
+
+def _shrunken(camera: Camera, mask: NDArray[np.bool_], normals: NDArray) -> tuple[Camera, NDArray[np.bool_], NDArray]:
+    """Halve camera, mask and normals until the object is no larger than `ROUGH_SIZE`: the same scene, fewer pixels."""
+    while np.ptp(np.argwhere(mask), axis=0).max() >= ROUGH_SIZE:
+        camera = camera.halved()
+        height, width = camera.height, camera.width
+        quarters = [np.s_[row : 2 * height : 2, column : 2 * width : 2] for row in (0, 1) for column in (0, 1)]
+        mask = np.stack([mask[part] for part in quarters]).sum(0) >= 2
+        normals = unit(np.nan_to_num(np.stack([normals[part] for part in quarters])).sum(0))
+    return camera, mask, normals
 
 
 def _refine_roughly(
@@ -148,9 +163,11 @@ def _finish(
 ) -> tuple[Pose, FinalEvidence]:
     """Refine on outline and shading; shadows, scales and weights are renewed each round."""
     samples = take_samples(frames, lights, mask, count=count)
-    evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=6.0)
+    # The rough pose may be a pixel of the shrunken picture off.
+    reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
+    evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=reach)
     for index in range(rounds):
         scales = small_steps(caster.mesh, camera, pose, step_px=0.5)
         pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(caster.mesh.center_mm), scales, steps=6)
-        evidence = evidence.renewed(pose, reach_px=4.0 if index == 0 else 2.5)
+        evidence = evidence.renewed(pose, reach_px=max(2.5, reach / 2 ** (index + 1)))
     return pose, evidence

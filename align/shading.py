@@ -143,7 +143,7 @@ def explain(
     Notes
     -----
     With b = light . normal and weights w: albedo = sum w b E / sum w b^2 (variable projection
-    [golub1973differentiation]); w falls off for samples that the rest of their pixel contradicts
+    [Golub1973]); w falls off for samples that the rest of their pixel contradicts
     (highlights, bounced light).
     """
     values = np.where(used, samples.values, 0) / samples.scale

@@ -1,5 +1,6 @@
 """The pose comes back from any orientation; a scan that is not the object's is refused."""
 
+import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from align.embree import RayCaster
 from align.register import register
 from align.truth import ground_truth
 from scene.camera import Camera
@@ -176,3 +178,20 @@ def test_the_bunny_of_another_program(tmp_path):
     error = angular_error_deg(ground_truth(mesh, found.pose, camera).normals, normals)[mask]
     # 0.68 degrees of it is the decimated scan's own error, at the true pose.
     assert np.nanmedian(error) < 0.8
+
+
+def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
+    """The rough search on halved pictures leads to the same pose."""
+    monkeypatch.setattr("align.search.ROUGH_SIZE", 40)
+    px, deg = apart(world, run(world).pose)
+    assert px < 0.1
+    assert deg < 0.15
+
+
+def test_the_ray_caster_travels_to_other_processes(world):
+    caster = RayCaster(world.mesh)
+    pixels = world.camera.grid()[::7, ::7].reshape(-1, 2)
+    here = caster.look(world.camera, world.pose, pixels)
+    there = pickle.loads(pickle.dumps(caster)).look(world.camera, world.pose, pixels)
+    assert here.hit.any()
+    assert (here.face == there.face).all()
