@@ -10,7 +10,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
-from scene.pose import Pose, rotation_from_vector
+from scene.pose import Pose
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,13 @@ def random_rotation(generator: np.random.Generator) -> np.ndarray:
     return q * np.linalg.det(q)
 
 
-def ring_lights(camera: Camera, middle: np.ndarray, *, count: int = 10) -> Lights:
+def ring_lights(middle: np.ndarray, *, count: int = 10, away: float = 1.0) -> Lights:
     """Flashes at unequal distances around the viewing axis, of unequal power and colour."""
     generator = np.random.default_rng(7)
     azimuth = np.arange(count) * 2.4
     zenith = np.radians(np.linspace(15, 55, count))
     directions = np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
-    positions = middle + directions * generator.uniform(600, 900, (count, 1))
+    positions = middle + away * directions * generator.uniform(600, 900, (count, 1))
     intensities = generator.uniform(0.7, 1.3, (count, 1)) * generator.uniform(0.95, 1.05, (count, 3))
     return Lights(
         tuple(f"flash_{i:03d}" for i in range(count)), directions, intensities, positions, middle
@@ -70,16 +70,15 @@ def make_world(
     gloss: float = 0.0,
     noise: float = 0.002,
     table: float = 0.0,
-    shown: Mesh | None = None,
+    away: float = 1.0,
 ) -> World:
-    """Photograph `shown` (or `mesh`) at a rotation, some 600 mm away; `mesh` is the scan that is handed over."""
-    shown = shown or mesh
+    """Photograph a mesh at a rotation, some 600 mm away, by flashes 0.6 to 0.9 m times `away` off."""
     camera = camera or Camera(160, 120, 300.0, 300.0, 83.0, 57.0)
     depth = -2.2 * mesh.radius_mm if camera.is_orthographic else -600.0
     target = np.array([6.0, -4.0, depth])
     pose = Pose.from_rotation_translation(rotation, target - rotation @ mesh.center_mm)
-    lights = ring_lights(camera, target)
-    caster = RayCaster(shown)
+    lights = ring_lights(target, away=away)
+    caster = RayCaster(mesh)
     oversampling = 3
     # Rays at the centres of 3 x 3 sub-pixels: edges are as soft as a sensor makes them.
     step = (np.arange(oversampling) - (oversampling - 1) / 2) / oversampling
@@ -150,8 +149,3 @@ def world(bumpy, rotations) -> World:
 def build():
     """The world's maker, for tests that want another one."""
     return make_world
-
-
-@pytest.fixture(scope="session")
-def tilt():
-    return rotation_from_vector
