@@ -18,7 +18,7 @@ from typing import Any
 from lab.progress import say
 from lab.rooms import ROOMS, ROOT
 from scene.errors import SceneError
-from scene.files import write_json
+from scene.files import TEMPORARY, write_json
 from scene.store import Store
 
 
@@ -88,8 +88,9 @@ class Job:
             return
         say(f"{wanted} ...")
         start = time.perf_counter()
-        # Forgotten first: a run that is killed in the middle must not find the old mark on new files.
-        self._record(wanted, None)
+        # Forgotten first, with all that was made from it: a run that is killed in the middle, or that stops after
+        # this step, must find neither the old mark on new files nor old results beside new ones.
+        self._forget(steps, wanted)
         outcome = step.work(self)
         seconds = time.perf_counter() - start
         self._record(
@@ -99,12 +100,20 @@ class Job:
         warned = f", {len(outcome.warnings)} warnings" if outcome.warnings else ""
         say(f"{wanted}: {seconds:.1f} s{warned}")
 
-    def _record(self, step: str, entry: dict[str, Any] | None) -> None:
-        if entry is None:
-            if self.done.pop(step, None) is None:
-                return
-        else:
-            self.done[step] = entry
+    def _record(self, step: str, entry: dict[str, Any]) -> None:
+        self.done[step] = entry
+        self._save()
+
+    def _forget(self, steps: dict[str, Step], wanted: str) -> None:
+        """Drop a step and every step that needs it, directly or not."""
+        stale = {wanted}
+        while more := {name for name, step in steps.items() if stale & set(step.needs)} - stale:
+            stale |= more
+        if stale & set(self.done):
+            self.done = {name: entry for name, entry in self.done.items() if name not in stale}
+            self._save()
+
+    def _save(self) -> None:
         write_json(self.store.path("steps.json"), self.done)
         # What is kept in memory must be what a later run reads.
         self.done = self.store.read_json("steps.json")
@@ -138,7 +147,8 @@ def locked(folder: Path) -> Iterator[None]:
             raise SceneError(f"{folder}: another run is writing here. Wait for it, or choose another --out.") from None
         # What a killed run left behind: nobody else is writing now.
         for path in folder.rglob(".*.tmp"):
-            path.unlink()
+            if TEMPORARY.match(path.name) and path.is_file():
+                path.unlink()
         yield
 
 

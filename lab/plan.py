@@ -10,7 +10,16 @@ from lab.job import Job, Step
 def _frame_inputs(job: Job) -> list[Any]:
     session = job.session
     files = (session.flash, session.ambient, session.dark, session.flat)
-    return [*files, session.encoding, session.half, session.skip, session.camera]
+    coding = (session.encoding, session.encoding_stated, session.half, session.skip, session.layout)
+    # A scan wants a camera: whether there is one decides what `check` accepts.
+    return [*files, *coding, session.camera, session.scan is None]
+
+
+def _light_inputs(job: Job) -> list[Any]:
+    session, file = job.session, job.session.lights_file
+    # DiLiGenT's directions have their intensities and names beside them.
+    beside = [] if file is None else [file.with_name("light_intensities.txt"), file.with_name("filenames.txt")]
+    return [session.spheres, file, *beside]
 
 
 def _object_inputs(job: Job) -> list[Any]:
@@ -18,13 +27,31 @@ def _object_inputs(job: Job) -> list[Any]:
     return [session.mask, session.scan, session.scan_unit, session.normals]
 
 
-def _methods_done(job: Job, *parts: str) -> list[Path]:
-    return [job.store.path(*parts, "normals", f"{method}.npy") for method in job.methods]
+def _judged_by(job: Job) -> list[Any]:
+    return [job.methods, *([] if job.truth is None else [job.truth / "truth.json", job.truth / "truth.npz"])]
 
 
-def _twin_done(job: Job) -> list[Path]:
-    return _methods_done(job, "twin") if job.store.path("pose.json").exists() else []
+def _paths(job: Job, *names: str) -> list[Path]:
+    return [job.store.path(*name.split("/")) for name in names]
 
+
+def _aligned(job: Job) -> list[Path]:
+    truth = ("normals/truth.npy", "normals/truth.png", "normals/truth_sigma.npy")
+    has_truth = job.session.scan or job.session.normals
+    has_pose = job.session.scan and not job.session.normals
+    return _paths(job, "mask.png", *(truth if has_truth else ()), *(("pose.json",) if has_pose else ()))
+
+
+def _solved(job: Job, *place: str) -> list[Path]:
+    kinds = (("normals", "npy"), ("normals", "png"), ("albedo", "npy"))
+    return [job.store.path(*place, folder, f"{name}.{end}") for name in job.methods for folder, end in kinds]
+
+
+def _rendered(job: Job) -> list[Path]:
+    return [*_paths(job, "twin/session.toml"), *_solved(job, "twin")] if job.store.path("pose.json").exists() else []
+
+
+LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
 
 STEPS = {
     step.name: step
@@ -34,25 +61,19 @@ STEPS = {
             steps.check,
             (),
             _frame_inputs,
-            lambda job: [job.store.path("frames", "codes.npy"), job.store.path("camera.json")],
+            lambda job: _paths(job, "frames/codes.npy", "frames/frames.json", "camera.json"),
         ),
         Step(
             "calibrate",
             steps.calibrate,
             ("check",),
-            lambda job: [job.session.spheres, job.session.lights_file],
-            lambda job: [job.store.path("lights.json"), job.store.path("calibration.json")],
+            _light_inputs,
+            lambda job: _paths(job, "calibration.json", "spheres.json", *LIGHTS),
         ),
-        Step("align", steps.align, ("calibrate",), _object_inputs, lambda job: [job.store.path("mask.png")]),
-        Step("solve", steps.solve, ("align",), lambda job: job.methods, lambda job: _methods_done(job)),
-        Step("twin", steps.twin, ("solve",), lambda job: job.methods, _twin_done),
-        Step(
-            "compare",
-            steps.compare,
-            ("twin",),
-            lambda job: [job.methods, job.truth],
-            lambda job: [job.store.path("compare")],
-        ),
+        Step("align", steps.align, ("calibrate",), _object_inputs, _aligned),
+        Step("solve", steps.solve, ("align",), lambda job: job.methods, _solved),
+        Step("twin", steps.twin, ("solve",), lambda job: job.methods, _rendered),
+        Step("compare", steps.compare, ("twin",), _judged_by, lambda job: []),
     )
 }
 """In the order in which data flow."""

@@ -7,6 +7,7 @@ import contextlib
 import errno
 import json
 import os
+import re
 from collections.abc import Iterator
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -64,6 +65,10 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
             temporary.unlink()
 
 
+TEMPORARY = re.compile(r"^\..+\.\d+\.tmp$")
+"""Names of unfinished files: a dot, the name, the writer's process number, .tmp."""
+
+
 def _temporary(path: Path) -> Path:
     return path.with_name(f".{path.name}.{os.getpid()}.tmp")
 
@@ -82,16 +87,19 @@ def _disk_error(path: Path, error: OSError) -> Exception:
 
 
 def write_json(path: Path, data: Any) -> None:
+    """Write arrays, paths, dataclasses and plain values as JSON; NaN and infinity become null."""
     with write_whole(path) as file:
         file.write(json.dumps(_plain(data), indent=1, allow_nan=False).encode() + b"\n")
 
 
 def write_text(path: Path, text: str) -> None:
+    """Write UTF-8 text."""
     with write_whole(path) as file:
         file.write(text.encode())
 
 
 def write_npy(path: Path, array: NDArray) -> None:
+    """Write a .npy file; never pickled objects."""
     with write_whole(path) as file:
         np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
 

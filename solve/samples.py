@@ -22,8 +22,6 @@ class Samples:
 
     Parameters
     ----------
-    rows, columns : (P,) int64
-        Where the pixels are.
     gray : (P, F) float32
         Weighted over channels, each divided by its light's intensity.
     color : (P, F, 3) float32
@@ -34,8 +32,6 @@ class Samples:
         Camera frame, mm: the pixels' rays at the depth of the lights' reference point.
     """
 
-    rows: NDArray[np.int64]
-    columns: NDArray[np.int64]
     gray: NDArray[np.float32]
     color: NDArray[np.float32]
     valid: NDArray[np.bool_]
@@ -54,10 +50,10 @@ def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:
 
 
 def read_samples(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_], rows: slice) -> Samples:
-    """Return the samples of the mask's pixels in a row band, read frame by frame."""
-    row, column = np.nonzero(mask[rows])
+    """Return the samples of the pixels of a row band, in the order of its mask (h, W), read frame by frame."""
+    row, column = np.nonzero(mask)
     box = slice(int(column.min()), int(column.max()) + 1)
-    inside = mask[rows, box]
+    inside = mask[:, box]
     color = np.empty((len(row), len(frames), 3), np.float32)
     valid = np.empty((len(row), len(frames)), bool)
     for index in range(len(frames)):
@@ -65,11 +61,8 @@ def read_samples(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[n
         valid[:, index] = ~frames.saturated(rows, [index], columns=box)[0][inside]
     weights = (GRAY / lights.intensities).astype(np.float32)
     gray = np.einsum("pfc,fc->pf", color, weights)
-    row = row + rows.start
-    pixels = np.stack([column, row], -1)
-    depth = lights.reference_point_mm[2]
-    points = camera.points_at_depth(pixels, depth)
-    return Samples(row, column, gray, color, valid, points)
+    pixels = np.stack([column, row + rows.start], -1)
+    return Samples(gray, color, valid, camera.points_at_depth(pixels, lights.reference_point_mm[2]))
 
 
 def scale_of(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> float:

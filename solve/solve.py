@@ -1,10 +1,12 @@
 """Run a method over a stack, band by band."""
 
 import importlib
+import os
 import time
 from collections.abc import Callable
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import nullcontext
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +20,6 @@ from scene.normals import unit
 
 METHODS = ("ls", "iterative")
 """Calibrated methods, each a module of this folder with `SETTINGS` and `fit`."""
-
-LABELS = {"ls": "Lsq", "iterative": "Iter Lsq"}
-"""The seed's names."""
 
 
 def solve(
@@ -70,53 +69,67 @@ def solve(
     if not mask.any():
         raise SceneError("solve: the object's mask is empty. Give one under [object] mask in session.toml.")
     lights.check()
-    module = importlib.import_module(f"solve.{method}")
     from solve.samples import bands, scale_of
 
-    _compile(module, frames, lights, camera, mask)
+    _compile(method, frames, lights, camera, mask)
     start = time.perf_counter()
     scale = scale_of(frames, lights, mask)
     normals = np.full((*mask.shape, 3), np.nan, np.float32)
     albedo = np.full((*mask.shape, 3), np.nan, np.float32)
     samples = np.zeros(mask.shape, np.uint16)
     parts = list(bands(frames, mask))
-    with nullcontext(executor) if executor else ThreadPoolExecutor() as pool:
+    workers = os.cpu_count() or 1
+    with nullcontext(executor) if executor else ThreadPoolExecutor(workers) as pool:
         assert pool is not None
-        waiting = [pool.submit(_solve_band, module, frames, lights, camera, mask, rows, scale) for rows in parts]
+        # A window of bands at a time: results that wait for their turn would add up to another set of maps.
+        waiting: set[Future] = set()
+        todo = iter(parts)
+        done = 0
         try:
-            for done, future in enumerate(as_completed(waiting), 1):
-                row, column, n, a, used = future.result()
-                normals[row, column], albedo[row, column], samples[row, column] = n, a, used
-                if progress:
-                    progress(done, len(parts))
+            while True:
+                for rows in islice(todo, 2 * workers - len(waiting)):
+                    band = mask[rows]
+                    waiting.add(pool.submit(_solve_band, method, frames, lights, camera, band, rows, scale))
+                if not waiting:
+                    break
+                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                while finished:
+                    rows, n, a, used = finished.pop().result()
+                    inside = mask[rows]
+                    normals[rows][inside], albedo[rows][inside], samples[rows][inside] = n, a, used
+                    done += 1
+                    if progress:
+                        progress(done, len(parts))
         except BaseException:
             for future in waiting:
                 future.cancel()
             raise
+    settings = dict(importlib.import_module(f"solve.{method}").SETTINGS)
     return Estimate(
         method,
         normals,
         albedo,
         samples,
         time.perf_counter() - start,
-        dict(module.SETTINGS),
+        settings,
         _doubts(mask, normals, samples),
     )
 
 
-def _compile(module, frames, lights, camera, mask) -> None:
+def _compile(method, frames, lights, camera, mask) -> None:
     """Solve one pixel, so that compiling the kernels does not count as the method's time."""
-    one = np.zeros_like(mask)
     row, column = np.unravel_index(int(mask.argmax()), mask.shape)
-    one[row, column] = True
-    _solve_band(module, frames, lights, camera, one, slice(int(row), int(row) + 1), 1.0)
+    one = np.zeros((1, mask.shape[1]), bool)
+    one[0, column] = True
+    _solve_band(method, frames, lights, camera, one, slice(int(row), int(row) + 1), 1.0)
 
 
-def _solve_band(module, frames, lights, camera, mask, rows, scale):
-    """Return rows, columns, normals, albedo and sample counts of one band."""
+def _solve_band(method, frames, lights, camera, mask, rows, scale):
+    """Return the rows, and normals, albedo and sample counts of the pixels of their mask (h, W), in its order."""
     from solve.kernels import albedo_given_normal
     from solve.samples import read_samples
 
+    module = importlib.import_module(f"solve.{method}")
     part = read_samples(frames, lights, camera, mask, rows)
     is_near = lights.positions_mm is not None
     positions = lights.positions_mm if is_near else np.zeros_like(lights.directions)
@@ -126,7 +139,7 @@ def _solve_band(module, frames, lights, camera, mask, rows, scale):
     normals = unit(b)
     albedo = albedo_given_normal(part.color, used, part.points, normals, *geometry, lights.intensities)
     count = np.where(np.isfinite(normals[:, 0]), used.sum(1), 0)
-    return part.rows, part.columns, normals.astype(np.float32), albedo, count.astype(np.uint16)
+    return rows, normals.astype(np.float32), albedo, count.astype(np.uint16)
 
 
 def _doubts(mask: NDArray[np.bool_], normals: NDArray, samples: NDArray) -> tuple[str, ...]:
