@@ -5,7 +5,6 @@ cast in the mesh's own coordinates, moved to the middle of the mesh, so that a s
 origin loses no digits.
 """
 
-import ctypes
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.pose import Pose
+from scene.ray_casting import import_open3d
 
 Array = NDArray[np.float64]
 
@@ -105,15 +105,3 @@ class RayCaster:
         origins, directions = camera.rays(pixels)
         back = pose.inverse()
         return self.cast(back.apply(origins), back.rotate(directions))
-
-
-def import_open3d() -> Any:
-    """Import Open3D where libusb-1.0 is not installed, as on a bare machine, too."""
-    import libusb_package
-
-    library = libusb_package.get_library_path()
-    if library is not None:
-        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    import open3d
-
-    return open3d

@@ -131,7 +131,7 @@ def calibrate(
     white_value = None
     if skins:
         intensities, intensity_sigma, ambient = intensities_from_white(
-            frames, skins, meter, reference, flags, evidence, warnings
+            frames, skins, meter, reference, evidence, warnings
         )
         white_value = np.ones(3)
     else:
@@ -160,14 +160,22 @@ def _with_known(frames, camera, requests, lights: Lights, progress) -> Calibrati
     if len(lights) != len(frames):
         raise CalibrationError(f"lights: {len(lights)} known lights for {len(frames)} flash frames.")
     lights.check()
+    warnings: tuple[str, ...] = ()
+    if lights.positions_mm is not None and camera.is_orthographic and camera.source == "assumed":
+        lights = replace(lights, positions_mm=None)
+        warnings = (
+            "the known lights have positions in mm, but nothing is known of the camera: taken as distant, with the "
+            "directions at their reference point. Add [camera].",
+        )
     evidence = [f"{len(lights)} known lights ({lights.model}), used as they are"]
     if not requests:
-        return Calibration([], lights, np.full((0, len(frames), 2), np.nan), evidence=tuple(evidence))
+        empty = np.full((0, len(frames), 2), np.nan)
+        return Calibration([], lights, empty, evidence=tuple(evidence), warnings=warnings)
     try:
         balls, rejected, notes = find_balls(frames, camera, requests, progress=progress)
     except CalibrationError as error:
         return Calibration(
-            [], lights, np.full((0, len(frames), 2), np.nan), evidence=tuple(evidence), warnings=(str(error),)
+            [], lights, np.full((0, len(frames), 2), np.nan), evidence=tuple(evidence), warnings=(*warnings, str(error))
         )
     shown = np.full((len(balls), len(frames), 2), np.nan)
     for i, ball in enumerate(balls):
@@ -180,7 +188,7 @@ def _with_known(frames, camera, requests, lights: Lights, progress) -> Calibrati
                 target = target / np.linalg.norm(target, axis=1, keepdims=True)
             angle = np.nanmedian(angle_deg(seen, target))
             evidence.append(f"chrome ball {i + 1} sees the known lights {angle:.2f} degrees off (median)")
-    return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), notes)
+    return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), (*warnings, *notes))
 
 
 def _placed(spheres: list[Sphere], evidence: list[str]) -> list[Sphere]:

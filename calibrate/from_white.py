@@ -23,7 +23,6 @@ def intensities_from_white(
     skins: list[Skin],
     meter: tuple[Array, Array | None, Array, Array],
     reference: Array,
-    flags: list[list[str]],
     evidence: list[str],
     warnings: list[str],
 ) -> tuple[Array, Array, Array]:
@@ -57,13 +56,15 @@ def intensities_from_white(
     total = np.sum(weight, axis=0)
     mean = sum(w[:, None] * i / k for w, i, k in zip(weight, intensities, scale, strict=True)) / total[:, None]
     level = mean.mean(1) / np.median(mean.mean(1))
-    for f in np.flatnonzero(level < MISFIRE):
-        flags[f].append(f"misfire: {level[f]:.1%} of the median flash")
-        warnings.append(
-            f"{frames.names[f]}: the flash did not fire (white ball at {level[f]:.1%} of the median). Reshoot, or list "
-            "it under frames.skip."
+    dark = np.flatnonzero(level < MISFIRE)
+    if len(dark):
+        # A light of no strength would have a vote on every pixel, and divide it by nothing.
+        listed = ", ".join(f"{frames.names[f]} ({level[f]:.1%})" for f in dark)
+        raise CalibrationError(
+            f"{listed}: the flash did not fire, or the white ball stood in shadow (in brackets: its brightness, of the "
+            "median frame's). Reshoot, or list the frame under frames.skip."
         )
-    return np.maximum(mean, 1e-9), 1 / np.sqrt(total), ambient[0]
+    return mean, 1 / np.sqrt(total), ambient[0]
 
 
 def compare_with_chrome(

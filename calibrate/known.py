@@ -91,7 +91,8 @@ def _read_text(path: Path, text: str) -> Lights:
     listed = path.with_name("filenames.txt")
     names = tuple(_stem(line) for line in listed.read_text().splitlines() if line.strip()) if listed.is_file() else ()
     if len(names) != len(directions):
-        names = tuple(f"{i}" for i in range(len(directions)))
+        # Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
+        names = tuple(f"(row {i + 1})" for i in range(len(directions)))
     return Lights(names, _unit(path, directions), intensities)
 
 

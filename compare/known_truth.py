@@ -4,6 +4,7 @@ The truth lies beside the session as `truth.json` and `truth.npz`; no step reads
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,9 @@ BARS = {"direction_median_deg": 1.0, "intensity_rms_percent": 3.0, "registration
 """What a session with two chrome balls, a white one and a laser scan must reach."""
 
 
-def known_truth(store: Store, truth_folder: Path, *, mesh: Mesh | None) -> dict[str, dict[str, Any]]:
+def known_truth(
+    store: Store, truth_folder: Path, *, methods: Sequence[str], mesh: Mesh | None
+) -> dict[str, dict[str, Any]]:
     """Compare a session's results with its known truth.
 
     Parameters
@@ -29,6 +32,8 @@ def known_truth(store: Store, truth_folder: Path, *, mesh: Mesh | None) -> dict[
         The output folder, after `align` and `solve`.
     truth_folder : Path
         Holds truth.json and truth.npz.
+    methods : sequence of str
+        Whose normals to judge.
     mesh : Mesh or None
         The scan, for the reprojection error of the pose.
 
@@ -75,15 +80,10 @@ def known_truth(store: Store, truth_folder: Path, *, mesh: Mesh | None) -> dict[
         mask = store.load_mask()
         union = np.count_nonzero(mask | arrays["mask"])
         row("mask_overlap", np.count_nonzero(mask & arrays["mask"]) / union, "", "mask, intersection over union")
-    for path in sorted(store.path("normals").glob("*.npy")):
-        if not path.stem.startswith("truth"):
-            error = angular_error_deg(store.load_normals(path.stem), true_normals)
-            row(
-                f"{path.stem}_median_deg",
-                np.nanmedian(error),
-                "degrees",
-                f"`{path.stem}` against the true normals, median",
-            )
+    for method in methods:
+        error = angular_error_deg(store.load_normals(method), true_normals)
+        text = f"`{method}` against the true normals, median"
+        row(f"{method}_median_deg", np.nanmedian(error), "degrees", text)
     return rows
 
 

@@ -147,6 +147,12 @@ def run_session(
     methods = _methods(method)
     session = load_session(session_path)
     folder = out or Path("out") / session.name
+    inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
+    if any(folder.resolve() == place.resolve() for place in inputs):
+        raise SceneError(
+            f"--out {folder}: the session's own files lie there, and the output has files of the same names. Choose "
+            "another folder; one inside the session's is fine."
+        )
     with locked(folder), _executor(scheduler) as executor:
         job = Job(session, Store(folder), methods, executor, truth)
         arguments = {"verb": wanted, "session": str(session_path), "methods": list(methods)}

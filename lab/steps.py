@@ -8,6 +8,7 @@ import numpy as np
 from lab.job import Job, Outcome
 from lab.progress import progress_bar
 from scene.camera import Camera
+from scene.errors import SessionError
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
@@ -24,6 +25,12 @@ def check(job: Job) -> Outcome:
     with progress_bar("decode") as progress:
         frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
     camera, camera_warnings = camera_of(job.session, report, frames.width, frames.height)
+    if job.session.scan and not job.session.normals and camera.source == "assumed":
+        raise SessionError(
+            f"{job.session.scan.name}: a scan in millimetres cannot be registered to frames of an unknown camera (no "
+            "[camera] in session.toml, no focal length in EXIF). Add [camera] or shots of a ChArUco board, or leave "
+            "object.scan out."
+        )
     job.store.save_camera(camera)
     result = {
         "frames": len(frames),
@@ -50,7 +57,7 @@ def calibrate(job: Job) -> Outcome:
     with progress_bar("calibrate") as progress:
         found = find_lights(frames, camera, requests, known_lights=known, progress=progress)
     store.save_spheres(found.spheres, camera)
-    store.save_lights(found.lights)
+    store.save_lights(found.lights, files=_files(job))
     calibration = {
         "highlights_px": found.highlights_px,
         "rejected": found.rejected,
@@ -86,14 +93,16 @@ def align(job: Job) -> Outcome:
     warnings, result = list(found.warnings), None
     if session.normals:
         result = _given_truth(job, found.mask)
+        if session.scan:
+            warnings.append("object.normals is given: the scan is not registered, and there is no twin.")
         store.save_mask(found.mask)
-        store.save_lights(lights)
+        store.save_lights(lights, files=_files(job))
     elif session.scan:
         result, more = _register(job, frames, camera, lights, found)
         warnings += more
     else:
         store.save_mask(found.mask)
-        store.save_lights(lights)
+        store.save_lights(lights, files=_files(job))
         warnings.append(
             "No scan and no given normals: there is no ground truth, so no error, no twin and no verdict on the "
             'methods. Add [object] scan = "..." to session.toml.'
@@ -120,7 +129,7 @@ def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_ma
     store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
-    store.save_lights(lights.seen_from(found.pose.apply(mesh.center_mm)))
+    store.save_lights(lights.seen_from(found.pose.apply(mesh.center_mm)), files=_files(job))
     result = {
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,
@@ -192,6 +201,7 @@ def twin(job: Job) -> Outcome:
             albedo,
             # The solvers evaluate near lights at this one depth; the scan knows better.
             albedo_depth_mm=float(lights.reference_point_mm[2]),
+            executor=job.executor,
             store=folder,
             progress=progress,
         )
@@ -226,7 +236,11 @@ def _truth_check(job: Job) -> dict:
 
     assert job.truth is not None
     mesh: Mesh | None = load_scan(job.session.scan, job.session.scan_unit) if job.session.scan else None
-    return known_truth(job.store, job.truth, mesh=mesh)
+    return known_truth(job.store, job.truth, methods=job.methods, mesh=mesh)
+
+
+def _files(job: Job) -> tuple[str, ...]:
+    return tuple(path.name for path in job.session.flash)
 
 
 def _material_method(job: Job) -> str:

@@ -101,8 +101,16 @@ class Store:
             for row in self.read_json("spheres.json")
         ]
 
-    def save_lights(self, lights: Lights) -> None:
-        """Write lights.json, and the same as DiLiGenT text and .lp."""
+    def save_lights(self, lights: Lights, *, files: tuple[str, ...] | None = None) -> None:
+        """Write lights.json, and the same as DiLiGenT text and .lp.
+
+        Parameters
+        ----------
+        lights : Lights
+        files : tuple of N str, optional
+            The photographs' file names, for the formats that name files. Default: the frames' names.
+        """
+        files = lights.names if files is None else files
         frames = [
             {
                 "name": lights.names[i],
@@ -127,11 +135,11 @@ class Store:
             return "".join(" ".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
 
         lp = "".join(
-            f"{name} {x:.8f} {y:.8f} {z:.8f}\n" for name, (x, y, z) in zip(lights.names, lights.directions, strict=True)
+            f"{name} {x:.8f} {y:.8f} {z:.8f}\n" for name, (x, y, z) in zip(files, lights.directions, strict=True)
         )
         write_text(self.path("light_directions.txt"), table(lights.directions))
         write_text(self.path("light_intensities.txt"), table(lights.intensities))
-        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in lights.names))
+        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in files))
         write_text(self.path("lights.lp"), f"{len(lights)}\n{lp}")
         write_json(self.path("lights.json"), data)
 

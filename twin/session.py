@@ -94,7 +94,7 @@ def write_session(
         files.append(file)
         if progress is not None:
             progress(index + 1, len(frames))
-    folder.save_lights(lights)
+    folder.save_lights(lights, files=tuple(files))
     folder.save_mask(mask)
     write_npy(folder.path("truth.npy"), truth.astype(np.float32))
     path = folder.path("session.toml")

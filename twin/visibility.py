@@ -1,6 +1,5 @@
 """What the camera sees of a mesh, and what lies inside it: ray casting by Embree, through Open3D."""
 
-import ctypes
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.mesh import Mesh
+from scene.ray_casting import import_open3d
 
 Array = NDArray[np.float64]
 
@@ -86,15 +86,3 @@ def inside(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
         query = open3d.core.Tensor((points[near] - mesh.center_mm).astype(np.float32))
         near[near] = scene.compute_occupancy(query, nsamples=3).numpy() > 0.5
     return near
-
-
-def import_open3d() -> Any:
-    """Import Open3D where libusb-1.0 is not installed, as on a bare machine, too."""
-    import libusb_package
-
-    library = libusb_package.get_library_path()
-    if library is not None:
-        ctypes.CDLL(str(library), mode=ctypes.RTLD_GLOBAL)
-    import open3d
-
-    return open3d

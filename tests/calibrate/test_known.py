@@ -38,6 +38,13 @@ def test_foreign_names_are_taken_in_order_and_flagged(tmp_path):
     assert all("order" in flags[0] for flags in lights.flags)
 
 
+def test_rows_without_names_are_in_order_even_where_frames_are_named_by_number(tmp_path):
+    np.savetxt(tmp_path / "light_directions.txt", DIRECTIONS)
+    np.testing.assert_allclose(read_lights(tmp_path / "light_directions.txt", ("1", "2", "3")).directions, DIRECTIONS)
+    two = read_lights(tmp_path / "light_directions.txt", ("1", "2"), skipped=(2,))
+    np.testing.assert_allclose(two.directions, DIRECTIONS[:2])
+
+
 @pytest.mark.parametrize("skipped", [(0,), (1,), (2,)])
 def test_a_file_without_names_counts_the_skipped_frames(tmp_path, skipped):
     np.savetxt(tmp_path / "light_directions.txt", DIRECTIONS)

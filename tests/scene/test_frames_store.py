@@ -99,6 +99,10 @@ def test_everything_comes_back(tmp_path, images):
     assert back.flags == lights.flags
     assert (tmp_path / "lights.lp").read_text().splitlines()[:2] == ["3", "flash 1 1.00000000 0.00000000 0.00000000"]
     np.testing.assert_array_equal(np.loadtxt(tmp_path / "light_directions.txt"), np.eye(3))
+    store.save_lights(lights, files=("a b.dng", "b.dng", "c.dng"))
+    assert (tmp_path / "filenames.txt").read_text().splitlines() == ["a b.dng", "b.dng", "c.dng"]
+    assert (tmp_path / "lights.lp").read_text().splitlines()[1] == "a b.dng 1.00000000 0.00000000 0.00000000"
+    assert store.load_lights().names == lights.names
 
     spheres = [Sphere("white", np.array([3.0, 4.0]), 2.5, 70.0, 0.1, 0.9)]
     store.save_spheres(spheres, camera)

@@ -1,0 +1,129 @@
+"""Laws of resuming, on steps that cost nothing."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+
+from capture.session import Session, SphereSpec
+from lab.job import Job, Outcome, Step
+from lab.plan import STEPS
+from scene.camera import Camera
+from scene.store import Store
+
+
+class Bench:
+    """Three steps a -> b -> c; each writes a file and counts its runs."""
+
+    def __init__(self, folder):
+        self.folder, self.ran = folder, []
+        self.values = {"a": 1, "b": 1, "c": 1}
+        self.fails = False
+        self.steps = {name: self.step(name, needs) for name, needs in (("a", ()), ("b", ("a",)), ("c", ("b",)))}
+
+    def step(self, name, needs):
+        def work(job):
+            self.ran.append(name)
+            if self.fails and name == "b":
+                raise KeyboardInterrupt
+            self.folder.joinpath(name).write_text(name)
+            return Outcome({"name": name}, [])
+
+        return Step(name, work, needs, lambda _: [self.values[name]], lambda _: [self.folder / name])
+
+    def run(self, wanted="c"):
+        self.ran.clear()
+        # A new job each time, as a new command has.
+        job = Job(None, Store(self.folder), ())
+        job.run(self.steps, wanted)
+        return "".join(self.ran)
+
+
+@pytest.fixture
+def bench(tmp_path):
+    return Bench(tmp_path)
+
+
+def test_what_is_done_is_not_done_again(bench):
+    assert bench.run() == "abc"
+    assert bench.run() == ""
+
+
+@pytest.mark.parametrize(("changed", "again"), [("a", "abc"), ("b", "bc"), ("c", "c")])
+def test_a_changed_input_runs_its_step_and_all_after_it(bench, changed, again):
+    bench.run()
+    bench.values[changed] = 2
+    assert bench.run() == again
+    assert bench.run() == ""
+
+
+@pytest.mark.parametrize(("lost", "again"), [("a", "abc"), ("b", "bc"), ("c", "c")])
+def test_a_lost_file_comes_back_and_what_was_made_from_it_is_made_anew(bench, lost, again):
+    """A step that runs again may write other files although its inputs read the same."""
+    bench.run()
+    (bench.folder / lost).unlink()
+    assert bench.run() == again
+
+
+def test_a_step_run_alone_leaves_no_old_results_beside_its_new_ones(bench):
+    bench.run()
+    bench.values["a"] = 2
+    assert bench.run("a") == "a"
+    assert set(Store(bench.folder).read_json("steps.json")) == {"a"}
+    assert bench.run() == "bc"
+
+
+def test_a_stopped_run_goes_on_where_it_was(bench):
+    bench.run()
+    bench.values["b"], bench.fails = 2, True
+    with pytest.raises(KeyboardInterrupt):
+        bench.run()
+    bench.values["b"], bench.fails = 1, False
+    assert bench.run() == "bc"
+
+
+def session(folder):
+    def file(name):
+        path = folder / name
+        path.write_text(name)
+        return path
+
+    return Session(
+        "name", folder, (file("f"),), ("f",), (0,), (file("a"),), (file("d"),), (file("t"),), camera=None,
+        lights_file=file("light_directions.txt"), mask=file("m"), scan=file("s"), normals=file("n"),
+    )  # fmt: skip
+
+
+OTHER = {
+    "ambient": (), "dark": (), "flat": (), "encoding": "srgb", "encoding_stated": False, "half": True, "skip": ("x",),
+    "flash": (), "camera": Camera(9, 9, 9.0, 9.0, 4.0, 4.0), "spheres": (SphereSpec("white"),), "lights_file": None,
+    "mask": None, "scan": None, "scan_unit": "m", "normals": None, "layout": "diligent",
+}  # fmt: skip
+NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
+"""What follows from the others, or changes no pixel."""
+
+
+def marks(session, folder):
+    job = Job(session, Store(folder), ("ls",))
+    found = {}
+    for name, step in STEPS.items():
+        found[name] = job._fingerprint(step)
+        job.done[name] = {"fingerprint": found[name]}
+    return found
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(Session) if field.name not in NO_INPUT])
+def test_every_word_of_a_session_counts(tmp_path, name):
+    """Whatever the user edits in session.toml, some step notices, and with it the last."""
+    before = session(tmp_path)
+    plain = marks(before, tmp_path)
+    assert marks(before, tmp_path) == plain
+    assert marks(replace(before, **{name: OTHER[name]}), tmp_path)["compare"] != plain["compare"]
+
+
+@pytest.mark.parametrize("name", ["f", "a", "d", "t", "light_directions.txt", "light_intensities.txt", "m", "s", "n"])
+def test_every_file_of_a_session_counts(tmp_path, name):
+    before = session(tmp_path)
+    plain = marks(before, tmp_path)
+    Path(tmp_path / name).write_text("something else")
+    assert marks(before, tmp_path)["compare"] != plain["compare"]
