@@ -125,6 +125,12 @@ def decode(
             ]
             facts = fan_out(develop, jobs, executor=executor, done=steps.done)
             saturation, ceiling_warnings = _saturation(facts, first.codes.dtype)
+            if ceiling_warnings and recipe.is_corrected:
+                # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
+                steps.total += len(jobs)
+                recipe = replace(recipe, saturation=saturation)
+                jobs = [replace(job, recipe=recipe) for job in jobs]
+                facts = fan_out(develop, jobs, executor=executor, done=steps.done)
             is_mosaic = any(fact.is_mosaic for fact in facts)
             frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
             warnings = ceiling_warnings + audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)

@@ -1,16 +1,16 @@
 """One photograph to one frame of the store: read, check, take off the dark frame, divide by the flat field."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.facts import FrameFacts, facts_of
+from capture.facts import FrameFacts, facts_of, reduced
 from capture.globs import kind_of
 from capture.images import FLOAT16_MAX, Encoding, read_image
-from capture.photograph import CLIPPED_CODE, Photograph
+from capture.photograph import SATURATION, Photograph
 from capture.raw import read_raw
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE
@@ -35,6 +35,8 @@ class Recipe:
         DN from black to white of the session's first RAW file.
     dark, flat : Path or None
         (H, W, 3) float32 .npy: subtracted; divided by.
+    saturation : float
+        Linear value from which a sample is clipped, where the sensor is known to end below the files' white.
     """
 
     encoding: Encoding
@@ -45,6 +47,11 @@ class Recipe:
     sensor_range: float | None = None
     dark: Path | None = None
     flat: Path | None = None
+    saturation: float = SATURATION
+
+    @property
+    def is_corrected(self) -> bool:
+        return self.dark is not None or self.flat is not None
 
 
 @dataclass(frozen=True)
@@ -87,21 +94,30 @@ def read_photograph(file: Path, recipe: Recipe) -> Photograph:
 def develop(job: Job) -> FrameFacts:
     """Decode a photograph into the store; see `Job`. Doing it twice gives the same file."""
     photograph = job.read or read_photograph(job.file, job.recipe)
-    codes = photograph.codes
-    if job.recipe.dark or job.recipe.flat:
-        codes = corrected(codes, _load(job.recipe.dark), _load(job.recipe.flat))
+    codes, recipe = photograph.codes, job.recipe
+    # Where the sensor ends shows only before each pixel is divided by a number of its own.
+    facts = facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
+    if recipe.is_corrected:
+        limit = min(recipe.saturation, SATURATION * photograph.white)
+        codes = corrected(codes, _load(recipe.dark), _load(recipe.flat), limit)
+        small = reduced(codes)
+        facts = replace(facts, small=small, mean=float(small.mean()))
     # A map of its own, gone with the unit: pages of one shared map would count as this process's memory for long.
     place = np.memmap(job.out, dtype=codes.dtype, mode="r+", offset=job.offset, shape=codes.shape)
     place[:] = codes
-    return facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
+    return facts
 
 
 def _load(path: Path | None) -> NDArray | None:
     return None if path is None else np.load(path, mmap_mode="r")
 
 
-def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None) -> NDArray:
-    """Return codes of (linear - dark) / flat; what was clipped stays clipped, whatever the flat field makes of it."""
+def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None, saturation: float) -> NDArray:
+    """Return codes of (linear - dark) / flat; what was clipped, from `saturation` on, gets the highest code.
+
+    So a clipped sample stays one, and since a flat field only lowers values (see `flat_field`), no other becomes one.
+    """
+    limit = round(saturation * (WHITE - PEDESTAL)) + PEDESTAL
     out = np.zeros_like(codes)
     for start in range(0, len(codes), 256):
         rows = slice(start, start + 256)
@@ -112,7 +128,7 @@ def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None) -> NDA
             linear /= flat[rows]
         out[rows] = recoded(linear, codes.dtype)
         if codes.dtype == np.uint16:
-            out[rows][codes[rows] >= CLIPPED_CODE] = 65535
+            out[rows][codes[rows] >= limit] = 65535
     return out
 
 
@@ -135,7 +151,10 @@ def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: Recipe
 
 
 def flat_field(mean: NDArray[np.float32], dark: NDArray | None, name: str) -> NDArray[np.float32]:
-    """Return the divisor that evens out lens and sensor: the flat frame less dark, each channel's mean 1.
+    """Return the divisor that evens out lens and sensor: the flat frame less dark, each channel by its own mean.
+
+    All of it is scaled so that its darkest place (the 0.1 % quantile) is 1. A divisor below 1 would lift good samples
+    above white, where neither a code nor `Frames.saturation` could tell them from clipped ones.
 
     Raises
     ------
@@ -155,4 +174,4 @@ def flat_field(mean: NDArray[np.float32], dark: NDArray | None, name: str) -> ND
         )
     if clipped > 0.001:
         raise CaptureError(f"frames.flat: {name} is overexposed ({clipped:.1%} of it is clipped). Shoot it darker.")
-    return np.maximum(relative, 0.02).astype(np.float32)
+    return (np.maximum(relative, 0.02) / low).astype(np.float32)

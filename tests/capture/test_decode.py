@@ -137,7 +137,9 @@ def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
     for name, image in (("dark", offset), ("flat", 0.7 * vignette + offset)):
         write_png(folder / f"{name}.png", (image * 65535).round().astype(np.uint16))
     frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
+    # Even light would come out as bright as the flat field's darkest place, so that nothing is lifted above white.
     scale = vignette.mean((0, 1))
+    scale = scale * np.quantile((vignette / scale)[::4, ::4], 0.001)
     clean = np.ones((60, 80), bool)
     clean[40:44, 10:14] = False
     for i in range(5):
@@ -145,6 +147,31 @@ def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
     assert frames.saturated(frames=[3])[0, 40:44, 10:14].all(), "what was clipped stays clipped"
     assert frames.saturated().sum() == 16
     assert files_of(tmp_path / "out") == ["codes.npy", "frames.json"]
+
+
+@pytest.mark.parametrize("white", [15200, 16383])
+def test_a_flat_field_hides_no_clipped_sample(tmp_path, write_dng, mosaic, scene_pictures, white):
+    """The header says 16383; wherever the sensor ends, what it clipped is flagged, and nothing else is."""
+    v, u = np.mgrid[-1:1:96j, -1:1:128j]
+    vignette = (1 / (1 + 0.6 * (u * u + v * v)))[..., None] * np.ones(3)
+    truth = scene_pictures(6, shape=(96, 128)) * 3.5
+    ceiling = (white - 512) * DN
+    for i, picture in enumerate(truth):
+        write_dng(tmp_path / f"flash_{i}.dng", mosaic(np.minimum(picture * vignette, ceiling)))
+    write_dng(tmp_path / "flat.dng", mosaic(0.7 * vignette))
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "flash_*.dng"\nhalf = true\nflat = "flat.dng"\n')
+    frames, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    assert any("the sensor clips there" in text for text in report.warnings) == (white == 15200)
+    # A superpixel is the mean of four places; those near the limit may go either way.
+    seen = (truth * vignette).reshape(6, 48, 2, 64, 2, 3)
+    clipped = (seen.min((2, 4)) >= ceiling).any(-1)
+    good = (seen.max((2, 4)) < 0.95 * ceiling).all(-1)
+    assert clipped.mean() > 0.05
+    assert good.mean() > 0.4
+    assert frames.saturated()[clipped].all()
+    lifted = (truth.reshape(6, 48, 2, 64, 2, 3).mean((2, 4)) > 1).any(-1)
+    assert (good & lifted).sum() > 20, "as bright as clipped ones, in a dark corner"
+    assert frames.saturated()[good].mean() < 0.001
 
 
 def test_a_flat_frame_that_cannot_do(picture_session, scene_pictures, tmp_path):
