@@ -213,7 +213,8 @@ def _ambient(
     gain = [1.0 if not reference or not e.exposure else reference / e.exposure for e in exif]
     mean = _mean(session.ambient, gain, recipe, steps)
     if recipe.dark:
-        mean -= np.load(recipe.dark, mmap_mode="r")
+        # Each ambient frame holds the dark frame once, before its gain.
+        mean -= np.load(recipe.dark, mmap_mode="r") * np.float32(np.mean(gain))
     if recipe.flat:
         mean /= np.load(recipe.flat, mmap_mode="r")
     return recoded(mean, np.dtype(recipe.dtype)), exif
