@@ -1,5 +1,6 @@
 """What calibration and alignment are given of a session: the balls asked for, the object's mask."""
 
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,14 +9,16 @@ from numpy.typing import NDArray
 
 from capture.session import Session, SphereSpec
 from scene.camera import Camera
-from scene.errors import SceneError, SessionError
+from scene.errors import CaptureError, SceneError, SessionError
 from scene.files import write_json
 from scene.frames import PEDESTAL, Frames
 from scene.spheres import SphereRequest
 from scene.store import Store
 
 
-def sphere_requests(session: Session, store: Store) -> list[SphereRequest]:
+def sphere_requests(
+    session: Session, store: Store, *, executor: Executor | None = None
+) -> tuple[list[SphereRequest], tuple[str, ...]]:
     """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded.
 
     Parameters
@@ -23,7 +26,15 @@ def sphere_requests(session: Session, store: Store) -> list[SphereRequest]:
     session : Session
     store : Store
         Holds the session's frames already. A ball that was shot apart gets frames of its own in
-        spheres/<n>/frames; they are used again while they are newer than the photographs.
+        spheres/<n>/frames; they are used again while neither its photographs nor the session's frames change.
+    executor : Executor or None
+        Where balls' photographs are decoded; see `capture.decode.decode`.
+
+    Returns
+    -------
+    requests : list of SphereRequest
+    warnings : tuple of str
+        What the audit says of balls' own photographs, each after the ball's key.
 
     Raises
     ------
@@ -34,13 +45,18 @@ def sphere_requests(session: Session, store: Store) -> list[SphereRequest]:
     """
     header = store.load_frames()
     decoded: dict[tuple[Path, ...], Frames] = {}
-    requests = []
+    requests, warnings = [], []
     for i, spec in enumerate(session.spheres):
         key = f"spheres[{i}]"
         if spec.frames and spec.frames not in decoded:
-            decoded[spec.frames] = _frames_apart(
-                session, spec, Store(store.path("spheres", str(i))), store.path("frames", "frames.json")
+            decoded[spec.frames], found = _frames_apart(
+                session,
+                spec,
+                Store(store.path("spheres", str(i))),
+                store.path("frames", "frames.json"),
+                executor=executor,
             )
+            warnings += [f"{key}: {text}" for text in found]
         frames = decoded.get(spec.frames)
         if frames is not None and (frames.height, frames.width) != (header.height, header.width):
             raise SessionError(
@@ -60,7 +76,7 @@ def sphere_requests(session: Session, store: Store) -> list[SphereRequest]:
                 )
         mask = read_mask(spec.mask, header.height, header.width) if spec.mask else None
         requests.append(SphereRequest(spec.kind, spec.diameter_mm, center, radius, mask, frames))
-    return requests
+    return requests, tuple(warnings)
 
 
 def _hint_scale(session: Session, width: int) -> int:
@@ -70,22 +86,33 @@ def _hint_scale(session: Session, width: int) -> int:
     return 1 if isinstance(session.camera, Camera) and session.camera.width == width else 2
 
 
-def _frames_apart(session: Session, spec: SphereSpec, store: Store, session_header: Path) -> Frames:
-    """Return the photographs of a ball that was shot apart, decoded as the session's own."""
+def _frames_apart(
+    session: Session, spec: SphereSpec, store: Store, session_header: Path, *, executor: Executor | None
+) -> tuple[Frames, list[str]]:
+    """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
     from capture.decode import decode
 
-    photographs = [str(path) for path in spec.frames]
-    header, source = store.path("frames", "frames.json"), store.path("source.json")
-    if header.exists() and source.exists() and store.read_json("source.json") == photographs:
-        # The session's own frames are decoded again whenever a setting changes; these follow.
-        newest = max(path.stat().st_mtime_ns for path in (*spec.frames, session_header))
-        if header.stat().st_mtime_ns > newest:
-            return store.load_frames()
+    # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:
+    # a photograph that replaces another may well be the older file.
+    stamps = [_stamp(path) for path in (*spec.frames, session_header)]
+    source = store.path("source.json")
+    if store.path("frames", "frames.json").exists() and source.exists():
+        known = store.read_json("source.json")
+        if isinstance(known, dict) and known.get("files") == stamps:
+            return store.load_frames(), known["warnings"]
     # The session's ambient frame shows the object's scene, not the ball's.
-    own = replace(session, flash=spec.frames, ambient=(), skip=(), spheres=())
-    frames, _ = decode(own, store)
-    write_json(source, photographs)
-    return frames
+    own = replace(session, flash=spec.frames, ambient=(), spheres=())
+    frames, report = decode(own, store, executor=executor)
+    write_json(source, {"files": stamps, "warnings": report.warnings})
+    return frames, list(report.warnings)
+
+
+def _stamp(path: Path) -> list[str | int]:
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read ({error.strerror}). Restore the file.") from error
+    return [str(path), status.st_size, status.st_mtime_ns]
 
 
 def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:

@@ -53,7 +53,7 @@ def calibrate(job: Job) -> Outcome:
     session = job.session
     skipped = tuple(set(range(len(session.kept) + len(session.skip))) - set(session.kept))
     known = read_lights(session.lights_file, frames.names, skipped=skipped) if session.lights_file else None
-    requests = sphere_requests(job.session, store)
+    requests, ball_warnings = sphere_requests(session, store, executor=job.executor)
     with progress_bar("calibrate") as progress:
         found = find_lights(frames, camera, requests, known_lights=known, progress=progress)
     store.save_spheres(found.spheres, camera)
@@ -73,7 +73,7 @@ def calibrate(job: Job) -> Outcome:
         "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
         "intensity_sigma_median": _median(lights.intensity_sigma),
     }
-    return Outcome(result, list(found.warnings))
+    return Outcome(result, [*ball_warnings, *found.warnings])
 
 
 def align(job: Job) -> Outcome:

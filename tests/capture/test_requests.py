@@ -1,11 +1,15 @@
 """What calibration and alignment are given: balls asked for, balls shot apart, masks."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from capture.decode import decode
 from capture.requests import read_mask, sphere_requests
-from capture.session import load_session
+from capture.session import SphereSpec, load_session
 from scene.errors import SessionError
 from scene.files import write_png
 from scene.store import Store
@@ -37,7 +41,8 @@ def apart(picture_session, scene_pictures, tmp_path):
 
 def test_a_ball_shot_apart_has_frames_of_its_own(apart):
     session, store, balls = apart('[[spheres]]\nkind = "white"\ndiameter_mm = 70\nframes = "ball_*.png"')
-    chrome, white = sphere_requests(session, store)
+    (chrome, white), warnings = sphere_requests(session, store)
+    assert warnings == ()
     assert (chrome.kind, white.kind, white.diameter_mm) == ("chrome", "white", 70)
     assert chrome.frames is white.frames, "decoded once"
     assert chrome.frames is not None
@@ -54,13 +59,44 @@ def test_it_is_decoded_again_only_when_something_changed(apart):
     sphere_requests(session, store)
     assert codes.stat().st_mtime_ns == first
     linear_png(session.spheres[0].frames[1], balls[0] * 0.5)
-    (request,) = sphere_requests(session, store)
+    (request,), _ = sphere_requests(session, store)
     assert request.frames is not None
     assert np.abs(request.frames.frame(1) - balls[0] * 0.5).max() < 2e-5
     second = codes.stat().st_mtime_ns
     decode(session, store)
     sphere_requests(session, store)
     assert codes.stat().st_mtime_ns > second, "the session was decoded anew: a setting may have changed"
+
+
+def test_an_older_photograph_replaces_a_newer_one(apart):
+    session, store, balls = apart()
+    sphere_requests(session, store)
+    victim = session.spheres[0].frames[1]
+    linear_png(victim, balls[0] * 0.5)
+    os.utime(victim, ns=(10**18, 10**18))
+    (request,), _ = sphere_requests(session, store)
+    assert request.frames is not None
+    assert np.abs(request.frames.frame(1) - balls[0] * 0.5).max() < 2e-5
+
+
+def test_what_is_suspicious_about_a_ball_is_said_each_time(apart):
+    session, store, _ = apart()
+    ball = session.spheres[0]
+    session = replace(session, spheres=(SphereSpec("white"), ball, ball))
+    ball.frames[2].write_bytes(ball.frames[0].read_bytes())
+    for _ in ("decoded", "used again"):
+        _, warnings = sphere_requests(session, store)
+        (same,) = [text for text in warnings if "the same photograph" in text]
+        assert same.startswith("spheres[1]: flash_000 and flash_003 ")
+
+
+def test_balls_are_decoded_where_one_says(apart):
+    session, store, _ = apart()
+    with ThreadPoolExecutor(1) as executor:
+        submitted = []
+        submit, executor.submit = executor.submit, lambda *job: submitted.append(job) or submit(*job)
+        sphere_requests(session, store, executor=executor)
+    assert len(submitted) == 3
 
 
 def test_a_ball_of_another_size(apart):
@@ -73,7 +109,7 @@ def test_a_ball_of_another_size(apart):
 def test_hints_follow_superpixels(apart, half, center, radius):
     more = '[[spheres]]\nkind = "white"\ncenter_px = [40.5, 20.5]\nradius_px = 10'
     session, store, _ = apart(more, table=f"half = {str(half).lower()}")
-    hint = sphere_requests(session, store)[1]
+    hint = sphere_requests(session, store)[0][1]
     assert hint.center_px == center
     assert hint.radius_px == radius
 
