@@ -84,7 +84,7 @@ class ObjectTable(Table):
 
     mask: str | None = None
     scan: str | None = None
-    scan_unit: Literal["um", "mm", "cm", "m", "inch", "unknown"] = "mm"
+    scan_unit: Literal["m", "cm", "mm", "inch"] = "mm"
     normals: str | None = None
 
 

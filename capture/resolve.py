@@ -11,6 +11,11 @@ from scene.camera import Camera
 if TYPE_CHECKING:
     from capture.manifest import CameraTable, FramesTable, Manifest, SphereTable
 
+# What the rooms behind can read; a test holds these against theirs.
+LIGHTS_SUFFIXES = (".lp", ".json", ".txt")
+SCAN_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+NORMALS_SUFFIXES = (".mat", ".txt", ".npy", ".png")
+
 
 class Resolver:
     """Turns the manifest's strings into paths that exist; collects what is wrong instead of stopping."""
@@ -34,9 +39,7 @@ class Resolver:
                         'as in "flash_*.dng".'
                     )
         kept = self.kept(flash, frames.skip)
-        lights = manifest.lights and self.file(
-            "lights.file", manifest.lights.file, (".lp", ".txt", ".json", ".dome", ".mat")
-        )
+        lights = manifest.lights and self.file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = Session(
             name=manifest.name or self.folder.name,
             folder=self.folder,
@@ -54,9 +57,9 @@ class Resolver:
             spheres=tuple(self.sphere(f"spheres[{i}]", entry, flash, kept) for i, entry in enumerate(manifest.spheres)),
             lights_file=lights or None,
             mask=self.file("object.mask", known.mask),
-            scan=self.file("object.scan", known.scan),
+            scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),
             scan_unit=known.scan_unit,
-            normals=self.file("object.normals", known.normals),
+            normals=self.file("object.normals", known.normals, NORMALS_SUFFIXES),
         )
         return None if self.faults else session
 
@@ -72,7 +75,9 @@ class Resolver:
                 f"{key}: there is no file {path}. " + (f"Did you mean {near[0]}?" if near else "Correct the name.")
             )
         elif suffixes and path.suffix.lower() not in suffixes:
-            self.faults.append(f"{key}: found {path.name}; known are {', '.join(suffixes)}.")
+            self.faults.append(
+                f"{key}: {path.name} cannot be read, its kind is unknown. Give one of {', '.join(suffixes)}."
+            )
         return path
 
     def photographs(self, key: str, patterns: list[str], *, like: list[Path] | None = None) -> list[Path]:

@@ -1,9 +1,13 @@
 """`session.toml` and DiLiGenT folders: every fault at once, nothing guessed."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from capture.globs import natural_key
+from capture.manifest import ObjectTable
+from capture.resolve import LIGHTS_SUFFIXES, NORMALS_SUFFIXES, SCAN_SUFFIXES
 from capture.session import Charuco, load_session
 from scene.camera import Camera
 from scene.errors import SessionError
@@ -169,7 +173,11 @@ def test_all_faults_at_once(folder):
         (FLASH + '[[spheres]]\nkind = "white"\nradius_px = 3', ["spheres[0].center_px: missing"]),
         (FLASH + '[[spheres]]\nkind = "white"\nframes = "ball_[12].png"', ["matches 2 files, frames.flash 3"]),
         (FLASH + '[object]\nmask = "mask.pgn"', ["object.mask: there is no file", "Did you mean mask.png?"]),
-        (FLASH + '[lights]\nfile = "mask.png"', ["lights.file", ".lp"]),
+        (FLASH + '[lights]\nfile = "mask.png"', ["lights.file: mask.png cannot be read", ".lp, .json, .txt"]),
+        (FLASH + '[object]\nscan = "mask.png"', ["object.scan: mask.png cannot be read", ".ply, .obj"]),
+        (FLASH + '[object]\nnormals = "object.ply"', ["object.normals: object.ply cannot be read", ".mat, .txt"]),
+        (FLASH + '[object]\nscan_unit = "um"', ["object.scan_unit: found 'um'", "'inch'"]),
+        (FLASH + '[object]\nscan_unit = "unknown"', ["object.scan_unit: found 'unknown'"]),
         ("version = 2\n" + FLASH, ["version: found 2"]),
     ],
 )
@@ -177,6 +185,24 @@ def test_faults_say_where_and_what_to_do(folder, text, parts):
     message = faults_of(folder, text)
     for part in [*parts, "session.toml"]:
         assert part in message
+
+
+def test_what_is_accepted_is_what_can_be_read(tmp_path):
+    """A file or unit that passes here must not be refused after minutes of decoding; nor the other way round."""
+    from align.given import SUFFIXES as NORMALS
+    from align.scan import SUFFIXES as SCAN
+    from align.scan import UNITS_MM
+    from calibrate.known import read_lights
+    from scene.errors import CalibrationError
+
+    assert set(get_args(ObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
+    assert (set(SCAN_SUFFIXES), set(NORMALS_SUFFIXES)) == (set(SCAN), set(NORMALS))
+    for suffix in (*LIGHTS_SUFFIXES, ".dome", ".mat", ".csv"):
+        path = tmp_path / f"lights{suffix}"
+        path.write_text("no lights")
+        with pytest.raises(CalibrationError) as caught:
+            read_lights(path, ("a",))
+        assert ("are not known" in str(caught.value)) == (suffix not in LIGHTS_SUFFIXES)
 
 
 def test_frames_of_two_kinds(folder):
