@@ -1,6 +1,6 @@
 """The keys of `session.toml`: names, kinds, defaults; every fault told with its key path.
 
-The models hold what is written; `capture/session.py` resolves it against the folder.
+The models hold what is written; `capture/resolve.py` resolves it against the folder.
 """
 
 import copy
