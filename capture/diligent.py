@@ -49,4 +49,5 @@ def load_diligent(folder: Path) -> Session:
         mask=folder / "mask.png" if (folder / "mask.png").is_file() else None,
         normals=truth[0] if truth else None,
         layout="diligent",
+        photographed=len(flash),
     )

@@ -60,6 +60,7 @@ class Resolver:
             scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),
             scan_unit=known.scan_unit,
             normals=self.file("object.normals", known.normals, NORMALS_SUFFIXES),
+            photographed=len(flash),
         )
         return None if self.faults else session
 

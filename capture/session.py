@@ -60,6 +60,8 @@ class Session:
     mask, scan, normals : Path or None
         The object's mask, its laser scan, its ground truth that is already registered.
     layout : "toml" or "diligent"
+    photographed : int
+        How many files `frames.flash` matches, those of skipped frames included.
     """
 
     name: str
@@ -82,6 +84,7 @@ class Session:
     scan_unit: str = "mm"
     normals: Path | None = None
     layout: Literal["toml", "diligent"] = "toml"
+    photographed: int = 0
 
 
 def load_session(path: Path) -> Session:

@@ -87,6 +87,7 @@ def test_every_key_arrives(folder):
     )
     assert session.names == ("flash_10", "flash_9"), "the globs in their order, flash_2 skipped"
     assert session.kept == (0, 2)
+    assert session.photographed == 3
     assert session.ambient == (folder / "dusk.png",)
     assert session.encoding == 1.8
     assert session.half
@@ -100,6 +101,15 @@ def test_every_key_arrives(folder):
         folder / "object.ply",
         "m",
     )
+
+
+def test_one_word_of_skip_may_leave_out_several_frames(folder):
+    for part in ("day", "night"):
+        (folder / part).mkdir()
+        for i in (1, 2):
+            write_png(folder / part / f"f_{i}.png", np.full((4, 6), 9, np.uint8))
+    session = load(folder, '[frames]\nflash = ["day/*.png", "night/*.png"]\nskip = ["f_1"]')
+    assert (session.names, session.kept, session.photographed) == (("day_f_2", "night_f_2"), (1, 3), 4)
 
 
 @pytest.mark.parametrize(
@@ -246,6 +256,7 @@ def test_a_diligent_folder_is_a_session(tmp_path):
     assert session.layout == "diligent"
     assert session.names == ("001", "002", "003")
     assert session.lights_file == tmp_path / "light_directions.txt"
+    assert session.photographed == 3
     assert (session.mask, session.normals) == (tmp_path / "mask.png", tmp_path / "normal.txt")
     assert session.encoding == "linear"
 
