@@ -155,7 +155,7 @@ def run_session(
         )
     with locked(folder), _executor(scheduler) as executor:
         job = Job(session, Store(folder), methods, executor, truth)
-        arguments = {"verb": wanted, "session": str(session_path), "methods": list(methods)}
+        arguments = {"up_to": wanted, "session": str(session_path), "methods": list(methods)}
         job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
         if wanted == "compare":

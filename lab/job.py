@@ -7,6 +7,7 @@ result, its warnings and its seconds.
 import fcntl
 import hashlib
 import json
+import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -45,6 +46,9 @@ class Step:
         Takes the job; returns what goes into the step beside `needs`: paths and plain values.
     outputs : callable
         Takes the job; returns the files that must be there for the step to count as done.
+    owns : tuple of str
+        Files, folders and glob patterns below the output folder that are the step's results: removed before it runs
+        again, or when what it was made from is, so that no old result lies beside new ones.
     """
 
     name: str
@@ -52,6 +56,7 @@ class Step:
     needs: tuple[str, ...]
     inputs: Callable[["Job"], Iterable[Any]]
     outputs: Callable[["Job"], Iterable[Path]]
+    owns: tuple[str, ...] = ()
 
 
 @dataclass
@@ -112,6 +117,9 @@ class Job:
         if stale & set(self.done):
             self.done = {name: entry for name, entry in self.done.items() if name not in stale}
             self._save()
+        for pattern in (pattern for name in stale for pattern in steps[name].owns):
+            for path in self.store.folder.glob(pattern):
+                shutil.rmtree(path) if path.is_dir() else path.unlink()
 
     def _save(self) -> None:
         write_json(self.store.path("steps.json"), self.done)

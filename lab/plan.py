@@ -5,6 +5,7 @@ from typing import Any
 
 from lab import steps
 from lab.job import Job, Step
+from solve.solve import METHODS
 
 
 def _frame_inputs(job: Job) -> list[Any]:
@@ -52,6 +53,8 @@ def _rendered(job: Job) -> list[Path]:
 
 
 LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
+ALIGNED = ("pose.json", "mask.png", "normals/truth*")
+SOLVED = tuple(pattern for name in METHODS for pattern in (f"normals/{name}.*", f"albedo/{name}.*"))
 
 STEPS = {
     step.name: step
@@ -69,11 +72,12 @@ STEPS = {
             ("check",),
             _light_inputs,
             lambda job: _paths(job, "calibration.json", "spheres.json", *LIGHTS),
+            ("calibration.json", "spheres.json", *LIGHTS),
         ),
-        Step("align", steps.align, ("calibrate",), _object_inputs, _aligned),
-        Step("solve", steps.solve, ("align",), lambda job: job.methods, _solved),
-        Step("twin", steps.twin, ("solve",), lambda job: job.methods, _rendered),
-        Step("compare", steps.compare, ("twin",), _judged_by, lambda job: []),
+        Step("align", steps.align, ("calibrate",), _object_inputs, _aligned, ALIGNED),
+        Step("solve", steps.solve, ("align",), lambda job: job.methods, _solved, SOLVED),
+        Step("twin", steps.twin, ("solve",), lambda job: job.methods, _rendered, ("twin",)),
+        Step("compare", steps.compare, ("twin",), _judged_by, lambda job: [], ("compare", "report.html")),
     )
 }
 """In the order in which data flow."""

@@ -1,6 +1,5 @@
 """The verbs: each reads what the steps before it wrote, calls one room, and writes its files."""
 
-import shutil
 from typing import Any
 
 import numpy as np
@@ -51,7 +50,7 @@ def calibrate(job: Job) -> Outcome:
     store = job.store
     frames, camera = store.load_frames(), store.load_camera()
     session = job.session
-    skipped = tuple(set(range(len(session.kept) + len(session.skip))) - set(session.kept))
+    skipped = tuple(set(range(session.photographed)) - set(session.kept))
     known = read_lights(session.lights_file, frames.names, skipped=skipped) if session.lights_file else None
     requests, ball_warnings = sphere_requests(session, store, executor=job.executor)
     with progress_bar("calibrate") as progress:
@@ -82,9 +81,6 @@ def align(job: Job) -> Outcome:
     from capture.requests import read_mask
 
     store, session = job.store, job.session
-    # A scan that was there before and is no longer must not leave its truth behind.
-    for stale in ("pose.json", "normals/truth.npy", "normals/truth.png", "normals/truth_sigma.npy"):
-        store.path(stale).unlink(missing_ok=True)
     frames, camera, lights = store.load_frames(), store.load_camera(), store.load_lights()
     spheres = store.load_spheres()
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
@@ -182,9 +178,9 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
     store, session = job.store, job.session
-    shutil.rmtree(store.path("twin"), ignore_errors=True)
     if not store.path("pose.json").exists():
-        return Outcome({"rendered": False}, ["No registered scan: no twin was rendered."])
+        # Not a warning of its own: that there is no scan, or that it is not used, was said when it was to be aligned.
+        return Outcome({"rendered": False})
     from align.scan import load_scan
     from twin.render import render
     from twin.session import write_session

@@ -39,7 +39,9 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if lights := summary["calibrate"]:
         sigma = lights["direction_sigma_deg_median"]
         known = f", direction sigma {sigma:.2f} degrees" if sigma is not None else ""
-        rows.append(("lights", f"{lights['model']}, from {lights['spheres']} balls{known}"))
+        # Only `align` knows where the object is.
+        place = "" if "align" in summary["seconds"] else "; so far as seen from amid the balls, not from the object"
+        rows.append(("lights", f"{lights['model']}, from {lights['spheres']} balls{known}{place}"))
     if (scan := summary["align"]) and scan.get("residual_px") is not None:
         rows.append(("scan", f"residual {scan['residual_px']:.2f} px, sigma {scan['sigma_deg']:.3f} degrees"))
     if twin := summary["twin"]:

@@ -29,7 +29,7 @@ class Bench:
             self.folder.joinpath(name).write_text(name)
             return Outcome({"name": name}, [])
 
-        return Step(name, work, needs, lambda _: [self.values[name]], lambda _: [self.folder / name])
+        return Step(name, work, needs, lambda _: [self.values[name]], lambda _: [self.folder / name], (f"{name}*",))
 
     def run(self, wanted="c"):
         self.ran.clear()
@@ -70,6 +70,7 @@ def test_a_step_run_alone_leaves_no_old_results_beside_its_new_ones(bench):
     bench.values["a"] = 2
     assert bench.run("a") == "a"
     assert set(Store(bench.folder).read_json("steps.json")) == {"a"}
+    assert not (bench.folder / "b").exists()
     assert bench.run() == "bc"
 
 
