@@ -26,6 +26,7 @@ class Resolver:
 
     def session(self, manifest: "Manifest") -> Session | None:
         frames, known = manifest.frames, manifest.object
+        self.check_name(manifest.name)
         flash = self.photographs("frames.flash", frames.flash)
         others = {
             key: self.photographs(f"frames.{key}", getattr(frames, key) or [], like=flash)
@@ -63,6 +64,13 @@ class Resolver:
             photographed=len(flash),
         )
         return None if self.faults else session
+
+    def check_name(self, name: str | None) -> None:
+        """A name that is a path would put the output folder, which is called after it, anywhere."""
+        if name is not None and (not name.strip(" .") or any(sign in name for sign in "/\\:\0")):
+            self.faults.append(
+                f'name: found "{name}". It becomes a folder\'s name: give a word without / \\ : that is not only dots.'
+            )
 
     def file(self, key: str, name: str | None, suffixes: tuple[str, ...] = ()) -> Path | None:
         if name is None:

@@ -1,5 +1,6 @@
 """`session.toml` and DiLiGenT folders: every fault at once, nothing guessed."""
 
+import json
 from typing import get_args
 
 import numpy as np
@@ -127,6 +128,15 @@ def test_a_board(folder):
     camera = load(folder, FLASH + text).camera
     assert isinstance(camera, Charuco)
     assert (len(camera.files), camera.squares, camera.square_mm) == (3, (11, 8), 15)
+
+
+@pytest.mark.parametrize("name", ["", " ", ".", "..", "../other", "/tmp/x", "a/b", "a\\b", "C:x", "a\0b"])
+def test_names_that_would_lead_elsewhere(folder, name):
+    assert "name: found" in faults_of(folder, f"name = {json.dumps(name)}\n{FLASH}")
+
+
+def test_a_name_may_hold_what_is_no_path(folder):
+    assert load(folder, f'name = "Büste v1.2 (a..b)"\n{FLASH}').name == "Büste v1.2 (a..b)"
 
 
 def test_all_faults_at_once(folder):
