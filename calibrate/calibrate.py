@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.balls import find_balls
+from calibrate.balls import Ball, find_balls
 from calibrate.detect import Rejected
 from calibrate.directions import angle_deg, mirrored_rays
 from calibrate.from_chrome import lights_from_chrome, spread_over_frames
 from calibrate.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.highlight import find_spots
+from calibrate.known import NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -20,6 +21,7 @@ from scene.lights import Lights
 from scene.spheres import Sphere, SphereRequest
 
 Array = NDArray[np.float64]
+EQUALLY_BRIGHT = "no white ball: all flashes are taken as equally bright. 5 % of variation bends normals by 2 degrees."
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,8 @@ def calibrate(
     requests : sequence of SphereRequest
         What the session says of its balls; empty: whatever balls there are.
     known_lights : Lights or None
-        Used as they are; balls, where asked for, are then found for their masks and as a check.
+        Used as they are; balls, where asked for, are then found for their masks and as a check, and a white one
+        for the intensities where the lights' file had none.
     progress : callable or None
         Called with (done, total).
 
@@ -135,9 +138,7 @@ def calibrate(
         )
         white_value = np.ones(3)
     else:
-        warnings.append(
-            "no white ball: all flashes are taken as equally bright. 5 % of variation bends normals by 2 degrees."
-        )
+        warnings.append(EQUALLY_BRIGHT)
     _flag_same(frames.names, directions, positions, flags, warnings)
     lights = Lights(
         frames.names,
@@ -168,15 +169,17 @@ def _with_known(frames, camera, requests, lights: Lights, progress) -> Calibrati
             "directions at their reference point. Add [camera].",
         )
     evidence = [f"{len(lights)} known lights ({lights.model}), used as they are"]
-    if not requests:
-        empty = np.full((0, len(frames), 2), np.nan)
-        return Calibration([], lights, empty, evidence=tuple(evidence), warnings=warnings)
-    try:
-        balls, rejected, notes = find_balls(frames, camera, requests, progress=progress)
-    except CalibrationError as error:
-        return Calibration(
-            [], lights, np.full((0, len(frames), 2), np.nan), evidence=tuple(evidence), warnings=(*warnings, str(error))
-        )
+    balls: list[Ball] = []
+    rejected: tuple[Rejected, ...] = ()
+    if requests:
+        try:
+            balls, rejected, notes = find_balls(frames, camera, requests, progress=progress)
+        except CalibrationError as error:
+            notes = (str(error),)
+        warnings += notes
+    if lacks_intensities(lights):
+        lights, more = _with_intensities(frames, camera, balls, lights, evidence)
+        warnings += more
     shown = np.full((len(balls), len(frames), 2), np.nan)
     for i, ball in enumerate(balls):
         if ball.sphere.kind == "chrome":
@@ -188,7 +191,34 @@ def _with_known(frames, camera, requests, lights: Lights, progress) -> Calibrati
                 target = target / np.linalg.norm(target, axis=1, keepdims=True)
             angle = np.nanmedian(angle_deg(seen, target))
             evidence.append(f"chrome ball {i + 1} sees the known lights {angle:.2f} degrees off (median)")
-    return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), (*warnings, *notes))
+    return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), warnings)
+
+
+def _with_intensities(
+    frames: Frames, camera: Camera, balls: list[Ball], lights: Lights, evidence: list[str]
+) -> tuple[Lights, tuple[str, ...]]:
+    """Read on the white balls the intensities that the lights' file does not tell; return warnings too."""
+    skins = [read_skin(ball.frames, camera, ball.sphere) for ball in balls if ball.sphere.kind == "white"]
+    if not skins:
+        said = next(flag for flags in lights.flags for flag in flags if flag.endswith(NO_INTENSITIES))
+        return lights, (
+            f"{said}, and there is {EQUALLY_BRIGHT} State a white ball ([[spheres]]), or give a lights.json.",
+        )
+    meter = (lights.directions, lights.positions_mm, lights.direction_sigma_deg, np.full(len(lights), np.nan))
+    warnings: list[str] = []
+    intensities, sigma, ambient = intensities_from_white(
+        frames, skins, meter, lights.reference_point_mm, evidence, warnings
+    )
+    evidence.append("intensities from the white ball, read with the known directions: the file has none")
+    read = replace(
+        lights,
+        intensities=intensities,
+        intensity_sigma=sigma,
+        ambient=ambient,
+        white_value=np.ones(3),
+        flags=without_flag(lights),
+    )
+    return read.normalised(), tuple(warnings)
 
 
 def _placed(spheres: list[Sphere], evidence: list[str]) -> list[Sphere]:

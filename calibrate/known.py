@@ -11,6 +11,18 @@ from scene.errors import CalibrationError
 from scene.lights import Lights
 
 Array = NDArray[np.float64]
+NO_INTENSITIES = "has no intensities"
+"""Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""
+
+
+def lacks_intensities(lights: Lights) -> bool:
+    """Whether the lights' file had directions only, and nothing has told the intensities since."""
+    return bool((lights.intensities == 1).all()) and any(f.endswith(NO_INTENSITIES) for fs in lights.flags for f in fs)
+
+
+def without_flag(lights: Lights) -> tuple[tuple[str, ...], ...]:
+    """Return the lights' flags less the one that says that their file has no intensities."""
+    return tuple(tuple(flag for flag in flags if not flag.endswith(NO_INTENSITIES)) for flags in lights.flags)
 
 
 def read_lights(path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] = ()) -> Lights:
@@ -29,7 +41,7 @@ def read_lights(path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] 
     Returns
     -------
     Lights
-        In the frames' order, each channel's mean intensity 1; intensities 1 where the file has none.
+        In the frames' order, each channel's mean intensity 1; intensities 1, and a flag, where the file has none.
 
     Raises
     ------
@@ -72,7 +84,7 @@ def _read_lp(path: Path, text: str) -> Lights:
         raise CalibrationError(f"{path}: light {bad + 1} is {' '.join(rows[bad])!r}; expected: name x y z.")
     directions = np.array([[_number(path, word) for word in row[-3:]] for row in rows]).reshape(-1, 3)
     names = tuple(_stem(" ".join(row[:-3])) for row in rows)
-    return Lights(names, _unit(path, directions), np.ones_like(directions))
+    return Lights(names, _unit(path, directions), np.ones_like(directions), flags=_no_intensities(path, len(rows)))
 
 
 def _read_text(path: Path, text: str) -> Lights:
@@ -80,7 +92,9 @@ def _read_text(path: Path, text: str) -> Lights:
     directions = _table(path, text)
     intensities = np.ones_like(directions)
     beside = path.with_name(path.name.replace("directions", "intensities"))
+    flags = _no_intensities(path, len(directions))
     if beside != path and beside.is_file():
+        flags = ()
         intensities = _table(beside, beside.read_text())
         if len(intensities) != len(directions):
             raise CalibrationError(
@@ -93,7 +107,11 @@ def _read_text(path: Path, text: str) -> Lights:
     if len(names) != len(directions):
         # Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
         names = tuple(f"(row {i + 1})" for i in range(len(directions)))
-    return Lights(names, _unit(path, directions), intensities)
+    return Lights(names, _unit(path, directions), intensities, flags=flags)
+
+
+def _no_intensities(path: Path, count: int) -> tuple[tuple[str, ...], ...]:
+    return ((f"{path.name} {NO_INTENSITIES}",),) * count
 
 
 def _read_json(path: Path, text: str) -> Lights:

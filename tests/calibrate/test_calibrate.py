@@ -7,6 +7,7 @@ import pytest
 
 from calibrate.calibrate import calibrate
 from calibrate.directions import angle_deg
+from calibrate.known import read_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -167,6 +168,38 @@ def test_known_lights_are_used_as_they_are(table):
     off = [float(line.split("lights ")[1].split()[0]) for line in result.evidence[1:]]
     assert max(off) < 1.0
     assert not calibrate(frames, world.camera, [], known_lights=known).spheres
+
+
+def _written(path, world, frames, point):
+    """Write an .lp file of the true directions at a point, and read it back."""
+    rows = zip(frames.names, _truth(world, point)[0], strict=True)
+    path.write_text(f"{len(frames)}\n" + "".join(f"{name}.dng {x:.9f} {y:.9f} {z:.9f}\n" for name, (x, y, z) in rows))
+    return read_lights(path, frames.names)
+
+
+def test_a_file_without_intensities_takes_them_from_the_white_ball(table, tmp_path):
+    """Taken as equally bright without a word, flashes that vary by a third bent normals by 9 degrees."""
+    world, frames = table
+    center = world.balls[2].center
+    known = _written(tmp_path / "lights.lp", world, frames, center)
+    result = calibrate(frames, world.camera, _hints(world, ["white"]), known_lights=known)
+    np.testing.assert_array_equal(result.lights.directions, known.directions)
+    _, intensities = _truth(world, center)
+    assert np.sqrt(np.mean((result.lights.intensities / intensities - 1) ** 2)) < 0.03
+    assert not any(result.lights.flags)
+    assert not result.warnings
+    assert np.isfinite(result.lights.intensity_sigma).all()
+
+
+@pytest.mark.parametrize("kinds", [[], ["chrome"]])
+def test_a_file_without_intensities_and_no_white_ball_is_said(table, tmp_path, kinds):
+    world, frames = table
+    known = _written(tmp_path / "lights.lp", world, frames, OBJECT)
+    result = calibrate(frames, world.camera, _hints(world, kinds), known_lights=known)
+    np.testing.assert_array_equal(result.lights.intensities, 1)
+    (warning,) = result.warnings
+    for said in ("lights.lp", "no white ball: all flashes are taken as equally bright", "lights.json"):
+        assert said in warning
 
 
 @pytest.mark.parametrize("count", [1, 2])

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from calibrate.known import read_lights
+from calibrate.known import lacks_intensities, read_lights
 from scene.errors import CalibrationError
 from scene.lights import Lights
 from scene.store import Store
@@ -21,7 +21,7 @@ def test_lp_is_in_the_camera_frame_already(tmp_path):
     np.testing.assert_allclose(lights.directions, DIRECTIONS)
     np.testing.assert_array_equal(lights.intensities, 1)
     assert lights.names == NAMES
-    assert not any(lights.flags)
+    assert set(lights.flags) == {("lights.lp has no intensities",)}
 
 
 def test_lp_finds_frames_by_name_in_any_order_and_with_spaces(tmp_path):
@@ -35,7 +35,7 @@ def test_foreign_names_are_taken_in_order_and_flagged(tmp_path):
     path.write_text("3\nx 0.6 0 0.8\ny 0 -0.6 0.8\nz -0.36 0.48 0.8\n")
     lights = read_lights(path, NAMES)
     np.testing.assert_allclose(lights.directions, DIRECTIONS)
-    assert all("order" in flags[0] for flags in lights.flags)
+    assert all("order" in flags[-1] for flags in lights.flags)
 
 
 def test_rows_without_names_are_in_order_even_where_frames_are_named_by_number(tmp_path):
@@ -62,6 +62,9 @@ def test_diligent_reads_intensities_beside(tmp_path):
     lights = read_lights(tmp_path / "light_directions.txt", NAMES)
     np.testing.assert_allclose(lights.directions, DIRECTIONS[[1, 2, 0]])
     np.testing.assert_allclose(lights.intensities, np.array([[4, 3, 2], [6, 4, 2], [2, 2, 2]]) / [4, 3, 2])
+    assert not any(lights.flags)
+    (tmp_path / "light_intensities.txt").unlink()
+    assert lacks_intensities(read_lights(tmp_path / "light_directions.txt", NAMES))
 
 
 @pytest.mark.parametrize("near", [False, True])
