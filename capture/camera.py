@@ -44,17 +44,23 @@ def camera_of(
     """
     exif = report if isinstance(report, Sequence) else report.exif
     if isinstance(session.camera, Camera):
-        return _fitted(session.camera, session, width, height), ()
+        return fitted(session.camera, session, width, height), ()
     if isinstance(session.camera, Charuco):
         camera, note = calibrate_board(session.camera, session)
-        return _fitted(camera, session, width, height), (note,)
+        return fitted(camera, session, width, height), (note,)
     if session.layout == "diligent":
         return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
     return _from_exif(exif, session, width, height)
 
 
-def _fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
-    """Return the camera at the frames' size: as it is, or halved with the superpixels."""
+def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
+    """Return the camera at the frames' size: as it is, or halved with the superpixels.
+
+    Raises
+    ------
+    SessionError
+        It is of another size than the frames.
+    """
     if (camera.width, camera.height) == (width, height):
         return camera
     if session.half and (camera.width // 2, camera.height // 2) == (width, height):

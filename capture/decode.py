@@ -12,12 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit import audit
+from capture.camera import fitted
 from capture.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.exif import Exif, read_exif
 from capture.facts import FrameFacts, sensor_ceiling
 from capture.fan_out import fan_out
 from capture.photograph import SATURATION
 from capture.session import Session
+from scene.camera import Camera
 from scene.files import create_array, write_npy
 from scene.frames import Frames
 from scene.store import Store
@@ -101,6 +103,8 @@ def decode(
     ------
     CaptureError
         A photograph is corrupt, missing, of another size or kind, or its flash did not fire.
+    SessionError
+        [camera] is of another size than the first photograph; told before the others are decoded.
     """
     begin = time.perf_counter()
     exif = [read_exif(path) for path in session.flash]
@@ -111,6 +115,9 @@ def decode(
         recipe = Recipe(session.encoding, session.half, session.flash[0])
         first = read_photograph(session.flash[0], recipe)
         height, width, _ = first.codes.shape
+        if isinstance(session.camera, Camera):
+            # Now, and not after minutes of decoding.
+            fitted(session.camera, session, width, height)
         recipe = replace(recipe, shape=(height, width), dtype=str(first.codes.dtype), sensor_range=first.sensor_range)
         recipe = _with_corrections(session, recipe, scratch, steps)
         ambient, ambient_exif = _ambient(session, recipe, reference, steps)

@@ -12,7 +12,7 @@ from capture.decode import decode
 from capture.exif import Exif
 from capture.fan_out import fan_out
 from capture.session import load_session
-from scene.errors import CaptureError
+from scene.errors import CaptureError, SessionError
 from scene.files import write_png
 from scene.frames import PEDESTAL, WHITE
 from scene.store import Store
@@ -234,6 +234,16 @@ def test_a_bad_frame_leaves_nothing(raw_session, write_dng, tmp_path, how):
         decode(session, Store(tmp_path / "out"))
     if how == "other size":
         assert "128 x 64 px, flash_0.dng is 128 x 96" in str(caught.value)
+    assert files_of(tmp_path / "out") == []
+
+
+def test_a_camera_of_another_size_is_refused_at_the_first_photograph(raw_session, tmp_path):
+    table = "[camera]\nwidth = 130\nheight = 96\nfx = 100\nfy = 100\ncx = 64\ncy = 48\n"
+    folder, *_ = raw_session(table=table)
+    steps = []
+    with pytest.raises(SessionError, match=r"camera\.width.*130 x 96.*128 x 96"):
+        decode(load_session(folder), Store(tmp_path / "out"), progress=lambda *step: steps.append(step))
+    assert steps == []
     assert files_of(tmp_path / "out") == []
 
 
