@@ -120,6 +120,12 @@ def calibrate(
         directions, sigma = shaded[0]
         positions, range_sigma = None, np.full(len(frames), np.nan)
         evidence.append("distant lights, from the white ball's shading: no chrome ball")
+        if not camera.is_orthographic and not any(spheres[i].apart for i in white):
+            warnings.append(
+                "only a white ball: the directions hold where it stands, to a degree or two. An object 100 mm beside "
+                "it, under flashes a metre away, sees them 6 degrees elsewhere. Put chrome balls on two sides of the "
+                "object, and state diameter_mm."
+            )
     else:
         raise CalibrationError(
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "

@@ -117,6 +117,15 @@ def test_white_ball_alone(table):
     directions, _ = _truth(world, world.balls[2].center)
     assert np.median(angle_deg(result.lights.directions, directions)) < 2.5
     assert "shading" in " ".join(result.evidence)
+    (warning,) = result.warnings
+    assert "only a white ball: the directions hold where it stands" in warning
+
+
+def test_a_white_ball_shot_apart_stands_where_the_object_does(table):
+    world, frames = table
+    own = Frames(frames.names, frames.codes.copy(), frames.gain)
+    request = replace(_hints(world, ["white"])[0], frames=own)
+    assert not calibrate(frames, world.camera, [request]).warnings
 
 
 def test_a_ball_shot_apart(table):
