@@ -1,14 +1,11 @@
 """`session.toml` and DiLiGenT folders: every fault at once, nothing guessed."""
 
 import json
-from typing import get_args
 
 import numpy as np
 import pytest
 
 from capture.globs import natural_key
-from capture.manifest import ObjectTable
-from capture.resolve import LIGHTS_SUFFIXES, NORMALS_SUFFIXES, SCAN_SUFFIXES
 from capture.session import Charuco, load_session
 from scene.camera import Camera
 from scene.errors import SessionError
@@ -207,24 +204,6 @@ def test_faults_say_where_and_what_to_do(folder, text, parts):
         assert part in message
 
 
-def test_what_is_accepted_is_what_can_be_read(tmp_path):
-    """A file or unit that passes here must not be refused after minutes of decoding; nor the other way round."""
-    from align.given import SUFFIXES as NORMALS
-    from align.scan import SUFFIXES as SCAN
-    from align.scan import UNITS_MM
-    from calibrate.known import read_lights
-    from scene.errors import CalibrationError
-
-    assert set(get_args(ObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
-    assert (set(SCAN_SUFFIXES), set(NORMALS_SUFFIXES)) == (set(SCAN), set(NORMALS))
-    for suffix in (*LIGHTS_SUFFIXES, ".dome", ".mat", ".csv"):
-        path = tmp_path / f"lights{suffix}"
-        path.write_text("no lights")
-        with pytest.raises(CalibrationError) as caught:
-            read_lights(path, ("a",))
-        assert ("are not known" in str(caught.value)) == (suffix not in LIGHTS_SUFFIXES)
-
-
 def test_frames_of_two_kinds(folder):
     (folder / "flash_2.dng").write_bytes(b"x")
     assert "1 .dng and 3 .png" in faults_of(folder, '[frames]\nflash = "flash_*"')
@@ -248,38 +227,6 @@ def test_natural_order():
 
     names = ["b1", "a10", "a9", "a9b", "a", "A2"]
     assert [p.name for p in sorted(map(Path, names), key=natural_key)] == ["a", "A2", "a9", "a9b", "a10", "b1"]
-
-
-def diligent(folder, count=3):
-    for i in range(count):
-        write_png(folder / f"{i + 1:03d}.png", np.full((4, 6, 3), 900, np.uint16))
-    write_png(folder / "mask.png", np.ones((4, 6), bool))
-    (folder / "filenames.txt").write_text("".join(f"{i + 1:03d}.png\n" for i in range(count)))
-    for name in ("light_directions.txt", "light_intensities.txt"):
-        (folder / name).write_text("0 0 1\n" * count)
-    (folder / "normal.txt").write_text("")
-
-
-def test_a_diligent_folder_is_a_session(tmp_path):
-    diligent(tmp_path)
-    session = load_session(tmp_path)
-    assert session.layout == "diligent"
-    assert session.names == ("001", "002", "003")
-    assert session.lights_file == tmp_path / "light_directions.txt"
-    assert session.photographed == 3
-    assert (session.mask, session.normals) == (tmp_path / "mask.png", tmp_path / "normal.txt")
-    assert session.encoding == "linear"
-
-
-def test_a_diligent_folder_with_gaps(tmp_path):
-    diligent(tmp_path)
-    (tmp_path / "002.png").unlink()
-    (tmp_path / "light_intensities.txt").unlink()
-    (tmp_path / "light_directions.txt").write_text("0 0 1\n")
-    with pytest.raises(SessionError) as caught:
-        load_session(tmp_path)
-    for part in ("names 002.png", "light_intensities.txt: missing", "has 1 rows, filenames.txt 3", "3 faults"):
-        assert part in str(caught.value)
 
 
 def test_the_shared_captures_load(shared):

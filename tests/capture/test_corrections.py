@@ -1,0 +1,91 @@
+"""What is done to every photograph alike: dark frame, flat field; and what is clipped stays clipped."""
+
+import numpy as np
+import pytest
+
+from capture.decode import decode
+from capture.exif import Exif
+from capture.session import load_session
+from scene.errors import CaptureError
+from scene.files import write_png
+from scene.store import Store
+
+DN = 1 / (16383 - 512)
+
+
+def test_dark_and_flat(picture_session, scene_pictures, tmp_path):
+    """A sensor with an offset that grows to one side, behind a lens that darkens its corners."""
+    truth = scene_pictures(5, shape=(60, 80))
+    v, u = np.mgrid[-1:1:60j, -1:1:80j]
+    vignette = (1 / (1 + 0.5 * (u * u + v * v)))[..., None] * [1.0, 0.9, 0.8]
+    offset = 0.01 + 0.005 * u[..., None] + np.zeros(3)
+    shot = truth * vignette + offset
+    shot[3, 40:44, 10:14] = 1.0
+    folder = picture_session(shot, table='linear = true\ndark = "dark.png"\nflat = "flat.png"')
+    for name, image in (("dark", offset), ("flat", 0.7 * vignette + offset)):
+        write_png(folder / f"{name}.png", (image * 65535).round().astype(np.uint16))
+    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
+    # Even light would come out as bright as the flat field's darkest place, so that nothing is lifted above white.
+    scale = vignette.mean((0, 1))
+    scale = scale * np.quantile((vignette / scale)[::4, ::4], 0.001)
+    clean = np.ones((60, 80), bool)
+    clean[40:44, 10:14] = False
+    for i in range(5):
+        assert np.abs(frames.frame(i) - truth[i] * scale)[clean].max() < 5e-4
+    assert frames.saturated(frames=[3])[0, 40:44, 10:14].all(), "what was clipped stays clipped"
+    assert frames.saturated().sum() == 16
+    assert sorted(path.name for path in (tmp_path / "out").rglob("*") if path.is_file()) == ["codes.npy", "frames.json"]
+
+
+@pytest.mark.parametrize("white", [15200, 16383])
+def test_a_flat_field_hides_no_clipped_sample(tmp_path, write_dng, mosaic, scene_pictures, white):
+    """The header says 16383; wherever the sensor ends, what it clipped is flagged, and nothing else is."""
+    v, u = np.mgrid[-1:1:96j, -1:1:128j]
+    vignette = (1 / (1 + 0.6 * (u * u + v * v)))[..., None] * np.ones(3)
+    truth = scene_pictures(6, shape=(96, 128)) * 3.5
+    ceiling = (white - 512) * DN
+    for i, picture in enumerate(truth):
+        write_dng(tmp_path / f"flash_{i}.dng", mosaic(np.minimum(picture * vignette, ceiling)))
+    write_dng(tmp_path / "flat.dng", mosaic(0.7 * vignette))
+    (tmp_path / "session.toml").write_text('[frames]\nflash = "flash_*.dng"\nhalf = true\nflat = "flat.dng"\n')
+    frames, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
+    assert any("the sensor clips there" in text for text in report.warnings) == (white == 15200)
+    # A superpixel is the mean of four places; those near the limit may go either way.
+    seen = (truth * vignette).reshape(6, 48, 2, 64, 2, 3)
+    clipped = (seen.min((2, 4)) >= ceiling).any(-1)
+    good = (seen.max((2, 4)) < 0.95 * ceiling).all(-1)
+    assert clipped.mean() > 0.05
+    assert good.mean() > 0.4
+    assert frames.saturated()[clipped].all()
+    lifted = (truth.reshape(6, 48, 2, 64, 2, 3).mean((2, 4)) > 1).any(-1)
+    assert (good & lifted).sum() > 20, "as bright as clipped ones, in a dark corner"
+    assert frames.saturated()[good].mean() < 0.001
+
+
+def test_the_dark_frame_is_taken_off_before_the_gain(picture_session, scene_pictures, tmp_path, monkeypatch):
+    """Ambient frames of half and a tenth of the exposure hold the sensor's offset in full."""
+    dark = np.full((60, 80, 3), 0.04)
+    ambient = 0.2 + 0.1 * scene_pictures(1, shape=(60, 80), seed=3)[0]
+    flash = scene_pictures(4, shape=(60, 80)) * 0.5
+    folder = picture_session(flash + ambient + dark, table='linear = true\ndark = "dark.png"\nambient = "dusk_*.png"')
+    shares = (0.5, 0.1)
+    for i, share in enumerate(shares):
+        write_png(folder / f"dusk_{i}.png", ((ambient * share + dark) * 65535).round().astype(np.uint16))
+    write_png(folder / "dark.png", (dark * 65535).round().astype(np.uint16))
+    exposure = {f"dusk_{i}.png": share / 100 for i, share in enumerate(shares)}
+    monkeypatch.setattr(
+        "capture.decode.read_exif",
+        lambda path: Exif(exposure_s=exposure.get(path.name, 0.01), iso=100.0, aperture=8.0),
+    )
+    frames, _ = decode(load_session(folder), Store(tmp_path / "out"))
+    for i in range(4):
+        assert np.abs(frames.frame(i) - flash[i]).max() < 2e-4
+
+
+def test_a_flat_frame_that_cannot_do(picture_session, scene_pictures, tmp_path):
+    folder = picture_session(scene_pictures(5, shape=(60, 80)), table='linear = true\nflat = "flat.png"')
+    for level, part in ((0.001, "too dark"), (1.0, "overexposed")):
+        write_png(folder / "flat.png", np.full((60, 80, 3), int(level * 65535), np.uint16))
+        with pytest.raises(CaptureError, match=part):
+            decode(load_session(folder), Store(tmp_path / "out"))
+    assert sorted(path.name for path in (tmp_path / "out").rglob("*") if path.is_file()) == []
