@@ -140,7 +140,7 @@ def calibrate(
     white_value = None
     if skins:
         intensities, intensity_sigma, ambient = intensities_from_white(
-            frames, skins, meter, reference, evidence, warnings
+            frames, skins, meter, reference, evidence, warnings, apart_deg=apart
         )
         white_value = np.ones(3)
     else:

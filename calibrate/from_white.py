@@ -15,7 +15,12 @@ Array = NDArray[np.float64]
 MISFIRE = 0.05
 """A flash under this share of the median did not fire."""
 APART_DEG = 6.0
-"""From here shading and highlights contradict each other."""
+"""From here shading and highlights contradict each other: distant lights are seen elsewhere by each ball."""
+RESIDUAL = 0.08
+"""Relative misfit of n.l from which a ball is not matte, or distant lights are too near."""
+NEAR_APART_DEG, NEAR_RESIDUAL = 3.0, 0.02
+"""The same where the lights' positions are known, and only the balls can be wrong: healthy is 1 degree and 0.6 %; a
+diameter 20 % off gives 5 degrees and 4 %, 10 % off 2.5 to 4.5 degrees and 2 to 3 %."""
 
 
 def intensities_from_white(
@@ -25,10 +30,13 @@ def intensities_from_white(
     reference: Array,
     evidence: list[str],
     warnings: list[str],
+    *,
+    apart_deg: float = 0.0,
 ) -> tuple[Array, Array, Array]:
     """Return intensities (F, 3), relative sigma (F,) and ambient (3,), as pixel values on the first white ball.
 
-    `meter` holds directions, positions, their sigma (degrees) and the ranges' (relative), as the ball is to read them.
+    `meter` holds directions, positions, their sigma (degrees) and the ranges' (relative), as the ball is to read them;
+    `apart_deg` is what `compare_with_chrome` found.
     """
     directions, positions, sigma_deg, range_sigma = meter
     intensities, sigma, ambient = [], [], []
@@ -46,7 +54,15 @@ def intensities_from_white(
         intensities.append(light.intensities)
         sigma.append(np.hypot(light.sigma, relative))
         ambient.append(light.ambient)
-        if light.residual > 0.08:
+        if positions is not None:
+            if apart_deg > NEAR_APART_DEG or light.residual > NEAR_RESIDUAL:
+                warnings.append(
+                    f"the white ball contradicts the lights' positions: its shading points {apart_deg:.1f} degrees "
+                    f"beside them (median; expected under {NEAR_APART_DEG:g}) and misses n.l by {light.residual:.1%} "
+                    f"of the flash (expected under {NEAR_RESIDUAL:.0%}). Check diameter_mm of every ball first, then "
+                    "the camera's focal length; else the white ball is glossy or dirty, or the frames are not linear."
+                )
+        elif light.residual > RESIDUAL:
             warnings.append(
                 f"the white ball misses n.l by {light.residual:.0%} of the flash: glossy, dirty, or frames not linear?"
             )
@@ -83,7 +99,7 @@ def compare_with_chrome(
         toward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
     angle = float(np.nanmedian(angle_deg(shaded, toward)))
     evidence.append(f"the white ball's shading agrees with the chrome to {angle:.1f} degrees (median)")
-    if angle > APART_DEG:
+    if positions is None and angle > APART_DEG:
         warnings.append(
             f"the white ball's shading and the chrome balls' highlights point {angle:.0f} degrees apart (median): is "
             "the white ball matte, and are the frames linear?"

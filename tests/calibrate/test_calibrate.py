@@ -139,6 +139,18 @@ def test_a_ball_shot_apart(table):
     assert np.median(angle_deg(result.lights.directions, directions)) < 1.0
 
 
+@pytest.mark.parametrize(("chrome_mm", "white_mm"), [(91.0, 70.0), (76.0, 78.0)], ids=["chrome", "white"])
+def test_wrong_diameters_are_the_first_suspect(table, chrome_mm, white_mm):
+    """Chrome 20 % too large bends the lights at the object by 7 degrees, and the highlights still fit."""
+    world, frames = table
+    requests = [replace(request, diameter_mm=chrome_mm) for request in _hints(world, ["chrome"])]
+    requests += [replace(request, diameter_mm=white_mm) for request in _hints(world, ["white"])]
+    result = calibrate(frames, world.camera, requests)
+    (warning,) = result.warnings
+    assert "the white ball contradicts the lights' positions" in warning
+    assert "Check diameter_mm of every ball first" in warning
+
+
 def test_a_flash_that_the_white_ball_does_not_see_is_refused(table):
     """Taken as a light of almost no strength it bent least-squares normals by 70 degrees, without a word."""
     world, frames = table
