@@ -135,6 +135,12 @@ class Resolver:
         if coded and flash and kind_of(flash[0]) in ("raw", "exr"):
             key = "frames.gamma" if frames.gamma else "frames.linear"
             self.faults.append(f"{key}: {flash[0].suffix} files are linear by themselves. Drop the key.")
+        if flash and flash[0].suffix.lower() in (".jpg", ".jpeg") and frames.linear is None and frames.gamma is None:
+            # Taken as linear by default they would cost some ten degrees; nearly all of them are not.
+            self.faults.append(
+                f"frames.linear: missing, and {flash[0].name} is a JPEG. Write linear = false (as cameras write them: "
+                "sRGB), gamma = 2.2, or linear = true if they really are."
+            )
         if frames.gamma is not None:
             return "linear" if frames.gamma == 1.0 else frames.gamma
         return "srgb" if frames.linear is False else "linear"

@@ -15,6 +15,7 @@ import pytest
 
 from lab import cli
 from scene import files as files_module
+from scene.files import write_png
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
@@ -102,8 +103,6 @@ def test_a_frame_of_another_size(session, capsys, monkeypatch):
 
 def picture_session(folder, images, more=""):
     """A session of 16-bit linear PNG made by the test."""
-    from scene.files import write_png
-
     folder.mkdir()
     for index, image in enumerate(images):
         write_png(folder / f"flash_{index:03d}.png", (np.clip(image, 0, 1) * 65535).astype(np.uint16))
@@ -114,6 +113,47 @@ def picture_session(folder, images, more=""):
 def textures(count=6):
     rng = np.random.default_rng(0)
     return rng.uniform(0.2, 0.6, (120, 160, 3)) * rng.uniform(0.7, 1.0, (count, 1, 1, 1))
+
+
+def test_jpeg_of_unknown_coding(tmp_path, capsys, monkeypatch):
+    """Taken as linear without a word they bent normals by 10 degrees."""
+    cv2 = pytest.importorskip("cv2")
+    (tmp_path / "s").mkdir()
+    for index in range(4):
+        cv2.imwrite(str(tmp_path / "s" / f"flash_{index}.jpg"), np.full((40, 60, 3), 90 + index, np.uint8))
+    (tmp_path / "s" / "session.toml").write_text('[frames]\nflash = "*.jpg"\n')
+    refused(run(capsys, monkeypatch, "check", tmp_path / "s", "--out", tmp_path / "out"), "frames.linear", "JPEG")
+
+
+def test_a_scan_without_a_camera(session, capsys, monkeypatch):
+    """One pixel is not one millimetre: said at once, not after a minute's search for a pose."""
+    text = (session / "session.toml").read_text()
+    head, rest = text.split("[camera]")
+    (session / "session.toml").write_text(head + rest[rest.index("[[spheres]]") :])
+    for index, path in enumerate(sorted((session / "raw").glob("flash_*.dng"))):
+        path.unlink()
+        picture = np.random.default_rng(index).integers(0, 60000, (48, 64, 3)).astype(np.uint16)
+        write_png(session / "raw" / f"{path.stem}.png", picture)
+    edit(session, "flash_*.dng", "flash_*.png")
+    edit(session, 'ambient = "raw/ambient_*.dng"', "linear = true")
+    refused(run(capsys, monkeypatch, "check", session, "--out", session / "out"), "object.ply", "[camera]")
+
+
+def test_output_over_the_session_itself(session, capsys, monkeypatch):
+    """A DiLiGenT folder has files of the output's names: they were overwritten."""
+    before = {path: path.stat().st_size for path in session.rglob("*") if path.is_file()}
+    for place in (session, session / "raw", session / "scan"):
+        refused(run(capsys, monkeypatch, "check", session, "--out", place), "--out")
+    assert {path: path.stat().st_size for path in session.rglob("*") if path.is_file()} == before
+
+
+def test_foreign_files_in_the_output_folder_stay(session, capsys, monkeypatch):
+    out = session / "out"
+    (out / "mine").mkdir(parents=True)
+    (out / "mine" / ".note.tmp").write_text("mine")
+    code, message = run(capsys, monkeypatch, "check", session, "--out", out)
+    assert code == 0, message
+    assert (out / "mine" / ".note.tmp").read_text() == "mine"
 
 
 def test_no_ball_found(tmp_path, capsys, monkeypatch):
