@@ -7,6 +7,8 @@ import numpy as np
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Told apart by colour-blind eyes too [Okabe2008]."""
+SCALE_TICKS_DEG = (30, 60, 90)
+"""Angles from the camera's axis that the hemisphere names."""
 CHANNELS = (("red", "#D55E00", "triangle-up"), ("green", "#009E73", "circle"), ("blue", "#0072B2", "triangle-down"))
 
 
@@ -54,6 +56,7 @@ def light_directions(lights: dict[str, Any]) -> str:
             mode="markers+text" if len(rows) <= 30 else "markers",
             text=[str(index + 1) for index in range(len(rows))],
             textposition="top center",
+            showlegend=False,
             hovertext=[escape(row["name"]) for row in rows],
             hovertemplate="%{hovertext}<br>%{r:.1f}° from the camera's axis, azimuth %{theta:.1f}°<extra></extra>",
             marker={
@@ -65,14 +68,25 @@ def light_directions(lights: dict[str, Any]) -> str:
             },
         )
     )
+    rim_deg = max(90.0, float(np.ceil((lights.get("zenith_max_deg") or 0) / 10) * 10))
+    # The axis' own labels stand at one fixed angle, whatever light is there.
+    figure.add_scatterpolar(
+        r=list(SCALE_TICKS_DEG),
+        theta=[_clear_angle_deg(rows, rim_deg)] * len(SCALE_TICKS_DEG),
+        mode="text",
+        text=[f"{tick}°" for tick in SCALE_TICKS_DEG],
+        textfont={"size": 11, "color": "#666"},
+        hoverinfo="skip",
+        showlegend=False,
+    )
     figure.update_polars(
         domain={"x": [0.06, 0.84], "y": [0.03, 0.97]},
         radialaxis={
-            "range": [0, max(90, np.ceil((lights.get("zenith_max_deg") or 0) / 10) * 10)],
-            "tickvals": [0, 30, 60, 90],
-            "ticksuffix": "°",
-            "angle": 45,
-            "tickangle": 45,
+            "range": [0, rim_deg],
+            "tickvals": list(SCALE_TICKS_DEG),
+            "showticklabels": False,
+            "showline": False,
+            "ticks": "",
         },
         angularaxis={
             "tickvals": [0, 90, 180, 270],
@@ -81,6 +95,24 @@ def light_directions(lights: dict[str, Any]) -> str:
         },
     )
     return _html(figure, "light-directions", "Directions of the lights as the camera sees them", height=430)
+
+
+def _clear_angle_deg(rows: list[dict[str, Any]], rim_deg: float) -> float:
+    """Return the angle at which the scale's labels lie farthest from lights, their numbers and the rim's words."""
+
+    def at(radius: Any, angle_deg: Any) -> np.ndarray:
+        angle = np.radians(angle_deg)
+        return np.stack(np.broadcast_arrays(radius * np.cos(angle), radius * np.sin(angle)), -1)
+
+    lights = at(np.array([row["zenith_deg"] for row in rows]), np.array([row["azimuth_deg"] for row in rows]))
+    words = at(1.1 * rim_deg, np.array([0.0, 90.0, 180.0, 270.0]))
+    # A number stands a tenth of the rim above its light.
+    taken = np.concatenate([lights, lights + [0.0, 0.1 * rim_deg], words])
+    angles = np.arange(0.0, 360.0, 3.0)
+    labels = at(np.array(SCALE_TICKS_DEG), angles[:, None])
+    # Labels are about twice as wide as high.
+    nearest = np.linalg.norm((labels[:, :, None] - taken) * [0.5, 1.0], axis=-1).min((1, 2))
+    return float(angles[np.argmax(nearest)])
 
 
 def light_intensities(lights: dict[str, Any]) -> str:

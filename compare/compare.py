@@ -43,14 +43,15 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         real/twin_rotation_deg (the turn common to all normals) and real/twin_median_unrotated_deg (the median error
         once it is undone), histogram (pixels per bin, the last one: beyond the last edge);
         histogram_edges_deg; error_scale_deg (the colour scale's end); between_methods: a, b, pixels and statistics of
-        the angle between each two methods on the real frames; lights, spheres, pose for the report; warnings.
+        the angle between each two methods on the real frames; lights, spheres, pose for the report; notes
+        (plain statements, such as that there is no truth); warnings.
 
     Raises
     ------
     SceneError
         Two maps in the folder have different sizes.
     """
-    names, warnings = method_names(store), []
+    names, warnings, notes = method_names(store), [], []
     if methods is not None:
         names = [name for name in names if name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
@@ -75,11 +76,13 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "lights": light_rows(store),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
+        "notes": notes,
         "warnings": warnings,
     }
     written: set[str] = set()
     if truth is None:
-        warnings.append(
+        # A plain statement: that there is no truth was warned of where it should have come from.
+        notes.append(
             "no ground truth (normals/truth.npy): errors cannot be told; only the differences between methods are "
             "given, and agreement between methods is not accuracy"
         )

@@ -58,8 +58,10 @@ def balls_section(material: Material) -> str:
         body += f"<h3>Candidates that were refused</h3><ul>{rows}</ul>"
     lead = (
         "The line is the fitted ball's outline, drawn from its cone and the camera; it should run along the ball's "
-        "edge all the way round. Crosses are highlights, one a light; rest the pointer on one for its frame. Chrome "
-        "balls are shown by each pixel's brightest value over all frames, white balls by the mean."
+        "edge all the way round. Crosses are highlights, one a light; rest the pointer on one for its frame. White "
+        "balls are shown by the mean of all frames. So are chrome balls, in grey, their contrast stretched until the "
+        "edge shows against the table that they mirror, and with each frame's highlight laid over it. A dark disc "
+        "inside a chrome ball is the dark room in the mirror, not the ball's edge."
     )
     return section("balls", "The calibration balls", body, lead)
 
@@ -109,8 +111,11 @@ def _ball(material: Material, index: int, row: Summary, seen: list | None) -> st
             f'<figure class="ball"><div class="stack blank">{overlay}</div><figcaption>{caption}</figcaption></figure>'
         )
     assert frames is not None
-    linear = pictures.ball_picture(frames, box, brightest=row.get("kind") == "chrome")
-    image = exposure.develop(pictures.shrink(linear, BALL_WIDTH))
+    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
+    image = exposure.develop(mean)
+    if row.get("kind") == "chrome":
+        brightest = pictures.ball_picture(frames, box, brightest=True)
+        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
     uri = pictures.data_uri(image, photograph=True)
     return picture(
         uri, f"{row.get('kind')} ball {index + 1} with its fitted outline", caption, overlay=overlay, kind="ball"

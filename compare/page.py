@@ -26,6 +26,11 @@ def number(value: Any, decimals: int = 2, unit: str = "") -> str:
     return _tagged(value, shown.replace("-", "\u2212"), unit)
 
 
+def round_number(value: float, unit: str = "") -> str:
+    """Return a number that people chose, a bar, as HTML with as few digits as it has: 1, not 1.000."""
+    return _tagged(value, f"{value:g}".replace("-", "\u2212"), unit)
+
+
 def percent(share: Any, decimals: int = 0) -> str:
     """Return a share (0 to 1) as HTML, in percent."""
     if not is_number(share):

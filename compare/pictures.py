@@ -203,6 +203,27 @@ def ball_picture(frames: Frames, box: Box, *, brightest: bool) -> NDArray[np.flo
     return total
 
 
+def mirror_picture(mean: NDArray, brightest: NDArray) -> Image:
+    """Return a chrome ball's crop in grey, as one sees both its edge and its highlights.
+
+    A mirror shows the table around it, so that brightness hardly tells ball from background. Half of the grey is
+    each pixel's rank among the crop's means (histogram equalisation), which lifts small steps such as the edge;
+    half is the mean itself, which keeps noise in the dark dark. Highlights lie over it as bright as they were:
+    one of sixty frames would not show in a mean.
+
+    Parameters
+    ----------
+    mean, brightest : (h, w, 3) array
+        Each pixel over all frames, linear.
+    """
+    grey, peak = np.nan_to_num(mean).mean(-1), np.nan_to_num(brightest).mean(-1)
+    rank = np.interp(grey, np.sort(grey, axis=None), np.linspace(0, 1, grey.size))
+    low, high = np.quantile(grey, [0.02, 0.97])
+    level = np.clip((grey - low) / max(high - low, 1e-9), 0, 1)
+    shown = np.maximum((rank + level) / 2, np.clip(peak / max(peak.max(), 1e-9), 0, 1))
+    return np.repeat(np.round(shown * 255).astype(np.uint8)[..., None], 3, -1)
+
+
 def ball_box(sphere: Sphere, outline: NDArray, *, width: int, height: int) -> Box:
     """Return the crop that shows a ball with a margin of a tenth around its outline."""
     known = outline[np.isfinite(outline).all(-1)]

@@ -9,6 +9,7 @@ from compare import charts, galleries, maps, sections
 from compare.material import Material
 from compare.page import is_number, number
 from compare.verdict import verdict
+from compare.warned import all_warnings
 from scene.files import write_text
 from scene.store import Store
 
@@ -48,7 +49,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     """
     material = Material.load(store, summary)
     compared = summary.get("compare") or {}
-    warnings = sections.all_warnings(summary)
+    warnings = all_warnings(summary)
     name = str(summary.get("name") or store.folder.resolve().name)
     body = [
         sections.verdict_box(verdict(summary), len(warnings)),

@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 from compare import charts
-from compare.page import absent, badge, is_number, number, percent, section, table
+from compare.page import absent, badge, is_number, number, percent, round_number, section, table
 from compare.verdict import Statement
 
 Summary = dict[str, Any]
@@ -70,26 +70,6 @@ def verdict_box(statements: list[Statement], warnings: int) -> str:
     return f'<section id="verdict" class="verdict"><h2>What was found</h2><ul>{rows}</ul></section>'
 
 
-def all_warnings(summary: Summary) -> list[tuple[str, str]]:
-    """Return every warning in the summary as (step, text), each once, wherever it was put."""
-    found: dict[tuple[str, str], None] = {}
-
-    def add(step: str, texts: Any) -> None:
-        for item in texts or ():
-            named, text = (item.get("step", step), item.get("text", "")) if isinstance(item, dict) else (step, item)
-            found.setdefault((str(named), str(text).removeprefix(f"{named}: ")))
-
-    add("", summary.get("warnings"))
-    for step, part in (("check", "capture"), *((step, step) for step in ("calibrate", "align", "twin", "compare"))):
-        add(step, (summary.get(part) or {}).get("warnings"))
-    for name, row in ((summary.get("solve") or {}).get("methods") or {}).items():
-        add(
-            "solve",
-            [text if text.startswith(name) else f"{name}: {text}" for text in (row or {}).get("warnings") or ()],
-        )
-    return list(found)
-
-
 def warnings_section(warnings: list[tuple[str, str]]) -> str:
     """Return all warnings, each with its step."""
     if not warnings:
@@ -107,7 +87,7 @@ def truth_check_section(summary: Summary) -> str:
         mark = "" if not (is_number(value) and is_number(bar)) else "within" if value <= bar else "<b>over</b>"
         judged = judged or bool(mark)
         words = escape(str(row.get("text") or label)).replace("`", "")
-        rows.append((words, number(value, 3, unit), *((number(bar, 3, unit), mark) if is_number(bar) else ("", ""))))
+        rows.append((words, number(value, 3, unit), *((round_number(bar, unit), mark) if is_number(bar) else ("", ""))))
     if not rows:
         return ""
     if not judged:

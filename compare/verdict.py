@@ -5,6 +5,7 @@ from html import escape
 from typing import Any
 
 from compare.page import is_number, number, percent, plain
+from compare.warned import warned_of
 
 MEDIAN_BARS_DEG = (5.0, 10.0)
 """Median error up to which normals are called good, and beyond which not to be relied on."""
@@ -41,7 +42,8 @@ def verdict(summary: dict[str, Any]) -> list[Statement]:
     list of Statement
         Bars: normals are called good up to 5 degrees median error, not to be relied on beyond 10; light
         directions 1 and 3 degrees (one sigma); registration 1 and 3 pixels; the error patterns of real frames
-        and twin are called alike from a Pearson correlation of 0.6, unlike below 0.3.
+        and twin are called alike from a Pearson correlation of 0.6, unlike below 0.3. No result is called good
+        beside a warning of the step that made it.
     """
     compared = summary.get("compare") or {}
     statements = [
@@ -153,6 +155,7 @@ def _truth(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | Non
     if best is not None and is_number(sigma) and sigma > 0.5 * best[1]["median_deg"]:
         level = "care" if level == "good" else level
         text += " That is more than half of the smallest median error: part of the error may be the truth's own."
+    level, text = _warned(summary, {"align": "registration"}, level, text)
     return Statement("Ground truth", level, text[0].upper() + text[1:])
 
 
@@ -232,7 +235,18 @@ def _lights(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | No
     if flagged:
         level = "care" if level == "good" else level
         text += f" Suspicious: {escape(', '.join(flagged[:8]))}{' …' if len(flagged) > 8 else ''}."
-    return Statement("Lights", level, text.strip())
+    # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
+    return Statement("Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, text.strip()))
+
+
+def _warned(summary: dict[str, Any], steps: dict[str, str], level: str, text: str) -> tuple[str, str]:
+    """Return level and text, lowered and longer where one of the steps warned; `steps` gives each its word."""
+    for step, word in steps.items():
+        # What `check` says of the camera is a topic of its own.
+        if any(not (step == "check" and warning.startswith("camera:")) for warning in warned_of(summary, step)):
+            level = "care" if level == "good" else level
+            text += f' The {word} warned: see <a href="#warnings">below</a>.'
+    return level, text
 
 
 def _capture(summary: dict[str, Any]) -> list[Statement]:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from compare import pictures
+from compare import charts, pictures
 from compare.pictures import Box, Exposure
 from scene.frames import Frames
 
@@ -118,3 +118,44 @@ def test_a_tall_object_is_not_shown_larger_than_a_wide_one():
     assert Box(0, 0, 4000, 3000).shown_width(1000) == 1000
     assert Box(0, 0, 1000, 4000).shown_width(1000) == 500
     assert Box(0, 0, 500, 500).shown_width(400, count=10, total=100_000) == 100
+
+
+def test_a_mirrors_edge_is_seen_and_so_are_the_highlights_of_single_frames():
+    """A ball that mirrors the table: at the edge the brightness steps by 6 %, the dark room is in its middle."""
+    v, u = np.mgrid[0:120, 0:120]
+    radius = np.hypot(u - 60, v - 60)
+    mean = np.where(radius < 48, 0.047, 0.05) * np.where(radius < 36, 0.02, 1)
+    mean = np.repeat(mean[..., None], 3, -1)
+    brightest = 2 * mean
+    # One of sixty frames: in the mean it is dimmer than the table.
+    brightest[58:62, 70:74] = 0.9
+    mean[58:62, 70:74] += 0.9 / 60
+    shown = pictures.mirror_picture(mean, brightest)[..., 0].astype(int)
+    table, rim, room = shown[3, 3], shown[60, 18], shown[60, 40]
+    assert table - rim > 40
+    assert rim - room > 40
+    assert shown[60, 72] - rim > 40
+    # By one exposure for all frames the edge would be a step of a few codes.
+    exposure = Exposure(0.5, np.ones(3))
+    codes = exposure.develop(mean).astype(int)[..., 0]
+    assert codes[3, 3] - codes[60, 18] < 5
+
+
+def test_a_crop_without_contrast_or_without_light_still_has_a_picture():
+    for value in (0.0, 0.3):
+        flat = np.full((9, 9, 3), value)
+        assert pictures.mirror_picture(flat, flat).shape == (9, 9, 3)
+
+
+def test_the_scale_of_the_lights_stands_where_no_light_is():
+    rng = np.random.default_rng(3)
+    zenith, azimuth = rng.uniform(10, 80, 12), rng.uniform(-180, 180, 12)
+    rows = [{"zenith_deg": z, "azimuth_deg": a} for z, a in zip(zenith, azimuth, strict=True)]
+    angle = np.radians(charts._clear_angle_deg(rows, 90.0))
+    ticks = np.array([30, 60, 90]) * np.exp(1j * angle)
+    lights = zenith * np.exp(1j * np.radians(azimuth))
+    words = 99 * np.exp(1j * np.radians([0, 90, 180, 270]))
+    # A label is about 14 by 8 degrees on the page; numbers stand above their lights: +y, the imaginary part.
+    for taken in (lights, lights + 9j, words):
+        apart = ticks[:, None] - taken
+        assert ((np.abs(apart.real) > 11) | (np.abs(apart.imag) > 8)).all()

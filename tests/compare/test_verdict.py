@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from compare.page import number, percent, plain
+from compare.page import number, percent, plain, round_number
 from compare.verdict import verdict
 
 
@@ -157,3 +157,42 @@ def test_an_empty_summary_promises_nothing():
 )
 def test_numbers_are_neither_rounded_to_nothing_nor_to_everything(html, text):
     assert plain(html) == text
+
+
+@pytest.mark.parametrize(
+    ("step", "text", "topic", "word"),
+    [
+        ("calibrate", "one chrome ball: the lights' positions rest on it alone", "Lights", "The calibration warned"),
+        ("check", "flash_004: moved by 3.1 px against the others", "Lights", "The check warned"),
+        ("align", "mask: 12 % of the object was not scanned", "Ground truth", "The registration warned"),
+    ],
+)
+@pytest.mark.parametrize("nested", [False, True])
+def test_nothing_is_good_beside_a_warning_of_its_step(step, text, topic, word, nested):
+    summary = summary_of()
+    if nested:
+        summary["capture" if step == "check" else step]["warnings"] = [text]
+    else:
+        summary["warnings"] = [{"step": step, "text": text}]
+    found = levels(summary)
+    assert found.pop(topic) == "care"
+    assert set(found.values()) == {"good"}
+    assert f"{word}: see below." in text_of(summary, topic)
+
+
+def test_a_warning_never_lifts_a_level_and_other_steps_leave_the_lights_alone():
+    summary = summary_of()
+    summary["warnings"] = [{"step": "calibrate", "text": "one ball"}]
+    summary["calibrate"]["direction_sigma_deg_median"] = 9.0
+    assert levels(summary)["Lights"] == "bad"
+    summary = summary_of()
+    summary["warnings"] = [
+        {"step": "check", "text": "camera: focal length from EXIF"},
+        {"step": "twin", "text": "few samples"},
+    ]
+    assert levels(summary)["Lights"] == levels(summary)["Ground truth"] == "good"
+
+
+@pytest.mark.parametrize(("bar", "text"), [(1.0, "1°"), (3.0, "3°"), (0.25, "0.25°")])
+def test_a_bar_has_no_more_digits_than_people_gave_it(bar, text):
+    assert plain(round_number(bar, "°")) == text
