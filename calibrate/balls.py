@@ -7,16 +7,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.coarse import Coarse, shrink
-from calibrate.detect import Found, Rejected, detect
-from calibrate.silhouette import OutlineFit, fit_mask, fit_outline
+from calibrate.detect import Found, Rejected, around_hint, detect
+from calibrate.silhouette import OutlineFit, best_outline, fit_mask, fit_outline
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere, SphereRequest
 
 Array = NDArray[np.float64]
-GIVEN_SIGMA_PX = 1.0
-"""A circle given by hand whose outline cannot be found is believed to this."""
+HINT_REACH = 0.2
+"""Share of its radius by which a circle given by hand may be wrong: the outline is sought that far around it."""
+GIVEN_SIGMA = 0.05
+"""Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ def find_balls(
         apart = own is not frames
         given = [r for r in group if r.mask is not None or r.center_px is not None]
         open_ = [r for r in group if r.mask is None and r.center_px is None]
-        fits = [_given(own, camera, request, warnings) for request in given]
+        fits = [_given(own, camera, coarse, request, warnings) for request in given]
         spheres = [
             replace(fit.sphere, kind=request.kind, diameter_mm=request.diameter_mm, apart=apart)
             for fit, request in zip(fits, given, strict=True)
@@ -108,7 +110,7 @@ def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:
         )
 
 
-def _given(frames: Frames, camera: Camera, request: SphereRequest, warnings: list[str]) -> OutlineFit:
+def _given(frames: Frames, camera: Camera, coarse: Coarse, request: SphereRequest, warnings: list[str]) -> OutlineFit:
     """Fit a ball whose place the user gave, by mask or by circle."""
     if request.mask is not None:
         if request.mask.shape != (frames.height, frames.width):
@@ -130,17 +132,42 @@ def _given(frames: Frames, camera: Camera, request: SphereRequest, warnings: lis
     if request.center_px is None or request.radius_px is None:
         raise CalibrationError("spheres: center_px needs radius_px too; give both, or neither to have the ball found.")
     start = Sphere(request.kind, np.array(request.center_px, np.float64), float(request.radius_px))
-    fit = fit_outline(frames, camera, start, search_px=max(3.0, 0.04 * start.radius_px))
+    fit = _fit_hint(frames, camera, coarse, start)
     if fit is not None:
-        moved = np.hypot(*(fit.sphere.center_px - start.center_px)) + abs(fit.sphere.radius_px - start.radius_px)
-        if fit.sphere.score > 0.5 and moved < 4 + 0.08 * start.radius_px:
-            return fit
+        return fit
     u, v = request.center_px
+    sigma = max(1.0, GIVEN_SIGMA * start.radius_px)
     warnings.append(
-        f"{request.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found at the given circle; it is taken "
-        f"as it is, with {GIVEN_SIGMA_PX} px of doubt."
+        f"{request.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found within {HINT_REACH:.0%} of the given "
+        f"circle's radius, {start.radius_px:.0f} px; it is taken as it is, with {sigma:.1f} px of doubt."
     )
-    return OutlineFit(replace(start, sigma_px=GIVEN_SIGMA_PX, score=0.0), np.eye(3) * GIVEN_SIGMA_PX**2, GIVEN_SIGMA_PX)
+    return OutlineFit(replace(start, sigma_px=sigma, score=0.0), np.eye(3) * sigma**2, sigma)
+
+
+def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> OutlineFit | None:
+    """Return the best outline around a circle given by hand, or None: a hand slips by a tenth of the radius.
+
+    The standing circles around it come first: beside an outline there is always some weaker edge, and a search of a
+    few pixels around the given circle would take it. Its own outline wins only where it shows clearly more.
+    """
+    reach = 3 + HINT_REACH * hint.radius_px
+
+    def fit(start: Sphere, search_px: float) -> list[OutlineFit]:
+        one = fit_outline(frames, camera, start, search_px=search_px)
+        if one is None or one.sphere.score <= 0.5:
+            return []
+        off = np.hypot(*(one.sphere.center_px - hint.center_px))
+        return [one] if max(off, abs(one.sphere.radius_px - hint.radius_px)) < reach else []
+
+    standing: list[OutlineFit] = []
+    for start in around_hint(coarse, hint, reach_px=reach)[:2]:
+        standing += fit(start, 1.4 * coarse.factor + 0.6)
+    best = best_outline(standing, hint.kind)
+    if best is None or best.sphere.score < 0.9:
+        for own in fit(hint, max(3.0, 0.04 * hint.radius_px)):
+            if best is None or 0.9 * own.sphere.score > best.sphere.score:
+                best = own
+    return best
 
 
 def _match(

@@ -95,6 +95,58 @@ def detect(
     return found, tuple(sorted(out, key=lambda r: -r.score))
 
 
+def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:
+    """Return circles of standing edges, full-size pixels, near a circle given by hand; the best supported first.
+
+    Parameters
+    ----------
+    coarse : Coarse
+    hint : Sphere
+        Full-size pixels.
+    reach_px : float
+        How far centre and radius may lie from the hint's, full-size pixels.
+    """
+    small, reach = coarse.from_full(hint), reach_px / coarse.factor
+    side = 1.3 * small.radius_px + 2 * reach + 4
+    left, top = np.maximum(np.floor(small.center_px - side), 0).astype(int)
+    right, bottom = np.ceil(small.center_px + side).astype(int) + 1
+    images = coarse.images[:, top:bottom, left:right]
+    if min(images.shape[1:]) < 24:
+        return []
+    corner = np.array([left, top], np.float64)
+    camera = replace(
+        coarse.camera,
+        width=images.shape[2],
+        height=images.shape[1],
+        cx=coarse.camera.cx - left,
+        cy=coarse.camera.cy - top,
+    )
+    crop = Coarse(images, camera, coarse.factor)
+    small = replace(small, center_px=small.center_px - corner)
+    votes = static_edges(images)
+    edges = np.stack([votes.real, votes.imag], -1)
+
+    def near(sphere: Sphere) -> bool:
+        off = np.hypot(*(sphere.center_px - small.center_px))
+        return bool(max(off, abs(sphere.radius_px - small.radius_px)) < reach)
+
+    starts = [replace(small, center_px=np.array([c.u, c.v]), radius_px=c.radius) for c in find_circles(images)]
+    refined = [refine_on_edges(edges, camera, start) for start in starts if near(start)]
+    found: list[Sphere] = []
+    for sphere in _distinct([s for s in refined if s.score >= LEAST_SCORE])[:3]:
+        if hint.kind == "chrome":
+            behaviour = observe(crop, sphere)
+            if behaviour is not None and behaviour.kind == "chrome":
+                sphere, _ = _outermost(crop, edges, sphere, behaviour)
+        if near(sphere):
+            found.append(sphere)
+    found = _distinct(found)
+    return [
+        replace(s, center_px=coarse.to_full(s.center_px + corner), radius_px=float(s.radius_px * coarse.factor))
+        for s in found
+    ]
+
+
 Suspect = tuple[Sphere, Behaviour]
 Reasons = list[tuple[Sphere, str]]
 
@@ -132,6 +184,15 @@ def _suspects(coarse: Coarse, edges: NDArray[np.float32], taken: list[Sphere]) -
 def _rank(sphere: Sphere) -> float:
     """A long outline is more evidence than a short one of the same share."""
     return sphere.score**2 * sphere.radius_px**0.25
+
+
+def _distinct(spheres: list[Sphere]) -> list[Sphere]:
+    """Return the circles that differ by more than a pixel, the best supported first."""
+    kept: list[Sphere] = []
+    for s in sorted(spheres, key=_rank, reverse=True):
+        if all(np.hypot(*(s.center_px - k.center_px)) + abs(s.radius_px - k.radius_px) > 1 for k in kept):
+            kept.append(s)
+    return kept
 
 
 def _overlap(a: Sphere, b: Sphere) -> bool:

@@ -16,7 +16,7 @@ from calibrate.coarse import shrunken
 from calibrate.outline import moved, offset_jacobian, outline_with_normals, scaled
 from scene.camera import Camera
 from scene.frames import Frames
-from scene.spheres import Sphere
+from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
 SECTORS = 24
@@ -151,14 +151,22 @@ def fit_crops(
 ) -> OutlineFit | None:
     """Fit the outline in images (h, w) whose first pixel is `corner` (u, v) of the camera's image.
 
-    The fit starts from three radii. On a matte ball the one on which most of the outline agrees wins; a mirror's
-    outline runs beside the rims that it mirrors, all of them inside, and so of equals the outermost wins.
+    The fit starts from three radii, and `best_outline` wins.
     """
     starts = [replace(sphere, radius_px=sphere.radius_px + d) for d in (-0.5 * search_px, 0.0, 0.5 * search_px)]
     fits = [fit for fit in (_fit_from(crops, corner, camera, s, search_px=search_px) for s in starts) if fit]
+    return best_outline(fits, sphere.kind)
+
+
+def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit | None:
+    """Return the best of some fits of one ball, or None of none.
+
+    On a matte ball the one on which most of the outline agrees wins; a mirror's outline runs beside the rims that
+    it mirrors, all of them inside, and so of equals the outermost wins.
+    """
     if not fits:
         return None
-    if sphere.kind == "white":
+    if kind == "white":
         return max(fits, key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15))
     best = max(fit.sphere.score for fit in fits)
     return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)

@@ -93,6 +93,30 @@ def test_hint_and_mask_skip_detection(table):
     np.testing.assert_allclose(balls[1].sphere.center_px, white, atol=0.4)
 
 
+@pytest.mark.parametrize("ball", [0, 2], ids=["chrome", "white"])
+@pytest.mark.parametrize("slip", [(0, 0, 0), (0.11, 0, 0), (-0.08, 0.08, 0), (0, 0, 0.11), (0, 0.06, -0.1)])
+def test_a_hint_is_a_hint(table, ball, slip):
+    """Off by a ninth of the radius it used to win over the outline, and bent the lights by up to 10 degrees."""
+    world, frames = table
+    kind, center, radius = _truth(world)[ball]
+    u, v, r = np.array([*center, radius]) + radius * np.array(slip)
+    balls, _, warnings = find_balls(frames, world.camera, [SphereRequest(kind, center_px=(u, v), radius_px=r)])
+    assert not warnings
+    np.testing.assert_allclose(balls[0].sphere.center_px, center, atol=0.12)
+    assert balls[0].sphere.radius_px == pytest.approx(radius, abs=0.1 if kind == "chrome" else 0.3)
+
+
+def test_a_hint_where_no_ball_is_gets_a_doubt_of_its_size():
+    rng = np.random.default_rng(0)
+    frames = Frames.from_linear(tuple("abcd"), 0.2 + 0.01 * rng.normal(size=(4, 200, 240, 3)).astype(np.float32))
+    request = SphereRequest("chrome", center_px=(120.0, 100.0), radius_px=60.0)
+    (ball,), _, (warning,) = find_balls(frames, Camera.orthographic(240, 200), [request])
+    assert ball.sphere.sigma_px == pytest.approx(3.0)
+    np.testing.assert_allclose(ball.covariance, 9 * np.eye(3))
+    assert "no outline was found" in warning
+    assert "3.0 px of doubt" in warning
+
+
 @pytest.mark.parametrize(
     ("request_", "message"),
     [
