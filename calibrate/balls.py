@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.coarse import Coarse, shrink
-from calibrate.detect import Found, Rejected, around_hint, detect
+from calibrate.detect import Found, Rejected, detect
+from calibrate.hint import around_hint
 from calibrate.silhouette import OutlineFit, best_outline, fit_mask, fit_outline
 from scene.camera import Camera
 from scene.errors import CalibrationError
