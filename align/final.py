@@ -9,7 +9,7 @@ from align.embree import RayCaster
 from align.refine import Term, disagreement, information, robust_sigma
 from align.rim import Rim, find_rim, locate_edges, outline_jacobian, sample, signed_distance
 from align.rough import moved_normals, small_steps
-from align.shading import Samples, choose, explain, find_shadows, free_normals, light_vectors, surface
+from align.shading import Samples, choose, explain, find_shadows, free_normals, surface
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -230,4 +230,4 @@ class FinalEvidence:
 
 
 def _vectors(lights: Lights, points: Array) -> Array:
-    return light_vectors(lights, np.where(np.isfinite(points), points, lights.reference_point_mm))
+    return lights.toward(np.where(np.isfinite(points), points, lights.reference_point_mm))

@@ -1,6 +1,6 @@
 """The shading: how well the scan's normals, under the calibrated lights, explain the photographs."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,16 +65,6 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     floor = 0.05 * np.median(scale)
     usable = ~clipped & (values > 0.1 * scale)
     return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, np.maximum(scale, floor))
-
-
-def light_vectors(lights: Lights, points: NDArray) -> Array:
-    """Return (N, P, 3), each light as seen from points (P, 3), at intensity 1 at the reference point."""
-    white = replace(lights, intensities=np.ones((len(lights), 3)))
-    out = np.empty((len(lights), len(points), 3))
-    for start in range(0, len(points), 1 << 13):
-        part = slice(start, start + (1 << 13))
-        out[:, part] = white.at(points[part])[:, :, 0]
-    return out
 
 
 def surface(caster: RayCaster, camera: Camera, pose: Pose, pixels: NDArray) -> tuple[Array, Array]:

@@ -28,17 +28,8 @@ def write_whole(path: Path) -> Iterator[BinaryIO]:
     SceneError
         The disk is full, or the place cannot be written.
     """
-    temporary = _temporary(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with open(temporary, "wb") as file:
-            yield file
-        os.replace(temporary, path)
-    except OSError as error:
-        raise _disk_error(path, error) from error
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+    with _put_in_place(path) as temporary, open(temporary, "wb") as file:
+        yield file
 
 
 @contextlib.contextmanager
@@ -47,9 +38,7 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
 
     The disk's blocks are reserved first: a memory map on a full disk would end the process with SIGBUS.
     """
-    temporary = _temporary(path)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+    with _put_in_place(path) as temporary:
         array = np.lib.format.open_memmap(temporary, mode="w+", dtype=dtype, shape=shape)
         with open(temporary, "r+b") as file:
             if hasattr(os, "posix_fallocate"):
@@ -57,6 +46,15 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
         yield array
         array.flush()
         del array
+
+
+@contextlib.contextmanager
+def _put_in_place(path: Path) -> Iterator[Path]:
+    """Give the name to write under; rename it to `path` when the block ends well, remove it otherwise."""
+    temporary = _temporary(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield temporary
         os.replace(temporary, path)
     except OSError as error:
         raise _disk_error(path, error) from error
