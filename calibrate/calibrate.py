@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from calibrate.balls import Ball, find_balls
 from calibrate.detect import Rejected
-from calibrate.directions import angle_deg, mirrored_rays
+from calibrate.directions import mirrored_rays
 from calibrate.from_chrome import lights_from_chrome, spread_over_frames
 from calibrate.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.highlight import find_spots
@@ -18,6 +18,7 @@ from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere, SphereRequest
 
 Array = NDArray[np.float64]
@@ -195,7 +196,7 @@ def _with_known(frames, camera, requests, lights: Lights, progress) -> Calibrati
             if lights.positions_mm is not None and ball.sphere.diameter_mm:
                 target = lights.positions_mm - points
                 target = target / np.linalg.norm(target, axis=1, keepdims=True)
-            angle = np.nanmedian(angle_deg(seen, target))
+            angle = np.nanmedian(angular_error_deg(seen, target))
             evidence.append(f"chrome ball {i + 1} sees the known lights {angle:.2f} degrees off (median)")
     return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), warnings)
 
@@ -254,7 +255,7 @@ def _flag_same(
     """Name frames whose lights are the same: they add no information, and often a flash that was not moved."""
     for i in range(len(names)):
         for j in range(i):
-            same = angle_deg(directions[i], directions[j]) < 0.2
+            same = angular_error_deg(directions[i], directions[j]) < 0.2
             if same and positions is not None:
                 same = np.linalg.norm(positions[i] - positions[j]) < 0.02 * np.linalg.norm(positions[i])
             if same:

@@ -44,8 +44,3 @@ def mean_directions(directions: Array) -> Array:
     total = np.where(seen, directions, 0).sum(0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(seen.any(0), total / np.linalg.norm(total, axis=1, keepdims=True), np.nan)
-
-
-def angle_deg(a: Array, b: Array) -> Array:
-    """Return the angle between unit vectors (..., 3), exact for small angles too."""
-    return np.rad2deg(2 * np.arcsin(np.clip(np.linalg.norm(a - b, axis=-1) / 2, 0, 1)))

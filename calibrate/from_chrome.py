@@ -7,12 +7,13 @@ from numpy.typing import NDArray
 
 from calibrate.adjustment import LightFit, ray_meeting
 from calibrate.balls import Ball
-from calibrate.directions import angle_deg, mean_directions, mirrored_rays
+from calibrate.directions import mean_directions, mirrored_rays
 from calibrate.highlight import Spots, find_spots
 from calibrate.positions import fit_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -115,7 +116,7 @@ def _agreeing(
             toward = meeting - points
             if np.isfinite(meeting).all() and np.sum(toward * directions) > 0:
                 target = toward / np.linalg.norm(toward, axis=1, keepdims=True)
-        return float(angle_deg(directions, target).max())
+        return float(angular_error_deg(directions, target).max())
 
     first = (0,) * len(spheres)
     usual = np.median([miss_deg(f, first) for f in range(pixels.shape[1])])

@@ -3,12 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.directions import angle_deg
 from calibrate.intensity import measure, propagate
 from calibrate.skin import Skin
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ def compare_with_chrome(
     if positions is not None and sphere.diameter_mm:
         toward = positions - sphere.center_mm(camera)
         toward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
-    angle = float(np.nanmedian(angle_deg(shaded, toward)))
+    angle = float(np.nanmedian(angular_error_deg(shaded, toward)))
     evidence.append(f"the white ball's shading agrees with the chrome to {angle:.1f} degrees (median)")
     if positions is None and angle > APART_DEG:
         warnings.append(

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
-from calibrate.directions import angle_deg
 from calibrate.known import read_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.normals import angular_error_deg
 from scene.spheres import SphereRequest
 
 OBJECT = np.array([0.0, 0.0, -1000.0])
@@ -47,7 +47,7 @@ def test_lights_at_the_object(table, found):
     world, _ = table
     lights = found.lights.seen_from(OBJECT)
     directions, intensities = _truth(world)
-    angle = angle_deg(lights.directions, directions)
+    angle = angular_error_deg(lights.directions, directions)
     assert np.median(angle) < 0.7
     assert angle.max() < 1.5
     assert np.sqrt(np.mean((lights.intensities / intensities - 1) ** 2)) < 0.02
@@ -61,7 +61,7 @@ def test_stated_sigma_covers_the_truth(table, found):
     world, _ = table
     reference = found.lights.reference_point_mm
     directions, intensities = _truth(world, reference)
-    angle = angle_deg(found.lights.directions, directions)
+    angle = angular_error_deg(found.lights.directions, directions)
     assert np.mean(angle < 2.448 * found.lights.direction_sigma_deg) > 0.75
     assert (found.lights.direction_sigma_deg < 1).all()
     off = found.lights.intensities.mean(1) / intensities.mean(1) - 1
@@ -96,7 +96,7 @@ def test_one_chrome_ball_claims_directions_only(table):
     result = calibrate(frames, world.camera, _hints(world, ["chrome"])[:1])
     assert result.lights.model == "distant"
     directions, _ = _truth(world, world.balls[0].center)
-    assert np.median(angle_deg(result.lights.directions, directions)) < 1.0
+    assert np.median(angular_error_deg(result.lights.directions, directions)) < 1.0
     np.testing.assert_array_equal(result.lights.intensities, 1)
     assert any("no white ball" in warning for warning in result.warnings)
 
@@ -115,7 +115,7 @@ def test_white_ball_alone(table):
     world, frames = table
     result = calibrate(frames, world.camera, _hints(world, ["white"]))
     directions, _ = _truth(world, world.balls[2].center)
-    assert np.median(angle_deg(result.lights.directions, directions)) < 2.5
+    assert np.median(angular_error_deg(result.lights.directions, directions)) < 2.5
     assert "shading" in " ".join(result.evidence)
     (warning,) = result.warnings
     assert "only a white ball: the directions hold where it stands" in warning
@@ -136,7 +136,7 @@ def test_a_ball_shot_apart(table):
     result = calibrate(frames, world.camera, [replace(chrome, frames=own), white])
     assert {sphere.kind: sphere.apart for sphere in result.spheres} == {"chrome": True, "white": False}
     directions, _ = _truth(world, world.balls[0].center)
-    assert np.median(angle_deg(result.lights.directions, directions)) < 1.0
+    assert np.median(angular_error_deg(result.lights.directions, directions)) < 1.0
 
 
 @pytest.mark.parametrize(("chrome_mm", "white_mm"), [(91.0, 70.0), (76.0, 78.0)], ids=["chrome", "white"])

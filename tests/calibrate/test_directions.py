@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from calibrate.directions import angle_deg, mirrored_rays
+from calibrate.directions import mirrored_rays
 from scene.camera import Camera
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 PERSPECTIVE = Camera(900, 600, 1000.0, 1000.0, 450.0, 300.0)
@@ -35,7 +36,7 @@ def test_highlight_at_the_centre_means_a_light_at_the_camera():
     ball = _ball(PERSPECTIVE, [200, -120, -1000], 40)
     _, direction = mirrored_rays(PERSPECTIVE, ball, ball.center_px)
     toward_camera = -np.array([200, -120, -1000]) / np.linalg.norm([200, -120, -1000])
-    assert angle_deg(direction, toward_camera) < 1e-9
+    assert angular_error_deg(direction, toward_camera) < 1e-9
 
 
 @pytest.mark.parametrize("center", [[0, 0, -900], [260, 150, -1000], [-300, 100, -800]])

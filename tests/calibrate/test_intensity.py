@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from calibrate.directions import angle_deg
 from calibrate.intensity import measure
 from calibrate.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 CAMERA = Camera(200, 160, 900.0, 900.0, 96.0, 82.0)
@@ -80,5 +80,5 @@ def test_wholly_clipped_ball_gives_no_number():
 
 def test_shading_alone_gives_the_direction():
     directions, sigma = shading_directions(read_skin(_frames(near=False, ambient=0.02), CAMERA, BALL))
-    assert angle_deg(directions, DIRECTIONS).max() < 0.3
+    assert angular_error_deg(directions, DIRECTIONS).max() < 0.3
     assert (sigma < 1).all()

@@ -5,9 +5,9 @@ import pytest
 from scipy.optimize import minimize
 
 from calibrate.adjustment import ray_meeting
-from calibrate.directions import angle_deg
 from calibrate.positions import fit_lights
 from scene.camera import Camera
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 CAMERA = Camera(1200, 800, 1666.7, 1666.7, 606.8, 394.9)
@@ -79,7 +79,7 @@ def test_stated_sigmas_are_honest(scene, count):
             REFERENCE,
             near=True,
         )
-        angle = angle_deg(fit.directions, truth / distance[:, None])
+        angle = angular_error_deg(fit.directions, truth / distance[:, None])
         # Two tangent axes of one sigma each: chi2 with 2 degrees of freedom.
         inside_direction.append(angle < 2.448 * fit.direction_sigma_deg)
         off = np.log(np.linalg.norm(fit.positions_mm - REFERENCE, axis=1) / distance)
@@ -108,7 +108,7 @@ def test_distant_lights_need_no_ranges(scene):
     highlights += 0.1 * rng.normal(size=highlights.shape)
     args = (CAMERA, _spheres(2), [0.05**2 * np.eye(3)] * 2, highlights, np.full((2, 4), 0.1), REFERENCE)
     distant, near = fit_lights(*args, near=False), fit_lights(*args, near=True)
-    assert angle_deg(distant.directions, directions).max() < 0.6
+    assert angular_error_deg(distant.directions, directions).max() < 0.6
     # The smaller model must win by BIC.
     assert distant.chi2_all - near.chi2_all < (near.unknowns - distant.unknowns) * np.log(near.observations) + 10
 

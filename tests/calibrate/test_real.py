@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
-from calibrate.directions import angle_deg
 from calibrate.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.normals import angular_error_deg
 from scene.spheres import SphereRequest
 
 SHARED = Path(__file__).parents[2] / ".." / "shared"
@@ -45,11 +45,11 @@ def test_uw_psm_chrome_explains_gray():
     table = np.loadtxt(SHARED / "real" / "uw_psm" / "lights.txt", skiprows=1)
     given = table / np.linalg.norm(table, axis=1, keepdims=True)
     # lights.txt is the weaker reference (see the set's README): the gray ball judges.
-    assert angle_deg(result.lights.directions, given).mean() < 4
+    assert angular_error_deg(result.lights.directions, given).mean() < 4
     shaded, _ = shading_directions(read_skin(_uw("gray"), camera, gray))
-    against_gray = np.median(angle_deg(shaded, result.lights.directions))
+    against_gray = np.median(angular_error_deg(shaded, result.lights.directions))
     assert against_gray < 3.5
-    assert against_gray < np.median(angle_deg(shaded, given))
+    assert against_gray < np.median(angular_error_deg(shaded, given))
     np.testing.assert_allclose(result.lights.intensities, 1, atol=0.06)
 
 
@@ -105,7 +105,7 @@ def test_bunny_session():
         np.testing.assert_allclose(mine.center_px, ball["centre_px"], atol=0.25)
         assert mine.radius_px == pytest.approx(ball["radius_px"], abs=0.4)
     lights = result.lights.seen_from(truth["object_centre_mm"])
-    angle = angle_deg(lights.directions, np.array(truth["directions_at_object"]))
+    angle = angular_error_deg(lights.directions, np.array(truth["directions_at_object"]))
     assert np.median(angle) < 0.5
     assert angle.max() < 1.0
     error = lights.intensities / np.array(truth["relative_intensity_rgb_at_object"]) - 1
