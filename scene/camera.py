@@ -36,6 +36,10 @@ class Camera:
     projection : {"perspective", "orthographic"}
     source : str
         Where the numbers came from, for the report: "session.toml", "EXIF", "assumed".
+    focal_sigma : float
+        Relative standard deviation of the focal length; 0 where it is taken as exact.
+    center_sigma_px : float
+        Standard deviation of the principal point, one axis.
 
     Notes
     -----
@@ -52,6 +56,8 @@ class Camera:
     distortion: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0, 0.0)
     projection: Literal["perspective", "orthographic"] = "perspective"
     source: str = "session.toml"
+    focal_sigma: float = 0.0
+    center_sigma_px: float = 0.0
 
     def __post_init__(self) -> None:
         if min(self.width, self.height) < 1 or min(self.fx, self.fy) <= 0:
@@ -131,6 +137,7 @@ class Camera:
             fy=self.fy / 2,
             cx=(self.cx - 0.5) / 2,
             cy=(self.cy - 0.5) / 2,
+            center_sigma_px=self.center_sigma_px / 2,
         )
 
     def _distort(self, x: Array, y: Array) -> tuple[Array, Array]:
