@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from calibrate.adjustment import LightFit, ray_meeting
 from calibrate.balls import Ball
+from calibrate.calibration import Aim, Notes
 from calibrate.directions import mean_directions, mirrored_rays
 from calibrate.highlight import Spots, find_spots
 from calibrate.positions import fit_lights
@@ -27,15 +28,13 @@ def lights_from_chrome(
     camera: Camera,
     balls: list[Ball],
     reference: Array,
-    evidence: list[str],
-    warnings: list[str],
-    flags: list[list[str]],
+    notes: Notes,
 ) -> tuple[LightFit, NDArray[np.bool_], Array]:
     """Fit the lights to the highlights; return the fit, the frames that it holds, and the chosen highlights."""
     spheres = [ball.sphere for ball in balls]
     spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
     measurable = not camera.is_orthographic and len(balls) >= 2 and all(s.diameter_mm for s in spheres)
-    chosen, sigma = _agreeing(camera, spheres, spots, measurable, flags)
+    chosen, sigma = _agreeing(camera, spheres, spots, measurable, notes.flags)
     seen = np.asarray(np.isfinite(chosen[..., 0]).any(0))
     if not seen.any():
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
@@ -53,22 +52,22 @@ def lights_from_chrome(
         distance = np.linalg.norm(near.positions_mm - reference, axis=1) / 1000
         if gain > NEAR_BIC:
             fit = near
-            evidence.append(
+            notes.evidence.append(
                 f"near lights: {distance.min():.2f} to {distance.max():.2f} m from the balls (dBIC {gain:.0f} against "
                 "distant)"
             )
         else:
-            evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
+            notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
     elif len(balls) == 1:
-        evidence.append("distant lights: one chrome ball gives directions only")
+        notes.evidence.append("distant lights: one chrome ball gives directions only")
         if not balls[0].sphere.apart:
-            warnings.append(
+            notes.warnings.append(
                 "one chrome ball: the directions hold where it stands. An object 100 mm beside it, under flashes a "
                 "metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and state "
                 "diameter_mm."
             )
     else:
-        evidence.append(
+        notes.evidence.append(
             "distant lights: ranges need "
             + ("a perspective camera" if camera.is_orthographic else "the balls' diameters")
         )
@@ -77,19 +76,19 @@ def lights_from_chrome(
         fit = fit_as(False, [1e-6 * np.eye(3)] * len(balls))
     rms = float(np.sqrt(np.nanmean(fit.residual_px**2)))
     moved = max(float(np.hypot(*(a.center_px - b.center_px))) for a, b in zip(fit.spheres, spheres, strict=True))
-    evidence.append(f"highlights fit to {rms:.2f} px rms; the balls moved by at most {moved:.2f} px for it")
+    notes.evidence.append(f"highlights fit to {rms:.2f} px rms; the balls moved by at most {moved:.2f} px for it")
     if fit.reduced > DISAGREE:
         hint = (
             "check their diameters and the camera's focal length"
             if fit.positions_mm is not None
             else "near lights? Give diameter_mm and a camera"
         )
-        warnings.append(
+        notes.warnings.append(
             f"the chrome balls disagree on the lights: highlights miss by {rms:.1f} px rms, "
             f"{np.sqrt(fit.reduced):.1f} times what was expected; {hint}. The stated sigma is widened accordingly."
         )
     for s, f in zip(*np.nonzero(np.isfinite(chosen[:, seen, 0]) & ~fit.used), strict=True):
-        flags[int(np.flatnonzero(seen)[f])].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
+        notes.flags[int(np.flatnonzero(seen)[f])].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
     return fit, seen, chosen
 
 
@@ -141,9 +140,8 @@ def spread_over_frames(
     seen: NDArray[np.bool_],
     shaded: list[tuple[Array, Array]],
     reference: Array,
-    flags: list[list[str]],
-    warnings: list[str],
-) -> tuple[Array, Array | None, Array, Array]:
+    notes: Notes,
+) -> Aim:
     """Spread the fit over all frames; what no chrome ball saw comes from the white ball's shading."""
     count = len(frames)
     directions, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
@@ -165,8 +163,10 @@ def spread_over_frames(
             distance = np.median(np.linalg.norm(fit.positions_mm - reference, axis=1))
             positions[f] = reference + distance * directions[f]
             range_sigma[f] = 0.3
-        flags[f].append("no highlight seen: direction from the white ball's shading")
+        notes.flags[f].append("no highlight seen: direction from the white ball's shading")
     if len(lost):
         names = ", ".join(frames.names[f] for f in lost)
-        warnings.append(f"{names}: no chrome ball shows the flash; the direction is from the white ball's shading.")
-    return directions, positions, sigma, range_sigma
+        notes.warnings.append(
+            f"{names}: no chrome ball shows the flash; the direction is from the white ball's shading."
+        )
+    return Aim(directions, sigma, positions, range_sigma)

@@ -1,0 +1,78 @@
+"""What a calibration is, and what is noted on the way to it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.detect import Rejected
+from scene.lights import Lights
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What the balls say.
+
+    Parameters
+    ----------
+    spheres : list of Sphere
+    lights : Lights
+    highlights_px : (S, F, 2) float64
+        Where each ball mirrors each flash; NaN for white balls and where none was seen or believed.
+    rejected : tuple of Rejected
+        Circles that are no ball, or not one asked for, with the reason.
+    evidence : tuple of str
+        Why this model, and how well it fits.
+    warnings : tuple of str
+        What is suspicious but usable.
+    position_covariance_mm2 : (F, 3, 3) float64 or None
+        Of each light's position; None for distant lights.
+    """
+
+    spheres: list[Sphere]
+    lights: Lights
+    highlights_px: Array
+    rejected: tuple[Rejected, ...] = ()
+    evidence: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+    position_covariance_mm2: Array | None = None
+
+
+@dataclass(frozen=True)
+class Notes:
+    """What the stages have to say, collected: evidence, warnings, and per frame what is suspicious about its light."""
+
+    evidence: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    flags: list[list[str]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """Where every frame's light is.
+
+    Parameters
+    ----------
+    directions : (F, 3) float64
+        At the reference point.
+    sigma_deg : (F,) float64
+        One tangent axis.
+    positions_mm : (F, 3) float64 or None
+    range_sigma : (F,) float64
+        Relative; NaN for distant lights.
+    position_covariance_mm2 : (F, 3, 3) float64 or None
+    """
+
+    directions: Array
+    sigma_deg: Array
+    positions_mm: Array | None
+    range_sigma: Array
+    position_covariance_mm2: Array | None = None
+
+    @property
+    def for_meter(self) -> tuple[Array, Array | None, Array, Array]:
+        """Directions, positions, their sigma (degrees) and the ranges' (relative), as `intensities_from_white` asks."""
+        return self.directions, self.positions_mm, self.sigma_deg, self.range_sigma
