@@ -1,16 +1,21 @@
-"""Lights from a file instead of balls."""
+"""Lights from a file instead of balls: which reader, checked, in the frames' order."""
 
-import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.light_dome import read_dome
+from calibrate.light_json import read_json
+from calibrate.light_mat import read_mat
+from calibrate.light_text import read_diligent, read_lp
+from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
 
 Array = NDArray[np.float64]
+SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
 NO_INTENSITIES = "has no intensities"
 """Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""
 
@@ -25,23 +30,29 @@ def without_flag(lights: Lights) -> tuple[tuple[str, ...], ...]:
     return tuple(tuple(flag for flag in flags if not flag.endswith(NO_INTENSITIES)) for flags in lights.flags)
 
 
-def read_lights(path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] = ()) -> Lights:
+def read_lights(
+    path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] = (), camera: Camera | None = None
+) -> Lights:
     """Read the lights of the frames `names` from a file.
 
     Parameters
     ----------
     path : Path
-        `.lp` (RTI), `.json` (this program's lights.json), or DiLiGenT's light_directions.txt, beside which
-        light_intensities.txt and filenames.txt are read where present.
+        `.lp` (RTI), DiLiGenT's light_directions.txt with light_intensities.txt and filenames.txt beside it where
+        present, `.json` (this program's lights.json, or AliceVision's), `.dome` (RelightLab), or `.mat` (light.mat of
+        near_ps).
     names : tuple of F str
         The frames' names, without suffix, in order.
     skipped : tuple of int
         Places, among all that were photographed, of frames that are left out: a file without names counts them too.
+    camera : Camera or None
+        Places what a `.dome` holds in millimetres; see `light_dome.read_dome`.
 
     Returns
     -------
     Lights
-        In the frames' order, each channel's mean intensity 1; intensities 1, and a flag, where the file has none.
+        Camera frame, in the frames' order, each channel's mean intensity 1; intensities 1, and a flag, where the file
+        has none.
 
     Raises
     ------
@@ -50,129 +61,61 @@ def read_lights(path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] 
 
     Notes
     -----
-    All three are in the camera frame already: x right, y up, z to the viewer. A file whose names are none of
-    the frames' is taken in its own order, and each light is flagged so.
+    A file whose names are none of the frames' is taken in its own order, and each light is flagged so.
+    `light_frames` tells each format's axes, origin and unit.
     """
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file. Correct lights.file in session.toml.")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise CalibrationError(
+            f"{path}: lights in {path.suffix or 'a file without suffix'} are not known; expected one of "
+            f"{', '.join(SUFFIXES)} (.txt: DiLiGenT's light_directions.txt)."
+        )
+    lights = _read(path, suffix, camera)
+    return _in_order(path, _checked(path, lights), names, skipped).normalised()
+
+
+def _read(path: Path, suffix: str, camera: Camera | None) -> Lights:
+    if suffix == ".mat":
+        return read_mat(path)
     try:
-        text = path.read_text()
+        text = path.read_text("utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise CalibrationError(f"{path}: cannot be read as text ({error}).") from error
-    readers = {".lp": _read_lp, ".json": _read_json, ".txt": _read_text}
-    if path.suffix.lower() not in readers:
-        raise CalibrationError(
-            f"{path}: lights in {path.suffix or 'a file without suffix'} are not known; expected .lp, .json or .txt "
-            "(DiLiGenT's light_directions.txt)."
-        )
-    lights = readers[path.suffix.lower()](path, text)
-    return _in_order(path, lights, names, skipped).normalised()
+    if suffix == ".dome":
+        return read_dome(path, text, camera)
+    return {".lp": read_lp, ".json": read_json, ".txt": read_diligent}[suffix](path, text)
 
 
-def _read_lp(path: Path, text: str) -> Lights:
-    """First line the count, then `name x y z`; the name may hold spaces."""
-    lines = [line.split() for line in text.splitlines() if line.strip()]
-    try:
-        count = int(lines[0][0])
-    except (IndexError, ValueError):
-        raise CalibrationError(f"{path}: line 1 must be the number of lights, found {text[:40]!r}.") from None
-    rows = lines[1:]
-    if len(rows) != count:
-        raise CalibrationError(f"{path}: line 1 says {count} lights, but {len(rows)} follow.")
-    if any(len(row) < 4 for row in rows):
-        bad = next(i for i, row in enumerate(rows) if len(row) < 4)
-        raise CalibrationError(f"{path}: light {bad + 1} is {' '.join(rows[bad])!r}; expected: name x y z.")
-    directions = np.array([[_number(path, word) for word in row[-3:]] for row in rows]).reshape(-1, 3)
-    names = tuple(_stem(" ".join(row[:-3])) for row in rows)
-    return Lights(names, _unit(path, directions), np.ones_like(directions), flags=_no_intensities(path, len(rows)))
-
-
-def _read_text(path: Path, text: str) -> Lights:
-    """DiLiGenT: one direction a line, with light_intensities.txt and filenames.txt beside it."""
-    directions = _table(path, text)
-    intensities = np.ones_like(directions)
-    beside = path.with_name(path.name.replace("directions", "intensities"))
-    flags = _no_intensities(path, len(directions))
-    if beside != path and beside.is_file():
-        flags = ()
-        intensities = _table(beside, beside.read_text())
-        if len(intensities) != len(directions):
+def _checked(path: Path, lights: Lights) -> Lights:
+    """Return a file's lights with unit directions; intensities 1 and flagged where the file has none, coded as NaN."""
+    if not len(lights):
+        raise CalibrationError(f"{path}: holds no lights. Write or export the file again.")
+    columns = [("direction", lights.directions), ("intensity", lights.intensities), ("position", lights.positions_mm)]
+    has_intensities = not np.isnan(lights.intensities).all()
+    for what, rows in columns:
+        if rows is None or (what == "intensity" and not has_intensities):
+            continue
+        bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+        if len(bad):
             raise CalibrationError(
-                f"{beside}: {len(intensities)} intensities, but {path.name} has {len(directions)} lights."
+                f"{path}: light {bad[0] + 1} has the {what} {rows[bad[0]].tolist()}, not a finite number each."
             )
-        if (intensities <= 0).any():
-            raise CalibrationError(f"{beside}: intensities must be positive, found {intensities.min():g}.")
-    listed = path.with_name("filenames.txt")
-    names = tuple(_stem(line) for line in listed.read_text().splitlines() if line.strip()) if listed.is_file() else ()
-    if len(names) != len(directions):
-        # Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
-        names = tuple(f"(row {i + 1})" for i in range(len(directions)))
-    return Lights(names, _unit(path, directions), intensities, flags=flags)
-
-
-def _no_intensities(path: Path, count: int) -> tuple[tuple[str, ...], ...]:
-    return ((f"{path.name} {NO_INTENSITIES}",),) * count
-
-
-def _read_json(path: Path, text: str) -> Lights:
-    """This program's own lights.json; see docs/conventions.md."""
-    try:
-        data: Any = json.loads(text)
-        rows = data["frames"]
-        near = data.get("model") == "near"
-        white, ambient = data.get("white_value"), data.get("ambient")
-
-        def column(name: str, missing: float = np.nan) -> Array:
-            return np.array([missing if row.get(name) is None else row[name] for row in rows], np.float64)
-
-        return Lights(
-            tuple(str(row["name"]) for row in rows),
-            _unit(path, np.array([row["direction"] for row in rows], np.float64)),
-            np.array([row["intensity"] for row in rows], np.float64),
-            np.array([row["position_mm"] for row in rows], np.float64) if near else None,
-            np.array(data.get("reference_point_mm") or [0.0, 0.0, 0.0], np.float64),
-            column("direction_sigma_deg"),
-            column("intensity_sigma"),
-            None if ambient is None else np.array(ambient, np.float64),
-            None if white is None else np.array(white, np.float64),
-            tuple(tuple(row.get("flags", ())) for row in rows),
-        )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CalibrationError(
-            f"{path}: not a lights.json ({type(error).__name__}: {error}). Expected frames[] with name, direction, "
-            "intensity and, for near lights, position_mm."
-        ) from error
-
-
-def _table(path: Path, text: str) -> Array:
-    rows = [line.split() for line in text.splitlines() if line.strip()]
-    bad = next((i for i, row in enumerate(rows) if len(row) != 3), None)
-    if bad is not None or not rows:
-        found = f"line {bad + 1} has {len(rows[bad])}" if bad is not None else "the file is empty"
-        raise CalibrationError(f"{path}: expected three numbers a line, one light each; {found}.")
-    return np.array([[_number(path, word) for word in row] for row in rows])
-
-
-def _number(path: Path, word: str) -> float:
-    try:
-        value = float(word)
-    except ValueError:
-        raise CalibrationError(f"{path}: {word!r} is not a number.") from None
-    if not np.isfinite(value):
-        raise CalibrationError(f"{path}: {word!r} is not a finite number.")
-    return value
-
-
-def _unit(path: Path, directions: Array) -> Array:
-    length = np.linalg.norm(directions, axis=-1, keepdims=True)
+    if (lights.intensities <= 0).any():
+        raise CalibrationError(f"{path}: intensities must be positive, found {lights.intensities.min():g}.")
+    length = np.linalg.norm(lights.directions, axis=-1, keepdims=True)
     if (length < 1e-4).any():
         raise CalibrationError(f"{path}: light {int(length.argmin()) + 1} has no direction (length {length.min():g}).")
-    return directions / length
-
-
-def _stem(name: str) -> str:
-    """`folder/flash_000.dng` -> `flash_000`; `.lp` files are written on Windows too."""
-    return Path(name.strip().replace("\\", "/")).stem
+    lights = replace(lights, directions=lights.directions / length)
+    if has_intensities:
+        return lights
+    said = f"{path.name} {NO_INTENSITIES}"
+    return replace(
+        lights,
+        intensities=np.ones_like(lights.directions),
+        flags=tuple((*flags, said) for flags in lights.flags),
+    )
 
 
 def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple[int, ...]) -> Lights:

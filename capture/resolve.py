@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from capture.manifest import CameraTable, FramesTable, Manifest, SphereTable
 
 # What the rooms behind can read; a test holds these against theirs.
-LIGHTS_SUFFIXES = (".lp", ".json", ".txt")
+LIGHTS_SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
 SCAN_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
 NORMALS_SUFFIXES = (".mat", ".txt", ".npy", ".png")
 

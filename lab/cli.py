@@ -1,16 +1,15 @@
 """The command line: `rgbn VERB`."""
 
-import json as json_module
 import os
 import sys
 import traceback
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from lab.progress import say
+from lab.run import DEFAULT_METHODS, open_job, run_session
 from scene.errors import SceneError
 
 app = App(
@@ -29,7 +28,6 @@ Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME he
 Method = Annotated[str, Parameter(help="Photometric-stereo methods, with commas: ls, iterative.")]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
-DEFAULT_METHODS = "ls,iterative"
 
 
 @app.command(sort_key=1)
@@ -100,101 +98,36 @@ def compare(session: Session, /, *, out: Out = None, method: Method = DEFAULT_ME
 
 
 @app.command(sort_key=9)
+def export(
+    session: Session,
+    /,
+    *,
+    format: Annotated[str, Parameter(help="alicevision, diligent, dome, lp or mat (near_ps).")],
+    out: Out = None,
+    sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
+) -> None:
+    """Write the lights, calibrated first if they are not yet, for another program into OUT/export."""
+    from calibrate.export import export_lights
+    from lab.plan import STEPS
+
+    with open_job(session, out=out) as job:
+        job.run(STEPS, "calibrate")
+        store, files = job.store, tuple(path.name for path in job.session.flash)
+        lights, camera = store.load_lights(), store.load_camera()
+        paths, notes = export_lights(store.path("export"), format, lights, camera, files=files, sfm=sfm)
+    for note in notes:
+        say(f"note: {note}")
+    for path in paths:
+        print(path)
+
+
+@app.command(sort_key=10)
 def doctor() -> None:
     """Say what this machine has, and what would make it faster."""
     from lab.doctor import examine
 
     for what, finding in examine():
         print(f"{what:32} {finding}")
-
-
-def run_session(
-    session_path: Path,
-    wanted: str,
-    *,
-    out: Path | None = None,
-    method: str = DEFAULT_METHODS,
-    json: bool = False,
-    scheduler: str | None = None,
-    truth: Path | None = None,
-) -> None:
-    """Run one verb with all that it needs, and tell what came out.
-
-    Parameters
-    ----------
-    session_path : Path
-    wanted : str
-        The last step to run, a key of `lab.plan.STEPS`.
-    out : Path, optional
-        Output folder; out/NAME without.
-    method : str
-        Solvers, with commas.
-    json : bool
-        Print the summary as JSON, not as a table.
-    scheduler : str, optional
-        Address of a Dask scheduler.
-    truth : Path, optional
-        Folder of a known truth (truth.json, truth.npz) to judge the results by.
-    """
-    from capture.session import load_session
-    from lab.job import Job, locked
-    from lab.plan import STEPS
-    from lab.progress import say
-    from lab.summary import write_summary
-    from lab.tell import tell
-    from scene.store import Store
-
-    methods = _methods(method)
-    session = load_session(session_path)
-    folder = out or Path("out") / session.name
-    inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
-    if any(folder.resolve() == place.resolve() for place in inputs):
-        raise SceneError(
-            f"--out {folder}: the session's own files lie there, and the output has files of the same names. Choose "
-            "another folder; one inside the session's is fine."
-        )
-    with locked(folder), _executor(scheduler) as executor:
-        job = Job(session, Store(folder), methods, executor, truth)
-        arguments = {"up_to": wanted, "session": str(session_path), "methods": list(methods)}
-        job.run(STEPS, wanted)
-        summary = write_summary(job, arguments)
-        if wanted == "compare":
-            from compare.report import write_report
-
-            page = write_report(job.store, summary)
-            say(f"report: {page}")
-    if json:
-        print(json_module.dumps(summary, indent=1))
-    else:
-        tell(summary)
-
-
-def _methods(text: str) -> tuple[str, ...]:
-    from solve.solve import METHODS
-
-    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    unknown = [name for name in names if name not in METHODS]
-    if unknown or not names:
-        raise SceneError(
-            f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
-        )
-    return names
-
-
-@contextmanager
-def _executor(address: str | None) -> Iterator[Any]:
-    """Hold the executor of a Dask scheduler for a block; None for threads here."""
-    if address is None:
-        yield None
-        return
-    from dask.distributed import Client
-
-    try:
-        client = Client(address, timeout=10)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"--scheduler {address}: no Dask scheduler answers there ({error}).") from error
-    with client:
-        yield client.get_executor()
 
 
 def main() -> None:

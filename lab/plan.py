@@ -53,7 +53,8 @@ def _rendered(job: Job) -> list[Path]:
 
 
 LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
-ALIGNED = ("pose.json", "mask.png", "normals/truth*")
+# `align` moves the lights to the object: what was exported before is of other lights.
+ALIGNED = ("pose.json", "mask.png", "normals/truth*", "export")
 SOLVED = tuple(pattern for name in METHODS for pattern in (f"normals/{name}.*", f"albedo/{name}.*"))
 
 STEPS = {
@@ -72,7 +73,7 @@ STEPS = {
             ("check",),
             _light_inputs,
             lambda job: _paths(job, "calibration.json", "spheres.json", *LIGHTS),
-            ("calibration.json", "spheres.json", *LIGHTS),
+            ("calibration.json", "spheres.json", *LIGHTS, "export"),
         ),
         Step("align", steps.align, ("calibrate",), _object_inputs, _aligned, ALIGNED),
         Step("solve", steps.solve, ("align",), lambda job: job.methods, _solved, SOLVED),

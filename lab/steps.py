@@ -51,7 +51,8 @@ def calibrate(job: Job) -> Outcome:
     frames, camera = store.load_frames(), store.load_camera()
     session = job.session
     skipped = tuple(set(range(session.photographed)) - set(session.kept))
-    known = read_lights(session.lights_file, frames.names, skipped=skipped) if session.lights_file else None
+    file = session.lights_file
+    known = read_lights(file, frames.names, skipped=skipped, camera=camera) if file else None
     requests, ball_warnings = sphere_requests(session, store, executor=job.executor)
     with progress_bar("calibrate") as progress:
         found = find_lights(frames, camera, requests, known_lights=known, progress=progress)

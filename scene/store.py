@@ -16,6 +16,7 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.files import write_json, write_npy, write_png, write_text
 from scene.frames import Frames
+from scene.light_text import lp_rows, number_rows
 from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.pose import Pose
@@ -131,16 +132,10 @@ class Store:
             "model": lights.model,
         }
 
-        def table(rows: NDArray) -> str:
-            return "".join(" ".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
-
-        lp = "".join(
-            f"{name} {x:.8f} {y:.8f} {z:.8f}\n" for name, (x, y, z) in zip(files, lights.directions, strict=True)
-        )
-        write_text(self.path("light_directions.txt"), table(lights.directions))
-        write_text(self.path("light_intensities.txt"), table(lights.intensities))
+        write_text(self.path("light_directions.txt"), number_rows(lights.directions))
+        write_text(self.path("light_intensities.txt"), number_rows(lights.intensities))
         write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in files))
-        write_text(self.path("lights.lp"), f"{len(lights)}\n{lp}")
+        write_text(self.path("lights.lp"), lp_rows(files, lights.directions))
         write_json(self.path("lights.json"), data)
 
     def load_lights(self) -> Lights:

@@ -104,8 +104,10 @@ def test_own_json_comes_back_whole(tmp_path, near):
         ("l.lp", "3\nflash_000 0 0 1\nflash_001 0 1 1\nother 1 0 1\n", "no light for the frame 'flash_002'"),
         ("l.txt", "0 0 1\n0 1\n1 0 1\n", "line 2 has 2"),
         ("l.txt", "", "empty"),
-        ("l.json", json.dumps({"lights": []}), "not a lights.json"),
-        ("l.json", "{", "not a lights.json"),
+        ("l.json", json.dumps({"lights": []}), "holds no lights"),
+        ("l.json", "{", "not JSON"),
+        ("l.json", "[1]", "holds a list"),
+        ("l.json", "{}", "not a lights.json"),
         ("l.xyz", "", "not known"),
     ],
 )

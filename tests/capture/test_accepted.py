@@ -13,12 +13,14 @@ def test_what_is_accepted_is_what_can_be_read(tmp_path):
     from align.given import SUFFIXES as NORMALS
     from align.scan import SUFFIXES as SCAN
     from align.scan import UNITS_MM
+    from calibrate.known import SUFFIXES as LIGHTS
     from calibrate.known import read_lights
     from scene.errors import CalibrationError
 
     assert set(get_args(ObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
     assert (set(SCAN_SUFFIXES), set(NORMALS_SUFFIXES)) == (set(SCAN), set(NORMALS))
-    for suffix in (*LIGHTS_SUFFIXES, ".dome", ".mat", ".csv"):
+    assert set(LIGHTS_SUFFIXES) == set(LIGHTS)
+    for suffix in (*LIGHTS_SUFFIXES, ".csv"):
         path = tmp_path / f"lights{suffix}"
         path.write_text("no lights")
         with pytest.raises(CalibrationError) as caught:

@@ -1,0 +1,128 @@
+"""A verb on a session: its output folder opened and locked, the steps run, what came out told."""
+
+import json as json_module
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from scene.errors import SceneError
+
+if TYPE_CHECKING:
+    from lab.job import Job
+
+DEFAULT_METHODS = "ls,iterative"
+
+
+@contextmanager
+def open_job(
+    session_path: Path,
+    *,
+    out: Path | None = None,
+    method: str = DEFAULT_METHODS,
+    scheduler: str | None = None,
+    truth: Path | None = None,
+) -> Iterator["Job"]:
+    """Hold a session's output folder for a block.
+
+    Parameters
+    ----------
+    session_path : Path
+    out : Path, optional
+        Output folder; out/NAME without.
+    method : str
+        Solvers, with commas.
+    scheduler : str, optional
+        Address of a Dask scheduler.
+    truth : Path, optional
+        Folder of a known truth (truth.json, truth.npz) to judge the results by.
+
+    Raises
+    ------
+    SceneError
+        Unknown solver, an unreadable session, an output folder that is the session's own or in use.
+    """
+    from capture.session import load_session
+    from lab.job import Job, locked
+    from scene.store import Store
+
+    methods = _methods(method)
+    session = load_session(session_path)
+    folder = out or Path("out") / session.name
+    inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
+    if any(folder.resolve() == place.resolve() for place in inputs):
+        raise SceneError(
+            f"--out {folder}: the session's own files lie there, and the output has files of the same names. Choose "
+            "another folder; one inside the session's is fine."
+        )
+    with locked(folder), _executor(scheduler) as executor:
+        yield Job(session, Store(folder), methods, executor, truth)
+
+
+def run_session(
+    session_path: Path,
+    wanted: str,
+    *,
+    out: Path | None = None,
+    method: str = DEFAULT_METHODS,
+    json: bool = False,
+    scheduler: str | None = None,
+    truth: Path | None = None,
+) -> None:
+    """Run one verb with all that it needs, and tell what came out.
+
+    Parameters
+    ----------
+    wanted : str
+        The last step to run, a key of `lab.plan.STEPS`.
+    json : bool
+        Print the summary as JSON, not as a table.
+    session_path, out, method, scheduler, truth
+        As in `open_job`.
+    """
+    from lab.plan import STEPS
+    from lab.progress import say
+    from lab.summary import write_summary
+    from lab.tell import tell
+
+    with open_job(session_path, out=out, method=method, scheduler=scheduler, truth=truth) as job:
+        arguments = {"up_to": wanted, "session": str(session_path), "methods": list(job.methods)}
+        job.run(STEPS, wanted)
+        summary = write_summary(job, arguments)
+        if wanted == "compare":
+            from compare.report import write_report
+
+            page = write_report(job.store, summary)
+            say(f"report: {page}")
+    if json:
+        print(json_module.dumps(summary, indent=1))
+    else:
+        tell(summary)
+
+
+def _methods(text: str) -> tuple[str, ...]:
+    from solve.solve import METHODS
+
+    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
+    unknown = [name for name in names if name not in METHODS]
+    if unknown or not names:
+        raise SceneError(
+            f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
+        )
+    return names
+
+
+@contextmanager
+def _executor(address: str | None) -> Iterator[Any]:
+    """Hold the executor of a Dask scheduler for a block; None for threads here."""
+    if address is None:
+        yield None
+        return
+    from dask.distributed import Client
+
+    try:
+        client = Client(address, timeout=10)
+    except (OSError, ValueError) as error:
+        raise SceneError(f"--scheduler {address}: no Dask scheduler answers there ({error}).") from error
+    with client:
+        yield client.get_executor()
