@@ -7,15 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.exif import Exif
+from capture.focal_length import camera_from_exif
 from capture.session import Charuco, Session
 from scene.camera import Camera
 from scene.errors import SessionError
 
 if TYPE_CHECKING:
     from capture.decode import CaptureReport
-
-DIAGONAL_35MM = 43.2666
-"""Diagonal of 36 x 24 mm: what "35 mm equivalent" refers to [CIPA2005]. By width it would be 4 % off on 4:3."""
 
 
 def camera_of(
@@ -50,7 +48,7 @@ def camera_of(
         return fitted(camera, session, width, height), (note,)
     if session.layout == "diligent":
         return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
-    return _from_exif(exif, session, width, height)
+    return camera_from_exif(exif, width, height, half=session.half)
 
 
 def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
@@ -76,39 +74,6 @@ def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
     )
 
 
-def _from_exif(exif: Sequence[Exif], session: Session, width: int, height: int) -> tuple[Camera, tuple[str, ...]]:
-    """Return the camera by the middle frame's focal length: focal-plane resolution, else the 35 mm equivalent."""
-    scale = 2 if session.half else 1
-    measured = [e for e in exif if e.focal_mm and e.pixels_per_mm]
-    equivalent = [e for e in exif if e.focal_35mm]
-    if measured:
-        e = sorted(measured, key=lambda e: e.focal_mm or 0)[len(measured) // 2]
-        assert e.focal_mm
-        assert e.pixels_per_mm
-        # A picture that was scaled after it was taken still states the resolution of the sensor. RAW files show
-        # a few more pixels than EXIF's width, of the same pitch.
-        shrunk = width * scale / e.width_px if e.width_px else 1.0
-        shrunk = 1.0 if 0.9 < shrunk < 1.1 else shrunk
-        fx, fy = (e.focal_mm * resolution * shrunk / scale for resolution in e.pixels_per_mm)
-        what = f"{e.focal_mm:g} mm at {e.pixels_per_mm[0]:.1f} px/mm (focal-plane resolution)"
-    elif equivalent:
-        e = sorted(equivalent, key=lambda e: e.focal_35mm or 0)[len(equivalent) // 2]
-        assert e.focal_35mm
-        fx = fy = e.focal_35mm * float(np.hypot(width, height)) / DIAGONAL_35MM
-        what = f"{e.focal_35mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
-    else:
-        return Camera.orthographic(width, height), (
-            "camera: unknown (no [camera] in session.toml, no focal length in EXIF): taken as orthographic. Then no "
-            "light has a position, and a ball away from the centre gives a direction that is off by about as much as "
-            "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera], or shots of a ChArUco board.",
-        )
-    camera = Camera(width, height, fx, fy, (width - 1) / 2, (height - 1) / 2, source="EXIF")
-    return camera, (
-        f"camera: focal length from EXIF, {what}: {fx:.1f} px. It is good to a few per cent, the principal point is "
-        "taken as the centre, distortion as none. Shots of a ChArUco board would measure all of them.",
-    )
-
-
 def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
     """Calibrate from photographs of a ChArUco board.
 
@@ -126,7 +91,8 @@ def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
 
     Notes
     -----
-    Zhang's method [Zhang2000] on the corners of a ChArUco board [GarridoJurado2014].
+    Zhang's method [Zhang2000] on the corners of a ChArUco board [GarridoJurado2014]. The sigmas are those of the
+    least squares: what the corners' scatter about the fit leaves open. A board that is not flat is not in them.
     """
     import cv2
 
@@ -173,10 +139,22 @@ def _camera_of_corners(
     rms, matrix, distortion, _, _, sigma, _, _ = calibrate(objects, images, (size[1], size[0]), None, None)
     fx, fy, cx, cy = (float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
     k1, k2, p1, p2, k3 = (float(k) for k in np.ravel(distortion)[:5])
-    camera = Camera(size[1], size[0], fx, fy, cx, cy, (k1, k2, p1, p2, k3), source="ChArUco")
+    sigma_fx, sigma_fy, sigma_cx, sigma_cy = (float(value) for value in np.ravel(sigma)[:4])
+    camera = Camera(
+        size[1],
+        size[0],
+        fx,
+        fy,
+        cx,
+        cy,
+        (k1, k2, p1, p2, k3),
+        source="ChArUco",
+        focal_sigma=max(sigma_fx / fx, sigma_fy / fy),
+        center_sigma_px=max(sigma_cx, sigma_cy),
+    )
     note = (
-        f"camera: from {len(objects)} shots of the board, reprojection error {rms:.2f} px, fx {camera.fx:.1f} +- "
-        f"{float(np.ravel(sigma)[0]):.1f} px."
+        f"camera: from {len(objects)} shots of the board, reprojection error {rms:.2f} px, fx {fx:.1f} +- "
+        f"{sigma_fx:.1f} px, cx {cx:.1f} +- {sigma_cx:.1f}, cy {cy:.1f} +- {sigma_cy:.1f} px."
     )
     if missed:
         note += f" The board was not found in {', '.join(missed)}."

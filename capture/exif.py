@@ -19,6 +19,8 @@ class Exif:
         The lens' focal length, and what it would be on 36 x 24 mm.
     pixels_per_mm : (x, y) or None
         Focal-plane resolution.
+    subject_mm : float or None
+        What the lens is focused at.
     width_px : int or None
         Image width that `pixels_per_mm` refers to.
     taken : str or None
@@ -36,6 +38,7 @@ class Exif:
     focal_35mm: float | None = None
     pixels_per_mm: tuple[float, float] | None = None
     width_px: int | None = None
+    subject_mm: float | None = None
     taken: str | None = None
     camera: str | None = None
     orientation: int | None = None
@@ -70,6 +73,7 @@ def exif_of_tags(tags: Mapping[str, Any]) -> Exif:
     x, y = _number(tags, "EXIF FocalPlaneXResolution"), _number(tags, "EXIF FocalPlaneYResolution")
     if x and unit_mm:
         resolution = (x / unit_mm, (y or x) / unit_mm)
+    distance = _number(tags, "EXIF SubjectDistance")
     width = _number(tags, "EXIF ExifImageWidth") or _number(tags, "Image ImageWidth")
     orientation = _number(tags, "Image Orientation")
     return Exif(
@@ -80,6 +84,8 @@ def exif_of_tags(tags: Mapping[str, Any]) -> Exif:
         focal_35mm=_number(tags, "EXIF FocalLengthIn35mmFilm"),
         pixels_per_mm=resolution,
         width_px=int(width) if width else None,
+        # All bits set: infinity.
+        subject_mm=1000 * distance if distance and distance < 4e6 else None,
         taken=_time(tags),
         camera=" ".join(word for word in (_text(tags, "Image Make"), _text(tags, "Image Model")) if word) or None,
         orientation=int(orientation) if orientation else None,

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.camera import camera_of
+from capture.camera import _camera_of_corners, camera_of
 from capture.exif import Exif
 from capture.session import Charuco, Session, load_session
 from scene.camera import Camera
@@ -55,6 +55,38 @@ def test_the_35_mm_equivalent_is_by_the_diagonal(session):
     assert camera.fx == pytest.approx(50 * 5000 / np.hypot(36, 24), rel=1e-5)
     assert camera.fx / (50 * 4000 / 36) == pytest.approx(1.04, abs=0.001)
     assert "35 mm" in warning
+    upright, _ = camera_of(session, [Exif(focal_35mm=50)], 3000, 4000)
+    assert upright.fx == camera.fx
+
+
+def test_what_exif_is_worth(session):
+    """Each cause of doubt adds to sigma: rounding, close focus, makers who measure 35 mm by the width on 4:3."""
+
+    def camera(width=6000, height=4000, **fields):
+        return camera_of(session, [Exif(**fields)], width, height)[0]
+
+    far = {"subject_mm": 1e6}
+    exact = camera(focal_mm=50, pixels_per_mm=(240.0, 240.0), **far)
+    assert exact.center_sigma_px == pytest.approx(60)
+    # Lenses are engraved to a few per cent, and nothing that EXIF says makes it better.
+    assert 0.015 < exact.focal_sigma < 0.025
+    # 8 mm may be 7.5 or 8.5: 0.29 / 8 = 3.6 % by itself.
+    assert camera(focal_mm=8, pixels_per_mm=(240.0, 240.0), **far).focal_sigma == pytest.approx(0.0412, abs=0.001)
+    # The width's convention differs by 4 % on 4:3, and lies two sigmas away at most.
+    four_thirds = camera(4000, 3000, focal_35mm=50, **far)
+    assert abs(50 * 4000 / 36 / four_thirds.fx - 1) < 2 * four_thirds.focal_sigma
+    assert four_thirds.focal_sigma > camera(6000, 4000, focal_35mm=50, **far).focal_sigma + 0.003
+    # A thin lens at a metre: 50 * 1.0526 mm. One that focuses inside: 50 mm or less.
+    near = camera(focal_mm=50, pixels_per_mm=(240.0, 240.0), subject_mm=1000.0)
+    assert 12000 < near.fx < 12000 * 1.0526
+    for truth in (12000 * 1.0526, 12000):
+        assert abs(truth / near.fx - 1) < 1.5 * near.focal_sigma
+    unknown = camera(focal_mm=50, pixels_per_mm=(240.0, 240.0))
+    assert unknown.fx == 12000
+    assert unknown.focal_sigma > near.focal_sigma
+    assert unknown.halved().focal_sigma == unknown.focal_sigma
+    assert unknown.halved().center_sigma_px == unknown.center_sigma_px / 2
+    assert (STATED.focal_sigma, STATED.center_sigma_px) == (0, 0)
 
 
 def test_nothing_known(session):
@@ -101,14 +133,38 @@ def test_a_board_gives_the_camera(session, shots):
     camera, (note,) = camera_of(replace(session, camera=charuco, encoding="srgb"), [], 960, 640)
     assert camera.fx == pytest.approx(TRUE.fx, rel=0.005)
     assert camera.fy == pytest.approx(TRUE.fy, rel=0.005)
-    assert abs(camera.cx - TRUE.cx) < 5
-    assert abs(camera.cy - TRUE.cy) < 5
+    # Within the sigma that is stated, and that is small: a board shot well is worth ten times EXIF.
+    for found, truth in ((camera.fx, TRUE.fx), (camera.fy, TRUE.fy)):
+        assert abs(found / truth - 1) < 3 * camera.focal_sigma
+    for found, truth in ((camera.cx, TRUE.cx), (camera.cy, TRUE.cy)):
+        assert abs(found - truth) < 3 * camera.center_sigma_px
+    assert 0 < camera.focal_sigma < 0.003
+    assert 0 < camera.center_sigma_px < 3
     # The strongest check: rays into the corners of the picture, where distortion tells (0.6 degrees of it).
     corners = np.array([[30, 30], [930, 30], [30, 610], [930, 610], [470, 330]])
     cosine = np.sum(camera.rays(corners)[1] * TRUE.rays(corners)[1], -1)
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.4
     assert "8 shots" in note
     assert "reprojection error 0." in note
+
+
+def test_the_boards_sigma_is_honest():
+    """Corners with known noise, 24 times: errors in units of the stated sigma have variance 1."""
+    rng = np.random.default_rng(10000)
+    corners = BOARD.getChessboardCorners().astype(np.float32)
+    scores = []
+    for _ in range(24):
+        images = []
+        for _ in range(8):
+            turn = cv2.Rodrigues(rng.uniform(-0.45, 0.45, 3) * [1, 1, 0.3])[0]
+            place = np.array([-90, -60, 260]) + rng.uniform(-1, 1, 3) * [25, 15, 30]
+            seen = TRUE.project((corners @ turn.T + place) * [1, -1, -1])
+            images.append((seen + rng.normal(0, 0.2, seen.shape)).astype(np.float32))
+        camera, _ = _camera_of_corners([corners] * 8, images, (640, 960), [])
+        scores.append([(camera.fx / TRUE.fx - 1) / camera.focal_sigma, (camera.cx - TRUE.cx) / camera.center_sigma_px])
+    spread = np.sqrt(np.mean(np.square(scores), 0))
+    assert (spread > 0.6).all()
+    assert (spread < 1.4).all()
 
 
 def test_a_board_that_is_not_there(session, shots, tmp_path):

@@ -22,6 +22,7 @@ def test_what_a_camera_writes(tmp_path):
         {
             0x829A: IFDRational(1, 125),
             0x829D: IFDRational(56, 10),
+            0x9206: IFDRational(135, 100),
             0x8827: 200,
             0x920A: IFDRational(50, 1),
             0xA405: 75,
@@ -39,6 +40,7 @@ def test_what_a_camera_writes(tmp_path):
     assert (found.iso, found.aperture, found.focal_mm, found.focal_35mm) == (200, 5.6, 50, 75)
     assert found.pixels_per_mm == pytest.approx((5472000 / 899 / 25.4, 3648000 / 599 / 25.4))
     assert (found.width_px, found.orientation) == (60, 6)
+    assert found.subject_mm == pytest.approx(1350)
     assert found.taken == "2026-11-21 09:30:12.34"
     assert found.camera == "Canon EOS 70D"
     assert found.exposure == pytest.approx(200 / 125 / 5.6**2)
@@ -54,6 +56,8 @@ def test_absence_and_zeros(tmp_path, capsys):
     path = jpeg(tmp_path / "a.jpg", {0x829A: IFDRational(0, 1), 0x829D: IFDRational(0, 0), 0x920A: IFDRational(0, 1)})
     found = read_exif(path)
     assert (found.exposure_s, found.aperture, found.focal_mm, found.exposure) == (None, None, None, None)
+    far = jpeg(tmp_path / "d.jpg", {0x9206: IFDRational(0xFFFFFFFF, 1)})
+    assert read_exif(far).subject_mm is None
     (tmp_path / "b.pgm").write_bytes(b"P5\n1 1\n255\nx")
     (tmp_path / "c.jpg").write_bytes(b"\xff\xd8\xff\xe1\x00\x10Exif\0\0II*\0\xff\xff")
     for name in ("b.pgm", "c.jpg", "absent.jpg"):
