@@ -1,0 +1,202 @@
+"""Fall-backs: lights from an object of given normals, and flashes' strengths from an object of unknown ones."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from calibrate.from_normals import MISFIT, lights_from_normals
+from calibrate.probe import read_probe
+from calibrate.semicalibrated import intensities_from_object
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+
+HEIGHT, WIDTH, COUNT = 140, 180, 12
+CAMERA = Camera.orthographic(WIDTH, HEIGHT)
+DILIGENT = Path(__file__).parents[3] / "shared" / "real" / "diligent"
+
+
+def _surface():
+    """A relief of hills: normals (H, W, 3), and a mask."""
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH].astype(float)
+    height = 14 * np.sin(u / 13) * np.cos(v / 11) + 9 * np.sin((u + 2 * v) / 23)
+    down, right = np.gradient(height)
+    normals = np.stack([-right, down, np.ones_like(u)], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return normals, np.hypot(u - 88, (v - 70) * 1.2) < 80
+
+
+def _truth(seed=10000, spread=0.3):
+    rng = np.random.default_rng(seed)
+    azimuth = 2 * np.pi * (np.arange(COUNT) + rng.uniform(0, 0.7, COUNT)) / COUNT
+    polar = np.deg2rad(rng.uniform(15, 55, COUNT))
+    directions = np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
+    return directions, np.exp(spread * rng.normal(size=(COUNT, 1)) + 0.03 * rng.normal(size=(COUNT, 3)))
+
+
+def _photograph(directions, powers, *, gloss=0.1, shadow=True, seed=10001):
+    """Shade the relief: albedo in patches and colours, a gloss, a shadow that wanders, noise, clipping."""
+    rng = np.random.default_rng(seed)
+    normals, mask = _surface()
+    v, u = np.mgrid[0:HEIGHT, 0:WIDTH]
+    albedo = 0.25 + 0.2 * (np.sin(u / 17.0 + v / 29.0) > 0)[..., None] * [1.0, 0.7, 0.4]
+    images = []
+    for f, (direction, power) in enumerate(zip(directions, powers, strict=True)):
+        half = direction + [0, 0, 1]
+        half = half / np.linalg.norm(half)
+        image = albedo * np.maximum(normals @ direction, 0)[..., None] * power
+        image = image + gloss * (np.maximum(normals @ half, 0) ** 60)[..., None] * power
+        if shadow:
+            image[np.hypot(u - 40 - 9 * f, v - 70) < 18] *= 0.02
+        images.append(np.where(mask[..., None], image, 0) + 1e-3 * rng.normal(size=image.shape))
+    return Frames.from_linear(tuple(f"f{i}" for i in range(COUNT)), np.stack(images)), normals, mask
+
+
+def _relative(lights_or_intensities, powers):
+    found = getattr(lights_or_intensities, "intensities", lights_or_intensities)
+    return found / found.mean(0) / (powers / powers.mean(0)) - 1
+
+
+def test_given_normals_tell_every_light():
+    directions, powers = _truth()
+    frames, normals, mask = _photograph(directions, powers)
+    lights, evidence, warnings = lights_from_normals(frames, CAMERA, normals, mask)
+    error = angular_error_deg(lights.directions, directions)
+    relative = _relative(lights, powers)
+    assert error.max() < 1.0
+    assert np.sqrt(np.mean(relative**2)) < 0.01
+    assert np.mean(error < 2.45 * lights.direction_sigma_deg) >= 0.9
+    assert np.mean(np.abs(relative.mean(1)) < 1.96 * lights.intensity_sigma) >= 0.9
+    assert (lights.direction_sigma_deg < 2).all()
+    assert "given normals" in evidence[0]
+    assert not any("misses the frames" in text for text in warnings)
+
+
+def test_matte_and_unshadowed_it_is_exact():
+    directions, powers = _truth()
+    frames, normals, mask = _photograph(directions, powers, gloss=0, shadow=False)
+    lights, _, _ = lights_from_normals(frames, CAMERA, normals, mask)
+    assert angular_error_deg(lights.directions, directions).max() < 0.1
+    assert np.abs(_relative(lights, powers)).max() < 0.002
+
+
+def test_turning_normals_and_order_turns_and_orders_the_lights():
+    directions, powers = _truth()
+    frames, normals, mask = _photograph(directions, powers)
+    lights, _, _ = lights_from_normals(frames, CAMERA, normals, mask)
+    order = np.random.default_rng(10002).permutation(COUNT)
+    mixed = Frames.from_linear(tuple(frames.names[i] for i in order), frames.read()[order])
+    again, _, _ = lights_from_normals(mixed, CAMERA, normals, mask)
+    np.testing.assert_allclose(again.directions, lights.directions[order], atol=1e-6)
+    # By a quarter turn of the camera: what was up is then left.
+    turned = Frames.from_linear(frames.names, np.rot90(frames.read(), axes=(1, 2)))
+    turn = np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]])
+    camera = Camera.orthographic(HEIGHT, WIDTH)
+    third, _, _ = lights_from_normals(turned, camera, np.rot90(normals) @ turn.T, np.rot90(mask))
+    assert angular_error_deg(third.directions, lights.directions @ turn.T).max() < 0.2
+
+
+def test_normals_beside_their_pixels_are_noticed():
+    directions, powers = _truth()
+    frames, normals, mask = _photograph(directions, powers)
+    lights, _, warnings = lights_from_normals(frames, CAMERA, np.roll(normals, 25, 1), mask)
+    assert any(f"under {MISFIT:.0%}" in text for text in warnings)
+    assert np.median(lights.direction_sigma_deg) > 3
+
+
+def test_flat_normals_are_refused():
+    directions, powers = _truth()
+    frames, normals, mask = _photograph(directions, powers)
+    with pytest.raises(CalibrationError, match="do not tell the lights"):
+        lights_from_normals(frames, CAMERA, np.zeros_like(normals) + [0, 0, 1.0], mask)
+
+
+def test_a_dark_frame_is_named():
+    directions, powers = _truth()
+    powers[5] *= 1e-3
+    frames, normals, mask = _photograph(directions, powers)
+    with pytest.raises(CalibrationError, match="f5"):
+        lights_from_normals(frames, CAMERA, normals, mask)
+
+
+def _toward(directions, probe):
+    return np.broadcast_to(directions[:, None], (COUNT, len(probe.pixels), 3))
+
+
+def test_unknown_normals_still_tell_the_strengths():
+    directions, powers = _truth()
+    frames, _, mask = _photograph(directions, powers)
+    probe = read_probe(frames, mask)
+    found = intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan))
+    relative = _relative(found, powers)
+    flat = _relative(np.ones((COUNT, 3)), powers)
+    assert np.sqrt(np.mean(relative**2)) < 0.02
+    assert np.sqrt(np.mean(flat**2)) > 0.2
+    assert np.mean(np.abs(relative.mean(1)) < 1.96 * found.sigma) >= 0.9
+
+
+def test_strengths_are_exact_on_a_matte_object_and_scale_with_the_flash():
+    directions, powers = _truth()
+    frames, _, mask = _photograph(directions, powers, gloss=0, shadow=False)
+    probe = read_probe(frames, mask)
+    found = intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan))
+    assert np.abs(_relative(found, powers)).max() < 0.004
+    linear = frames.read()
+    linear[3] *= 0.5
+    probe = read_probe(Frames.from_linear(frames.names, linear), mask)
+    half = intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan))
+    ratio = half.intensities / found.intensities
+    np.testing.assert_allclose(ratio[3] / np.delete(ratio, 3, 0).mean(0), 0.5, rtol=0.004)
+
+
+def test_wrong_directions_widen_sigma():
+    """Directions that err by 1 degree make intensities err: by about what is said."""
+    directions, powers = _truth()
+    frames, _, mask = _photograph(directions, powers, gloss=0, shadow=False)
+    rng = np.random.default_rng(10003)
+    probe = read_probe(frames, mask)
+    inside = []
+    for _ in range(8):
+        wrong = directions + np.deg2rad(1.0) * rng.normal(size=directions.shape)
+        wrong /= np.linalg.norm(wrong, axis=1, keepdims=True)
+        found = intensities_from_object(probe, _toward(wrong, probe), np.full(COUNT, 1.0))
+        inside.append(np.abs(_relative(found, powers).mean(1)) < 1.96 * found.sigma)
+    assert np.mean(inside) > 0.85
+    assert np.median(found.sigma) < 0.2
+
+
+def test_a_flat_object_tells_no_strengths():
+    directions, powers = _truth()
+    images = np.maximum(directions @ [0.1, 0.2, 0.97], 0)[:, None, None, None] * powers[:, None, None]
+    frames = Frames.from_linear(tuple(f"f{i}" for i in range(COUNT)), 0.4 * np.ones((1, 40, 40, 1)) * images)
+    probe = read_probe(frames, np.ones((40, 40), bool))
+    assert intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan)) is None
+
+
+@pytest.mark.skipif(not DILIGENT.is_dir(), reason="needs ../shared/real/diligent")
+@pytest.mark.parametrize(("name", "angle_deg", "strength"), [("ball", 2.2, 0.022), ("cat", 3.8, 0.033)])
+def test_diligent_with_its_lights_withheld(name, angle_deg, strength):
+    """Mean angle to the published directions, rms to the published intensities; taken as equal they are 58 % off."""
+    import cv2
+
+    from align.given import read_normals
+
+    folder = DILIGENT / f"{name}PNG"
+    files = (folder / "filenames.txt").read_text().split()
+    directions = np.loadtxt(folder / "light_directions.txt")
+    powers = np.loadtxt(folder / "light_intensities.txt")
+    pictures = [cv2.imread(str(folder / file), cv2.IMREAD_UNCHANGED)[..., ::-1] / np.float32(65535) for file in files]
+    frames = Frames.from_linear(tuple(files), np.stack(pictures))
+    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) > 127
+    truth = next(p for p in (folder / "Normal_gt.mat", folder / "normal.txt") if p.exists())
+    lights, _, _ = lights_from_normals(frames, CAMERA, read_normals(truth, *mask.shape), mask)
+    assert angular_error_deg(lights.directions, directions).mean() < angle_deg
+    assert np.sqrt(np.mean(_relative(lights, powers) ** 2)) < strength
+    probe = read_probe(frames, mask, most=1500)
+    toward = Lights(frames.names, directions, np.ones_like(powers)).toward(np.zeros((len(probe.pixels), 3)))
+    found = intensities_from_object(probe, toward, np.full(len(files), np.nan))
+    assert np.sqrt(np.mean(_relative(found, powers) ** 2)) < strength
+    assert np.mean(np.abs(_relative(found, powers).mean(1)) < 1.96 * found.sigma) > 0.85
