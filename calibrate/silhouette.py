@@ -1,34 +1,34 @@
-"""A ball's outline to sub-pixels: the cone that a sphere cuts, three unknowns, no free ellipse.
+"""A ball's outline to hundredths of a pixel: the cone that a sphere cuts, three unknowns, no free ellipse."""
 
-Offsets are measured along the outline's normals, and the three numbers of `Sphere` (center_px,
-radius_px) move until the offsets vanish. Shadows and mirrored things that cross the outline are
-outvoted: they lie elsewhere in other frames, or on a short arc.
-"""
-
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
-from calibrate.coarse import shrunken
-from calibrate.outline import moved, offset_jacobian, outline_with_normals, scaled
+from calibrate.limb import MATTE, MIRROR, MIRROR_CLOSE, MIRROR_FREE, SHARPEST_PX, STEP_PX, Limb, Shifts, measure
+from calibrate.outline import moved, offset_jacobian, outline_with_normals
+from calibrate.standing import agree, find_edges, kernel_reach_px, robust_step
+from calibrate.strips import image_strips, read_strips
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
+Reader = Callable[[Array, Array, Array], NDArray[np.float32]]
+"""Takes points (N, 2), normals (N, 2) and offsets (M,) to strips (F, N, M)."""
 SECTORS = 24
 """Errors along an outline come in arcs (a shadow, a reflection): an arc counts as one observation."""
-EDGE_NOISES = 5.0
-"""An edge must exceed the derivative's noise by this factor."""
-
 SOFTEST = 8
-"""Averaging of pixels up to which an unsharp outline is looked for."""
+"""Softness, in that of a sharp picture, up to which an outline is looked for."""
+LEAST_SEEN = 0.25
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
-"""What lens blur, demosaicing and what is mirrored at the limb shift an outline by, beyond its edges' scatter: a
-constant, and a share of the residual, because a faint outline among strong rims is shifted more."""
+"""What shifts an outline that is fitted on the steepest places alone, beyond its edges' scatter."""
+LIMB_FLOOR_PX, LIMB_FLOOR_SHARE = 0.01, 0.5
+"""The same of a limb's profile: a constant, and a share of what another profile would change."""
+PROFILE_PX = 0.1
+"""What a single profile errs by, however little noise it has: the limb is never quite the model's."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +43,14 @@ class OutlineFit:
         Of (center u, center v, radius), px^2.
     residual_px : float
         Robust spread of the edges about the outline.
+    blur_px : float
+        Standard deviation of the blur under which the limb is seen; NaN where only its edge was fitted.
     """
 
     sphere: Sphere
     covariance: Array
     residual_px: float
+    blur_px: float = np.nan
 
 
 def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
@@ -67,95 +70,33 @@ def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: fl
     OutlineFit or None
         None if less than a quarter of the outline shows an edge.
     """
-    reach = search_px + 6
-    low = np.floor(np.nanmin(outline_with_normals(camera, sphere, 90)[0], 0) - reach - 3).astype(int)
-    high = np.ceil(np.nanmax(outline_with_normals(camera, sphere, 90)[0], 0) + reach + 4).astype(int)
-    (left, top), (right, bottom) = np.maximum(low, 0), np.minimum(high, [camera.width, camera.height])
-    if right - left < 4 or bottom - top < 4:
-        return None
-    left, top = left // SOFTEST * SOFTEST, top // SOFTEST * SOFTEST
-    rows, columns = slice(int(top), int(bottom)), slice(int(left), int(right))
-    crops = [frames.read(rows, [i], columns=columns)[0].mean(-1) for i in range(len(frames))]
-    best = fit_crops(crops, (left, top), camera, sphere, search_px=search_px)
-    factor = 2
-    while factor <= SOFTEST and sphere.radius_px > 20 * factor and (best is None or best.sphere.score < 0.6):
-        fit = _fit_shrunken(crops, (left, top), camera, sphere, search_px, factor)
-        if fit is not None and (best is None or fit.sphere.score > best.sphere.score + 0.15):
-            best = fit
-        factor *= 2
-    return best
 
+    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
+        return read_strips(frames, points, normals, offsets)
 
-def _fit_shrunken(
-    crops: list[NDArray], corner: tuple[int, int], camera: Camera, sphere: Sphere, search_px: float, factor: int
-) -> OutlineFit | None:
-    """Fit in crops averaged over `factor` x `factor` pixels: an outline out of focus is no edge at full size."""
-    height, width = (side // factor * factor for side in crops[0].shape)
-    size = (width // factor, height // factor)
-    small = [cv2.resize(crop[:height, :width], size, interpolation=cv2.INTER_AREA) for crop in crops]
-    fit = fit_crops(
-        small,
-        (corner[0] // factor, corner[1] // factor),
-        shrunken(camera, camera.width // factor, camera.height // factor, factor),
-        scaled(sphere, 1 / factor),
-        search_px=max(search_px / factor, 1.5),
-    )
-    if fit is None:
-        return None
-    sphere = replace(scaled(fit.sphere, factor), sigma_px=fit.sphere.sigma_px * factor)
-    return OutlineFit(sphere, fit.covariance * factor**2, fit.residual_px * factor)
-
-
-def _fit_from(
-    crops: list[NDArray], corner: tuple[int, int], camera: Camera, sphere: Sphere, *, search_px: float
-) -> OutlineFit | None:
-    """Fit the outline from one start."""
-    count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
-    window, fit, reach = search_px, None, search_px
-    for turn in range(10):
-        points, normals = outline_with_normals(camera, sphere, count)
-        jacobian = offset_jacobian(camera, sphere, points, normals)
-        offsets = np.arange(-window - 3, window + 3.01, 0.25)
-        edge = _edges_of_frames(crops, points - corner, normals, offsets, window, reach)
-        if edge is None:
-            return None
-        angle, offset, weight = edge
-        # What is not this outline (a cast shadow, a terminator, the rim of a reflection) gets no weight: the reach
-        # shrinks onto the place where the frames agree.
-        fit = _robust_step(jacobian[angle], offset, weight, reach)
-        if fit is None:
-            return None
-        shift, residual, kept = fit
-        reach = max(0.35, min(0.7 * reach, 3.5 * _spread(residual, weight, reach)))
-        sphere = moved(sphere, shift)
-        window = max(1.5, 0.6 * window)
-        if turn >= 5 and reach == 0.35 and np.abs(shift).max() < 1e-3:
+    best: list[OutlineFit] = []
+    best_softness = softness = 1
+    while softness <= SOFTEST and (softness == 1 or sphere.radius_px > 20 * softness):
+        fits = _fit_edges(read, camera, sphere, max(search_px, 1.5 * softness), softness)
+        if fits and (not best or fits[0].sphere.score > best[0].sphere.score + 0.15):
+            best, best_softness = fits, softness
+        if best and best[0].sphere.score >= 0.6:
             break
-    if fit is None:
+        softness *= 2
+    if not best:
         return None
-    _, residual, kept = fit
-    spread = _spread(residual, weight, 1.5)
-    covariance = _clustered_covariance(jacobian[angle], residual, kept, np.asarray(angle * SECTORS // count), spread)
-    seen = np.zeros(count, bool)
-    seen[angle[np.abs(residual) < reach]] = True
-    if seen.mean() < 0.25 or covariance is None:
-        return None
-    sphere = replace(
-        sphere, sigma_px=float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2)), score=float(seen.mean())
-    )
-    return OutlineFit(sphere, covariance, spread)
+    return _fit_limb(read, camera, best, sphere, float(best_softness)) or best[0]
 
 
-def fit_crops(
-    crops: list[NDArray], corner: tuple[int, int], camera: Camera, sphere: Sphere, *, search_px: float
-) -> OutlineFit | None:
-    """Fit the outline in images (h, w) whose first pixel is `corner` (u, v) of the camera's image.
+def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
+    """Fit the outline to a given silhouette (H, W) bool."""
+    image = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
 
-    The fit starts from three radii, and `best_outline` wins.
-    """
-    starts = [replace(sphere, radius_px=sphere.radius_px + d) for d in (-0.5 * search_px, 0.0, 0.5 * search_px)]
-    fits = [fit for fit in (_fit_from(crops, corner, camera, s, search_px=search_px) for s in starts) if fit]
-    return best_outline(fits, sphere.kind)
+    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
+        return image_strips(image, points, normals, offsets)
+
+    fits = _fit_edges(read, camera, sphere, max(3.0, 0.06 * sphere.radius_px), 1)
+    return fits[0] if fits else None
 
 
 def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit | None:
@@ -172,90 +113,139 @@ def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit | None:
     return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)
 
 
-def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
-    """Fit the outline to a given silhouette (H, W) bool."""
-    image = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
-    return fit_crops([image], (0, 0), camera, sphere, search_px=max(3.0, 0.06 * sphere.radius_px))
+def _fit_edges(read: Reader, camera: Camera, sphere: Sphere, search_px: float, softness: int) -> list[OutlineFit]:
+    """Fit the outline to the steepest places across it, from three radii; return the fits, the best first."""
+    starts = [np.array([0.0, 0.0, share * search_px]) for share in (-0.5, 0.0, 0.5)]
+    fits = _agreements(read, camera, sphere, starts, search_px, softness)
+    best = best_outline(fits, sphere.kind)
+    if best is None:
+        return []
+    again = _agreements(read, camera, best.sphere, [np.zeros(3)], 2.0 * softness, softness)
+    return [*(again or [best]), *(fit for fit in fits if fit is not best)]
 
 
-def _edges_of_frames(
-    crops: list[NDArray], points: Array, normals: Array, offsets: Array, window: float, reach: float
-) -> tuple[NDArray[np.intp], Array, Array] | None:
-    """Find the edges along each normal in each frame: outline index, offset px, weight."""
-    where = (points[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
-    step = offsets[1] - offsets[0]
-    spacing = np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean()
-    usable = np.all((where > 1) & (where < np.array(crops[0].shape[::-1]) - 2), axis=(1, 2))
-    noise = [0.28 * _noise(crop) for crop in crops]  # of the slope below: the norm of its kernel
-    signal = np.zeros((len(crops), len(points), len(offsets)), np.float32)
-    for i, crop in enumerate(crops):
-        values = cv2.remap(crop.astype(np.float32), where[..., 0], where[..., 1], cv2.INTER_LINEAR)
-        # Less what a wider kernel sees: a step stays, the ball's own shading and a soft shadow go.
-        slope = gaussian_filter1d(values, 0.8 / step, axis=1, order=1) / step
-        slope -= gaussian_filter1d(values, 2.4 / step, axis=1, order=1) / step
-        slope = gaussian_filter1d(slope, 1.0 / spacing, axis=0, mode="wrap")
-        signal[i] = slope / max(EDGE_NOISES * noise[i], 1e-4, 0.004 * np.abs(values).mean())
-    square = signal**2
-    standing = (square / (1 + square)).mean(0)
-    inner = slice(1, -1)
-    strength = np.abs(signal)
-    peak = (strength[..., inner] >= strength[..., :-2]) & (strength[..., inner] > strength[..., 2:])
-    # What is an edge in one frame only is a shadow's; of three frames two must agree.
-    needed = min(0.3, max(0.12, 1.2 / len(crops)))
-    wide = np.maximum(np.maximum(standing[:, :-2], standing[:, 2:]), standing[:, 1:-1])
-    peak &= (strength[..., inner] > 1) & (wide > needed) & usable[:, None]
-    peak &= np.abs(offsets[inner]) <= window
-    frame, angle, at = np.nonzero(peak)
-    if len(frame) < 20:
-        return None
-    before, here, after = (strength[frame, angle, at + d] for d in (0, 1, 2))
-    bend = before - 2 * here + after
-    sub = np.where(bend < 0, 0.5 * (before - after) / np.minimum(bend, -1e-12), 0)
-    places = offsets[at + 1] + step * np.clip(sub, -0.5, 0.5)
-    # On a matte ball's dark side the shading ends inside the outline: until the frames agree to half a pixel,
-    # each frame's strongest edges count most. After that they would only pull toward the brighter side.
-    strong = np.array([np.quantile(here[frame == f], 0.9) if np.any(frame == f) else 1.0 for f in range(len(crops))])
-    weights = standing[angle, at + 1] / (0.25**2 + (1.5 / (EDGE_NOISES * here)) ** 2)
-    if reach > 0.6:
-        weights *= here**2 / (here**2 + 0.5 * strong[frame] ** 2)
-    return angle, places, weights / weights.max()
+def _agreements(
+    read: Reader, camera: Camera, sphere: Sphere, starts: list[Array], search_px: float, softness: int
+) -> list[OutlineFit]:
+    """Return the outlines, near each start, on which edges agree."""
+    count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
+    points, normals = outline_with_normals(camera, sphere, count)
+    jacobian = offset_jacobian(camera, sphere, points, normals)
+    reach = search_px + 1 + kernel_reach_px(softness)
+    offsets = np.arange(-reach, reach + 0.01, STEP_PX)
+    spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
+    strips = read(points, normals, offsets)
+    edges = find_edges(strips, offsets, spacing, softness=softness, search_px=search_px + 1)
+    out: list[OutlineFit] = []
+    for start in starts if edges else []:
+        one = agree(edges, jacobian, start=start, reach_px=search_px, closest_px=0.35 * softness)
+        if one is None or np.abs(one.shift).max() > 3 * search_px or one.score < LEAST_SEEN:
+            continue
+        floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
+        seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
+        out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
+    return out
 
 
-def _noise(image: NDArray) -> float:
-    """Return the pixel noise's standard deviation, blind to anything smooth or straight."""
-    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32)
-    return 1.4826 * float(np.median(np.abs(cv2.filter2D(image.astype(np.float32), -1, kernel)))) / 6
-
-
-def _spread(offset: Array, weight: Array, window: float) -> float:
-    """Return the robust standard deviation of the offsets near zero."""
-    near = (np.abs(offset) < window) & (weight > 0)
-    if not near.any():
-        return window
-    order = np.argsort(np.abs(offset[near]))
-    share = np.cumsum(weight[near][order])
-    return 1.4826 * float(np.abs(offset[near])[order][np.searchsorted(share, 0.5 * share[-1])])
-
-
-def _robust_step(jacobian: Array, offset: Array, weight: Array, reach: float) -> tuple[Array, Array, Array] | None:
-    """Return shift (3,), residuals (K,) and weights (K,) of a Tukey-weighted linear fit."""
-    shift = np.zeros(3)
-    w = weight
-    for _ in range(10):
-        residual = offset - jacobian @ shift
-        w = weight * np.maximum(1 - (residual / reach) ** 2, 0) ** 2
-        normal = jacobian.T @ (w[:, None] * jacobian)
-        if np.count_nonzero(w) < 12 or np.linalg.cond(normal) > 1e8:
+def _fit_limb(
+    read: Reader, camera: Camera, edges: list[OutlineFit], start: Sphere, softness: float
+) -> OutlineFit | None:
+    """Fit the outline with the limb's own profile, from where its edges are steepest; None where it does not hold."""
+    edge = edges[0]
+    if start.kind == "white":
+        # Where the ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
+        tried: list[_Settled] = []
+        for sphere in [*(fit.sphere for fit in edges), start]:
+            if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
+                fit = _settle(read, camera, sphere, Limb(MATTE, sphere.radius_px, softness), free_blur=True)
+                tried += [fit] if fit else []
+        if not tried:
             return None
-        previous, shift = shift, np.linalg.solve(normal, jacobian.T @ (w * offset))
-        if np.abs(shift - previous).max() < 1e-4:
+        last = min(tried, key=lambda fit: fit.doubt)
+        floor = LIMB_FLOOR_PX**2
+    else:
+        first = _settle(read, camera, edge.sphere, Limb(MIRROR, start.radius_px, softness, 0.7), free_blur=True)
+        if first is None:
+            return None
+        last = _settle(read, camera, first.sphere, replace(first.limb, terms=MIRROR_CLOSE), free_blur=False)
+        last = last or first
+        gap = max(_apart(last.sphere, other) for other in (first.sphere, edge.sphere))
+        floor = LIMB_FLOOR_PX**2 + (LIMB_FLOOR_SHARE * gap) ** 2 / 3
+        if _apart(last.sphere, edge.sphere) > 0.6 * softness + 0.4:
+            return None
+    covariance = last.covariance + floor * np.eye(3)
+    sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
+    sphere = replace(last.sphere, sigma_px=sigma, score=edge.sphere.score)
+    return OutlineFit(sphere, covariance, edge.residual_px, last.limb.blur_px)
+
+
+def _apart(a: Sphere, b: Sphere) -> float:
+    """Return how far two outlines differ, px."""
+    return float(np.hypot(np.hypot(*(a.center_px - b.center_px)), a.radius_px - b.radius_px))
+
+
+@dataclass(frozen=True)
+class _Settled:
+    sphere: Sphere
+    limb: Limb
+    covariance: Array
+    doubt: float
+
+
+def _settle(read: Reader, camera: Camera, sphere: Sphere, limb: Limb, *, free_blur: bool) -> _Settled | None:
+    """Move the outline, and the blur, until the limb's profiles fit."""
+    mirror = limb.mirror > 0
+    for turn in range(10):
+        count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 480))
+        points, normals = outline_with_normals(camera, sphere, count)
+        jacobian = offset_jacobian(camera, sphere, points, normals)
+        reach = 2.6 * limb.blur_px + 2
+        inward = reach
+        if mirror:  # what a mirror shows farther in is no longer what lies around the ball
+            share, blurs = (0.12, 2.0) if "slope" in limb.terms else (0.06, 1.5)
+            inward = min(reach, max(share * sphere.radius_px, blurs * limb.blur_px + 0.5))
+        offsets = np.arange(-inward, reach + 0.01, STEP_PX)
+        strips = read(points, normals, offsets)
+        limb = replace(limb, radius_px=sphere.radius_px)
+        weighty = 1.0
+        if mirror:
+            limb, weighty = _reflectance(strips, offsets, limb)
+        shifts = measure(strips, offsets, limb)
+        weight = weighty * shifts.information / (1 + PROFILE_PX**2 * shifts.information) * (np.abs(shifts.offset) < 1.5)
+        rows = np.tile(jacobian, (len(strips), 1))
+        tukey = max(0.3 * max(1, limb.blur_px), 0.6**turn)
+        step = robust_step(rows, shifts.offset, weight, tukey)
+        if step is None or np.abs(step).max() > 2 * limb.blur_px + 1:
+            return None
+        sphere = moved(sphere, step)
+        change = shifts.blur_px / limb.blur_px - 1 if free_blur else 0.0
+        limb = replace(limb, blur_px=limb.blur_px * (1 + change))
+        if turn >= 4 and np.abs(step).max() < 1e-3 and abs(change) < 2e-3:
             break
-    return np.asarray(shift, np.float64), np.asarray(offset - jacobian @ shift, np.float64), w
+    residual = shifts.offset - rows @ step
+    kept = weight * np.maximum(1 - (residual / tukey) ** 2, 0) ** 2
+    sector = np.tile(np.arange(count) * SECTORS // count, len(strips))
+    covariance = _clustered_covariance(rows, residual, kept, sector)
+    return None if covariance is None else _Settled(sphere, limb, covariance, shifts.doubt)
 
 
-def _clustered_covariance(
-    jacobian: Array, residual: Array, weight: Array, sector: NDArray[np.intp], spread: float
-) -> Array | None:
+def _reflectance(strips: NDArray[np.float32], offsets: Array, limb: Limb) -> tuple[Limb, Array]:
+    """Return the limb with its reflectance as the strips show it, and which profiles (P,) show a mirror's limb.
+
+    What a mirror shows at its limb is dimmer than what lies behind it. Where it is brighter, the ball's own shadow
+    lies beside it and is mirrored in less than a pixel.
+    """
+    seen: Shifts = measure(strips, offsets, replace(limb, terms=MIRROR_FREE, mirror=0.0))
+    ratio = seen.amplitudes[:, 0] / np.maximum(seen.amplitudes[:, 2], 1e-4)
+    clear = (ratio > 0.2) & (ratio < 0.97) & (seen.information > 0)
+    if clear.mean() < 0.2:
+        return limb, np.ones(len(ratio))
+    calm = clear & (seen.misfit < 2)
+    reflectance = float(np.median(ratio[calm])) if calm.sum() > 20 else limb.mirror
+    return replace(limb, mirror=reflectance), clear.astype(np.float64)
+
+
+def _clustered_covariance(jacobian: Array, residual: Array, weight: Array, sector: NDArray[np.intp]) -> Array | None:
     """Return the (3, 3) covariance of a weighted fit whose errors agree within a sector.
 
     Notes
@@ -265,9 +255,8 @@ def _clustered_covariance(
     """
     normal = jacobian.T @ (weight[:, None] * jacobian)
     scores = weight[:, None] * residual[:, None] * jacobian
-    sums = np.stack([scores[sector == s].sum(0) for s in np.unique(sector)])
+    sums = np.stack([scores[sector == s].sum(0) for s in np.unique(sector[weight > 0])])
     if len(sums) < 5 or np.linalg.cond(normal) > 1e8:
         return None
     inverse = np.linalg.inv(normal)
-    covariance = inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 3)
-    return covariance + np.eye(3) * (EDGE_FLOOR_PX**2 + (EDGE_FLOOR_SHARE * spread) ** 2)
+    return inverse @ (sums.T @ sums) @ inverse * len(sums) / (len(sums) - 3)
