@@ -6,19 +6,20 @@ from dataclasses import replace
 import numpy as np
 
 from calibrate.balls import Ball, find_balls
-from calibrate.calibration import Calibration
+from calibrate.calibration import Array, Calibration
 from calibrate.detect import Rejected
 from calibrate.directions import mirrored_rays
 from calibrate.from_white import intensities_from_white
 from calibrate.highlight import find_spots
 from calibrate.known import NO_INTENSITIES, lacks_intensities, without_flag
-from calibrate.skin import read_skin
+from calibrate.skin import read_skin, shading_directions
+from calibrate.turned import contradiction
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from scene.spheres import SphereRequest
+from scene.spheres import Sphere, SphereRequest
 
 EQUALLY_BRIGHT = "no white ball: all flashes are taken as equally bright. 5 % of variation bends normals by 2 degrees."
 
@@ -59,13 +60,23 @@ def with_known_lights(
         if ball.sphere.kind == "chrome":
             shown[i] = find_spots(ball.frames, camera, ball.coarse, ball.sphere).pixels[:, 0]
             points, seen = mirrored_rays(camera, ball.sphere, shown[i])
-            target = lights.directions
-            if lights.positions_mm is not None and ball.sphere.diameter_mm:
-                target = lights.positions_mm - points
-                target = target / np.linalg.norm(target, axis=1, keepdims=True)
+            target = _toward(lights, ball.sphere, points)
             angle = np.nanmedian(angular_error_deg(seen, target))
             evidence.append(f"chrome ball {i + 1} sees the known lights {angle:.2f} degrees off (median)")
+        else:
+            seen, _ = shading_directions(read_skin(ball.frames, camera, ball.sphere))
+            target = _toward(lights, ball.sphere, ball.sphere.center_mm(camera))
+        told = contradiction(f"{ball.sphere.kind} ball {i + 1}", seen, target)
+        warnings += (told,) if told else ()
     return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), warnings)
+
+
+def _toward(lights: Lights, sphere: Sphere, points: Array) -> Array:
+    """Return unit vectors (F, 3) from points (F, 3) or (3,) on a ball to the lights."""
+    if lights.positions_mm is None or not sphere.diameter_mm:
+        return lights.directions
+    offset = lights.positions_mm - points
+    return offset / np.linalg.norm(offset, axis=1, keepdims=True)
 
 
 def _with_intensities(

@@ -1,0 +1,74 @@
+"""Known lights with the usual mistakes: named, or not a word where there is none."""
+
+import numpy as np
+import pytest
+
+from calibrate.calibrate import calibrate
+from calibrate.turned import contradiction
+from scene.lights import Lights
+from scene.spheres import SphereRequest
+
+
+def directions(count=12, seed=0):
+    rng = np.random.default_rng(seed)
+    tilt = np.radians(rng.uniform(15, 65, count))
+    turn = rng.uniform(0, 2 * np.pi, count)
+    return np.stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn), np.cos(tilt)], -1)
+
+
+def blurred(rows, degrees, seed=1):
+    noise = np.random.default_rng(seed).normal(size=rows.shape) * np.radians(degrees)
+    return (rows + noise) / np.linalg.norm(rows + noise, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    ("mistake", "words"),
+    [
+        (lambda d: d * [1, -1, 1], "y flipped: is the file y-down"),
+        (lambda d: d * [1, -1, -1], "OpenCV"),
+        (lambda d: d * [1, 1, -1], "z-away"),
+        (lambda d: d * [-1, 1, 1], "mirrored"),
+        (lambda d: d * [-1, -1, 1], "upside down"),
+        (lambda d: -d, "every sign"),
+        (lambda d: d[:, [1, 0, 2]], "exchanged"),
+        (lambda d: d[:, [1, 0, 2]] * [1, -1, 1], "turned by 90 degrees to the left"),
+        (lambda d: d[:, [1, 0, 2]] * [-1, 1, 1], "turned by 90 degrees to the right"),
+        (lambda d: d[::-1], "reverse order"),
+        (lambda d: np.roll(d, -1, 0), "1 frames later"),
+        (lambda d: directions(seed=77), "no flip or other order"),
+    ],
+)
+def test_the_mistake_is_named(mistake, words, seed):
+    true = directions(seed=seed)
+    told = contradiction("chrome ball 1", blurred(true, 1.0), mistake(true))
+    assert told
+    assert words in told
+    assert told.startswith("chrome ball 1 sees the known lights")
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_coarse_but_right_is_no_mistake(seed):
+    true = directions(seed=seed)
+    seen = blurred(true, 2.0)
+    seen[::4] = np.nan
+    assert contradiction("x", seen, true) is None
+    assert contradiction("x", np.full_like(true, np.nan), -true) is None
+
+
+@pytest.mark.parametrize("kind", ["chrome", "white"])
+def test_a_ball_beside_the_object_tells(table, kind):
+    """From the frames on: known directions with y down are contradicted by the ball that is asked for."""
+    world, frames = table
+    centre = np.mean([ball.center for ball in world.balls], axis=0)
+    offset = world.lights - centre
+    known = offset / np.linalg.norm(offset, axis=1, keepdims=True)
+    right = Lights(frames.names, known, np.ones_like(known))
+    flipped = Lights(frames.names, known * [1, -1, 1], np.ones_like(known))
+    requests = [SphereRequest(kind)]
+
+    def told(lights):
+        return " ".join(calibrate(frames, world.camera, requests, known_lights=lights).warnings)
+
+    assert f"{kind} ball 1 sees" not in told(right)
+    assert "y flipped" in told(flipped)
