@@ -55,7 +55,7 @@ def contradiction(witness: str, seen: Array, known: Array) -> str | None:
         ((words, float(np.nanmedian(angular_error_deg(seen[use], trial[use])))) for words, trial in trials),
         key=lambda item: item[1],
     )
-    if better < min(off / 3, 15.0):
+    if better < min(off / 2, 18.0):
         return f"{told}, but only {better:.1f} degrees {words} Correct lights.file; it is used as it stands."
     return (
         f"{told}, and no flip or other order explains it: is it the file of these photographs? It is used as it stands."
