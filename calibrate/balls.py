@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calibrate.coarse import Coarse, shrink
 from calibrate.detect import Found, Rejected, detect
 from calibrate.hint import around_hint
-from calibrate.silhouette import OutlineFit, best_outline, fit_mask, fit_outline
+from calibrate.silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -75,23 +75,23 @@ def find_balls(
         given = [r for r in group if r.mask is not None or r.center_px is not None]
         open_ = [r for r in group if r.mask is None and r.center_px is None]
         fits = [_given(own, camera, coarse, request, warnings) for request in given]
-        spheres = [
-            replace(fit.sphere, kind=request.kind, diameter_mm=request.diameter_mm, apart=apart)
-            for fit, request in zip(fits, given, strict=True)
-        ]
-        covariances = [fit.covariance for fit in fits]
+        diameters = [request.diameter_mm for request in given]
         if open_ or not group:
             wanted: dict[Kind, int] | None = None
             if group:
                 wanted = {}
                 for request in open_:
                     wanted[request.kind] = wanted.get(request.kind, 0) + 1
-            found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(spheres))
+            found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
             for one, diameter in _match(found, open_, refused, warnings):
-                spheres.append(replace(one.sphere, diameter_mm=diameter, apart=apart))
-                covariances.append(one.fit.covariance)
-        balls += [Ball(s, c, own, coarse) for s, c in zip(spheres, covariances, strict=True)]
+                fits.append(one.fit)
+                diameters.append(diameter)
+        blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
+        for fit, diameter in zip(fits, diameters, strict=True):
+            one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
+            sphere = replace(one.sphere, diameter_mm=diameter, apart=apart)
+            balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:
         raise CalibrationError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)

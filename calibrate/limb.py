@@ -10,7 +10,7 @@ it has, blurred:
 
 s: distance from the outline; n_t, n_z: what of the sphere's normal points outward and towards the camera there. A ray
 that just touches a mirror goes on to what lies behind it, which so continues on the ball, dimmed by the reflectance k.
-The amplitudes are each frame's and each direction's own (variable projection [golub2003]); the outline, the blur and k
+The amplitudes are each frame's and each direction's own (variable projection [Golub1973]); the outline, the blur and k
 are what all of them share.
 """
 
@@ -133,9 +133,9 @@ def measure(profiles: NDArray[np.float32], offsets: Array, limb: Limb) -> Shifts
     offset = np.where(ss > 0, sy / np.maximum(ss, 1e-300), 0)
     left = np.maximum(np.einsum("ij,ij->i", residual, residual) - offset * sy, 0)
     variance = left / (len(offsets) - basis.shape[1] - 1)
-    quiet = np.where(usable, variance, np.nan).reshape(profiles.shape[:2])
-    noise = np.array([np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 1.0 for row in quiet])
-    noise = np.repeat(np.maximum(noise, 1e-12), profiles.shape[1])
+    by_frame = np.where(usable, variance, np.nan).reshape(profiles.shape[:2])
+    by_frame[np.isnan(by_frame).all(1)] = 1.0
+    noise = np.repeat(np.maximum(np.nanmedian(by_frame, axis=1), 1e-12), profiles.shape[1])
     # Samples at half a pixel share their noise with their neighbours.
     information = np.where(usable, STEP_PX * ss / (variance + noise), 0)
     weight = np.where(usable & (variance < 4 * noise), bb / (variance + noise), 0)
@@ -146,4 +146,3 @@ def measure(profiles: NDArray[np.float32], offsets: Array, limb: Limb) -> Shifts
     blur = np.sqrt(square + np.clip(change, -0.5 * square, square))
     doubt = float(np.log(variance[usable] + 1e-12).mean()) if usable.any() else np.inf
     return Shifts(offset, information, amplitudes, np.sqrt(variance / noise), doubt, float(max(blur, SHARPEST_PX)))
-

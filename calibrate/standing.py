@@ -119,7 +119,7 @@ def agree(edges: Edges, jacobian: Array, *, start: Array, reach_px: float, close
         Shift of u, v and radius, px.
     reach_px, closest_px : float
         Edges so far from the outline are believed at first, and at last: what is not this outline (a cast shadow, a
-        terminator, the rim of a reflection) loses its weight as the reach shrinks onto the place where the frames agree.
+        terminator, the rim of a reflection) loses its weight as the reach shrinks to the place where the frames agree.
     """
     shift, reach = start, reach_px
     rows = jacobian[edges.point]
@@ -141,7 +141,7 @@ def agree(edges: Edges, jacobian: Array, *, start: Array, reach_px: float, close
     return Agreement(shift, float(seen.mean()), _spread(residual, edges.weight, max(1.5, 2 * closest_px)))
 
 
-def robust_step(jacobian: Array, offset: Array, weight: Array, reach: float) -> Array | None:
+def robust_step(jacobian: Array, offset: Array, weight: Array, reach: float | Array) -> Array | None:
     """Return the shift (3,) of a Tukey-weighted linear fit, or None where it is not determined."""
     shift = np.zeros(3)
     for _ in range(10):

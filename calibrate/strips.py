@@ -1,5 +1,7 @@
 """The photographs along an outline: for each of its points, the pixels on a short line across it."""
 
+import itertools
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -66,7 +68,7 @@ def _arcs(where: Array, height: int, width: int) -> list[tuple[slice, slice, sli
     count = int(np.clip(np.ceil(3.2 * extent / LARGEST_BLOCK_PX), 1, 48)) if extent > LARGEST_BLOCK_PX else 1
     bounds = np.linspace(0, len(where), count + 1).astype(int)
     out = []
-    for start, stop in zip(bounds[:-1], bounds[1:], strict=True):
+    for start, stop in itertools.pairwise(bounds):
         places = where[start:stop]
         low = np.floor(np.nanmin(places, axis=(0, 1))).astype(int)
         high = np.ceil(np.nanmax(places, axis=(0, 1))).astype(int) + 2

@@ -74,3 +74,71 @@ def test_no_outline_is_said():
     frames = Frames.from_linear(tuple("abcd"), noise)
     camera = Camera(120, 120, 200.0, 200.0, 60.0, 60.0)
     assert fit_outline(frames, camera, Sphere("chrome", np.array([60.0, 60.0]), 30.0), search_px=3.0) is None
+
+
+def _lit_ball(camera, center, radius, lights, background, rng, *, blur_px=0.7, oversample=8):
+    """Photographs of a Lambertian ball before a flat background, by asking rays where they meet it."""
+    step = (np.arange(oversample) + 0.5) / oversample - 0.5
+    v, u = np.mgrid[0 : camera.height, 0 : camera.width]
+    images = np.zeros((len(lights), camera.height, camera.width))
+    for dv in step:
+        for du in step:
+            ray = np.stack([(u + du - camera.cx) / camera.fx, -(v + dv - camera.cy) / camera.fy, 0 * u - 1.0], -1)
+            ray /= np.linalg.norm(ray, axis=-1, keepdims=True)
+            along = ray @ center
+            inside = along**2 - center @ center + radius**2
+            normal = (ray * (along - np.sqrt(np.maximum(inside, 0)))[..., None] - center) / radius
+            shade = np.maximum(np.einsum("ijk,fk->fij", normal, lights), 0)
+            images += np.where(inside > 0, shade, background[:, None, None])
+    images = gaussian_filter(images / oversample**2, (0, blur_px, blur_px))
+    images += rng.normal(size=images.shape) * 2e-3
+    return Frames.from_linear(
+        tuple(f"f{i}" for i in range(len(lights))), np.repeat(images[..., None], 3, -1).astype(np.float32)
+    )
+
+
+@pytest.mark.parametrize(("radius", "near"), [(15.0, 0.03), (67.0, 0.015)])
+def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
+    """Its steepest gradient lies a fifth of a pixel inside the outline."""
+    size = int(2 * radius + 30)
+    camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
+    rng = np.random.default_rng(10001)
+    center = np.array([1.3, -0.7, -900.0])
+    azimuth = 2 * np.pi * np.arange(8) / 8
+    polar = np.deg2rad(rng.uniform(20, 60, 8))
+    lights = 0.6 * np.stack([np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], -1)
+    frames = _lit_ball(camera, center, radius, lights, rng.uniform(0.02, 0.15, 8), rng)
+    start = Sphere("white", camera.project(center) + [0.6, -0.5], radius + 0.7)
+    fit = fit_outline(frames, camera, start, search_px=2.0)
+    assert fit is not None
+    error = np.array([*(fit.sphere.center_px - camera.project(center)), fit.sphere.radius_px - radius])
+    np.testing.assert_allclose(error, 0, atol=near)
+    assert np.all(np.abs(error) < 3 * np.sqrt(np.diag(fit.covariance)))
+    # The blur, with the pixel's own area and the interpolation between pixels.
+    assert fit.blur_px == pytest.approx(np.hypot(0.7, 0.45), abs=0.12)
+
+
+def test_a_mirror_is_as_large_as_it_is():
+    """It continues, dimmed, what lies behind it, and squeezes half of the room into its last pixels."""
+    radius, size = 67.0, 180
+    camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
+    rng = np.random.default_rng(10002)
+    v, u = np.mgrid[0:size:0.125, 0:size:0.125] - 0.4375
+    far = np.hypot(u - camera.cx, v - camera.cy) / radius
+    # A ray that meets the ball at this slope leaves it by twice the slope; an uneven room grows darker that way.
+    turned = 2 * np.arccos(np.minimum(far, 1))
+    images = []
+    for k in range(6):
+        room = 0.3 + 0.1 * np.cos(np.arctan2(v - camera.cy, u - camera.cx) - k)
+        inside = 0.7 * room * np.maximum(1 - 0.4 * turned, 0)
+        fine = np.where(far < 1, inside, room)
+        images.append(gaussian_filter(fine.reshape(size, 8, size, 8).mean((1, 3)), 0.7))
+    noisy = np.stack(images) + rng.normal(size=(6, size, size)) * 2e-3
+    frames = Frames.from_linear(tuple("abcdef"), np.repeat(noisy[..., None], 3, -1).astype(np.float32))
+    fit = fit_outline(
+        frames, camera, Sphere("chrome", np.array([camera.cx + 0.5, camera.cy - 0.6]), radius - 0.5), search_px=2
+    )
+    assert fit is not None
+    np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.03)
+    # An orthographic picture of the ball: its outline is a circle of this radius.
+    assert fit.sphere.outline(camera, 90)[0, 0] - camera.cx == pytest.approx(radius, abs=0.06)
