@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.coarse import Coarse
+from calibrate.reflected_disc import Patch, fit_disc
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -50,7 +51,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     for f in range(len(frames)):
         for k in range(MOST_SPOTS):
             if np.isfinite(strength[f, k]) and strength[f, k] > FAINT * usual:
-                spot = _measure(frames, f, coarse.to_full(rough[f, k]), sphere.radius_px, coarse.factor)
+                spot = _measure(frames, f, camera, sphere, coarse.to_full(rough[f, k]), coarse.factor)
                 if spot is not None:
                     pixels[f, k], sigma[f, k] = spot
     return Spots(pixels, sigma)
@@ -81,43 +82,71 @@ def _rough(coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
     return pixels, strength
 
 
-def _measure(frames: Frames, f: int, near: Array, radius_px: float, factor: int) -> tuple[Array, float] | None:
+def _measure(
+    frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, factor: int
+) -> tuple[Array, float] | None:
     """Return centre (2,) and sigma of the spot near a pixel, at full size.
 
     Notes
     -----
-    Centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak. A clipped
-    plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's glow.
+    First the centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak.
+    A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
+    glow. From there `fit_disc`; where it fails the centroid stands, with its larger sigma.
     """
-    half = int(max(5, np.ceil(0.12 * radius_px), 3 * factor))
+    half = int(max(6, np.ceil(0.12 * sphere.radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
-    for _ in range(3):
+    while True:
         top, left = max(v - half, 0), max(u - half, 0)
         rows, columns = slice(top, min(v + half + 1, frames.height)), slice(left, min(u + half + 1, frames.width))
-        image = frames.read(rows, [f], columns=columns)[0].mean(-1)
-        if min(image.shape) < 3:
+        image = _channel(frames, frames.read(rows, [f], columns=columns)[0])
+        if min(image.shape) < 5:
             return None
-        middle = cv2.GaussianBlur(image, (0, 0), 0.7)
+        white = frames.saturation * frames.gain[f]
+        clipped = _channel(frames, frames.read(rows, [f], columns=columns, subtract_ambient=False)[0], peak=True)
+        clipped = clipped >= white
+        smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
         reach = max(2, 2 * factor)
         y0, x0 = v - top, u - left
-        box = middle[max(y0 - reach, 0) : y0 + reach + 1, max(x0 - reach, 0) : x0 + reach + 1]
+        box = smooth[max(y0 - reach, 0) : y0 + reach + 1, max(x0 - reach, 0) : x0 + reach + 1]
         at = np.unravel_index(box.argmax(), box.shape)
         y, x = at[0] + max(y0 - reach, 0), at[1] + max(x0 - reach, 0)
-        border = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
-        floor = float(np.median(border))
-        peak = float(middle[y, x])
-        plateau = frames.saturated(rows, [f], columns=columns)[0].sum()
-        level = floor + (0.7 if plateau > GLOWING_PX else 0.3) * (peak - floor)
+        floor = float(np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])))
+        peak = float(smooth[y, x])
+        level = floor + (0.7 if clipped.sum() > GLOWING_PX else 0.3) * (peak - floor)
         regions = np.asarray(cv2.connectedComponents((image > level).astype(np.uint8), connectivity=4)[1])
-        if not regions[y, x]:
-            return None
         region = regions == regions[y, x]
-        touches = region[0].any() or region[-1].any() or region[:, 0].any() or region[:, -1].any()
-        if not touches or half > 0.6 * radius_px:
+        size = float(np.sqrt(region.sum() / np.pi))
+        if half > 2 * size + 3 or half > 0.6 * sphere.radius_px:
             break
         half *= 2
+    if not regions[y, x]:
+        return None
     weight = np.where(region, np.minimum(image, max(peak, level)) - level, 0) + 1e-12 * region
     ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
     center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
-    size = np.sqrt(region.sum() / np.pi)
-    return center, 0.1 + 0.04 * size
+    use = _measured(image, xs + ys) if frames.is_mosaic else np.ones(image.shape, bool)
+    use &= np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
+    patch = Patch(
+        np.stack([xs[use], ys[use]], -1).astype(float), image[use].astype(float), clipped[use], floor, peak - floor
+    )
+    inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
+    fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
+    return fit or (center, 0.15 + 0.06 * size)
+
+
+def _channel(frames: Frames, image: NDArray, *, peak: bool = False) -> NDArray:
+    """Return what is measured on (h, w): of a mosaic its densest channel, else the mean (or peak) of all."""
+    return image[..., 1] if frames.is_mosaic else image.max(-1) if peak else image.mean(-1)
+
+
+def _measured(green: NDArray, parity: NDArray) -> NDArray[np.bool_]:
+    """Return which pixels (h, w) hold a sample of their own: a bilinear pixel is the mean of its four neighbours.
+
+    All of them where neither half of the chessboard is made like that.
+    """
+    inside = green[1:-1, 1:-1]
+    mean = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
+    off = [float(np.mean(np.abs(inside - mean)[parity[1:-1, 1:-1] % 2 == p])) for p in (0, 1)]
+    if min(off) > 0.05 * max(off):
+        return np.ones(green.shape, bool)
+    return parity % 2 == int(np.argmax(off))

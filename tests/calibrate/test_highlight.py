@@ -1,61 +1,118 @@
-"""Highlights to a tenth of a pixel: discs that are blurred, clipped, noisy, and not alone."""
+"""Highlights to hundredths of a pixel: discs that are bent, blurred, clipped, noisy, mosaicked, and not alone."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
 from calibrate.coarse import shrink
 from calibrate.highlight import find_spots
+from calibrate.reflected_disc import _image
 from scene.camera import Camera
-from scene.frames import Frames
+from scene.frames import PEDESTAL, WHITE, Frames
 from scene.spheres import Sphere
 
 SIZE = 160
 CAMERA = Camera.orthographic(SIZE, SIZE)
 BALL = Sphere("chrome", np.array([80.0, 80.0]), 60.0)
+PLACES = [(60.2, 70.7), (95.45, 62.3), (80.0, 100.5), (101.9, 88.1), (66.3, 91.6)]
+FINE = 8
 
 
-def _disc(u, v, radius, oversample=8):
-    step = (np.arange(SIZE * oversample) + 0.5) / oversample - 0.5
-    fine = np.hypot(step[:, None] - v, step[None] - u) < radius
-    return fine.reshape(SIZE, oversample, SIZE, oversample).mean((1, 3))
+def _mirrored(x, y):
+    """Where an orthographic view is reflected to by a unit ball: doubled normal less view."""
+    z = np.sqrt(np.maximum(1 - x * x - y * y, 0))
+    return np.stack([2 * z * x, 2 * z * y, 2 * z * z - 1], -1)
 
 
-def _frames(places, radius, brightness, extra=None):
+def _disc(u, v, degrees, blur=0.8):
+    """A round flash of an angular radius, centred where (u, v) looks; the lens blurs before the sensor samples."""
+    half = 28
+    left, top = int(u) - half, int(v) - half
+    step = (np.arange(2 * half * FINE) + 0.5) / FINE - 0.5
+    x, y = np.meshgrid((left + step - 80) / 60, (top + step - 80) / 60)
+    flash = _mirrored(x, y) @ _mirrored(np.array((u - 80) / 60), np.array((v - 80) / 60)) > np.cos(np.deg2rad(degrees))
+    fine = gaussian_filter((flash & (x * x + y * y < 1)).astype(np.float32), blur * FINE)
+    image = np.zeros((SIZE, SIZE))
+    image[top : top + 2 * half, left : left + 2 * half] = fine.reshape(2 * half, FINE, 2 * half, FINE).mean((1, 3))
+    return image
+
+
+def _frames(places, degrees, brightness, extra=None, mosaic=False, colour=(1.0, 1.0, 1.0)):
     rng = np.random.default_rng(0)
     images = []
     for u, v in places:
-        image = 0.02 + brightness * gaussian_filter(_disc(u, v, radius), 0.8)
+        image = 0.02 + brightness * _disc(u, v, degrees)
         if extra is not None:
             image = image + extra
+        image = image[..., None] * colour
         images.append(np.clip(image + 5e-4 * rng.normal(size=image.shape), 0, 1))
-    return Frames.from_linear(tuple(str(i) for i in range(len(places))), np.repeat(np.stack(images)[..., None], 3, -1))
+    names = tuple(str(i) for i in range(len(places)))
+    if not mosaic:
+        return Frames.from_linear(names, np.stack(images))
+    codes = []
+    for image in images:
+        raw = image[..., 1].copy()
+        raw[::2, ::2], raw[1::2, 1::2] = image[::2, ::2, 0], image[1::2, 1::2, 2]
+        raw = np.round(raw * (WHITE - PEDESTAL) + PEDESTAL).astype(np.uint16)
+        codes.append(cv2.demosaicing(raw, cv2.COLOR_BayerRGGB2RGB))
+    return Frames(names, np.stack(codes), np.ones(len(names)), is_mosaic=True)
 
 
-PLACES = [(60.2, 70.7), (95.45, 62.3), (80.0, 100.5), (101.9, 88.1), (66.3, 91.6)]
-
-
-@pytest.mark.parametrize("radius", [0.6, 1.7, 4.0])
-@pytest.mark.parametrize("brightness", [0.5, 20.0], ids=["within white", "20 times clipped"])
-def test_centre_of_the_disc(radius, brightness):
-    frames = _frames(PLACES, radius, brightness)
+def _errors(frames, places=PLACES):
     spots = find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL)
-    error = spots.pixels[:, 0] - PLACES
-    assert np.sqrt(np.mean(error**2)) < 0.09
+    return spots.pixels[:, 0] - places, spots.sigma_px[:, 0]
+
+
+@pytest.mark.parametrize("degrees", [1.0, 3.0, 8.0])
+@pytest.mark.parametrize("brightness", [0.5, 20.0], ids=["within white", "20 times clipped"])
+def test_the_pixel_that_mirrors_the_flash_centre(degrees, brightness):
+    """At 8 degrees the spot's centroid lies 0.1 to 0.3 px beside it: the ball bends the disc."""
+    error, sigma = _errors(_frames(PLACES, degrees, brightness))
+    assert np.sqrt(np.mean(error**2)) < 0.03
+    assert np.abs(error).max() < 0.06
+    assert (np.abs(error) < 3.5 * sigma[:, None]).all()
+    assert (sigma < 0.06).all()
+
+
+@pytest.mark.parametrize("brightness", [0.8, 30.0], ids=["within white", "30 times clipped"])
+def test_a_mosaic_is_read_at_its_green_samples(brightness):
+    error, sigma = _errors(_frames(PLACES, 1.5, brightness, mosaic=True, colour=(0.6, 1.0, 0.75)))
+    assert np.sqrt(np.mean(error**2)) < 0.04
+    assert (np.abs(error) < 3.5 * sigma[:, None]).all()
+
+
+def test_the_edge_of_something_mirrored_beside_the_flash():
+    """A table's edge two pixels beside a faint spot pulled a centroid by half a pixel."""
+    v, u = np.mgrid[:SIZE, :SIZE]
+    edge = 0.06 * gaussian_filter((u + 0.3 * v > 88).astype(float), 0.7)
+    error, sigma = _errors(_frames(PLACES, 1.5, 0.8, extra=edge))
     assert np.abs(error).max() < 0.15
-    assert (spots.sigma_px[:, 0] < 0.4).all()
+    assert (np.abs(error) < 4 * sigma[:, None]).all()
 
 
 def test_what_stands_still_is_no_highlight():
     """A mirrored window is brighter than the flash, but it is there in every frame."""
-    window = 0.9 * gaussian_filter(_disc(75.0, 55.0, 5.0), 0.8)
-    frames = _frames(PLACES, 1.2, 0.6, extra=window)
-    spots = find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL)
-    assert np.abs(spots.pixels[:, 0] - PLACES).max() < 0.3
+    window = 0.9 * _disc(75.0, 55.0, 8.0)
+    error, _ = _errors(_frames(PLACES, 2.0, 0.6, extra=window))
+    assert np.abs(error).max() < 0.1
 
 
 def test_a_frame_without_flash_has_no_highlight():
-    dark = _frames([*PLACES, (0.0, 0.0)], 1.2, 0.6)
+    dark = _frames([*PLACES, PLACES[0]], 2.0, 0.6)
+    dark.codes[5] = _frames(PLACES[:1], 2.0, 0.0).codes[0]
     spots = find_spots(dark, CAMERA, shrink(dark, CAMERA), BALL)
     assert np.isfinite(spots.pixels[:5, 0]).all()
     assert np.isnan(spots.pixels[5]).all()
+
+
+def test_derivatives_of_the_model():
+    rng = np.random.default_rng(1)
+    offset, bend = rng.uniform(-6, 6, (50, 2)), 0.1 * rng.normal(size=(50, 2))
+    x = np.array([0.3, -0.2, 1.2, 0.9, 0.7, 0.2, 0.3, 0.05, 0.01, -0.02, 0.4])
+    image, slopes = _image(x, offset, bend)
+    assert np.isfinite(image).all()
+    for i in range(len(x)):
+        step = 1e-6 * np.eye(len(x))[i]
+        difference = (_image(x + step, offset, bend)[0] - _image(x - step, offset, bend)[0]) / 2e-6
+        np.testing.assert_allclose(slopes[:, i], difference, atol=2e-7, rtol=1e-5)
