@@ -60,9 +60,18 @@ def check(session: Session, /, *, out: Out = None, scheduler: Scheduler = None, 
 
 
 @app.command(sort_key=4)
-def calibrate(session: Session, /, *, out: Out = None, json: Json = False) -> None:
+def calibrate(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    self_test: Annotated[
+        bool, Parameter(help="Render the calibrated balls, calibrate the rendering, report the errors.", negative="")
+    ] = False,
+    json: Json = False,
+) -> None:
     """Find the balls, and from them each flash's direction, position and intensity."""
-    run_session(session, "calibrate", out=out, json=json)
+    run_session(session, "self_test" if self_test else "calibrate", out=out, json=json)
 
 
 @app.command(sort_key=5)

@@ -5,6 +5,7 @@ from typing import Any
 
 from lab import steps
 from lab.job import Job, Step
+from lab.self_test import self_test
 from solve.solve import METHODS
 
 
@@ -20,6 +21,8 @@ def _light_inputs(job: Job) -> list[Any]:
     session, file = job.session, job.session.lights_file
     # DiLiGenT's directions have their intensities and names beside them.
     beside = [] if file is None else [file.with_name("light_intensities.txt"), file.with_name("filenames.txt")]
+    # AliceVision's lights have its view ids beside them.
+    beside += [] if file is None else sorted(file.parent.glob("*.sfm"))
     return [session.spheres, file, *beside]
 
 
@@ -74,6 +77,14 @@ STEPS = {
             _light_inputs,
             lambda job: _paths(job, "calibration.json", "spheres.json", *LIGHTS),
             ("calibration.json", "spheres.json", *LIGHTS, "export"),
+        ),
+        Step(
+            "self_test",
+            self_test,
+            ("calibrate",),
+            lambda job: [],
+            lambda job: _paths(job, "self_test.json"),
+            ("self_test.json", "self_test"),
         ),
         Step("align", steps.align, ("calibrate",), _object_inputs, _aligned, ALIGNED),
         Step("solve", steps.solve, ("align",), lambda job: job.methods, _solved, SOLVED),

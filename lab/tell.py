@@ -42,6 +42,18 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         # Only `align` knows where the object is.
         place = "" if "align" in summary["seconds"] else "; so far as seen from amid the balls, not from the object"
         rows.append(("lights", f"{lights['model']}, from {lights['spheres']} balls{known}{place}"))
+    if (test := summary["self_test"]) and test["calibrated"]:
+        inside = ", ".join(
+            f"{test[key]:.0%} of {what}"
+            for what in ("directions", "positions", "intensities")
+            if test.get(key := f"{what}_inside_95") is not None
+        )
+        found = [f"directions {test['direction_error_deg_median']:.2f} degrees off"]
+        if (position := test.get("position_error_percent_median")) is not None:
+            found.append(f"positions {position:.1f} %")
+        if (intensity := test.get("intensity_error_percent_rms")) is not None:
+            found.append(f"intensities {intensity:.1f} %")
+        rows.append(("self-test", f"{', '.join(found)}; inside their 95 % region: {inside}"))
     if (scan := summary["align"]) and scan.get("residual_px") is not None:
         rows.append(("scan", f"residual {scan['residual_px']:.2f} px, sigma {scan['sigma_deg']:.3f} degrees"))
     if twin := summary["twin"]:
