@@ -117,7 +117,9 @@ def fit_disc(
             x,
             lambda x, both=both: both(x)[1],  # pyright: ignore[reportArgumentType]: the stub knows only names
             method="lm",
-            max_nfev=60,
+            ftol=1e-4,
+            xtol=1e-4,
+            max_nfev=40,
         ).x
         residual, slopes = both(x)
         expected = np.clip(_image(x, offset, bend)[0] - x[7], 0, 1)
