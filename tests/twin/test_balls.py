@@ -124,7 +124,7 @@ def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, m
 
 
 def test_frames_without_noise_are_no_fault():
-    ramp = np.linspace(0.05, 0.8, 80 * 90 * 3, dtype=np.float32).reshape(1, 80, 90, 3)
+    ramp = np.linspace(0.05, 0.8, 160 * 180 * 3, dtype=np.float32).reshape(1, 160, 180, 3)
     assert sensor_like(Frames.from_linear(("a",), ramp)).full_well_e > 1e5
     # Nothing to measure: a usual sensor.
     dark = Frames.from_linear(("a",), np.zeros((1, 40, 50, 3), np.float32))
