@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 FLASH_RADIUS_MM = 25.0
 FLASH_ANGLE = 0.025
 """Radius over distance of a distant light: a mirror shows it as large as such a flash a metre away."""
-FAR = 200.0
-"""Distance of a distant light, in distances from the camera to the balls."""
+FAR = 1e4
+"""Distance of a distant light, in distances from the origin to the balls: a ball's radius must not count beside it."""
 WHITE, WALL, MIRROR = 0.8, 0.08, 0.7
 """What they reflect."""
 UNKNOWN_DISTANCE_MM = 1000.0
@@ -211,7 +211,7 @@ def _flash(lights: Lights, balls: list[PlacedBall], index: int, scale: float) ->
     """
     if lights.positions_mm is None:
         center = np.mean([ball.center for ball in balls], axis=0)
-        distance = FAR * max(np.linalg.norm(ball.center) for ball in balls)
+        distance = FAR * max(np.linalg.norm(ball.center) + ball.radius for ball in balls)
         position, radius = center + distance * lights.directions[index], FLASH_ANGLE * distance
     else:
         position, radius = lights.positions_mm[index], FLASH_RADIUS_MM
