@@ -17,7 +17,7 @@ LIT = 0.15
 FACING = 0.2
 """Cosine to the camera's axis under which a pixel mixes with what lies behind."""
 CURVED = 0.02
-"""Smallest to largest singular value of the normals under which they face too much alike to tell a light's direction."""
+"""Smallest to largest singular value of the normals under which they face too much alike to tell a light."""
 MISFIT = 0.15
 """Relative misfit from which the object is not matte, or the normals are not its own."""
 

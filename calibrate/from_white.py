@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.intensity import measure, propagate
+from calibrate.intensity import PARTLY, Photometry, measure
 from calibrate.skin import Skin
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -14,6 +14,12 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 MISFIRE = 0.05
 """A flash under this share of the median did not fire."""
+SHADOWED = 0.6
+"""Share of its usual brightness, by the other balls, under which a ball stands in shadow."""
+AGREE = 0.003
+"""Relative, to which two healthy balls agree on a flash beyond what each one's residual shows."""
+OFTEN = 4.0
+"""How many times the median's one frame's misfit is that is worth a word."""
 APART_DEG = 6.0
 """From here shading and highlights contradict each other: distant lights are seen elsewhere by each ball."""
 RESIDUAL = 0.08
@@ -32,45 +38,42 @@ def intensities_from_white(
     warnings: list[str],
     *,
     apart_deg: float = 0.0,
+    position_covariance_mm2: Array | None = None,
 ) -> tuple[Array, Array, Array]:
     """Return intensities (F, 3), relative sigma (F,) and ambient (3,), as pixel values on the first white ball.
 
     `meter` holds directions, positions, their sigma (degrees) and the ranges' (relative), as the ball is to read them;
-    `apart_deg` is what `compare_with_chrome` found.
+    `apart_deg` is what `compare_with_chrome` found. Without the positions' covariance it is made of the sigmas.
     """
     directions, positions, sigma_deg, range_sigma = meter
-    intensities, sigma, ambient = [], [], []
-    for skin in skins:
-        light = measure(skin, directions, positions, reference)
-        bad = ~np.isfinite(light.intensities).all(1)
-        if bad.any():
-            names = ", ".join(np.array(frames.names)[bad][:3])
-            raise CalibrationError(
-                f"{names}: the white ball cannot be read ({light.clipped[bad].max():.0%} of it is clipped). Expose "
-                "less, or turn the flash so that it lights the ball."
-            )
-        evidence.append(light.evidence)
-        relative = propagate(skin, directions, positions, reference, sigma_deg, range_sigma)
-        intensities.append(light.intensities)
-        sigma.append(np.hypot(light.sigma, relative))
-        ambient.append(light.ambient)
+    if positions is None or position_covariance_mm2 is None:
+        position_covariance_mm2 = _covariance(directions, positions, sigma_deg, range_sigma, reference)
+    read = [measure(skin, directions, positions, reference, position_covariance_mm2) for skin in skins]
+    for number, light in enumerate(read):
+        residual = float(np.nanmedian(light.misfit)) if np.isfinite(light.misfit).any() else 0.0
+        if light.evidence:
+            evidence.append(light.evidence if len(read) == 1 else f"{number + 1}: {light.evidence}")
         if positions is not None:
-            if apart_deg > NEAR_APART_DEG or light.residual > NEAR_RESIDUAL:
+            if apart_deg > NEAR_APART_DEG or residual > NEAR_RESIDUAL:
                 warnings.append(
                     f"the white ball contradicts the lights' positions: its shading points {apart_deg:.1f} degrees "
-                    f"beside them (median; expected under {NEAR_APART_DEG:g}) and misses n.l by {light.residual:.1%} "
+                    f"beside them (median; expected under {NEAR_APART_DEG:g}) and misses n.l by {residual:.1%} "
                     f"of the flash (expected under {NEAR_RESIDUAL:.0%}). Check diameter_mm of every ball first, then "
                     "the camera's focal length; else the white ball is glossy or dirty, or the frames are not linear."
                 )
-        elif light.residual > RESIDUAL:
+        elif residual > RESIDUAL:
             warnings.append(
-                f"the white ball misses n.l by {light.residual:.0%} of the flash: glossy, dirty, or frames not linear?"
+                f"the white ball misses n.l by {residual:.0%} of the flash: glossy, dirty, or frames not linear?"
             )
-    # Other white balls may be of another gray: only what varies between frames is theirs to say.
-    scale = [i.mean(0) / intensities[0].mean(0) for i in intensities]
-    weight = [1 / np.maximum(s, 1e-4) ** 2 for s in sigma]
-    total = np.sum(weight, axis=0)
-    mean = sum(w[:, None] * i / k for w, i, k in zip(weight, intensities, scale, strict=True)) / total[:, None]
+    known = np.stack([np.isfinite(light.intensities).all(1) for light in read])
+    if not known.any(0).all():
+        bad = ~known.any(0)
+        names = ", ".join(np.array(frames.names)[bad][:3])
+        raise CalibrationError(
+            f"{names}: the white ball cannot be read ({max(light.clipped[bad].max() for light in read):.0%} of it is "
+            "clipped). Expose less, or turn the flash so that it lights the ball."
+        )
+    mean, sigma = _together(frames, read, warnings)
     level = mean.mean(1) / np.median(mean.mean(1))
     dark = np.flatnonzero(level < MISFIRE)
     if len(dark):
@@ -80,7 +83,57 @@ def intensities_from_white(
             f"{listed}: the flash did not fire, or the white ball stood in shadow (in brackets: its brightness, of the "
             "median frame's). Reshoot, or list the frame under frames.skip."
         )
-    return mean, 1 / np.sqrt(total), ambient[0]
+    _name_shadows(frames, read, warnings)
+    return mean, sigma, read[0].ambient
+
+
+def _covariance(
+    directions: Array, positions: Array | None, sigma_deg: Array, range_sigma: Array, reference: Array
+) -> Array:
+    """Return (F, 3, 3): of the positions, mm^2, or of distant lights' directions."""
+    along = directions[:, :, None] * directions[:, None, :]
+    across = np.deg2rad(np.nan_to_num(sigma_deg))[:, None, None] ** 2 * (np.eye(3) - along)
+    if positions is None:
+        return across
+    distance = np.linalg.norm(positions - reference, axis=1)[:, None, None]
+    return distance**2 * (across + np.nan_to_num(range_sigma)[:, None, None] ** 2 * along)
+
+
+def _together(frames: Frames, read: list[Photometry], warnings: list[str]) -> tuple[Array, Array]:
+    """Join what balls of unknown grays measured; return intensities (F, 3) as on the first, and sigma (F,).
+
+    Notes
+    -----
+    log E_sf = log e_f + g_s, weighted; only what varies between frames is another ball's to say. A ball that is much
+    darker than usual where another is not stands in shadow, and has no say there.
+    """
+    energy = np.stack([light.intensities for light in read])
+    sigma = np.stack([light.sigma for light in read])
+    level = energy.mean(-1) / np.nanmedian(energy.mean(-1), axis=1)[:, None]
+    shadowed = np.nan_to_num(level, nan=np.inf) < SHADOWED * np.nanmax(level, axis=0)
+    for s, f in zip(*np.nonzero(shadowed), strict=True):
+        warnings.append(f"{frames.names[f]}: white ball {s + 1} stands in shadow; the intensity is the others'.")
+    # Each ball's surroundings err in a way of their own, which its residual does not show.
+    weight = np.where(np.isfinite(sigma) & ~shadowed, 1 / (sigma**2 + AGREE**2), 0)
+    log = np.where((weight > 0)[..., None], np.log(np.maximum(energy, 1e-9)), 0)
+    gray = np.zeros((len(read), 3))
+    for _ in range(20 if len(read) > 1 else 0):
+        mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / weight.sum(0)[:, None]
+        gray = np.sum(weight[..., None] * (log - mean), 1) / np.maximum(weight.sum(1), 1e-12)[:, None]
+        gray -= gray[0]
+    mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / weight.sum(0)[:, None]
+    return np.exp(mean), 1 / np.sqrt(weight.sum(0))
+
+
+def _name_shadows(frames: Frames, read: list[Photometry], warnings: list[str]) -> None:
+    """Name the frames in which a ball looks unlike in the others."""
+    for number, light in enumerate(read):
+        usual = np.nanmedian(light.misfit)
+        for f in np.flatnonzero(np.nan_to_num(light.misfit) > max(PARTLY, OFTEN * usual)):
+            warnings.append(
+                f"{frames.names[f]}: the white ball {number + 1} misses n.l by {light.misfit[f]:.0%} of the flash "
+                f"(median frame {usual:.1%}): partly in another's shadow, or glared at?"
+            )
 
 
 def compare_with_chrome(

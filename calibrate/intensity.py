@@ -1,13 +1,23 @@
 """A matte ball as a photometer: how bright each flash was, per channel, and what light was left over."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.skin import FEWEST_PIXELS, LIT, Skin, tukey_weights
+from calibrate.patches import cut
+from calibrate.shading_model import DIM, Fit, Parts, ShadingModel, choose
+from calibrate.skin import Skin
 
 Array = NDArray[np.float64]
+PARTLY = 0.05
+"""Relative misfit of one frame from which something hides a part of the ball, or glares on it."""
+SIDES = 8
+"""Parts of a ball's outline whose errors are taken to agree."""
+UNEVEN = 0.1
+"""Share of a frame's bounce that an even, endless table misses: its edge, its pattern, others' shadows on it."""
+AIM_DEG = 2.0
+"""How far a flash with a beam is taken to miss the reference point, standard deviation."""
 
 
 @dataclass(frozen=True)
@@ -19,11 +29,11 @@ class Photometry:
     intensities : (F, 3) float64
         Pixel value of the ball's skin facing each light at the reference point. NaN where it could not be read.
     sigma : (F,) float64
-        Relative, one frame's mean over channels, from the scatter between patches of the ball.
+        Relative to the others' mean, one frame, from the fit and from the error of the lights' places.
     ambient : (3,) float64
-        Pixel value of light that is there in all frames alike, on the ball's skin.
-    residual : float
-        Relative rms of the fit, all frames.
+        Pixel value of light that is there in all frames alike, on the ball's skin where it faces the camera.
+    misfit : (F,) float64
+        Relative rms of each frame's fit.
     clipped : (F,) float64
         Share of the ball's pixels that are clipped.
     evidence : str
@@ -33,12 +43,18 @@ class Photometry:
     intensities: Array
     sigma: Array
     ambient: Array
-    residual: float
+    misfit: Array
     clipped: Array
     evidence: str
 
 
-def measure(skin: Skin, directions: Array, positions: Array | None, reference: Array) -> Photometry:
+def measure(
+    skin: Skin,
+    directions: Array,
+    positions: Array | None,
+    reference: Array,
+    covariance: Array | None = None,
+) -> Photometry:
     """Read each light's intensity from the ball's shading.
 
     Parameters
@@ -50,155 +66,129 @@ def measure(skin: Skin, directions: Array, positions: Array | None, reference: A
         mm, for near lights.
     reference : (3,) float
         Where the intensities hold, mm.
+    covariance : (F, 3, 3) float or None
+        Of each position (mm^2), or of each direction. None: exact.
 
     Notes
     -----
-    I = E_f (m + k h) + a. m = max(0, n.(q - x)) |q - ref|^2 / |q - x|^3, or max(0, n.l) for distant lights;
-    h = (1 - n_z) / 2, how much of a table that faces the camera a normal sees; the bounce k and the ambient a
-    are the same in all frames, and each is there only if the ball's patches demand it (BIC). A free intercept
-    in each frame would trade against E: 1 % of error where this leaves 0.3 %.
+    The model is `shading_model`'s, chosen by BIC on the channels' mean. Its geometry is then held, and each channel
+    has its own strengths. Ambient, bounce and gloss are shared by all frames: a free intercept in each frame would
+    trade against its intensity, 1 % of error where this leaves 0.1 %.
     """
     count = len(skin.values)
-    blocks = int(skin.block.max(initial=-1)) + 1
-    data = [_patches(skin, f, directions, positions, reference, blocks) for f in range(count)]
-    seen = np.array([d is not None for d in data])
-    intensities = np.full((count, 3), np.nan)
-    sigma = np.full(count, np.nan)
     clipped = skin.clipped.mean(1) if skin.clipped.size else np.zeros(count)
-    if not seen.any():
-        return Photometry(intensities, sigma, np.full(3, np.nan), np.nan, clipped, "")
-    weight, shading, bounce, values = (np.stack([d[i] for d in data if d is not None]) for i in range(4))
-    gray = values.mean(-1)
-    # Relative errors: a bright flash's patches scatter in proportion.
-    level = np.abs(np.sum(weight * shading * gray, 1) / np.maximum(np.sum(weight * shading**2, 1), 1e-12))
-    weight = weight / np.maximum(level, 1e-9)[:, None] ** 2 / np.maximum(weight.sum(1, keepdims=True), 1e-12)
-    models = [(False, False), (True, False), (False, True), (True, True)]
-    fits = {m: _shared_fit(weight, shading, bounce, gray, *m) for m in models}
-    patches = int(np.count_nonzero(weight))
-    evidence = {m: patches * np.log(fits[m][3] / patches) + sum(m) * np.log(patches) for m in models}
-    best = min(models, key=lambda m: evidence[m])
-    # The bounce is geometry: one number for all channels. The ambient has a colour.
-    k = fits[best][1]
+    ball = cut(skin, directions, positions, reference)
+    read = ball.readable
+    intensities, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
+    if not read.any():
+        return Photometry(intensities, sigma, np.full(3, np.nan), sigma, clipped, "")
+    near = positions is not None
+    toward, axis = (positions, positions - reference) if near else (directions, None)
+
+    def of(frames: NDArray[np.bool_]) -> ShadingModel:
+        return ShadingModel(ball.only(frames), toward[frames], None if axis is None else axis[frames])
+
+    every = of(read)
+    gray = every.ball.values.mean(-1)
+    rough = every.misfit(every.fit(Parts(), gray).residual)
+    # What hides the flash from the ball in one frame must not bend what all frames share.
+    sound = (every.level > DIM * np.median(every.level)) & (rough < max(PARTLY, 3 * float(np.median(rough))))
+    kept = np.flatnonzero(read)[sound]
+    model = of(np.isin(np.arange(count), kept))
+    fit, gain = choose(model, model.ball.values.mean(-1))
     ambient = np.zeros(3)
-    energy = np.empty((int(seen.sum()), 3))
     for c in range(3):
-        energy[:, c], _, ambient[c], _ = _shared_fit(
-            weight, shading + k * bounce, bounce, values[..., c], best[0], False
-        )
-    intensities[seen] = energy
-    mean, shape = energy.mean(1), shading + k * bounce
-    residual = gray - mean[:, None] * shape - ambient.mean()
-    sums = np.sum((weight * shape * residual) ** 2, 1)
-    number = np.count_nonzero(weight, axis=1)
-    spread = np.sqrt(sums * number / np.maximum(number - 1, 1)) / np.sum(weight * shape**2, 1)
-    sigma[seen] = spread / np.maximum(np.abs(mean), 1e-12)
-    relative = np.sqrt(np.average((residual / np.maximum(np.abs(mean), 1e-12)[:, None]) ** 2, weights=weight))
-    told = {
-        (False, False): "no ambient light left, no bounce",
-        (True, False): f"ambient light left: {ambient.mean() / np.median(mean):.1%} of the median flash",
-        (False, True): f"the table's bounce: {k:.1%} of the flash",
-        (
-            True,
-            True,
-        ): f"ambient light left: {ambient.mean() / np.median(mean):.1%} of the median flash, and a bounce of {k:.1%}",
-    }[best]
-    text = f"white ball: {told} (dBIC {evidence[(False, False)] - evidence[best]:.0f}), residual {relative:.1%}"
-    return Photometry(intensities, sigma, ambient, float(relative), clipped, text)
+        parts = _held(model, fit.parts, model.ball.values[..., c])
+        left = np.pad(model.linear(parts, model.ball.values[..., c])[1], (0, 4 - parts.ambient))
+        intensities[read, c] = every.energies(parts, left, every.ball.values[..., c])[0]
+        # As the skin that faces the camera shows it.
+        ambient[c] = max(0.0, float(left[0] + left[3]))
+    _, residual = every.energies(fit.parts, fit.ambient, gray)
+    misfit = np.full(count, np.nan)
+    misfit[read] = every.misfit(residual)
+    # Half of the ball's sides agree by chance.
+    sigma[read] = misfit[read] / np.sqrt(SIDES / 2)
+    sigma[kept] = _sigma(model, fit, None if covariance is None else covariance[kept])
+    text = f"white ball: {_told(fit, ambient.mean())} (dBIC {gain:.0f}), residual {np.nanmedian(misfit):.1%}"
+    return Photometry(intensities, sigma, ambient, misfit, clipped, text)
 
 
-def _patches(
-    skin: Skin, f: int, directions: Array, positions: Array | None, reference: Array, blocks: int
-) -> tuple[Array, Array, Array, Array] | None:
-    """Average one frame over patches: weight (B,), shading (B,), bounce (B,), values (B, 3). None if too few pixels."""
-    if positions is None:
-        shading = skin.normals @ directions[f]
-    else:
-        toward = positions[f] - skin.points
-        distance = np.linalg.norm(toward, axis=1)
-        shading = np.sum(skin.normals * toward, 1) * np.sum((positions[f] - reference) ** 2) / distance**3
-    top = shading.max(initial=0)
-    lit = (shading > LIT * top) & ~skin.clipped[f]
-    if lit.sum() < FEWEST_PIXELS or not np.isfinite(top):
-        return None
-    # The dark side tells ambient and bounce; between, a large flash is half set.
-    use = lit | (shading < -0.5 * LIT * top)
-    shading = np.maximum(shading[use], 0)
-    bounce = (1 - skin.normals[use, 2]) / 2
-    values = skin.values[f][use].astype(np.float64)
-    weight = tukey_weights(np.column_stack([shading, bounce, np.ones(len(bounce))]), values.mean(1))
-    block = skin.block[use]
-    total = np.bincount(block, weight, blocks)
-    some = np.maximum(total, 1e-12)
-
-    def mean(x: Array) -> Array:
-        return np.bincount(block, weight * x, blocks) / some
-
-    return (
-        np.asarray(total, np.float64),
-        mean(shading),
-        mean(bounce),
-        np.stack([mean(values[:, c]) for c in range(3)], -1),
-    )
+def _held(model: ShadingModel, parts: Parts, values: Array) -> Parts:
+    """Return the model with one channel's own strengths of bounce and gloss, its geometry held."""
+    shapes = [] if parts.bounce is None else [model.bounce(parts)]
+    shapes += [] if parts.gloss is None else [model.ball.gloss[parts.width]]
+    for _ in range(4):
+        energy, _, rest = model.linear(parts, values)
+        if not shapes:
+            break
+        design = np.stack([energy[:, None] * shape for shape in shapes], -1)
+        matrix = np.einsum("fb,fbi,fbj->ij", model.weight, design, design)
+        step = np.linalg.lstsq(matrix, np.einsum("fb,fbi,fb->i", model.weight, design, rest), rcond=1e-9)[0]
+        numbers = [x for x in (parts.bounce, parts.gloss) if x is not None] + step
+        strengths = iter(np.maximum(numbers, 0))
+        bounce, gloss = (None if x is None else float(next(strengths)) for x in (parts.bounce, parts.gloss))
+        parts = replace(parts, bounce=bounce, gloss=gloss)
+    return parts
 
 
-def _shared_fit(
-    weight: Array, shading: Array, bounce: Array, values: Array, has_ambient: bool, has_bounce: bool
-) -> tuple[Array, float, float, float]:
-    """Fit values (F, B) = E_f (shading + k bounce) + a; return E (F,), k, a and the weighted sum of squares."""
-    k = a = 0.0
-    energy = np.zeros(len(values))
-    for _ in range(30 if has_bounce else 1):
-        shape = shading + k * bounce
-        square = np.maximum(np.sum(weight * shape**2, 1), 1e-30)
-        if has_ambient:
-            # a with every E_f eliminated: project values and 1 off the frame's shape.
-            ones = 1 - shape * (np.sum(weight * shape, 1) / square)[:, None]
-            rest = values - shape * (np.sum(weight * shape * values, 1) / square)[:, None]
-            a = max(0.0, float(np.sum(weight * ones * rest) / max(np.sum(weight * ones**2), 1e-30)))
-        energy = np.sum(weight * shape * (values - a), 1) / square
-        if has_bounce:
-            part = energy[:, None] * bounce
-            rest = values - a - energy[:, None] * shading
-            previous, k = k, max(0.0, float(np.sum(weight * part * rest) / max(np.sum(weight * part**2), 1e-30)))
-            if abs(k - previous) < 1e-6:
-                break
-    residual = values - a - energy[:, None] * (shading + k * bounce)
-    return energy, k, a, float(np.sum(weight * residual**2))
-
-
-def propagate(
-    skin: Skin, directions: Array, positions: Array | None, reference: Array, sigma_deg: Array, range_sigma: Array
-) -> Array:
-    """Return (F,) the relative error of an intensity that its light's own error causes.
+def _sigma(model: ShadingModel, fit: Fit, covariance: Array | None) -> Array:
+    """Return (F,) the relative sigma of each energy against the others' mean.
 
     Notes
     -----
-    The light is moved by one sigma along each tangent axis and along its range; what the lit skin's mean
-    shading, weighted by itself, changes by, the intensity changes by with the other sign.
+    With J all derivatives of the model and W its weights, H = J'WJ. Patches on one side of the ball err alike, in
+    one frame: a sandwich H^-1 (sum s s') H^-1 of those sides' summed scores s. A light in another place moves the
+    energies by H^-1 J'W E dm/dq, with its covariance.
     """
-    out = np.zeros(len(directions))
-    for f, direction in enumerate(directions):
-        distance = 1.0 if positions is None else float(np.linalg.norm(positions[f] - reference))
-        side = np.cross(direction, [1.0, 0.0, 0.0] if abs(direction[0]) < 0.7 else [0.0, 1.0, 0.0])
-        side /= np.linalg.norm(side)
-        turn = np.deg2rad(np.nan_to_num(sigma_deg[f]))
+    ball, parts, root = model.ball, fit.parts, np.sqrt(model.weight)
+    count, blocks = root.shape
+    shape, numbers = model.shape(parts), parts.numbers()
+    columns = np.zeros((count, blocks, count + parts.ambient + len(numbers)))
+    columns[np.arange(count), :, np.arange(count)] = shape
+    columns[..., count : count + parts.ambient] = model.around[:, : parts.ambient]
+    for i in range(len(numbers)):
+        step = np.where(np.arange(len(numbers)) == i, 1e-4, 0.0)
+        changed = model.shape(parts.with_numbers(numbers + step)) - shape
+        columns[..., count + parts.ambient + i] = fit.energy[:, None] * changed / 1e-4
+    weighted = root[..., None] * columns
+    flat = weighted.reshape(count * blocks, -1)
+    scale = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
+    inverse = np.linalg.pinv((flat / scale).T @ (flat / scale), rcond=1e-10) / scale / scale[:, None]
+    score = weighted * (root * fit.residual)[..., None]
+    # A patch's place around the outline is in its number: see `skin`.
+    side = np.arange(blocks) * SIDES // blocks
+    sums = np.stack([score[:, side == k].sum(1) for k in range(SIDES)], 1).reshape(count * SIDES, -1)
+    spread = inverse @ (sums.T @ sums) @ inverse * SIDES / (SIDES - 1)
+    if covariance is not None:
+        moved = (root**2 * fit.energy[:, None])[..., None] * ball.moved
+        for f in range(count):
+            pull = (inverse @ (columns[f].T @ moved[f]))[:, :3]
+            spread = spread + pull @ np.nan_to_num(covariance[f]) @ pull.T
+    if parts.bounce is not None:
+        thrown = UNEVEN * parts.bounce * fit.energy[:, None] * model.bounce(parts) * root**2
+        for f in range(count):
+            pull = inverse @ (columns[f].T @ thrown[f])
+            spread = spread + np.outer(pull, pull)
+    if parts.beam is not None:
+        # The shadows of others on the table look like a part of a beam, in all frames; each has its own aim.
+        aside = ball.aside.mean(1)
+        pull = fit.energy * parts.beam_sigma * aside
+        aim = fit.energy * parts.beam * np.sqrt(np.expm1(2 * aside)) * np.deg2rad(AIM_DEG)
+        spread[:count, :count] += np.outer(pull, pull) + np.diag(aim**2)
+    relative = np.eye(count) / fit.energy - 1 / fit.energy.sum()
+    return np.sqrt(np.maximum(np.einsum("fi,ij,fj->f", relative, spread[:count, :count], relative), 0))
 
-        def shading(toward: Array, distance: float, f: int = f) -> Array:
-            if positions is None:
-                return skin.normals @ (toward / np.linalg.norm(toward))
-            ray = reference + distance * toward / np.linalg.norm(toward) - skin.points
-            return np.sum(skin.normals * ray, 1) * distance**2 / np.linalg.norm(ray, axis=1) ** 3
 
-        here = np.maximum(shading(direction, distance), 0)
-        square = np.sum(here**2)
-        if square <= 0:
-            continue
-        moves = [
-            shading(direction + turn * side, distance),
-            shading(direction + turn * np.cross(direction, side), distance),
-        ]
-        if positions is not None:
-            moves.append(shading(direction, distance * (1 + np.nan_to_num(range_sigma[f]))))
-        changes = [np.sum(here * np.maximum(move, 0)) / square - 1 for move in moves]
-        out[f] = np.sqrt(np.sum(np.square(changes)))
-    return out
+def _told(fit: Fit, ambient: float) -> str:
+    """Say what the model holds beside the flash."""
+    parts, said = fit.parts, []
+    if parts.ambient:
+        said.append(f"ambient light left, {ambient / np.median(fit.energy):.1%} of the median flash")
+    if parts.bounce is not None:
+        turned = "" if parts.tilt is None else f", tilted {np.degrees(np.arctan(np.hypot(*parts.tilt))):.0f} degrees"
+        said.append(f"the bounce of a table of albedo {parts.bounce:.2f}{turned}")
+    if parts.gloss is not None:
+        said.append("a gloss")
+    if parts.beam is not None:
+        said.append(f"flashes that aim at the object and fall off as cos^{parts.beam:.1f} beside their axis")
+    return "; ".join(said) if said else "no ambient light left, no bounce, no gloss"

@@ -1,4 +1,4 @@
-"""How bright each flash was, by the object alone: directions are known, intensities are not, and nothing white stands by.
+"""How bright each flash was, by the object alone: directions are known, strengths are not, nothing white stands by.
 
 Every matte pixel says I_f = e_f b.l_f with a vector b of its own: three unknowns a pixel, F - 1 in common.
 """

@@ -25,18 +25,25 @@ class Skin:
 
     Parameters
     ----------
-    points, normals : (P, 3) float64
+    points, normals, view : (P, 3) float64
+        `view`: unit, to the camera.
     values : (F, P, 3) float32
     clipped : (F, P) bool
     block : (P,) int
         Which patch of the ball a pixel lies in: errors agree within a patch.
+    center : (3,) float64
+    radius : float
+        The ball's, in the points' unit.
     """
 
     points: Array
     normals: Array
+    view: Array
     values: NDArray[np.float32]
     clipped: NDArray[np.bool_]
     block: NDArray[np.intp]
+    center: Array
+    radius: float
 
 
 def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
@@ -44,14 +51,17 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     rows, columns = np.nonzero(sphere.mask(camera))
     pixels = np.stack([columns, rows], -1)
     normals, points = sphere.normals(camera, pixels)
-    view = [0.0, 0.0, 1.0] if camera.is_orthographic else -points / np.linalg.norm(points, axis=1, keepdims=True)
+    view = -points / np.linalg.norm(points, axis=1, keepdims=True)
+    if camera.is_orthographic:
+        view = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
     facing = np.sum(normals * view, 1)
     keep = np.flatnonzero(facing > FACING)
     keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
-    pixels, points, normals = pixels[keep], points[keep], normals[keep]
+    pixels, points, normals, view = pixels[keep], points[keep], normals[keep], view[keep]
+    place = (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         empty = np.zeros((len(frames), 0, 3), np.float32)
-        return Skin(points, normals, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp))
+        return Skin(points, normals, view, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp), *place)
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -61,7 +71,7 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     angle = np.arctan2(offset[:, 1], offset[:, 0]) + np.pi
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
-    return Skin(points, normals, values, clipped, block)
+    return Skin(points, normals, view, values, clipped, block, *place)
 
 
 def shading_directions(skin: Skin) -> tuple[Array, Array]:
