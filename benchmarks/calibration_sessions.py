@@ -1,0 +1,169 @@
+"""Sessions of the virtual camera with known truth, for the benchmark of calibrate, and their marking.
+
+Seeds 0 to 999 are the benchmark's; nothing was tuned on them. Every figure is against what the ray tracer was given.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from calibrate.calibrate import calibrate
+from calibrate.calibration import Calibration
+from fixtures.ball_scene import Ball, World, distant, flashes, photograph
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.frames import Frames
+from scene.normals import angular_error_deg
+from scene.spheres import SphereRequest
+from twin.virtual_camera import Sensor
+
+Array = NDArray[np.float64]
+CAMERA = Camera(1200, 800, 1666.7, 1666.7, 606.8, 394.9)
+OBJECT = np.array([0.0, 0.0, -1000.0])
+FLASHES = 12
+INSIDE_2, INSIDE_3, INSIDE_1 = 5.991, 7.815, 3.841
+"""95 % quantiles of chi-square with 2, 3 and 1 degrees of freedom."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """A world and its photographs."""
+
+    world: World
+    frames: Frames
+    sensor: Sensor
+
+
+def session(seed: int, kind: str) -> Session:
+    """Make a session.
+
+    `kind`: "two" chrome balls of 67 px and a white one beside an object; "four" chrome balls of 67 px and a white one;
+    "one" chrome ball of 170 px; "far": as "two", the flashes so far that their rays are parallel.
+    """
+    rng = np.random.default_rng([seed, sum(kind.encode())])
+    lights = flashes(FLASHES, near_mm=700, far_mm=1200, center=OBJECT, seed=int(rng.integers(1 << 31)))
+    world = World(CAMERA, [], lights, np.zeros((FLASHES, 3)))
+    tilt = np.array([rng.normal(0, 0.04), rng.normal(0.08, 0.04), 1.0])
+    world.table_normal = tilt / np.linalg.norm(tilt)
+    world.table_texture = str(rng.choice(["plain", "wood", "noise"]))
+    world.table_albedo = rng.uniform(0.08, 0.4) * rng.uniform(0.9, 1.1, 3)
+    world.table_second = world.table_albedo * rng.uniform(0.4, 0.8)
+    world.table_half = rng.uniform(420, 700)
+    world.ambient = rng.uniform(0.004, 0.02) * rng.uniform(0.8, 1.2, 3)
+    px = 1020.0 / CAMERA.fx
+    jitter = rng.uniform(-25, 25, (6, 2))
+    if kind == "one":
+        angle = rng.uniform(0, 2 * np.pi)
+        world.stand("chrome", 170 * np.cos(angle), 90 * np.sin(angle), 170 * px)
+    else:
+        sides = [(-235, -105), (240, 115), (-230, 120), (235, -115)]
+        order = sides if kind == "four" else [sides[i] for i in ((0, 1, 2) if rng.random() < 0.5 else (2, 3, 0))]
+        for (x, y), (a, b) in zip(order[: 4 if kind == "four" else 2], jitter[:4], strict=False):
+            world.stand("chrome", x + a, y + b, 67 * px)
+        x, y = (0, 140) if kind == "four" else order[2]
+        white = {"gloss": rng.uniform(0.0, 0.08), "shininess": rng.uniform(30, 150)} if rng.random() < 0.5 else {}
+        world.stand("white", x + jitter[4, 0], y + jitter[4, 1], 60 * px, albedo=rng.uniform(0.75, 0.9), **white)
+        lump = 45 if kind == "four" else 60
+        for x, y in ((-0.6, -0.3), (0.6, -0.4), (0.0, 0.7)):
+            middle = world.on_table(lump * x, lump * y - 30) + 0.8 * lump * world.table_normal
+            world.balls.append(Ball("object", middle, lump * rng.uniform(0.95, 1.05), 0.45, 0.1, 60.0))
+    relative = rng.uniform(0.75, 1.3, (FLASHES, 1)) * rng.uniform(0.96, 1.04, (FLASHES, 3))
+    if kind == "far":
+        distant(world, lights - OBJECT, 0.6 * relative / relative.max())
+    else:
+        brightest = max(float(world_peak(world, ball, relative)) for ball in world.balls)
+        world.powers = relative * rng.uniform(0.65, 0.8) / brightest
+    sensor = Sensor(full_well_e=float(rng.choice([15000, 40000])), blur_px=float(rng.uniform(0.45, 0.85)))
+    return Session(world, photograph(world, sensor, np.random.default_rng([seed, 7])), sensor)
+
+
+def world_peak(world: World, ball: Ball, powers: ArrayLike) -> float:
+    """Return the greatest irradiance of flashes of some powers (F, 3) on a ball's nearest point."""
+    distance = np.linalg.norm(world.lights - ball.center, axis=1) - ball.radius
+    return float(np.max(np.asarray(powers) * (1000 / distance[:, None]) ** 2))
+
+
+def requests_of(world: World) -> list[SphereRequest]:
+    """Return what the user says: kinds and diameters; where the balls are, calibrate finds."""
+    return world.requests()
+
+
+def reflection_points(camera: Camera, ball: Ball, lights: Array) -> Array:
+    """Return the points (F, 3) of a mirror that show each light: where the normal halves view and light."""
+    out = []
+    for light in lights:
+        normal = np.array([0.0, 0.0, 1.0])
+        for _ in range(200):
+            point = ball.center + ball.radius * normal
+            view = np.array([0.0, 0.0, 1.0]) if camera.is_orthographic else -point / np.linalg.norm(point)
+            normal = view + (light - point) / np.linalg.norm(light - point)
+            normal /= np.linalg.norm(normal)
+        out.append(point)
+    return np.array(out)
+
+
+def directions_to(lights: Array, points: ArrayLike) -> Array:
+    """Return unit vectors (F, 3) from a point, or from a point for each light."""
+    toward = lights - np.asarray(points)
+    return toward / np.linalg.norm(toward, axis=1, keepdims=True)
+
+
+def mark(made: Session) -> dict[str, list[float]]:
+    """Calibrate a session as its user would, and compare with the truth: lists of errors, ready to be pooled."""
+    world = made.world
+    try:
+        result = calibrate(made.frames, world.camera, requests_of(world))
+    except SceneError as error:
+        return {"refused": [1.0], "said": [str(error)]}  # type: ignore[list-item]
+    out: dict[str, list[float]] = {"refused": [0.0], "warned": [float(len(result.warnings) > 0)]}
+    chrome = [ball for ball in world.balls if ball.kind == "chrome"]
+    lights = result.lights
+    if len(chrome) == 1:
+        points = reflection_points(world.camera, chrome[0], world.lights)
+        off = angular_error_deg(lights.directions, directions_to(world.lights, points))
+        out["direction_deg"], here = off.tolist(), off
+    else:
+        there = lights.seen_from(OBJECT)
+        out["direction_deg"] = angular_error_deg(there.directions, directions_to(world.lights, OBJECT)).tolist()
+        here = angular_error_deg(lights.directions, directions_to(world.lights, lights.reference_point_mm))
+    out["direction_inside"] = (here**2 < INSIDE_2 * lights.direction_sigma_deg**2).tolist()
+    _mark_positions(out, result, world)
+    white = [ball for ball in world.balls if ball.kind == "white"]
+    if white:
+        _mark_intensities(out, result, made, white[0])
+    return out
+
+
+def _mark_positions(out: dict, result: Calibration, world: World) -> None:
+    positions = result.lights.positions_mm
+    out["near_claimed"] = [float(positions is not None)]
+    if positions is None or np.linalg.norm(world.lights[0]) > 1e5:
+        return
+    off = positions - world.lights
+    ranges = np.linalg.norm(world.lights - OBJECT, axis=1)
+    out["position_percent"] = (100 * np.linalg.norm(off, axis=1) / ranges).tolist()
+    covariance = result.position_covariance_mm2
+    if covariance is not None:
+        square = np.einsum("fi,fij,fj->f", off, np.linalg.inv(covariance), off)
+        out["position_inside"] = (square < INSIDE_3).tolist()
+
+
+def _mark_intensities(out: dict, result: Calibration, made: Session, ball: Ball) -> None:
+    world, lights = made.world, result.lights
+
+    def relative(point: Array) -> Array:
+        strength = world.truth(point)[1]
+        return strength / strength.mean(0)
+
+    there = lights.seen_from(OBJECT)
+    out["intensity_percent"] = (100 * (there.intensities / relative(OBJECT) - 1)).ravel().tolist()
+    off = lights.intensities / relative(lights.reference_point_mm) - 1
+    sigma = lights.intensity_sigma
+    out["intensity_inside"] = (off.mean(1) ** 2 < INSIDE_1 * sigma**2).tolist()
+    neutral = np.array(made.sensor.neutral)
+    albedo = np.broadcast_to(np.asarray(ball.albedo, float), (3,))
+    truth = albedo * world.ambient * neutral
+    peak = (albedo * neutral * world.truth(ball.center)[1]).max(0)
+    found = np.zeros(3) if lights.ambient is None else lights.ambient
+    out["ambient_percent"] = (100 * (found - truth) / peak).tolist()
