@@ -1,112 +1,92 @@
 """Photographs and a session that nobody here made: what must hold without tuning on them."""
 
-import json
-import tomllib
-from dataclasses import replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 import pytest
 
-from calibrate.calibrate import calibrate
-from calibrate.skin import read_skin, shading_directions
-from scene.camera import Camera
-from scene.frames import Frames
 from scene.normals import angular_error_deg
-from scene.spheres import SphereRequest
 
 SHARED = Path(__file__).parents[2] / ".." / "shared"
 
-
-def _need(folder: Path) -> Path:
-    if not folder.is_dir():
-        pytest.skip(f"{folder} is absent: it is handed out beside the repository")
-    return folder
+pytestmark = pytest.mark.skipif(not SHARED.is_dir(), reason="../shared, with captures made by others, is absent")
 
 
-def _uw(name):
-    folder = _need(SHARED / "real" / "uw_psm") / "png" / name
-    images = [cv2.imread(str(folder / f"{name}.{i}.png"))[..., ::-1] / np.float32(255) for i in range(12)]
-    return Frames.from_linear(tuple(f"{name}.{i}" for i in range(12)), np.stack(images))
+@pytest.fixture
+def captures():
+    """The benchmark's own measurements."""
+    from benchmarks import real_captures
+
+    return real_captures
 
 
-def test_uw_psm_chrome_explains_gray():
+def test_uw_psm_chrome_explains_gray(captures):
     """Checked by eye, outlines drawn over the photographs; the numbers are the circles of the set's masks."""
-    camera = Camera.orthographic(512, 340)
-    result = calibrate(
-        _uw("buddha"),
-        camera,
-        [SphereRequest("chrome", frames=_uw("chrome")), SphereRequest("white", frames=_uw("gray"))],
-    )
-    chrome, gray = (next(s for s in result.spheres if s.kind == kind) for kind in ("chrome", "white"))
-    np.testing.assert_allclose([*chrome.center_px, chrome.radius_px], [253.3, 147.9, 119.4], atol=1.5)
-    np.testing.assert_allclose([*gray.center_px, gray.radius_px], [244.5, 144.5, 108.2], atol=1.5)
-    table = np.loadtxt(SHARED / "real" / "uw_psm" / "lights.txt", skiprows=1)
-    given = table / np.linalg.norm(table, axis=1, keepdims=True)
-    # lights.txt is the weaker reference (see the set's README): the gray ball judges.
-    assert angular_error_deg(result.lights.directions, given).mean() < 4
-    shaded, _ = shading_directions(read_skin(_uw("gray"), camera, gray))
-    against_gray = np.median(angular_error_deg(shaded, result.lights.directions))
-    assert against_gray < 3.5
-    assert against_gray < np.median(angular_error_deg(shaded, given))
-    np.testing.assert_allclose(result.lights.intensities, 1, atol=0.06)
-
-
-def test_columbia_white_ball_on_a_pedestal():
-    folder = _need(SHARED / "real" / "columbia_sphere_object")
-    images = [cv2.imread(str(folder / f"sphere{i}.pgm"), cv2.IMREAD_GRAYSCALE) / np.float32(255) for i in (1, 2, 3)]
-    frames = Frames.from_linear(("a", "b", "c"), np.repeat(np.stack(images)[..., None], 3, -1))
-    result = calibrate(frames, Camera.orthographic(640, 480), [SphereRequest("white")])
-    (ball,) = result.spheres
-    np.testing.assert_allclose([*ball.center_px, ball.radius_px], [368, 220.5, 78.5], atol=1.5)
-    # The pedestal of about 75 codes is found as ambient.
-    assert result.lights.ambient == pytest.approx(np.full(3, 75 / 255), abs=0.03)
-    # By eye: lit from below, from the right, from above.
-    x, y, _ = result.lights.directions.T
-    assert y[0] < -0.3
-    assert x[1] > 0.3
-    assert y[2] > 0.3
+    w = captures.washington()
+    np.testing.assert_allclose([*w.chrome_ball.center_px, w.chrome_ball.radius_px], [253.3, 147.9, 119.4], atol=1.5)
+    np.testing.assert_allclose([*w.gray_ball.center_px, w.gray_ball.radius_px], [244.5, 144.5, 108.2], atol=1.5)
+    lights, given = w.found.lights, w.given
+    # lights.txt is the weaker reference (see the set's README): the gray ball judges, by its shading alone,
+    assert angular_error_deg(lights.directions, given.directions).mean() < 3.2
+    apart = np.median(angular_error_deg(w.shaded, lights.directions))
+    assert apart < 3.2
+    assert apart < np.median(angular_error_deg(w.shaded, given.directions)) - 0.5
+    # by Lambert's law on the analytic sphere,
+    by_chrome, by_given = (captures.explain(w.gray, w.camera, w.gray_ball, light) for light in (lights, given))
+    assert by_chrome.residual_percent < 7
+    assert by_chrome.residual_percent < by_given.residual_percent
+    # and by least squares normals against the sphere's; a quick estimate apart from this project: 4.6 degrees.
+    assert by_chrome.median_deg < 4.6
+    np.testing.assert_allclose(lights.intensities, 1, atol=0.06)
 
 
 @pytest.mark.slow
-def test_bunny_session():
-    """Rendered by another program. Balls of 50 px, flashes at 0.8-1.15 m; goals of the issue: 1 degree, 3 %."""
-    rawpy = pytest.importorskip("rawpy")
-    folder = _need(SHARED / "sessions" / "bunny")
-    truth = json.loads((folder / "truth.json").read_text())
-    session = tomllib.loads((folder / "session.toml").read_text())
+def test_diligent_ball_by_its_own_highlights_and_shading(captures):
+    """96 lights that others calibrated with a mirror ball; here from the glossy ball itself, lights put aside.
 
-    def raw(path):
-        with rawpy.imread(str(path)) as file:
-            return file.postprocess(
-                output_color=rawpy.ColorSpace.raw,
-                no_auto_bright=True,
-                gamma=(1, 1),
-                output_bps=16,
-                user_wb=[1, 1, 1, 1],
-                adjust_maximum_thr=0,
-                demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
-            ) / np.float32(65535)
+    Published: least squares 4.10 degrees (mean, all pixels and frames). The gloss bends the shading, so the highlights
+    are the better witness.
+    """
+    d = captures.diligent_ball()
+    np.testing.assert_allclose([*d.ball.center_px, d.ball.radius_px], d.outline, atol=0.6)
+    mirrored = angular_error_deg(d.mirrored.directions, d.given.directions)
+    shaded = angular_error_deg(d.found.directions, d.given.directions)
+    assert np.median(mirrored) < 1.2
+    assert mirrored.max() < 2
+    assert np.median(shaded) < 2.2
+    assert np.std(d.found.intensities / d.given.intensities) < 0.03
+    matte = captures.explain(d.frames, d.camera, d.ball, d.given)
+    assert 2 < matte.median_deg < 4
+    columns, rows = matte.pixels.T
+    assert np.nanmedian(angular_error_deg(d.truth[rows, columns], d.ball.normals(d.camera, matte.pixels)[0])) < 0.8
 
-    files = sorted((folder / "raw").glob("flash_*.dng"))
-    frames = Frames.from_linear(
-        tuple(file.stem for file in files),
-        np.stack([raw(file) for file in files]),
-        ambient=raw(folder / "raw" / "ambient_000.dng"),
-    )
-    given = session["camera"]
-    camera = Camera(*(given[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
-    requests = [SphereRequest(ball["kind"], ball["diameter_mm"]) for ball in session["spheres"]]
-    result = calibrate(replace(frames, is_mosaic=True), camera, requests)
-    for ball in truth["spheres"]:
-        mine = min(result.spheres, key=lambda s: np.hypot(*(s.center_px - ball["centre_px"])))
-        assert mine.kind == ball["kind"]
-        np.testing.assert_allclose(mine.center_px, ball["centre_px"], atol=0.25)
-        assert mine.radius_px == pytest.approx(ball["radius_px"], abs=0.4)
-    lights = result.lights.seen_from(truth["object_centre_mm"])
-    angle = angular_error_deg(lights.directions, np.array(truth["directions_at_object"]))
-    assert np.median(angle) < 0.5
-    assert angle.max() < 1.0
-    error = lights.intensities / np.array(truth["relative_intensity_rgb_at_object"]) - 1
-    assert np.sqrt(np.mean(error**2)) < 0.015
+
+def test_columbia_white_ball_on_a_pedestal(captures):
+    c = captures.columbia()
+    np.testing.assert_allclose([*c.ball.center_px, c.ball.radius_px], [368, 220.5, 78.5], atol=1.5)
+    # The pedestal of about 75 codes is found as ambient.
+    assert c.ambient_code == pytest.approx(c.dark_code, abs=8)
+    # By eye: lit from below, from the right, from above.
+    x, y, _ = c.found.directions.T
+    assert y[0] < -0.3
+    assert x[1] > 0.3
+    assert y[2] > 0.3
+    # The set's README puts Lambert's residual at 3 to 7 %.
+    matte = captures.explain(c.frames, c.camera, c.ball, c.found)
+    assert matte.residual_percent < 8
+    # Three lights determine a normal, and average nothing.
+    assert matte.median_deg < 7
+
+
+@pytest.mark.slow
+def test_bunny_session(captures, tmp_path):
+    """Rendered by another program. Balls of 50 px, flashes at 0.8-1.15 m."""
+    b = captures.bunny(tmp_path)
+    assert np.median(b.direction_error_deg) < 0.3
+    assert b.direction_error_deg.max() < 0.7
+    assert np.median(b.position_error_percent) < 1.5
+    assert np.sqrt(np.mean(b.intensity_error_percent**2)) < 1
+    assert np.abs(b.ball_error_px).max() < 0.25
+    # What needs no truth: the chrome's lights explain the white ball.
+    white = next(sphere for sphere in b.found.spheres if sphere.kind == "white")
+    assert captures.explain(b.frames, b.camera, white, b.found.lights).median_deg < 1.2
