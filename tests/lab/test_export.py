@@ -1,0 +1,56 @@
+"""`rgbn export`: the lights of a session in another program's format."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from calibrate.known import read_lights
+
+FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
+COMMAND = [str(Path(sys.executable).parent / "rgbn")]
+
+
+def session_with_lights(folder):
+    """Four of the fixture's frames, and lights by a .lp file."""
+    (folder / "raw").mkdir(parents=True)
+    for path in sorted((FIXTURE / "raw").glob("flash_00[0-3].dng")):
+        shutil.copy(path, folder / "raw" / path.name)
+    rows = [f"flash_{i:03d}.dng {x} {y} 0.8\n" for i, (x, y) in enumerate([(0.6, 0), (-0.6, 0), (0, 0.6), (0, -0.6)])]
+    (folder / "l.lp").write_text("4\n" + "".join(rows))
+    (folder / "session.toml").write_text('[frames]\nflash = "raw/*.dng"\n[lights]\nfile = "l.lp"\n')
+    return folder
+
+
+def export(session, out, *words):
+    command = [*COMMAND, "export", str(session), "--out", str(out), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_lights_go_out_and_come_in_again(tmp_path):
+    session, out = session_with_lights(tmp_path / "session"), tmp_path / "out"
+    run = export(session, out, "--format", "alicevision")
+    assert run.returncode == 0, run.stderr
+    path = Path(run.stdout.strip())
+    assert path == out / "export" / "lights_alicevision.json"
+    assert "cameraInit.sfm" in run.stderr, "that its order is AliceVision's is said"
+    first = json.loads(path.read_text())["lights"][2]
+    np.testing.assert_allclose(first["direction"], [0, -0.6, -0.8])
+    names = tuple(f"flash_{i:03d}" for i in range(4))
+    np.testing.assert_allclose(read_lights(path, names).directions, read_lights(session / "l.lp", names).directions)
+    # What was exported does not outlive the lights it was made from.
+    (session / "l.lp").write_text((session / "l.lp").read_text().replace("0.8", "0.9"))
+    assert export(session, out, "--format", "lp").returncode == 0
+    assert sorted(file.name for file in (out / "export").iterdir()) == ["lights.lp"]
+
+
+def test_what_cannot_be_exported_is_refused(tmp_path):
+    session = session_with_lights(tmp_path / "session")
+    for form, message in (("mat", "wants positions in mm"), ("xml", "unknown; there are alicevision")):
+        run = export(session, tmp_path / "out", "--format", form)
+        assert run.returncode == 2
+        assert message in run.stderr
+        assert "Traceback" not in run.stderr
