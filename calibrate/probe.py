@@ -8,8 +8,6 @@ from numpy.typing import NDArray
 from scene.frames import Frames
 
 MOST_PIXELS = 3000
-BLOCKS = 6
-"""The image is cut into so many patches a side for the error bars: neighbours err alike."""
 
 
 @dataclass(frozen=True)
@@ -23,18 +21,15 @@ class Probe:
     values : (F, P, 3) float32
         Linear.
     clipped : (F, P) bool
-    block : (P,) intp
-        Which patch of the region a pixel lies in.
     """
 
     pixels: NDArray[np.intp]
     values: NDArray[np.float32]
     clipped: NDArray[np.bool_]
-    block: NDArray[np.intp]
 
     def take(self, keep: NDArray) -> "Probe":
         """Return some of the pixels."""
-        return Probe(self.pixels[keep], self.values[:, keep], self.clipped[:, keep], self.block[keep])
+        return Probe(self.pixels[keep], self.values[:, keep], self.clipped[:, keep])
 
 
 def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PIXELS) -> Probe:
@@ -42,14 +37,14 @@ def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PI
 
     Only some rows are read, whole runs of them: a stack of 24 megapixels is not gone through for 4000 pixels.
     """
-    rows, columns = np.nonzero(region)
+    # Every so many rows and columns; the step is a fraction, so that the thinning does not jump.
+    step = np.sqrt(max(1.0, np.count_nonzero(region) / most))
+    down, across = (np.arange(0, size, step).astype(np.intp) for size in region.shape)
+    rows, columns = np.nonzero(region[np.ix_(down, across)])
+    rows, columns = down[rows], across[columns]
     if not len(rows):
         empty = np.zeros((len(frames), 0), bool)
-        return Probe(np.zeros((0, 2), np.intp), np.zeros((len(frames), 0, 3), np.float32), empty, np.zeros(0, np.intp))
-    step = np.sqrt(max(1.0, len(rows) / most))
-    # Every so many rows and columns, the step a fraction too: the thinning neither jumps nor leaves a pattern.
-    chosen = np.flatnonzero((rows % step < 1) & (columns % step < 1))
-    rows, columns = rows[chosen], columns[chosen]
+        return Probe(np.zeros((0, 2), np.intp), np.zeros((len(frames), 0, 3), np.float32), empty)
     side = slice(int(columns.min()), int(columns.max()) + 1)
     values = np.empty((len(frames), len(rows), 3), np.float32)
     clipped = np.empty((len(frames), len(rows)), bool)
@@ -58,6 +53,4 @@ def read_probe(frames: Frames, region: NDArray[np.bool_], *, most: int = MOST_PI
         band = slice(int(row), int(row) + 1)
         values[:, here] = frames.read(band, columns=side)[:, 0, columns[here] - side.start]
         clipped[:, here] = frames.saturated(band, columns=side)[:, 0, columns[here] - side.start]
-    across = ((columns - side.start) * BLOCKS // (side.stop - side.start)).astype(np.intp)
-    down = ((rows - rows.min()) * BLOCKS // (rows.max() + 1 - rows.min())).astype(np.intp)
-    return Probe(np.stack([columns, rows], -1), values, clipped, down * BLOCKS + across)
+    return Probe(np.stack([columns, rows], -1), values, clipped)

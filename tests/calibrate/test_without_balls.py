@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.from_normals import MISFIT, lights_from_normals
+from calibrate.from_object import strengths_from_object
 from calibrate.probe import read_probe
 from calibrate.semicalibrated import intensities_from_object
 from scene.camera import Camera
@@ -174,6 +175,72 @@ def test_a_flat_object_tells_no_strengths():
     frames = Frames.from_linear(tuple(f"f{i}" for i in range(COUNT)), 0.4 * np.ones((1, 40, 40, 1)) * images)
     probe = read_probe(frames, np.ones((40, 40), bool))
     assert intensities_from_object(probe, _toward(directions, probe), np.full(COUNT, np.nan)) is None
+
+
+def _lit_scene(powers, *, distant=False):
+    """Three domes on a table with a mirror ball beside them, traced; nothing white. Directions and powers are true."""
+    from fixtures.ball_scene import World, render
+
+    camera = Camera(300, 200, 420.0, 420.0, 151.0, 98.0)
+    directions, _ = _truth()
+    center = np.array([0.0, 0.0, -1000.0])
+    distance = 20000.0 if distant else np.linspace(800, 1100, COUNT)[:, None]
+    positions = center + directions * distance
+    world = World(camera, [], positions, 0.5 * powers * (distance / 1000) ** 2)
+    world.stand("chrome", -215, -110, 38)
+    world.stand("object", -40, -10, 62).stand("object", 40, -25, 60).stand("object", 0, 55, 58)
+    lights = Lights(
+        tuple(f"flash_{i:03d}" for i in range(COUNT)),
+        directions,
+        np.ones((COUNT, 3)),
+        None if distant else positions,
+        center,
+        np.full(COUNT, 0.05),
+    )
+    return world, render(world, seed=10004), lights, world.truth(center)[1]
+
+
+def test_the_object_is_found_and_tells_distant_flashes():
+    world, frames, lights, strength = _lit_scene(_truth()[1], distant=True)
+    evidence, warnings = [], []
+    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, evidence, warnings)
+    relative = _relative(found, strength)
+    assert np.sqrt(np.mean(relative**2)) < 0.01
+    assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.9
+    assert "of the object itself" in evidence[0]
+    assert "no white ball" in warnings[0]
+
+
+def test_near_flashes_are_told_as_well_as_is_said():
+    world, frames, lights, strength = _lit_scene(_truth()[1])
+    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, [], [])
+    relative = _relative(found, strength)
+    assert np.sqrt(np.mean(relative**2)) < 0.3 * np.sqrt(np.mean(_relative(np.ones((COUNT, 3)), strength) ** 2))
+    assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
+
+
+def test_one_flash_carried_around_keeps_its_power():
+    """Equal power at unequal distances: what varies at the object is the distance."""
+    distance = np.linspace(800, 1100, COUNT)
+    world, frames, lights, _ = _lit_scene(np.array([0.9, 1.0, 1.1]) * (distance[:, None] / 1000) ** -2)
+    found, _ = strengths_from_object(frames, world.camera, world.spheres(), lights, [], [])
+    fall = distance**-2.0
+    np.testing.assert_allclose(found.mean(1), fall / fall.mean(), rtol=0.03)
+
+
+def test_where_nothing_matte_is_seen_near_flashes_are_taken_by_their_distance():
+    frames = Frames.from_linear(tuple(f"f{i}" for i in range(COUNT)), np.full((COUNT, 60, 80, 3), 0.001))
+    camera = Camera(80, 60, 100.0, 100.0, 40.0, 30.0)
+    directions, _ = _truth()
+    distance = np.linspace(800, 1100, COUNT)[:, None]
+    center = np.array([0.0, 0.0, -1000.0])
+    lights = Lights(frames.names, directions, np.ones((COUNT, 3)), center + directions * distance, center)
+    warnings = []
+    found, sigma = strengths_from_object(frames, camera, [], lights, [], warnings)
+    np.testing.assert_allclose(found[:, 0], (distance**-2.0 / (distance**-2.0).mean())[:, 0])
+    assert np.isnan(sigma).all()
+    assert "equally powerful" in warnings[0]
+    assert strengths_from_object(frames, camera, [], Lights(frames.names, directions, found), [], []) is None
 
 
 @pytest.mark.skipif(not DILIGENT.is_dir(), reason="needs ../shared/real/diligent")
