@@ -23,7 +23,8 @@ def _light_inputs(job: Job) -> list[Any]:
     beside = [] if file is None else [file.with_name("light_intensities.txt"), file.with_name("filenames.txt")]
     # AliceVision's lights have its view ids beside them.
     beside += [] if file is None else sorted(file.parent.glob("*.sfm"))
-    return [session.spheres, file, *beside]
+    # Without balls and file the object's normals are the probe.
+    return [session.spheres, file, *beside, session.normals, session.mask]
 
 
 def _object_inputs(job: Job) -> list[Any]:

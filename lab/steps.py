@@ -7,7 +7,7 @@ import numpy as np
 from lab.job import Job, Outcome
 from lab.progress import progress_bar
 from scene.camera import Camera
-from scene.errors import SessionError
+from scene.errors import CalibrationError, SessionError
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
@@ -54,8 +54,14 @@ def calibrate(job: Job) -> Outcome:
     file = session.lights_file
     known = read_lights(file, frames.names, skipped=skipped, camera=camera) if file else None
     requests, ball_warnings = sphere_requests(session, store, executor=job.executor)
-    with progress_bar("calibrate") as progress:
-        found = find_lights(frames, camera, requests, known_lights=known, progress=progress)
+    try:
+        with progress_bar("calibrate") as progress:
+            found = find_lights(frames, camera, requests, known_lights=known, progress=progress)
+    except CalibrationError as error:
+        # The next best probe is an object whose normals are given; balls that were asked for must be there.
+        if requests or known or not session.normals:
+            raise
+        found = _lights_from_normals(job, frames, camera, str(error))
     store.save_spheres(found.spheres, camera)
     store.save_lights(found.lights, files=_files(job))
     calibration = {
@@ -74,6 +80,22 @@ def calibrate(job: Job) -> Outcome:
         "intensity_sigma_median": _median(lights.intensity_sigma),
     }
     return Outcome(result, [*ball_warnings, *found.warnings])
+
+
+def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str) -> Any:
+    from align.given import read_normals
+    from calibrate.calibration import Calibration
+    from calibrate.from_normals import lights_from_normals
+    from capture.requests import read_mask
+
+    session = job.session
+    normals = read_normals(session.normals, frames.height, frames.width)
+    mask = np.isfinite(normals).all(-1)
+    if session.mask:
+        mask &= read_mask(session.mask, frames.height, frames.width)
+    lights, evidence, warnings = lights_from_normals(frames, camera, normals, mask)
+    shown = np.full((0, len(frames), 2), np.nan)
+    return Calibration([], lights, shown, (), evidence, (f"lights from object.normals: {without}", *warnings))
 
 
 def align(job: Job) -> Outcome:

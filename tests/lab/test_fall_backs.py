@@ -1,0 +1,54 @@
+"""Sessions without balls and without a lights' file: the object's given normals are the probe, and that is said."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from scene.normals import angular_error_deg
+
+COMMAND = [str(Path(sys.executable).parent / "rgbn")]
+DIRECTIONS = np.array([[0.5, 0, 0.8], [-0.5, 0.1, 0.8], [0, 0.6, 0.8], [0.1, -0.6, 0.8], [0.4, 0.4, 0.8], [0, 0, 1.0]])
+DIRECTIONS = DIRECTIONS / np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+
+
+@pytest.fixture
+def hills(tmp_path):
+    """Six photographs of matte hills, their normals, and nothing that tells the lights."""
+    v, u = np.mgrid[0:120, 0:160].astype(float)
+    down, right = np.gradient(12 * np.sin(u / 12) * np.cos(v / 10) + 8 * np.sin((u + 2 * v) / 21))
+    normals = np.stack([-right, down, np.ones_like(u)], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    rng = np.random.default_rng(10000)
+    albedo = 0.3 + 0.2 * (np.sin(u / 17 + v / 29) > 0)
+    for i, direction in enumerate(DIRECTIONS):
+        image = albedo * np.maximum(normals @ direction, 0) * 1.5 + 1e-3 * rng.normal(size=u.shape)
+        cv2.imwrite(str(tmp_path / f"f{i}.png"), np.clip(image * 65535, 0, 65535).astype(np.uint16))
+    np.save(tmp_path / "normals.npy", normals.astype(np.float32))
+    text = '[frames]\nflash = "f*.png"\nlinear = true\n'
+    (tmp_path / "session.toml").write_text(text + '[object]\nnormals = "normals.npy"\n')
+    return tmp_path
+
+
+def test_given_normals_are_the_probe(hills):
+    out = hills / "out"
+    command = [*COMMAND, "calibrate", str(hills), "--out", str(out), "--json"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    off = angular_error_deg(np.loadtxt(out / "light_directions.txt"), DIRECTIONS)
+    assert off.max() < 1
+    texts = " ".join(row["text"] for row in json.loads(run.stdout)["warnings"])
+    assert "lights from object.normals: spheres: no ball found" in texts
+    assert "judged too kindly" in texts
+
+
+def test_without_normals_it_is_an_error(hills):
+    (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n')
+    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills / "out")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert "no ball found" in run.stderr
