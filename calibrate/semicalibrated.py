@@ -80,19 +80,19 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
     weight = believable.astype(np.float64)
     for turn in range(ROUNDS):
         scaled = values / energy
-        b, eliminated = _eliminate(light, weight, scaled)
+        b, adapted = _eliminate(light, weight, scaled)
         shading = np.einsum("pfi,pi->pf", light, b)
         length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
         residual = (scaled - shading) / length
         if turn < ROUNDS // 3:
             # Globally right for these weights, whatever the start.
             part = scaled / length
-            matrix = np.einsum("pf,pfg,pg->fg", part, eliminated, part)
+            matrix = _left_over(weight, adapted, part, part)
             inverse = np.abs(np.linalg.eigh(matrix)[1][:, 0])
             step = -np.log(np.maximum(inverse, 1e-6))
         else:
             part = shading / length
-            hessian = np.einsum("pf,pfg,pg->fg", part, eliminated, part)
+            hessian = _left_over(weight, adapted, part, part)
             step = np.linalg.pinv(hessian, rcond=1e-9) @ np.sum(part * weight * residual, 0)
         energy = energy * np.exp(np.clip(step - step.mean(), -1, 1))
         energy /= energy.mean()
@@ -104,45 +104,49 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
         weight[np.count_nonzero(weight, axis=1) < FEWEST_FRAMES] = 0
         if np.count_nonzero(weight.any(1)) < FEWEST_PIXELS:
             return None
-    b, eliminated = _eliminate(light, weight, values / energy)
+    b, adapted = _eliminate(light, weight, values / energy)
     shading = np.einsum("pfi,pi->pf", light, b)
     length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
     part, residual = shading / length, (values / energy - shading) / length
-    hessian = np.einsum("pf,pfg,pg->fg", part, eliminated, part)
+    hessian = _left_over(weight, adapted, part, part)
     spectrum = np.linalg.eigvalsh(hessian)
     # The smallest belongs to the common scale and is zero; the next must not be.
     if spectrum[1] < 1e-5 * spectrum[-1]:
         return None
-    inverse = np.linalg.pinv(hessian, rcond=1e-7)
-    covariance = _between_sectors(b / length, part, eliminated, part * weight * residual)
-    covariance += _of_directions(light, b / length, part, eliminated, inverse, sigma_deg)
+    inverse = np.asarray(np.linalg.pinv(hessian, rcond=1e-7), np.float64)
+    covariance = _between_sectors(b / length, part, weight, adapted, residual)
+    covariance += _of_directions(light, b / length, part, weight, adapted, inverse, sigma_deg)
     each = _by_channel(colours, energy, shading, weight)
     return ObjectPhotometry(each, np.sqrt(np.diag(covariance)), scale, int(np.count_nonzero(weight.any(1))))
 
 
 def _eliminate(light: Array, weight: Array, scaled: Array) -> tuple[Array, Array]:
-    """Return every pixel's b (P, 3), and W - W L (L'WL)^-1 L'W (P, F, F): what is left once b has adapted."""
+    """Return every pixel's b (P, 3), and Q (P, F, 3): W - Q Q' is what is left of its weights once b has adapted."""
     weighted = light * weight[..., None]
     # The ridge only keeps pixels without any weight solvable.
-    normal = np.einsum("pfi,pfj->pij", light, weighted) + 1e-9 * np.eye(3)
-    inverse = np.linalg.inv(normal)
-    b = np.einsum("pij,pfj,pf->pi", inverse, weighted, scaled)
-    eliminated = -np.einsum("pfi,pij,pgj->pfg", weighted, inverse, weighted, optimize=True)
-    index = np.arange(light.shape[1])
-    eliminated[:, index, index] += weight
-    return b, eliminated
+    inverse = np.linalg.inv(np.swapaxes(light, 1, 2) @ weighted + 1e-9 * np.eye(3))
+    right = np.swapaxes(weighted, 1, 2) @ scaled[..., None]
+    return (inverse @ right)[..., 0], weighted @ np.linalg.cholesky((inverse + np.swapaxes(inverse, 1, 2)) / 2)
 
 
-def _between_sectors(facing: Array, part: Array, eliminated: Array, score: Array) -> Array:
+def _left_over(weight: Array, adapted: Array, left: Array, right: Array) -> Array:
+    """Return sum over the pixels of diag(left) (W - Q Q') diag(right), (F, F)."""
+    both = (np.swapaxes(x[..., None] * adapted, 1, 2).reshape(-1, x.shape[1]) for x in (left, right))
+    return np.diag(np.sum(weight * left * right, 0)) - next(both).T @ next(both)
+
+
+def _between_sectors(facing: Array, part: Array, weight: Array, adapted: Array, residual: Array) -> Array:
     """Return the covariance (F, F) of log e: how far apart the pixels that face different ways want it."""
     moves = []
     for here in sectors(facing):
-        hessian = np.einsum("pf,pfg,pg->fg", part[here], eliminated[here], part[here], optimize=True)
-        moves.append(np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ score[here].sum(0))
+        hessian = _left_over(weight[here], adapted[here], part[here], part[here])
+        moves.append(np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ np.sum((part * weight * residual)[here], 0))
     return np.array(moves).T @ np.array(moves) / len(moves)
 
 
-def _of_directions(light: Array, b: Array, part: Array, eliminated: Array, inverse: Array, sigma_deg: Array) -> Array:
+def _of_directions(
+    light: Array, b: Array, part: Array, weight: Array, adapted: Array, inverse: Array, sigma_deg: Array
+) -> Array:
     """Return the covariance (F, F) of log e that the directions' own errors make."""
     turn = np.deg2rad(np.nan_to_num(sigma_deg))
     axis = light.mean(0)
@@ -152,7 +156,7 @@ def _of_directions(light: Array, b: Array, part: Array, eliminated: Array, inver
     out = np.zeros_like(inverse)
     for tangent in (side, np.cross(axis, side)):
         # A light turned by t changes its own shading by b.t; through b, that of the others.
-        moved = inverse @ np.einsum("pf,pfg,pg->fg", part, eliminated, b @ (tangent * turn[:, None]).T)
+        moved = inverse @ _left_over(weight, adapted, part, b @ (tangent * turn[:, None]).T)
         out += moved @ moved.T
     return out
 

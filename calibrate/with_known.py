@@ -9,6 +9,7 @@ from calibrate.balls import Ball, find_balls
 from calibrate.calibration import Array, Calibration
 from calibrate.detect import Rejected
 from calibrate.directions import mirrored_rays
+from calibrate.from_object import strengths_from_object
 from calibrate.from_white import intensities_from_white
 from calibrate.highlight import find_spots
 from calibrate.known import NO_INTENSITIES, lacks_intensities, without_flag
@@ -85,10 +86,7 @@ def _with_intensities(
     """Read on the white balls the intensities that the lights' file does not tell; return warnings too."""
     skins = [read_skin(ball.frames, camera, ball.sphere) for ball in balls if ball.sphere.kind == "white"]
     if not skins:
-        said = next(flag for flags in lights.flags for flag in flags if flag.endswith(NO_INTENSITIES))
-        return lights, (
-            f"{said}, and there is {EQUALLY_BRIGHT} State a white ball ([[spheres]]), or give a lights.json.",
-        )
+        return _with_intensities_of_object(frames, camera, balls, lights, evidence)
     meter = (lights.directions, lights.positions_mm, lights.direction_sigma_deg, np.full(len(lights), np.nan))
     warnings: list[str] = []
     intensities, sigma, ambient = intensities_from_white(
@@ -104,3 +102,18 @@ def _with_intensities(
         flags=without_flag(lights),
     )
     return read.normalised(), tuple(warnings)
+
+
+def _with_intensities_of_object(
+    frames: Frames, camera: Camera, balls: list[Ball], lights: Lights, evidence: list[str]
+) -> tuple[Lights, tuple[str, ...]]:
+    """Read from the object what neither the lights' file nor a white ball tells; return warnings too."""
+    said = next(flag for flags in lights.flags for flag in flags if flag.endswith(NO_INTENSITIES))
+    warnings: list[str] = []
+    read = strengths_from_object(frames, camera, [ball.sphere for ball in balls], lights, evidence, warnings)
+    if read is None:
+        return lights, (
+            f"{said}, and there is {EQUALLY_BRIGHT} State a white ball ([[spheres]]), or give a lights.json.",
+        )
+    told = replace(lights, intensities=read[0], intensity_sigma=read[1], flags=without_flag(lights))
+    return told.normalised(), tuple(f"{said}, and there is {text}" for text in warnings)
