@@ -69,7 +69,7 @@ STEPS = {
             steps.check,
             (),
             _frame_inputs,
-            lambda job: _paths(job, "frames/codes.npy", "frames/frames.json", "camera.json"),
+            lambda job: _paths(job, "frames/codes.npy", "frames/frames.json", "frames/camera.json", "camera.json"),
         ),
         Step(
             "calibrate",

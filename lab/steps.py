@@ -31,6 +31,8 @@ def check(job: Job) -> Outcome:
             "object.scan out."
         )
     job.store.save_camera(camera)
+    # As it was before the balls had their say: `calibrate` starts from this one.
+    Store(job.store.path("frames")).save_camera(camera)
     result = {
         "frames": len(frames),
         "width": frames.width,
@@ -48,7 +50,7 @@ def calibrate(job: Job) -> Outcome:
     from capture.requests import sphere_requests
 
     store = job.store
-    frames, camera = store.load_frames(), store.load_camera()
+    frames, camera = store.load_frames(), Store(store.path("frames")).load_camera()
     session = job.session
     skipped = tuple(set(range(session.photographed)) - set(session.kept))
     file = session.lights_file
@@ -62,6 +64,8 @@ def calibrate(job: Job) -> Outcome:
         if requests or known or not session.normals:
             raise
         found = _lights_from_normals(job, frames, camera, str(error))
+    camera = found.camera or camera
+    store.save_camera(camera)
     store.save_spheres(found.spheres, camera)
     store.save_lights(found.lights, files=_files(job))
     calibration = {
@@ -90,9 +94,9 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
 
     session = job.session
     normals = read_normals(session.normals, frames.height, frames.width)
-    mask = np.isfinite(normals).all(-1)
+    mask = np.isfinite(normals[..., 0])
     if session.mask:
-        mask &= read_mask(session.mask, frames.height, frames.width)
+        mask = mask & read_mask(session.mask, frames.height, frames.width)
     lights, evidence, warnings = lights_from_normals(frames, camera, normals, mask)
     shown = np.full((0, len(frames), 2), np.nan)
     return Calibration([], lights, shown, (), evidence, (f"lights from object.normals: {without}", *warnings))
