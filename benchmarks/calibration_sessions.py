@@ -36,7 +36,15 @@ class Session:
 
 
 def session(seed: int, kind: str) -> Session:
-    """Make a session.
+    """Make a session: see `session_world`."""
+    world = session_world(seed, kind)
+    rng = np.random.default_rng([seed, 7])
+    sensor = Sensor(full_well_e=float(rng.choice([15000, 40000])), blur_px=float(rng.uniform(0.45, 0.85)))
+    return Session(world, photograph(world, sensor, rng), sensor)
+
+
+def session_world(seed: int, kind: str) -> World:
+    """Draw a world.
 
     `kind`: "two" chrome balls of 67 px and a white one beside an object; "four" chrome balls of 67 px and a white one;
     "one" chrome ball of 170 px; "far": as "two", the flashes so far that their rays are parallel.
@@ -74,8 +82,7 @@ def session(seed: int, kind: str) -> Session:
     else:
         brightest = max(float(world_peak(world, ball, relative)) for ball in world.balls)
         world.powers = relative * rng.uniform(0.65, 0.8) / brightest
-    sensor = Sensor(full_well_e=float(rng.choice([15000, 40000])), blur_px=float(rng.uniform(0.45, 0.85)))
-    return Session(world, photograph(world, sensor, np.random.default_rng([seed, 7])), sensor)
+    return world
 
 
 def world_peak(world: World, ball: Ball, powers: ArrayLike) -> float:

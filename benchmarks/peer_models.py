@@ -129,7 +129,11 @@ def _clicked_sphere(camera: Camera, points: Array, like: Sphere) -> Sphere:
 
 
 def _thresholded_centroids(patch: Patch, sphere: Sphere) -> Array:
-    """Lower a threshold from 240 by tens until 0.5 % of the inner box is found; then halve a window six times."""
+    """Lower a threshold from 240 by tens until 0.5 % of the inner box is found; then halve a window six times.
+
+    The threshold stops at 127, where the tool says "shadow": a small flash never fills 0.5 %, and lower down everything
+    is found.
+    """
     half = int(sphere.radius_px * np.sin(np.deg2rad(50)))
     column, row = (int(c) for c in np.round(sphere.center_px - [patch.left, patch.top]))
     rows, columns = slice(max(row - half, 0), row + half + 1), slice(max(column - half, 0), column + half + 1)
@@ -140,7 +144,7 @@ def _thresholded_centroids(patch: Patch, sphere: Sphere) -> Array:
         if coded.max() < 127:
             continue
         threshold = 240
-        while (coded > threshold).mean() < 0.005 and threshold > 10:
+        while (coded > threshold).mean() < 0.005 and threshold > 130:
             threshold -= 10
         v, u = np.nonzero(coded > threshold)
         at, size = np.array([u.mean(), v.mean()]), float(half)
