@@ -75,15 +75,17 @@ def calibrate(
     if any(sphere.kind == "chrome" for sphere in spheres):
         aim = _aim_from_chrome(frames, camera, balls, spheres, shown, shaded, reference, notes)
     else:
-        aim = _aim_from_shading(camera, [spheres[i] for i in white], shaded, notes)
-    intensities, sigma, ambient = _intensities(frames, camera, spheres, skins, shaded, aim, reference, notes)
+        aim = _aim_from_shading(camera, [spheres[i] for i in white], shaded, reference, notes)
+    if aim.camera != camera:
+        skins = [read_skin(balls[i].frames, aim.camera, spheres[i]) for i in white]
+    intensities, sigma, ambient = _intensities(frames, spheres, skins, shaded, aim, notes)
     _flag_same(frames.names, aim, notes)
     lights = Lights(
         frames.names,
         aim.directions,
         intensities,
         aim.positions_mm,
-        reference,
+        aim.reference_mm,
         aim.sigma_deg,
         sigma,
         ambient,
@@ -99,6 +101,7 @@ def calibrate(
         tuple(notes.evidence),
         tuple(notes.warnings),
         aim.position_covariance_mm2,
+        aim.camera,
     )
 
 
@@ -118,10 +121,12 @@ def _aim_from_chrome(
     for row, i in enumerate(chrome):
         spheres[i] = fit.spheres[row]
         shown[i, seen] = np.where(fit.used[row][:, None], chosen[row, seen], np.nan)
-    return spread_over_frames(frames, fit, seen, shaded, reference, notes)
+    return spread_over_frames(frames, fit, seen, shaded, notes)
 
 
-def _aim_from_shading(camera: Camera, white: list[Sphere], shaded: list[tuple[Array, Array]], notes: Notes) -> Aim:
+def _aim_from_shading(
+    camera: Camera, white: list[Sphere], shaded: list[tuple[Array, Array]], reference: Array, notes: Notes
+) -> Aim:
     """Return the directions that the first white ball's shading tells."""
     if not shaded or not np.isfinite(shaded[0][0]).all():
         raise CalibrationError(
@@ -136,17 +141,15 @@ def _aim_from_shading(camera: Camera, white: list[Sphere], shaded: list[tuple[Ar
             "it, under flashes a metre away, sees them 6 degrees elsewhere. Put chrome balls on two sides of the "
             "object, and state diameter_mm."
         )
-    return Aim(directions, sigma, None, np.full(len(directions), np.nan))
+    return Aim(camera, reference, directions, sigma, None, np.full(len(directions), np.nan))
 
 
 def _intensities(
     frames: Frames,
-    camera: Camera,
     spheres: list[Sphere],
     skins: list[Skin],
     shaded: list[tuple[Array, Array]],
     aim: Aim,
-    reference: Array,
     notes: Notes,
 ) -> tuple[Array, Array, Array | None]:
     """Return intensities (F, 3), their relative sigma (F,) and the ambient light (3,), if a white ball tells them."""
@@ -157,13 +160,15 @@ def _intensities(
     if any(sphere.kind == "chrome" for sphere in spheres):
         white = next(sphere for sphere in spheres if sphere.kind == "white")
         apart = compare_with_chrome(
-            camera, white, shaded[0][0], aim.directions, aim.positions_mm, notes.evidence, notes.warnings
+            aim.camera, white, shaded[0][0], aim.directions, aim.positions_mm, notes.evidence, notes.warnings
         )
         if apart > APART_DEG and aim.positions_mm is None:
             # Near lights without ranges: at the white ball its own shading knows the direction better.
             meter = (shaded[0][0], None, shaded[0][1], aim.range_sigma)
             notes.evidence.append("intensities are read with the white ball's own directions")
-    return intensities_from_white(frames, skins, meter, reference, notes.evidence, notes.warnings, apart_deg=apart)
+    return intensities_from_white(
+        frames, skins, meter, aim.reference_mm, notes.evidence, notes.warnings, apart_deg=apart
+    )
 
 
 def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:

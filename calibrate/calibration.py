@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detect import Rejected
+from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
 
@@ -30,6 +31,8 @@ class Calibration:
         What is suspicious but usable.
     position_covariance_mm2 : (F, 3, 3) float64 or None
         Of each light's position; None for distant lights.
+    camera : Camera or None
+        The camera that spheres and positions belong to: adjusted within its sigmas, if it had any.
     """
 
     spheres: list[Sphere]
@@ -39,6 +42,7 @@ class Calibration:
     evidence: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     position_covariance_mm2: Array | None = None
+    camera: Camera | None = None
 
 
 @dataclass(frozen=True)
@@ -56,8 +60,11 @@ class Aim:
 
     Parameters
     ----------
+    camera : Camera
+        Adjusted, where its focal length or principal point was uncertain and the balls know better.
+    reference_mm : (3,) float64
+        Where the directions hold.
     directions : (F, 3) float64
-        At the reference point.
     sigma_deg : (F,) float64
         One tangent axis.
     positions_mm : (F, 3) float64 or None
@@ -66,6 +73,8 @@ class Aim:
     position_covariance_mm2 : (F, 3, 3) float64 or None
     """
 
+    camera: Camera
+    reference_mm: Array
     directions: Array
     sigma_deg: Array
     positions_mm: Array | None
