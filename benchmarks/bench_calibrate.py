@@ -32,7 +32,8 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 def _mark_session(kind: str, seed: int) -> dict:
     from benchmarks.calibration_sessions import mark, session
 
-    return mark(session(seed, kind))
+    marks = mark(session(seed, kind))
+    return marks | {"said": [f"seed {seed}: {line}" for line in marks.get("said", [])]}
 
 
 def _find_in_scene(seed: int) -> dict:

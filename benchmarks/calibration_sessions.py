@@ -124,6 +124,7 @@ def mark(made: Session) -> dict[str, list[float]]:
     except SceneError as error:
         return {"refused": [1.0], "said": [str(error)]}  # type: ignore[list-item]
     out: dict[str, list[float]] = {"refused": [0.0], "warned": [float(len(result.warnings) > 0)]}
+    out["said"] = list(result.warnings)  # type: ignore[assignment]
     chrome = [ball for ball in world.balls if ball.kind == "chrome"]
     lights = result.lights
     if len(chrome) == 1:
