@@ -34,8 +34,8 @@ def lights_from_chrome(
     fit = choose_model(camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, notes)
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart:
         notes.warnings.append(
-            "one chrome ball: the directions hold where it stands. An object 100 mm beside it, under flashes a "
-            "metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and state "
+            "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
+            "flashes a metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and state "
             "diameter_mm."
         )
     for s, f in zip(*np.nonzero(np.isfinite(chosen[:, seen, 0]) & ~fit.used), strict=True):

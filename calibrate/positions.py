@@ -11,7 +11,7 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 INLIER_SIGMAS, INLIER_PX = 5.0, 0.25
-STATED = 6.0
+STATED = 3.0
 """How many residuals' worth the highlights' stated sigmas are believed, against their scatter."""
 LEAST_SCALE = 0.3
 
