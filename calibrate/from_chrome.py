@@ -35,8 +35,8 @@ def lights_from_chrome(
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
-            "flashes a metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and state "
-            "diameter_mm."
+            "flashes a metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and "
+            "state diameter_mm."
         )
     for s, f in zip(*np.nonzero(np.isfinite(chosen[:, seen, 0]) & ~fit.used), strict=True):
         notes.flags[int(np.flatnonzero(seen)[f])].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
