@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
 SMALLEST_PX, LARGEST_SHARE = 6.0, 0.42
 """Radii searched: from 6 coarse pixels to 0.42 of the image's shorter side."""
 ENOUGH = 0.16
 """Mean evidence on the ring from which a circle is looked at: 1 is an edge all round in all frames."""
-MOST = 120
+MOST = 400
 """Circles handed on, the strongest first."""
 
 
@@ -40,7 +41,7 @@ def static_edges(images: NDArray[np.float32]) -> NDArray[np.complex64]:
     the neighbourhood, at least a few percent of the local brightness per pixel. So a strong shadow in one
     of F frames weighs 1/F, however strong it is, and a faint outline that is always there weighs 1.
     """
-    votes = np.zeros(images.shape[1:], np.complex64)
+    votes = np.zeros((2, *images.shape[1:]), np.float32)
     for image in images:
         smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
         du = cv2.Sobel(smooth, cv2.CV_32F, 1, 0, scale=1 / 8)
@@ -50,8 +51,10 @@ def static_edges(images: NDArray[np.float32]) -> NDArray[np.complex64]:
         level = cv2.blur(np.maximum(smooth, 0), (9, 9))
         limit = np.maximum(np.maximum(4 * noise, 0.03 * level), 2e-4) ** 2
         # s exp(2 i angle) = s (du + i dv)^2 / |g|^2, and s / |g|^2 = 1 / (g^2 + k^2): no angle is ever computed.
-        votes += (du + 1j * dv) ** 2 / (square + limit)
-    return votes / len(images)
+        share = 1 / (square + limit)
+        votes[0] += (du * du - dv * dv) * share
+        votes[1] += 2 * du * dv * share
+    return np.asarray((votes[0] + 1j * votes[1]) / len(images), np.complex64)
 
 
 def _local_median(values: NDArray[np.float32], tile: int = 24) -> NDArray[np.float32]:
@@ -62,6 +65,12 @@ def _local_median(values: NDArray[np.float32], tile: int = 24) -> NDArray[np.flo
     blocks = blocks.reshape(rows, height // rows, columns, width // columns).swapaxes(1, 2).reshape(rows, columns, -1)
     medians = np.median(blocks, -1).astype(np.float32)
     return np.asarray(cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def without_albedo(images: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the stack (F, h, w) over its mean: print, wood and tiles vanish, what has another normal stays."""
+    mean = np.maximum(images.mean(0), 0)
+    return images / (mean + max(1e-3, 0.02 * float(np.quantile(mean, 0.9))))
 
 
 def find_circles(images: NDArray[np.float32]) -> list[Circle]:
@@ -92,44 +101,54 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
     """Correlate the edges with rings of outward orientation, one radius after another."""
     height, width = edges.shape
     pad = int(radii[-1]) + 4
-    shape = (cv2.getOptimalDFTSize(height + pad), cv2.getOptimalDFTSize(width + pad))
-    spectrum = np.fft.fft2(edges, shape)
-    inside = np.fft.rfft2(np.ones(edges.shape, np.float32), shape)
+    shape = (fft.next_fast_len(height + pad), fft.next_fast_len(width + pad))
+    spectrum = fft.fft2(edges, shape, workers=2)
     scores = np.empty((len(radii), height, width), np.float32)
     v = (np.arange(shape[0]) + shape[0] // 2) % shape[0] - shape[0] // 2
     u = (np.arange(shape[1]) + shape[1] // 2) % shape[1] - shape[1] // 2
     far = np.hypot(v[:, None], u[None]).astype(np.float32)
     outward = ((u[None] + 1j * v[:, None]) ** 2 / np.maximum(far, 1) ** 2).astype(np.complex64)
     for i, radius in enumerate(radii):
-        ring = np.exp(-0.5 * ((far - radius) / (0.5 + 0.025 * radius)) ** 2)
-        ring /= ring.sum()
-        agree = np.fft.ifft2(spectrum * np.conj(np.fft.fft2(ring * outward))).real[:height, :width]
-        seen = np.fft.irfft2(inside * np.conj(np.fft.rfft2(ring)), shape)[:height, :width]
+        ring = np.zeros(shape, np.complex64)
+        near = np.abs(far - radius) < 4 * (0.5 + 0.025 * radius)
+        weight = np.exp(-0.5 * ((far[near] - radius) / (0.5 + 0.025 * radius)) ** 2)
+        ring[near] = outward[near] * (weight / weight.sum())
+        agree = fft.ifft2(spectrum * np.conj(fft.fft2(ring, workers=2)), workers=2).real[:height, :width]
         # A ball cut by the border has less outline; under half of it is no evidence.
+        seen = 1 - _beyond(height, radius)[:, None] - _beyond(width, radius)[None]
         scores[i] = np.where(seen > 0.5, agree / np.maximum(seen, 0.5), 0)
-    peaks = cv2.dilate(scores.max(0), np.ones((5, 5), np.uint8))
     found = []
-    for i, row, column in zip(*np.nonzero((scores >= peaks - 1e-9) & (scores > ENOUGH)), strict=True):
-        found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
     # Nested rings share a centre: the weaker of them must not be lost, an outline may be fainter than what it mirrors.
-    for i in range(1, len(radii) - 1):
-        local = (scores[i] > scores[i - 1]) & (scores[i] >= scores[i + 1]) & (scores[i] > ENOUGH)
-        local &= scores[i] >= cv2.dilate(scores[i], np.ones((5, 5), np.uint8))
-        for row, column in zip(*np.nonzero(local), strict=True):
+    for i in range(len(radii)):
+        peak = scores[i] > ENOUGH
+        for other in (i - 1, i + 1):
+            if 0 <= other < len(radii):
+                peak &= scores[i] >= scores[other]
+        if peak.any():
+            peak &= scores[i] >= cv2.dilate(scores[i], np.ones((5, 5), np.uint8))
+        for row, column in zip(*np.nonzero(peak), strict=True):
             found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
     return found
+
+
+def _beyond(side: int, radius: float) -> NDArray[np.float32]:
+    """Return (side,), the share of a circle about each pixel that lies outside the two borders across one axis."""
+    place = np.arange(side)
+    shares = [np.arccos(np.clip(distance / radius, -1, 1)) / np.pi for distance in (place, side - 1 - place)]
+    return np.asarray(shares[0] + shares[1], np.float32)
 
 
 def _strongest(circles: list[Circle], most: int) -> list[Circle]:
     """Keep the best of circles that are the same one."""
     kept: list[Circle] = []
+    table = np.empty((most, 3))
     for circle in sorted(circles, key=lambda c: -c.score):
-        same = any(
-            np.hypot(circle.u - k.u, circle.v - k.v) + abs(circle.radius - k.radius) < max(2.0, 0.08 * k.radius)
-            for k in kept
-        )
-        if not same:
-            kept.append(circle)
+        k = table[: len(kept)]
+        apart = np.hypot(circle.u - k[:, 0], circle.v - k[:, 1]) + np.abs(circle.radius - k[:, 2])
+        if np.any(apart < np.maximum(2.0, 0.06 * k[:, 2])):
+            continue
+        table[len(kept)] = circle.u, circle.v, circle.radius
+        kept.append(circle)
         if len(kept) == most:
             break
     return kept

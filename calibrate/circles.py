@@ -14,6 +14,9 @@ from scene.spheres import Sphere
 LEAST_SCORE = 0.5
 """A circle that less of its outline supports is not looked into."""
 
+ALIKE = 0.13
+"""How far, in radii, a highlight may lie from where another ball has it: lights at unequal distances do that."""
+
 
 def rank(sphere: Sphere) -> float:
     """A long outline is more evidence than a short one of the same share."""
@@ -84,10 +87,21 @@ def _larger(edges: NDArray[np.float32], sphere: Sphere, most: int = 8) -> list[S
 
 
 def alike(a: Behaviour, b: Behaviour) -> float:
-    """Return how alike two balls see the lights move, -1 to 1: near lights shift and shrink the track, no more."""
+    """Return the share of frames in which two balls see the lights alike, 0 to 1.
+
+    Notes
+    -----
+    Where each frame's half-way normal lies on the one disc is predicted from where it lies on the other by a scale
+    and a shift: near lights move the track by some tenths of the radius and scale it a little. A circle that is not
+    the ball's outline, and a body that is no ball, stretch the track; a shadow on a ball spoils single frames.
+    """
     first, second = _track(a), _track(b)
-    first, second = first - first.mean(0), second - second.mean(0)
-    return float(np.sum(first * second) / max(np.linalg.norm(first) * np.linalg.norm(second), 1e-12))
+    share = 0.0
+    for scale in np.arange(0.75, 1.34, 0.05):
+        shift = second - scale * first
+        residual = np.hypot(*(shift - np.median(shift, axis=0)).T)
+        share = max(share, float(np.mean(residual < ALIKE * max(1.0, scale))))
+    return share
 
 
 def _track(behaviour: Behaviour) -> NDArray[np.float64]:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.candidates import find_circles, static_edges
+from calibrate.candidates import find_circles, static_edges, without_albedo
 from calibrate.circles import LEAST_SCORE, alike, outermost, overlap, rank
 from calibrate.coarse import Coarse
 from calibrate.kind import Behaviour, observe
@@ -17,6 +17,9 @@ from scene.spheres import Kind, Sphere
 
 SURE_SCORE = 0.6
 """What nobody asked for must show this much of its outline."""
+
+SAME_LIGHTS = 0.7
+"""Share of the frames in which two balls must see the lights alike."""
 
 
 @dataclass(frozen=True)
@@ -69,9 +72,7 @@ def detect(
     rejected : tuple of Rejected
         Circles that looked like balls and are none, with the reason.
     """
-    votes = static_edges(coarse.images)
-    edges = np.stack([votes.real, votes.imag], -1)
-    suspects, rejected = _suspects(coarse, edges, [coarse.from_full(s) for s in taken])
+    suspects, rejected = _suspects(coarse, [coarse.from_full(s) for s in taken])
     if wanted is not None:
         suspects, surplus = _choose(suspects, wanted)
     else:
@@ -97,14 +98,20 @@ Suspect = tuple[Sphere, Behaviour]
 Reasons = list[tuple[Sphere, str]]
 
 
-def _suspects(coarse: Coarse, edges: NDArray[np.float32], taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
+def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
     """Return the circles that behave like balls, one per place, and those that do not."""
     refined = []
-    for circle in find_circles(coarse.images):
-        start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
-        sphere = refine_on_edges(edges, coarse.camera, start)
-        if sphere.score >= LEAST_SCORE and not any(overlap(sphere, other) for other in taken):
-            refined.append(sphere)
+    maps = []
+    for images in (coarse.images, without_albedo(coarse.images)):
+        votes = static_edges(images)
+        edges = np.stack([votes.real, votes.imag], -1)
+        maps.append(edges)
+        for circle in find_circles(images):
+            start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
+            sphere = refine_on_edges(edges, coarse.camera, start)
+            if sphere.score >= LEAST_SCORE and not any(overlap(sphere, other) for other in taken):
+                refined.append(sphere)
+    edges = maps[0]
     refined.sort(key=rank, reverse=True)
     suspects: list[Suspect] = []
     rejected: Reasons = []
@@ -132,8 +139,11 @@ def _choose(suspects: list[Suspect], wanted: dict[Kind, int]) -> tuple[list[Susp
     left: Reasons = []
     pool = []
     for suspect in suspects:
-        if wanted.get(suspect[0].kind, 0):
+        sphere, behaviour = suspect
+        if wanted.get(sphere.kind, 0):
             pool.append(suspect)
+        elif sphere.kind == "white" and behaviour.has_point and wanted.get("chrome", 0):
+            pool.append((replace(sphere, kind="chrome"), behaviour))  # a glossy ball, asked for as a mirror
         else:
             left.append((suspect[0], f"behaves like a {suspect[0].kind} ball, but none was asked for"))
     total = sum(wanted.values())
@@ -160,10 +170,16 @@ def _sure(suspects: list[Suspect]) -> tuple[list[Suspect], Reasons]:
     for sphere, behaviour in suspects:
         if sphere.score < SURE_SCORE:
             left.append((sphere, f"only {sphere.score:.0%} of its outline stands still (expected {SURE_SCORE:.0%})"))
-        elif sphere.kind == "white" and behaviour.lambert < 0.95:
-            left.append((sphere, f"shading follows n.l only to {behaviour.lambert:.0%} (expected 95 % unasked)"))
-        elif taken and max(alike(behaviour, other) for _, other in taken) < 0.8:
-            left.append((sphere, "its highlights do not move as those of the other balls"))
         else:
             taken.append((sphere, behaviour))
-    return taken, left
+    agree = np.array([[alike(a, b) for _, b in taken] for _, a in taken])
+    kept = list(range(len(taken)))
+    while len(kept) > 1:
+        # Who agrees with fewer than half of the others goes, the least agreeable first.
+        votes = [sum(agree[i, k] >= SAME_LIGHTS for k in kept if k != i) / (len(kept) - 1) for i in kept]
+        worst = min(range(len(kept)), key=lambda n: (votes[n], rank(taken[kept[n]][0])))
+        if votes[worst] >= 0.5:
+            break
+        left.append((taken[kept[worst]][0], "its highlights do not move as those of the other balls"))
+        del kept[worst]
+    return [taken[i] for i in kept], left

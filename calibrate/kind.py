@@ -13,6 +13,8 @@ from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
 FEWEST_PIXELS = 60
+FLAT = 0.7
+"""Height over width from which on a body's shading is told from a ball's."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +34,12 @@ class Behaviour:
     track : (F, 2) float64
         The brightest points, from the centre, in radii.
     lambert : float
-        Share of the variance over disc and frames that max(0, n.b_f) + a_f explains.
+        Share of a frame's variance over the disc that max(0, n.b_f) + a_f explains; median over the frames, so that
+        a shadow that falls on the ball in some of them does not count.
     directions : (F, 3) float64
         Unit b_f of that fit: rough light directions.
+    flatness : float
+        How much more of it the shading of a body explains that is `FLAT` times as high as a ball: a pebble, a dome.
     """
 
     spot_area: float
@@ -44,17 +49,26 @@ class Behaviour:
     track: Array
     lambert: float
     directions: Array
+    flatness: float = 0.0
+
+    @property
+    def has_point(self) -> bool:
+        """Whether it shows the light as a point that wanders: a mirror, or a gloss."""
+        is_point = self.spot_area <= 0.05 and self.spot_contrast >= 6
+        return is_point and self.spot_travel >= 0.03 and self.spot_inside >= 0.8
 
     @property
     def kind(self) -> Kind | None:
-        is_point = self.spot_area <= 0.05 and self.spot_contrast >= 6
-        if is_point and self.spot_travel >= 0.03 and self.spot_inside >= 0.8:
-            return "chrome"
-        return "white" if self.lambert >= 0.9 and not is_point else None
+        if self.lambert >= 0.9:
+            return "white" if self.flatness <= 0 else None
+        # Glossy things of any shape show a point, too, and shade.
+        return "chrome" if self.has_point and self.lambert < 0.3 else None
 
     @property
     def reason(self) -> str:
         """Why it is neither, in words."""
+        if self.lambert >= 0.9:
+            return "it shades like a flatter body than a ball (a dome, a pebble)"
         parts = [f"shading follows n.l only to {max(self.lambert, 0):.0%} (a matte ball: above 90 %)"]
         if self.spot_area > 0.05 or self.spot_contrast < 6:
             measured = f"half-peak area {self.spot_area:.0%} of the disc, contrast {self.spot_contrast:.1f}"
@@ -78,25 +92,25 @@ def observe(coarse: Coarse, sphere: Sphere, *, most_pixels: int = 2500) -> Behav
     rows, columns = np.mgrid[top:bottom, left:right]
     pixels = np.stack([columns, rows], -1).astype(np.float64)
     normals, points = sphere.normals(coarse.camera, pixels)
-    facing = _facing(coarse, points, normals)
-    inside = facing > 0.2
+    view = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    if not coarse.camera.is_orthographic:
+        view = -points / np.linalg.norm(points, axis=-1, keepdims=True)
+    facing = np.sum(view * normals, -1, keepdims=True)
+    inside = facing[..., 0] > 0.2
     if inside.sum() < FEWEST_PIXELS:
         return None
     values = coarse.images[:, top:bottom, left:right][:, inside].astype(np.float64)
-    normals = normals[inside]
     area, contrast, track = _spot(values, (pixels[inside] - sphere.center_px) / r)
     travel = float(np.sqrt(np.mean(np.sum((track - track.mean(0)) ** 2, 1))))
     within = float(np.mean(np.hypot(*track.T) < 0.8))
-    step = max(1, len(normals) // most_pixels)
-    lambert, directions = _lambert(values[:, ::step], normals[::step])
-    return Behaviour(area, contrast, travel, within, track, lambert, directions)
-
-
-def _facing(coarse: Coarse, points: Array, normals: Array) -> Array:
-    """Return the cosine between normal and viewing ray, NaN off the ball."""
-    if coarse.camera.is_orthographic:
-        return normals[..., 2]
-    return -np.sum(points * normals, -1) / np.linalg.norm(points, axis=-1)
+    step = max(1, int(inside.sum()) // most_pixels)
+    normals, values = normals[inside][::step], values[:, ::step]
+    lambert, directions = _lambert(values, normals)
+    flatness = 0.0
+    if lambert >= 0.9:
+        flat = normals + (1 / FLAT - 1) * (facing * view)[inside][::step]
+        flatness = _lambert(values, flat / np.linalg.norm(flat, axis=1, keepdims=True))[0] - lambert
+    return Behaviour(area, contrast, travel, within, track, lambert, directions, flatness)
 
 
 def _spot(values: Array, pixels: Array) -> tuple[float, float, Array]:
@@ -120,7 +134,7 @@ def _lambert(values: Array, normals: Array) -> tuple[float, Array]:
     the brightest residuals (gloss) and clipped samples left out. The attached shadow counts in the score.
     """
     design = np.column_stack([normals, np.ones(len(normals))])
-    left_over, total = 0.0, 0.0
+    shares = np.full(len(values), np.nan)
     directions = np.zeros((len(values), 3))
     for f, image in enumerate(values):
         clipped = image >= 0.97 * max(image.max(), 1e-9)
@@ -140,8 +154,7 @@ def _lambert(values: Array, normals: Array) -> tuple[float, Array]:
         residual = seen - (np.maximum(normals @ b[:3], 0) + b[3])[~clipped]
         # Gloss, a scratch, a terminator softened by a large flash: the worst twentieth is not held against the ball.
         kept = np.argsort(residual**2)[: int(0.95 * len(residual))]
-        weight = 1 / max(np.mean(seen[kept] ** 2), 1e-12)
-        left_over += weight * np.mean(residual[kept] ** 2)
-        total += weight * seen[kept].var()
+        shares[f] = 1 - np.mean(residual[kept] ** 2) / max(seen[kept].var(), 1e-12)
         directions[f] = b[:3] / max(np.linalg.norm(b[:3]), 1e-12)
-    return (1 - left_over / total if total > 0 else 0.0), directions
+    known = shares[np.isfinite(shares)]
+    return float(np.median(known)) if len(known) else 0.0, directions
