@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.bench_decode import watch
 from benchmarks.calibration_sessions import CAMERA, session_world
 from fixtures.ball_scene import radiance
 from twin.virtual_camera import Sensor, expose, write_dng
@@ -40,7 +39,7 @@ print(time.perf_counter() - start)
 """
 
 CALIBRATE = """
-import json, sys, time
+import json, sys, threading, time
 import numpy as np
 from benchmarks.calibration_speed import world_of_size
 from calibrate.calibrate import calibrate
@@ -50,10 +49,16 @@ codes = np.load(sys.argv[1], mmap_mode="r")
 world = world_of_size(codes.shape[2], codes.shape[1])
 frames = Frames(tuple(f"flash_{i:03d}" for i in range(len(codes))), codes, np.ones(len(codes)), is_mosaic=True)
 requests = world.requests()
+memory = []
+def watch():
+    while True:
+        memory.append(int(next(l for l in open("/proc/self/status") if l.startswith("RssAnon")).split()[1]) / 1e6)
+        time.sleep(0.05)
+threading.Thread(target=watch, daemon=True).start()
 start = time.perf_counter()
 result = calibrate(frames, world.camera, requests)
 seconds = time.perf_counter() - start
-print(json.dumps({"seconds": seconds, "spheres": len(result.spheres)}))
+print(json.dumps({"seconds": seconds, "spheres": len(result.spheres), "private_gb": max(memory)}))
 """
 
 
@@ -101,17 +106,14 @@ def measure(width: int = 6000, height: int = 4000) -> dict[str, float]:
             codes[index::12] = read_raw(file).codes
         codes.flush()
         del codes
-        decode, _ = _run(DECODE, *map(str, files))
-        ours, peak_mb = _run(CALIBRATE, str(folder / "codes.npy"))
-    facts = {"frames": len(files), "megapixels": width * height / 1e6, "private_gb": peak_mb / 1e3}
-    return facts | {"decode_s": float(decode), **json.loads(ours)}
+        decode = float(_run(DECODE, *map(str, files)))
+        ours = json.loads(_run(CALIBRATE, str(folder / "codes.npy")))
+    return {"frames": len(files), "megapixels": width * height / 1e6, "decode_s": decode, **ours}
 
 
-def _run(program: str, *arguments: str) -> tuple[str, float]:
-    """Return what a process of its own prints, and the greatest memory of its own, MB."""
-    process = subprocess.Popen([sys.executable, "-c", program, *arguments], cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    peak, _ = watch(process)
-    assert process.stdout
-    if process.returncode:
-        raise SystemExit(f"exit code {process.returncode}")
-    return process.stdout.read(), peak
+def _run(program: str, *arguments: str) -> str:
+    """Return what a process of its own prints."""
+    run = subprocess.run([sys.executable, "-c", program, *arguments], cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    if run.returncode:
+        raise SystemExit(f"exit code {run.returncode}")
+    return run.stdout
