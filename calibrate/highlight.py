@@ -98,12 +98,14 @@ def _measure(
     while True:
         top, left = max(v - half, 0), max(u - half, 0)
         rows, columns = slice(top, min(v + half + 1, frames.height)), slice(left, min(u + half + 1, frames.width))
-        image = _channel(frames, frames.read(rows, [f], columns=columns)[0])
-        if min(image.shape) < 5:
+        colours = frames.read(rows, [f], columns=columns)[0]
+        if min(colours.shape[:2]) < 5:
             return None
-        white = frames.saturation * frames.gain[f]
-        clipped = _channel(frames, frames.read(rows, [f], columns=columns, subtract_ambient=False)[0], peak=True)
-        clipped = clipped >= white
+        # Of a mosaic green is the densest.
+        image = colours[..., 1] if frames.is_mosaic else colours.mean(-1)
+        white = frames.read(rows, [f], columns=columns, subtract_ambient=False)[0]
+        white = white >= frames.saturation * frames.gain[f]
+        clipped = white[..., 1] if frames.is_mosaic else white.any(-1)
         smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
         reach = max(2, 2 * factor)
         y0, x0 = v - top, u - left
@@ -124,29 +126,59 @@ def _measure(
     weight = np.where(region, np.minimum(image, max(peak, level)) - level, 0) + 1e-12 * region
     ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
     center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
-    use = _measured(image, xs + ys) if frames.is_mosaic else np.ones(image.shape, bool)
-    use &= np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
-    patch = Patch(
-        np.stack([xs[use], ys[use]], -1).astype(float), image[use].astype(float), clipped[use], floor, peak - floor
-    )
+    near_by = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
+    patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
+    if patch is None:
+        patch = Patch(
+            np.stack([xs[near_by], ys[near_by]], -1).astype(float),
+            (image[near_by].astype(float) - floor) / (peak - floor),
+            clipped[near_by],
+            *np.zeros((2, np.count_nonzero(near_by)), bool),
+        )
     inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
     return fit or (center, 0.15 + 0.06 * size)
 
 
-def _channel(frames: Frames, image: NDArray, *, peak: bool = False) -> NDArray:
-    """Return what is measured on (h, w): of a mosaic its densest channel, else the mean (or peak) of all."""
-    return image[..., 1] if frames.is_mosaic else image.max(-1) if peak else image.mean(-1)
+def _patch(
+    colours: NDArray, white: NDArray[np.bool_], grid: tuple[NDArray, NDArray], peak: tuple, near_by: NDArray[np.bool_]
+) -> Patch | None:
+    """Return the samples that a mosaic's sensor took, each colour from 0 around the spot to 1 at its peak."""
+    sites = _sites(colours, *grid)
+    if sites is None:
+        return None
+    border = np.ones(colours.shape[:2], bool)
+    border[1:-1, 1:-1] = False
+    floor = np.median(colours[border], axis=0)
+    height = cv2.GaussianBlur(colours, (0, 0), 0.7)[peak] - floor
+    if min(height) <= 0:
+        return None
+    use = near_by & (sites >= 0)
+    own = np.maximum(sites[use], 0)
+    values = (np.take_along_axis(colours[use], own[:, None], 1)[:, 0] - floor[own]) / height[own]
+    clipped = np.take_along_axis(white[use], own[:, None], 1)[:, 0]
+    pixels = np.stack([axis[use] for axis in grid], -1).astype(float)
+    return Patch(pixels, values.astype(float), clipped, own == 0, own == 2)
 
 
-def _measured(green: NDArray, parity: NDArray) -> NDArray[np.bool_]:
-    """Return which pixels (h, w) hold a sample of their own: a bilinear pixel is the mean of its four neighbours.
+def _sites(colours: NDArray, xs: NDArray, ys: NDArray) -> NDArray[np.intp] | None:
+    """Return which colour (h, w) each pixel's sensor saw, -1 where that is not clear; None if no mosaic shows.
 
-    All of them where neither half of the chessboard is made like that.
+    Told by the pixels themselves: an interpolated green is the mean of its four neighbours, a red one at a blue
+    sample's place the mean of the four at its corners.
     """
-    inside = green[1:-1, 1:-1]
-    mean = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
-    off = [float(np.mean(np.abs(inside - mean)[parity[1:-1, 1:-1] % 2 == p])) for p in (0, 1)]
+    inside = (slice(1, -1), slice(1, -1))
+    parity = (xs + ys) % 2
+    green, red = colours[..., 1], colours[..., 0]
+    cross = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
+    off = [float(np.mean(np.abs(green[inside] - cross)[parity[inside] == p])) for p in (0, 1)]
     if min(off) > 0.05 * max(off):
-        return np.ones(green.shape, bool)
-    return parity % 2 == int(np.argmax(off))
+        return None
+    own = int(np.argmax(off))
+    sites = np.where(parity == own, 1, -1)
+    corners = (red[:-2, :-2] + red[2:, 2:] + red[2:, :-2] + red[:-2, 2:]) / 4
+    other = parity[inside] != own
+    off = [float(np.mean(np.abs(red[inside] - corners)[other & (ys[inside] % 2 == p)])) for p in (0, 1)]
+    if min(off) < 0.05 * max(off):
+        sites[sites < 0] = np.where(ys[sites < 0] % 2 == int(np.argmax(off)), 0, 2)
+    return sites
