@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from calibrate.balls import Ball, find_balls
 from calibrate.calibration import Aim, Calibration, Notes
+from calibrate.directions import unknown_view_deg
 from calibrate.from_chrome import lights_from_chrome, spread_over_frames
+from calibrate.from_object import strengths_from_object
 from calibrate.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.skin import Skin, read_skin, shading_directions
 from calibrate.with_known import EQUALLY_BRIGHT, with_known_lights
@@ -76,6 +78,10 @@ def calibrate(
         aim = _aim_from_chrome(frames, camera, balls, spheres, shown, shaded, reference, notes)
     else:
         aim = _aim_from_shading(camera, [spheres[i] for i in white], shaded, reference, notes)
+    doubt = unknown_view_deg(aim.camera, [sphere for sphere in spheres if sphere.kind == "chrome"] or spheres)
+    if doubt:
+        aim = replace(aim, sigma_deg=np.hypot(aim.sigma_deg, doubt))
+        notes.evidence.append(f"nothing is known of the camera: directions to {doubt:.1f} degrees at best, all alike")
     if aim.camera != camera:
         skins = [read_skin(balls[i].frames, aim.camera, spheres[i]) for i in white]
     intensities, sigma, ambient = _intensities(frames, spheres, skins, shaded, aim, notes)
@@ -152,8 +158,13 @@ def _intensities(
     aim: Aim,
     notes: Notes,
 ) -> tuple[Array, Array, Array | None]:
-    """Return intensities (F, 3), their relative sigma (F,) and the ambient light (3,), if a white ball tells them."""
+    """Return intensities (F, 3), their relative sigma (F,) and the ambient light (3,), where white balls tell it."""
     if not skins:
+        equal = np.ones((len(frames), 3))
+        bare = Lights(frames.names, aim.directions, equal, aim.positions_mm, aim.reference_mm, aim.sigma_deg)
+        read = strengths_from_object(frames, aim.camera, spheres, bare, notes.evidence, notes.warnings)
+        if read is not None:
+            return *read, None
         notes.warnings.append(EQUALLY_BRIGHT)
         return np.ones((len(frames), 3)), np.full(len(frames), np.nan), None
     apart, meter = 0.0, aim.for_meter
@@ -167,7 +178,14 @@ def _intensities(
             meter = (shaded[0][0], None, shaded[0][1], aim.range_sigma)
             notes.evidence.append("intensities are read with the white ball's own directions")
     return intensities_from_white(
-        frames, skins, meter, aim.reference_mm, notes.evidence, notes.warnings, apart_deg=apart
+        frames,
+        skins,
+        meter,
+        aim.reference_mm,
+        notes.evidence,
+        notes.warnings,
+        apart_deg=apart,
+        position_covariance_mm2=aim.position_covariance_mm2,
     )
 
 

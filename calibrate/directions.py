@@ -7,6 +7,8 @@ from scene.camera import Camera
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
+USUAL_FOCAL = 1.4
+"""Focal length in widths of the picture that an unknown camera is taken to have: 50 mm on 36 mm."""
 
 
 def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Array, Array]:
@@ -44,3 +46,16 @@ def mean_directions(directions: Array) -> Array:
     total = np.where(seen, directions, 0).sum(0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(seen.any(0), total / np.linalg.norm(total, axis=1, keepdims=True), np.nan)
+
+
+def unknown_view_deg(camera: Camera, spheres: list[Sphere]) -> float:
+    """Return by how much all directions may turn because nothing is known of the camera, degrees, one axis.
+
+    An orthographic camera sees every ball from straight ahead. From beside the axis, at a usual focal length, its
+    directions are off by about as much as the ball lies off it; balls on opposite sides cancel each other's error.
+    0 for any camera of which something is known.
+    """
+    if not camera.is_orthographic or camera.source != "assumed":
+        return 0.0
+    offset = np.mean([sphere.center_px for sphere in spheres], axis=0) - [camera.cx, camera.cy]
+    return float(np.rad2deg(np.arctan(np.hypot(*offset) / (USUAL_FOCAL * camera.width))) / np.sqrt(2))

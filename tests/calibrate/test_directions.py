@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.directions import mirrored_rays
+from calibrate.directions import mean_directions, mirrored_rays, unknown_view_deg
 from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.spheres import Sphere
@@ -65,3 +65,14 @@ def test_direction_needs_no_diameter():
     np.testing.assert_allclose(
         mirrored_rays(PERSPECTIVE, known, pixels)[1], mirrored_rays(PERSPECTIVE, unknown, pixels)[1], atol=1e-12
     )
+
+
+def test_an_unknown_camera_turns_all_directions_alike():
+    """A ball 0.14 widths beside the centre is 5.7 degrees off the axis at 1.4 widths of focal length: 4 on each axis."""
+    camera = Camera.orthographic(1000, 600)
+    ball = Sphere("chrome", np.array([499.5 + 140, 299.5]), 40.0)
+    other = Sphere("chrome", np.array([499.5 - 140, 299.5]), 40.0)
+    assert abs(unknown_view_deg(camera, [ball]) - np.rad2deg(np.arctan(0.1)) / np.sqrt(2)) < 1e-9
+    assert unknown_view_deg(camera, [ball, other]) == 0
+    assert unknown_view_deg(Camera(1000, 600, 1400, 1400, 499.5, 299.5), [ball]) == 0
+    assert unknown_view_deg(Camera.orthographic(1000, 600, source="session.toml"), [ball]) == 0
