@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.directions import mean_directions, mirrored_rays, unknown_view_deg
+from calibrate.directions import mirrored_rays, unknown_view_deg
 from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.spheres import Sphere
@@ -68,7 +68,7 @@ def test_direction_needs_no_diameter():
 
 
 def test_an_unknown_camera_turns_all_directions_alike():
-    """A ball 0.14 widths beside the centre is 5.7 degrees off the axis at 1.4 widths of focal length: 4 on each axis."""
+    """0.14 widths beside the centre, at 1.4 widths of focal length: 5.7 degrees off the axis, 4 each way."""
     camera = Camera.orthographic(1000, 600)
     ball = Sphere("chrome", np.array([499.5 + 140, 299.5]), 40.0)
     other = Sphere("chrome", np.array([499.5 - 140, 299.5]), 40.0)
