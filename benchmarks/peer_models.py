@@ -96,7 +96,8 @@ def meshroom(patch: Patch, camera: Camera, sphere: Sphere) -> Array:
     out = np.empty((len(patch.values), 2))
     for f, image in enumerate(patch.values.mean(-1)):
         smooth = np.where(inside, cv2.sepFilter2D(image, -1, triangle, triangle), -1)
-        row, column = np.unravel_index(np.argmax(smooth), smooth.shape)
+        # A clipped highlight has many brightest pixels: their middle, kinder than the first of them.
+        row, column = np.round(np.mean(np.nonzero(smooth > smooth.max() - 1e-4), axis=1))
         out[f] = column + patch.left, row + patch.top
     return _orthographic(out, circle)
 
