@@ -76,9 +76,12 @@ def session_world(seed: int, kind: str) -> World:
         for x, y in ((-0.6, -0.3), (0.6, -0.4), (0.0, 0.7)):
             middle = world.on_table(lump * x, lump * y - 30) + 0.8 * lump * world.table_normal
             world.balls.append(Ball("object", middle, lump * rng.uniform(0.95, 1.05), 0.45, 0.1, 60.0))
+    # Half of the flashes are balls, half are flash heads of 70 x 45 mm.
+    world.flash_radius, world.flash_aspect = (25.0, 0.0) if seed % 2 == 0 else (35.0, 45 / 70)
     relative = rng.uniform(0.75, 1.3, (FLASHES, 1)) * rng.uniform(0.96, 1.04, (FLASHES, 3))
     if kind == "far":
         distant(world, lights - OBJECT, 0.6 * relative / relative.max())
+        world.flash_aspect = 0.0
     else:
         brightest = max(float(world_peak(world, ball, relative)) for ball in world.balls)
         world.powers = relative * rng.uniform(0.65, 0.8) / brightest
