@@ -87,6 +87,7 @@ def find_balls(
             for one, diameter in _match(found, open_, refused, warnings):
                 fits.append(one.fit)
                 diameters.append(diameter)
+                warnings += [one.warning] if one.warning else []
         blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
             one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
@@ -163,7 +164,7 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
     standing: list[OutlineFit] = []
     for start in around_hint(coarse, hint, reach_px=reach)[:2]:
         standing += fit(start, 1.4 * coarse.factor + 0.6)
-    best = best_outline(standing, hint.kind)
+    best = best_outline(standing, hint.kind) if standing else None
     if best is None or best.sphere.score < 0.9:
         for own in fit(hint, max(3.0, 0.04 * hint.radius_px)):
             if best is None or 0.9 * own.sphere.score > best.sphere.score:

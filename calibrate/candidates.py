@@ -17,6 +17,7 @@ ENOUGH = 0.16
 """Mean evidence on the ring from which a circle is looked at: 1 is an edge all round in all frames."""
 MOST = 400
 """Circles handed on, the strongest first."""
+THREADS = 2
 
 
 @dataclass(frozen=True)
@@ -101,8 +102,8 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
     """Correlate the edges with rings of outward orientation, one radius after another."""
     height, width = edges.shape
     pad = int(radii[-1]) + 4
-    shape = (fft.next_fast_len(height + pad), fft.next_fast_len(width + pad))
-    spectrum = fft.fft2(edges, shape, workers=2)
+    shape = (int(fft.next_fast_len(height + pad) or 0), int(fft.next_fast_len(width + pad) or 0))
+    spectrum = _transform(edges, shape)
     scores = np.empty((len(radii), height, width), np.float32)
     v = (np.arange(shape[0]) + shape[0] // 2) % shape[0] - shape[0] // 2
     u = (np.arange(shape[1]) + shape[1] // 2) % shape[1] - shape[1] // 2
@@ -113,7 +114,8 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
         near = np.abs(far - radius) < 4 * (0.5 + 0.025 * radius)
         weight = np.exp(-0.5 * ((far[near] - radius) / (0.5 + 0.025 * radius)) ** 2)
         ring[near] = outward[near] * (weight / weight.sum())
-        agree = fft.ifft2(spectrum * np.conj(fft.fft2(ring, workers=2)), workers=2).real[:height, :width]
+        product = spectrum * np.conj(_transform(ring, shape))
+        agree = np.real(np.asarray(fft.ifft2(product, workers=THREADS, overwrite_x=True)))[:height, :width]
         # A ball cut by the border has less outline; under half of it is no evidence.
         seen = 1 - _beyond(height, radius)[:, None] - _beyond(width, radius)[None]
         scores[i] = np.where(seen > 0.5, agree / np.maximum(seen, 0.5), 0)
@@ -129,6 +131,10 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
         for row, column in zip(*np.nonzero(peak), strict=True):
             found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
     return found
+
+
+def _transform(image: NDArray[np.complex64], shape: tuple[int, int]) -> NDArray[np.complex64]:
+    return np.asarray(fft.fft2(image, shape, workers=THREADS), np.complex64)
 
 
 def _beyond(side: int, radius: float) -> NDArray[np.float32]:

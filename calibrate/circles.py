@@ -1,19 +1,22 @@
 """Circles of standing edges: which are one and the same, and which of a mirror's rings is its outline."""
 
-from dataclasses import replace
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.candidates import find_circles, static_edges, without_albedo
 from calibrate.coarse import Coarse
-from calibrate.kind import Behaviour, observe
+from calibrate.kind import Behaviour, Points
 from calibrate.outline import refine_on_edges
 from scene.spheres import Sphere
 
 LEAST_SCORE = 0.5
 """A circle that less of its outline supports is not looked into."""
 
+Candidate = tuple[Sphere, Points]
+SAME_POINTS = 0.7
+"""Share of the frames in which circles of one mirror show the light at one place."""
+CLOSE = 0.08
+"""Difference in worth up to which it is open which of two circles is a mirror's outline."""
 ALIKE = 0.13
 """How far, in radii, a highlight may lie from where another ball has it: lights at unequal distances do that."""
 
@@ -37,53 +40,56 @@ def overlap(a: Sphere, b: Sphere) -> bool:
     return float(np.hypot(*(a.center_px - b.center_px))) < 0.85 * (a.radius_px + b.radius_px)
 
 
-def outermost(
-    coarse: Coarse, edges: NDArray[np.float32], sphere: Sphere, behaviour: Behaviour
-) -> tuple[Sphere, Behaviour]:
-    """Return the outermost standing circle around a mirror's.
+def standing_circles(coarse: Coarse) -> list[Sphere]:
+    """Return the circles of standing edges, in the photographs and in the same without their albedo, coarse pixels."""
+    found = []
+    for images in (coarse.images, without_albedo(coarse.images)):
+        votes = static_edges(images)
+        edges = np.stack([votes.real, votes.imag], -1)
+        for circle in find_circles(images):
+            start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
+            sphere = refine_on_edges(edges, coarse.camera, start)
+            if sphere.score >= LEAST_SCORE:
+                found.append(sphere)
+    return found
 
-    A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which
-    differs from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside.
+
+def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
+    """Return groups of circles that show the light at the same places: one mirror, its outline and what it mirrors."""
+    groups: list[list[Candidate]] = []
+    places: list[NDArray[np.float64]] = []
+    for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
+        here = sphere.center_px + sphere.radius_px * points.track
+        for group, there in zip(groups, places, strict=True):
+            if np.mean(np.hypot(*(here - there).T) < 2) >= SAME_POINTS:
+                group.append((sphere, points))
+                break
+        else:
+            groups.append([(sphere, points)])
+            places.append(here)
+    return groups
+
+
+def outline_of(group: list[Candidate]) -> tuple[Candidate, Candidate | None]:
+    """Return the circle of a group that is the mirror's outline, and another that is about as good, or None.
+
+    A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which differs
+    from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside: the outline holds all
+    other circles of the group, and much of it stands still.
     """
-    enough = 0.85 * sphere.score
-    for _ in range(6):
-        best = None
-        for start in _larger(edges, sphere):
-            grown = refine_on_edges(edges, coarse.camera, start)
-            gain = grown.radius_px - sphere.radius_px
-            holds = np.hypot(*(grown.center_px - sphere.center_px)) < gain + 1.5
-            if gain > 0.7 and holds and grown.score >= enough and (best is None or grown.score > best.score):
-                best = grown
-        if best is None:
-            break
-        seen = observe(coarse, best)
-        if seen is None or seen.kind != "chrome":
-            break
-        sphere, behaviour, enough = best, seen, max(enough, 0.85 * best.score)
-    return sphere, behaviour
-
-
-def _larger(edges: NDArray[np.float32], sphere: Sphere, most: int = 8) -> list[Sphere]:
-    """Return the circles around a circle that most evidence runs along, from a grid of radii and shifts."""
-    gain = np.arange(0.04, 0.61, 0.03)[:, None] * sphere.radius_px
-    angle = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    shift = np.vstack([[[0.0, 0.0]], *(k * np.stack([np.cos(angle), np.sin(angle)], -1) for k in (0.35, 0.7, 1.0))])
-    centers = (sphere.center_px + gain[..., None] * shift).reshape(-1, 2)
-    radii = np.broadcast_to(sphere.radius_px + gain, (len(gain), len(shift))).ravel()
-    around = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-    normals = np.stack([np.cos(around), np.sin(around)], -1)
-    where = (centers[:, None] + radii[:, None, None] * normals).astype(np.float32)
-    sampled = cv2.remap(edges, where[..., 0], where[..., 1], cv2.INTER_LINEAR)
-    evidence = sampled[..., 0] * np.cos(2 * around) + sampled[..., 1] * np.sin(2 * around)
-    score = np.clip(evidence / 0.3, -0.3, 1).mean(1)
-    chosen: list[int] = []
-    for i in np.argsort(-score):
-        apart = [np.hypot(*(centers[i] - centers[k])) + abs(radii[i] - radii[k]) for k in chosen]
-        if not chosen or min(apart) > 0.08 * sphere.radius_px:
-            chosen.append(int(i))
-        if len(chosen) == most:
-            break
-    return [replace(sphere, center_px=centers[i], radius_px=float(radii[i])) for i in chosen]
+    spheres = [sphere for sphere, _ in group]
+    center = np.array([sphere.center_px for sphere in spheres])
+    radius = np.array([sphere.radius_px for sphere in spheres])
+    score = np.array([sphere.score for sphere in spheres])
+    apart = np.hypot(*(center[:, None] - center[None]).T).T
+    holds = apart + radius[None] < 1.05 * radius[:, None] + 0.5
+    weight = np.maximum(score - LEAST_SCORE, 1e-3)
+    worth = score**2 + holds @ weight / weight.sum()
+    best = int(np.argmax(worth))
+    differs = apart[best] + np.abs(radius - radius[best]) > np.maximum(2.0, 0.08 * radius[best])
+    rival = int(np.argmax(np.where(differs, worth, -1)))
+    close = differs[rival] and worth[rival] > worth[best] - CLOSE
+    return group[best], group[rival] if close else None
 
 
 def alike(a: Behaviour, b: Behaviour) -> float:
@@ -107,6 +113,6 @@ def alike(a: Behaviour, b: Behaviour) -> float:
 def _track(behaviour: Behaviour) -> NDArray[np.float64]:
     """Return where the light's half-way normal lies on the unit disc, (F, 2), v down."""
     if behaviour.kind == "chrome":
-        return behaviour.track
+        return behaviour.points.track
     half = behaviour.directions + [0.0, 0.0, 1.0]
     return half[:, :2] * [1, -1] / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)

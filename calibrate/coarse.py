@@ -1,6 +1,7 @@
 """The whole stack at a size at which searching is cheap: 24 megapixels cost little more than two."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import cv2
@@ -13,6 +14,11 @@ from scene.spheres import Sphere
 
 LONGEST_SIDE_PX = 1200
 """A ball of 15 px in a 2 MP photo stays a ball; the coarse stack of 60 frames stays under 250 MB."""
+
+READERS = 2
+"""Threads that shrink frames: OpenCV and the page cache work beside Python."""
+SEARCHED = 20
+"""Frames in which balls are looked for: more of them show no other edges."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +38,22 @@ class Coarse:
     camera: Camera
     factor: int
 
+    def few(self) -> "Coarse":
+        """Return at most `SEARCHED` of the frames, evenly spread."""
+        if len(self.images) <= SEARCHED:
+            return self
+        chosen = np.linspace(0, len(self.images) - 1, SEARCHED).astype(int)
+        return replace(self, images=self.images[chosen])
+
     def to_full(self, pixels: NDArray) -> NDArray[np.float64]:
         """Return full-size pixels of coarse pixels (..., 2): pixel centres are integers at both sizes."""
         return (np.asarray(pixels, np.float64) + 0.5) * self.factor - 0.5
+
+    def sphere_to_full(self, sphere: Sphere) -> Sphere:
+        """Return a ball of the shrunken images as the full-size camera sees it."""
+        return replace(
+            sphere, center_px=self.to_full(sphere.center_px), radius_px=float(sphere.radius_px * self.factor)
+        )
 
     def from_full(self, sphere: Sphere) -> Sphere:
         """Return the ball as `camera` sees it."""
@@ -48,11 +67,15 @@ def shrink(frames: Frames, camera: Camera, *, progress: Callable[[int, int], Non
     height, width = frames.height // factor, frames.width // factor
     ambient = None if frames.ambient is None else _small(frames.ambient, factor)
     images = np.empty((len(frames), height, width), np.float32)
-    for index in range(len(frames)):
+
+    def read(index: int) -> None:
         small = _small(frames.codes[index], factor) * np.float32(frames.gain[index])
         images[index] = small if ambient is None else small - ambient
-        if progress:
-            progress(index + 1, len(frames))
+
+    with ThreadPoolExecutor(READERS) as threads:
+        for done, _ in enumerate(threads.map(read, range(len(frames)))):
+            if progress:
+                progress(done + 1, len(frames))
     return Coarse(images, shrunken(camera, width, height, factor), factor)
 
 

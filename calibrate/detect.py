@@ -5,21 +5,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.candidates import find_circles, static_edges, without_albedo
-from calibrate.circles import LEAST_SCORE, alike, outermost, overlap, rank
+from calibrate.choice import Reasons, Suspect, asked_for, sure_ones
+from calibrate.circles import by_points, outline_of, overlap, rank, standing_circles
 from calibrate.coarse import Coarse
-from calibrate.kind import Behaviour, observe
-from calibrate.outline import refine_on_edges
+from calibrate.kind import Behaviour, Points, bright_points, changes, observe
 from calibrate.silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
-
-SURE_SCORE = 0.6
-"""What nobody asked for must show this much of its outline."""
-
-SAME_LIGHTS = 0.7
-"""Share of the frames in which two balls must see the lights alike."""
 
 
 @dataclass(frozen=True)
@@ -34,14 +27,26 @@ class Rejected:
 
 @dataclass(frozen=True)
 class Found:
-    """A ball: its outline in full-size pixels, and how its inside behaves."""
+    """A ball: its outline in full-size pixels, how its inside behaves, and a circle that may be its outline instead."""
 
     fit: OutlineFit
     behaviour: Behaviour
+    rival: Sphere | None = None
 
     @property
     def sphere(self) -> Sphere:
         return self.fit.sphere
+
+    @property
+    def warning(self) -> str | None:
+        """What to tell of a mirror whose outline is not sure."""
+        if self.rival is None:
+            return None
+        (u, v), radius, other = self.sphere.center_px, self.sphere.radius_px, self.rival.radius_px
+        return (
+            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but a circle of "
+            f"{other:.0f} px stands as still. Look at the picture; center_px and radius_px in session.toml decide."
+        )
 
 
 def detect(
@@ -72,114 +77,50 @@ def detect(
     rejected : tuple of Rejected
         Circles that looked like balls and are none, with the reason.
     """
-    suspects, rejected = _suspects(coarse, [coarse.from_full(s) for s in taken])
+    suspects, rejected = _suspects(coarse.few(), [coarse.from_full(s) for s in taken])
     if wanted is not None:
-        suspects, surplus = _choose(suspects, wanted)
+        suspects, surplus = asked_for(suspects, wanted)
     else:
-        suspects, surplus = _sure(suspects)
+        suspects, surplus = sure_ones(suspects, coarse.camera)
     rejected += surplus
     found = []
-    for sphere, behaviour in suspects:
-        full = replace(
-            sphere, center_px=coarse.to_full(sphere.center_px), radius_px=float(sphere.radius_px * coarse.factor)
-        )
+    for suspect in suspects:
+        full = coarse.sphere_to_full(suspect.sphere)
         fit = fit_outline(frames, camera, full, search_px=1.4 * coarse.factor + 0.6)
         if fit is None:
-            rejected.append((sphere, "its outline cannot be followed at full size"))
+            rejected.append((suspect.sphere, "its outline cannot be followed at full size"))
         else:
-            found.append(Found(fit, behaviour))
+            rival = None if suspect.rival is None else coarse.sphere_to_full(suspect.rival)
+            found.append(Found(fit, suspect.behaviour, rival))
     out = [
         Rejected(coarse.to_full(s.center_px), s.radius_px * coarse.factor, s.score, reason) for s, reason in rejected
     ]
     return found, tuple(sorted(out, key=lambda r: -r.score))
 
 
-Suspect = tuple[Sphere, Behaviour]
-Reasons = list[tuple[Sphere, str]]
-
-
 def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
     """Return the circles that behave like balls, one per place, and those that do not."""
-    refined = []
-    maps = []
-    for images in (coarse.images, without_albedo(coarse.images)):
-        votes = static_edges(images)
-        edges = np.stack([votes.real, votes.imag], -1)
-        maps.append(edges)
-        for circle in find_circles(images):
-            start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
-            sphere = refine_on_edges(edges, coarse.camera, start)
-            if sphere.score >= LEAST_SCORE and not any(overlap(sphere, other) for other in taken):
-                refined.append(sphere)
-    edges = maps[0]
-    refined.sort(key=rank, reverse=True)
+    change = changes(coarse.images)
+    candidates: list[tuple[Sphere, Points]] = []
+    for sphere in standing_circles(coarse):
+        if not any(overlap(sphere, other) for other in taken):
+            points = bright_points(change, sphere)
+            candidates += [] if points is None else [(sphere, points)]
     suspects: list[Suspect] = []
     rejected: Reasons = []
-    for sphere in refined:
-        if any(overlap(sphere, other) for other, _ in suspects):
+    for group in by_points([c for c in candidates if c[1].wander]):
+        (sphere, points), rival = outline_of(group)
+        if any(overlap(sphere, other.sphere) for other in suspects):
             continue
-        behaviour = observe(coarse, sphere)
-        if behaviour is None:
-            continue
+        behaviour = observe(coarse, sphere, points)
         if behaviour.kind == "chrome":
-            sphere, behaviour = outermost(coarse, edges, sphere, behaviour)
-            if any(overlap(sphere, other) for other, _ in suspects):
-                continue
-        if behaviour.kind is None:
-            if not any(overlap(sphere, other) for other, _ in rejected):
-                rejected.append((sphere, behaviour.reason))
+            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, None if rival is None else rival[0]))
+    for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
+        if any(overlap(sphere, other.sphere) for other in suspects):
             continue
-        suspects.append((replace(sphere, kind=behaviour.kind), behaviour))
-    inside = [s for s, _ in suspects]
-    return suspects, [(s, r) for s, r in rejected if not any(overlap(s, other) for other in inside)]
-
-
-def _choose(suspects: list[Suspect], wanted: dict[Kind, int]) -> tuple[list[Suspect], Reasons]:
-    """Take as many of each kind as were asked for: those that show most outline and agree on the lights."""
-    left: Reasons = []
-    pool = []
-    for suspect in suspects:
-        sphere, behaviour = suspect
-        if wanted.get(sphere.kind, 0):
-            pool.append(suspect)
-        elif sphere.kind == "white" and behaviour.has_point and wanted.get("chrome", 0):
-            pool.append((replace(sphere, kind="chrome"), behaviour))  # a glossy ball, asked for as a mirror
-        else:
-            left.append((suspect[0], f"behaves like a {suspect[0].kind} ball, but none was asked for"))
-    total = sum(wanted.values())
-
-    def worth(suspect: Suspect) -> float:
-        others = sorted((alike(suspect[1], other[1]) for other in pool if other is not suspect), reverse=True)
-        agreement = np.mean(others[: max(1, total - 1)]) if others else 1.0
-        return rank(suspect[0]) * (0.3 + max(0.0, float(agreement)))
-
-    taken: list[Suspect] = []
-    for suspect in sorted(pool, key=worth, reverse=True):
-        kind = suspect[0].kind
-        if sum(s[0].kind == kind for s in taken) < wanted[kind]:
-            taken.append(suspect)
-        else:
-            left.append((suspect[0], f"behaves like a {kind} ball, but the {wanted[kind]} asked for fit better"))
-    return taken, left
-
-
-def _sure(suspects: list[Suspect]) -> tuple[list[Suspect], Reasons]:
-    """Without requests: what shows most of its outline, behaves clearly, and agrees with the others."""
-    taken: list[Suspect] = []
-    left: Reasons = []
-    for sphere, behaviour in suspects:
-        if sphere.score < SURE_SCORE:
-            left.append((sphere, f"only {sphere.score:.0%} of its outline stands still (expected {SURE_SCORE:.0%})"))
-        else:
-            taken.append((sphere, behaviour))
-    agree = np.array([[alike(a, b) for _, b in taken] for _, a in taken])
-    kept = list(range(len(taken)))
-    while len(kept) > 1:
-        # Who agrees with fewer than half of the others goes, the least agreeable first.
-        votes = [sum(agree[i, k] >= SAME_LIGHTS for k in kept if k != i) / (len(kept) - 1) for i in kept]
-        worst = min(range(len(kept)), key=lambda n: (votes[n], rank(taken[kept[n]][0])))
-        if votes[worst] >= 0.5:
-            break
-        left.append((taken[kept[worst]][0], "its highlights do not move as those of the other balls"))
-        del kept[worst]
-    return [taken[i] for i in kept], left
+        behaviour = observe(coarse, sphere, points)
+        if behaviour.kind == "white":
+            suspects.append(Suspect(replace(sphere, kind="white"), behaviour))
+        elif not any(overlap(sphere, other) for other, _ in rejected):
+            rejected.append((sphere, behaviour.reason))
+    return suspects, [(s, r) for s, r in rejected if not any(overlap(s, other.sphere) for other in suspects)]

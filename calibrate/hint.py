@@ -4,11 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibrate.candidates import find_circles, static_edges
-from calibrate.circles import LEAST_SCORE, distinct, outermost
+from calibrate.circles import by_points, distinct, outline_of, standing_circles
 from calibrate.coarse import Coarse
-from calibrate.kind import observe
-from calibrate.outline import refine_on_edges
+from calibrate.kind import bright_points, changes
 from scene.spheres import Sphere
 
 
@@ -40,24 +38,18 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
     )
     crop = Coarse(images, camera, coarse.factor)
     small = replace(small, center_px=small.center_px - corner)
-    votes = static_edges(images)
-    edges = np.stack([votes.real, votes.imag], -1)
 
     def near(sphere: Sphere) -> bool:
         off = np.hypot(*(sphere.center_px - small.center_px))
         return bool(max(off, abs(sphere.radius_px - small.radius_px)) < reach)
 
-    starts = [replace(small, center_px=np.array([c.u, c.v]), radius_px=c.radius) for c in find_circles(images)]
-    refined = [refine_on_edges(edges, camera, start) for start in starts if near(start)]
-    found: list[Sphere] = []
-    for sphere in distinct([s for s in refined if s.score >= LEAST_SCORE])[:3]:
-        if hint.kind == "chrome":
-            behaviour = observe(crop, sphere)
-            if behaviour is not None and behaviour.kind == "chrome":
-                sphere, _ = outermost(crop, edges, sphere, behaviour)
-        if near(sphere):
-            found.append(sphere)
-    found = distinct(found)
+    standing = [sphere for sphere in standing_circles(crop) if near(sphere)]
+    found = distinct(standing)[:3]
+    if hint.kind == "chrome":
+        change = changes(images)
+        seen = [(sphere, bright_points(change, sphere)) for sphere in standing]
+        groups = by_points([(sphere, points) for sphere, points in seen if points is not None and points.wander])
+        found = distinct([outline_of(group)[0][0] for group in groups][:2] + found[:1]) if groups else found
     return [
         replace(s, center_px=coarse.to_full(s.center_px + corner), radius_px=float(s.radius_px * coarse.factor))
         for s in found

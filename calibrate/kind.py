@@ -5,6 +5,7 @@ A mirror shows the flash as a point that wanders; a matte ball shades as n.l wit
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,8 +14,40 @@ from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
 FEWEST_PIXELS = 60
+WIDEST_PX = 21
+"""A flash mirrored in the largest ball is narrower than this, coarse pixels; a mirrored table or white ball is not."""
 FLAT = 0.7
 """Height over width from which on a body's shading is told from a ball's."""
+
+
+@dataclass(frozen=True)
+class Points:
+    """The brightest change on a disc, frame by frame.
+
+    Parameters
+    ----------
+    area : float
+        Median over frames of the share of the disc that exceeds half of its brightest change: small for a mirror.
+    contrast : float
+        Median over frames of the brightest change over its 90th percentile on the disc.
+    travel : float
+        How far the brightest point moves, rms, in radii.
+    inside : float
+        Share of frames with the brightest point within 0.8 of the radius, where a flash on the camera's side must be.
+    track : (F, 2) float64
+        The brightest points, from the centre, in radii.
+    """
+
+    area: float
+    contrast: float
+    travel: float
+    inside: float
+    track: Array
+
+    @property
+    def wander(self) -> bool:
+        """Whether the light shows as a point that wanders: a mirror, or a gloss."""
+        return self.area <= 0.05 and self.contrast >= 6 and self.travel >= 0.03 and self.inside >= 0.8
 
 
 @dataclass(frozen=True)
@@ -23,16 +56,7 @@ class Behaviour:
 
     Parameters
     ----------
-    spot_area : float
-        Median over frames of the share of the disc that exceeds half of its brightest change: small for a mirror.
-    spot_contrast : float
-        Median over frames of the brightest change over its 90th percentile on the disc.
-    spot_travel : float
-        How far the brightest point moves, rms, in radii.
-    spot_inside : float
-        Share of frames with the brightest point within 0.8 of the radius, where a flash on the camera's side must be.
-    track : (F, 2) float64
-        The brightest points, from the centre, in radii.
+    points : Points
     lambert : float
         Share of a frame's variance over the disc that max(0, n.b_f) + a_f explains; median over the frames, so that
         a shadow that falls on the ball in some of them does not count.
@@ -42,87 +66,103 @@ class Behaviour:
         How much more of it the shading of a body explains that is `FLAT` times as high as a ball: a pebble, a dome.
     """
 
-    spot_area: float
-    spot_contrast: float
-    spot_travel: float
-    spot_inside: float
-    track: Array
+    points: Points
     lambert: float
     directions: Array
     flatness: float = 0.0
-
-    @property
-    def has_point(self) -> bool:
-        """Whether it shows the light as a point that wanders: a mirror, or a gloss."""
-        is_point = self.spot_area <= 0.05 and self.spot_contrast >= 6
-        return is_point and self.spot_travel >= 0.03 and self.spot_inside >= 0.8
 
     @property
     def kind(self) -> Kind | None:
         if self.lambert >= 0.9:
             return "white" if self.flatness <= 0 else None
         # Glossy things of any shape show a point, too, and shade.
-        return "chrome" if self.has_point and self.lambert < 0.3 else None
+        return "chrome" if self.points.wander and self.lambert < 0.3 else None
 
     @property
     def reason(self) -> str:
         """Why it is neither, in words."""
         if self.lambert >= 0.9:
             return "it shades like a flatter body than a ball (a dome, a pebble)"
+        points = self.points
         parts = [f"shading follows n.l only to {max(self.lambert, 0):.0%} (a matte ball: above 90 %)"]
-        if self.spot_area > 0.05 or self.spot_contrast < 6:
-            measured = f"half-peak area {self.spot_area:.0%} of the disc, contrast {self.spot_contrast:.1f}"
+        if points.area > 0.05 or points.contrast < 6:
+            measured = f"half-peak area {points.area:.0%} of the disc, contrast {points.contrast:.1f}"
             parts.append(f"no single bright point ({measured})")
-        elif self.spot_travel < 0.03:
+        elif points.travel < 0.03:
             parts.append("its bright point stands still")
-        else:
+        elif points.inside < 0.8:
             parts.append("its bright point runs to the rim, where no flash in front can be mirrored")
+        else:
+            parts.append("it shows the light as a point, but shades more than a mirror does (a glossy thing)")
         return "; ".join(parts)
 
 
-def observe(coarse: Coarse, sphere: Sphere, *, most_pixels: int = 2500) -> Behaviour | None:
-    """Return how the disc behaves; None if too little of it is in the picture. `sphere` in coarse pixels."""
+def changes(images: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what moves and is small in the stack (F, h, w): less its median, less what is wider than a flash.
+
+    Smoothed a little: of clipped points the larger is the flash, the smaller its image in another ball.
+    """
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (WIDEST_PX, WIDEST_PX))
+    change = images - np.median(images, axis=0)
+    return np.stack([cv2.GaussianBlur(cv2.morphologyEx(one, cv2.MORPH_TOPHAT, kernel), (0, 0), 1.2) for one in change])
+
+
+def bright_points(change: NDArray[np.float32], sphere: Sphere) -> Points | None:
+    """Return the brightest change on the disc in `changes`; None if too little of it is in the picture.
+
+    `sphere` in the stack's pixels; its circle is taken for its outline.
+    """
     u, v, r = *sphere.center_px, sphere.radius_px
-    reach = 1.1 * r
-    height, width = coarse.images.shape[1:]
-    top, left = max(int(v - reach), 0), max(int(u - reach), 0)
-    bottom, right = min(int(v + reach) + 2, height), min(int(u + reach) + 2, width)
+    height, width = change.shape[1:]
+    top, left = max(int(v - r), 0), max(int(u - r), 0)
+    bottom, right = min(int(v + r) + 2, height), min(int(u + r) + 2, width)
     if bottom - top < 4 or right - left < 4:
         return None
     rows, columns = np.mgrid[top:bottom, left:right]
-    pixels = np.stack([columns, rows], -1).astype(np.float64)
-    normals, points = sphere.normals(coarse.camera, pixels)
-    view = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-    if not coarse.camera.is_orthographic:
-        view = -points / np.linalg.norm(points, axis=-1, keepdims=True)
-    facing = np.sum(view * normals, -1, keepdims=True)
-    inside = facing[..., 0] > 0.2
+    inside = np.hypot(columns - u, rows - v) < 0.97 * r
     if inside.sum() < FEWEST_PIXELS:
         return None
-    values = coarse.images[:, top:bottom, left:right][:, inside].astype(np.float64)
-    area, contrast, track = _spot(values, (pixels[inside] - sphere.center_px) / r)
+    values = change[:, top:bottom, left:right][:, inside]
+    best = values.argmax(1)
+    peak = values[np.arange(len(values)), best].astype(np.float64)
+    # Of the large disc every few pixels tell how much of it is bright.
+    some = values[:, :: max(1, values.shape[1] // 4000)]
+    area = np.mean(some > 0.5 * peak[:, None], axis=1)
+    # A mirrored table is noise next to the flash: the contrast's floor keeps 0 / 0 out.
+    ninety = np.maximum(np.quantile(some, 0.9, axis=1), 1e-3 * np.maximum(peak, 1e-6))
+    lit = peak > 0.05 * np.median(peak)
+    place = np.stack([columns[inside], rows[inside]], -1)[best]
+    track = (place - sphere.center_px) / r
     travel = float(np.sqrt(np.mean(np.sum((track - track.mean(0)) ** 2, 1))))
     within = float(np.mean(np.hypot(*track.T) < 0.8))
-    step = max(1, int(inside.sum()) // most_pixels)
-    normals, values = normals[inside][::step], values[:, ::step]
+    return Points(float(np.median(area[lit])), float(np.median((peak / ninety)[lit])), travel, within, track)
+
+
+def observe(coarse: Coarse, sphere: Sphere, points: Points, *, most_pixels: int = 1000) -> Behaviour:
+    """Return how the disc behaves. `sphere` in coarse pixels, `points` its `bright_points`."""
+    u, v, r = *sphere.center_px, 1.1 * sphere.radius_px
+    height, width = coarse.images.shape[1:]
+    step = max(1, int(r / 40))
+    rows, columns = np.mgrid[
+        max(int(v - r), 0) : min(int(v + r) + 2, height) : step, max(int(u - r), 0) : min(int(u + r) + 2, width) : step
+    ]
+    normals, places = sphere.normals(coarse.camera, np.stack([columns, rows], -1).astype(np.float64))
+    view = np.broadcast_to([0.0, 0.0, 1.0], places.shape)
+    if not coarse.camera.is_orthographic:
+        view = -places / np.linalg.norm(places, axis=-1, keepdims=True)
+    facing = np.sum(view * normals, -1, keepdims=True)
+    inside = facing[..., 0] > 0.2
+    if inside.sum() < 20:
+        return Behaviour(points, 0.0, np.zeros((len(coarse.images), 3)))
+    every = max(1, int(inside.sum()) // most_pixels)
+    values = coarse.images[:, rows[inside][::every], columns[inside][::every]].astype(np.float64)
+    normals = normals[inside][::every]
     lambert, directions = _lambert(values, normals)
     flatness = 0.0
     if lambert >= 0.9:
-        flat = normals + (1 / FLAT - 1) * (facing * view)[inside][::step]
+        flat = normals + (1 / FLAT - 1) * (facing * view)[inside][::every]
         flatness = _lambert(values, flat / np.linalg.norm(flat, axis=1, keepdims=True))[0] - lambert
-    return Behaviour(area, contrast, travel, within, track, lambert, directions, flatness)
-
-
-def _spot(values: Array, pixels: Array) -> tuple[float, float, Array]:
-    """Return area, contrast and track of the brightest change over time; see `Behaviour`."""
-    change = values - np.median(values, axis=0)
-    best = change.argmax(1)
-    peak = change[np.arange(len(change)), best]
-    area = np.mean(change > 0.5 * peak[:, None], axis=1)
-    # A mirrored table is noise next to the flash: the contrast's floor keeps 0 / 0 out.
-    ninety = np.maximum(np.quantile(change, 0.9, axis=1), 1e-3 * np.maximum(peak, 1e-6))
-    lit = peak > 0.05 * np.median(peak)
-    return float(np.median(area[lit])), float(np.median((peak / ninety)[lit])), pixels[best]
+    return Behaviour(points, lambert, directions, flatness)
 
 
 def _lambert(values: Array, normals: Array) -> tuple[float, Array]:
@@ -144,7 +184,8 @@ def _lambert(values: Array, normals: Array) -> tuple[float, Array]:
         for _ in range(6):
             if use.sum() < 20:
                 break
-            b = np.linalg.lstsq(design[use], image[use], rcond=None)[0]
+            rows = design[use]
+            b = np.linalg.solve(rows.T @ rows + 1e-9 * np.eye(4), rows.T @ image[use])
             residual = image - (np.maximum(normals @ b[:3], 0) + b[3])
             limit = 3 * 1.4826 * np.median(np.abs(residual[use])) + 1e-6
             use = ~clipped & (normals @ b[:3] > 0.1 * np.linalg.norm(b[:3])) & (np.abs(residual) < limit)

@@ -121,7 +121,7 @@ def measure(profiles: NDArray[np.float32], offsets: Array, limb: Limb) -> Shifts
     by_blur = (limb.basis(offsets, float(np.sqrt(limb.blur_px**2 + d))) - basis) / d
     q, r = np.linalg.qr(basis)
     values = profiles.reshape(-1, len(offsets)).astype(np.float64)
-    usable = np.isfinite(values).all(1)
+    usable = np.all(np.isfinite(values), axis=1)
     values = np.where(usable[:, None], values, 0)
     coefficients = values @ q
     residual = values - coefficients @ q.T

@@ -23,8 +23,8 @@ EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
 """What shifts an outline that is fitted on the steepest places alone, beyond its edges' scatter."""
 LIMB_FLOOR_PX = 0.01
 """The same of a limb's profile."""
-LIMB_SHARE, EDGE_SHARE = 0.5, 0.3
-"""Shares of what another profile, and the steepest places alone, would change of a mirror's outline."""
+LIMB_SHARE = 0.5
+"""Share of what another profile would change of a mirror's outline."""
 BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
 """Relative error of the blur: read at a mirror's limb of radius r, the first over r; read on a matte ball."""
 
@@ -116,14 +116,12 @@ def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> Outline
     return fits[0] if fits else None
 
 
-def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit | None:
-    """Return the best of some fits of one ball, or None of none.
+def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit:
+    """Return the best of some fits of one ball.
 
     On a matte ball the one on which most of the outline agrees wins; a mirror's outline runs beside the rims that
     it mirrors, all of them inside, and so of equals the outermost wins.
     """
-    if not fits:
-        return None
     if kind == "white":
         return max(fits, key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15))
     best = max(fit.sphere.score for fit in fits)
@@ -134,11 +132,17 @@ def _fit_edges(read: Reader, camera: Camera, sphere: Sphere, search_px: float, s
     """Fit the outline to the steepest places across it, from three radii; return the fits, the best first."""
     starts = [np.array([0.0, 0.0, share * search_px]) for share in (-0.5, 0.0, 0.5)]
     fits = _agreements(read, camera, sphere, starts, search_px, softness)
-    best = best_outline(fits, sphere.kind)
-    if best is None:
+    if not fits:
         return []
+    best = _nearest(fits, sphere) if sphere.kind == "chrome" else best_outline(fits, "white")
     again = _agreements(read, camera, best.sphere, [np.zeros(3)], 2.0 * softness, softness)
-    return [*(again or [best]), *(fit for fit in fits if fit is not best)]
+    return [_nearest(again, best.sphere) if again else best, *(fit for fit in fits if fit is not best)]
+
+
+def _nearest(fits: list[OutlineFit], start: Sphere) -> OutlineFit:
+    """Return the fit nearest to the start of those that show enough: a mirror's rims run beside its outline."""
+    enough = 0.8 * max(fit.sphere.score for fit in fits)
+    return min((fit for fit in fits if fit.sphere.score >= enough), key=lambda fit: _apart(fit.sphere, start))
 
 
 def _agreements(
@@ -152,17 +156,18 @@ def _agreements(
     offsets = np.arange(-reach, reach + 0.01, STEP_PX)
     spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
     strips = read(points, normals, offsets)
-    edges = find_edges(strips, offsets, spacing, softness=softness, search_px=search_px + 1)
     out: list[OutlineFit] = []
-    if edges is None:
-        return out
-    for start in starts:
-        one = agree(edges, jacobian, start=start, reach_px=search_px, closest_px=0.35 * softness)
-        if one is None or np.abs(one.shift).max() > 3 * search_px or one.score < LEAST_SEEN:
+    for values in (strips, strips / (np.maximum(strips.mean(0), 0) + 0.02 * np.nanmean(strips))):
+        edges = find_edges(values, offsets, spacing, softness=softness, search_px=search_px + 1)
+        if edges is None:
             continue
-        floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
-        seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
-        out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
+        for start in starts:
+            one = agree(edges, jacobian, start=start, reach_px=search_px, closest_px=0.35 * softness)
+            if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
+                continue
+            floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
+            seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
+            out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
     return out
 
 
@@ -170,24 +175,24 @@ def _fit_limb(
     read: Reader, camera: Camera, edges: list[OutlineFit], start: Sphere, softness: float
 ) -> OutlineFit | None:
     """Fit the outline with the limb's own profile, from where its edges are steepest; None where it does not hold."""
-    edge = edges[0]
-    if start.kind == "white":
-        # Where the ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
-        tried: list[Settled] = []
-        for sphere in [*(fit.sphere for fit in edges), start]:
-            if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
-                fit = settle(read, camera, sphere, Limb(MATTE, sphere.radius_px, softness), free_blur=True)
-                tried += [fit] if fit else []
-        if not tried:
-            return None
-        last = min(tried, key=lambda fit: fit.doubt)
-    else:
-        first = settle(read, camera, edge.sphere, Limb(MIRROR, start.radius_px, softness, 0.7), free_blur=True)
+    # Where a matte ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
+    if start.kind == "chrome":
+        edge = edges[0]
+        limb = Limb(MIRROR, start.radius_px, softness, 0.7)
+        first = settle(read, camera, edge.sphere, limb, free_blur=True)
         if first is None:
             return None
         fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / start.radius_px)
         return fit if _apart(fit.sphere, edge.sphere) < 0.6 * softness + 0.4 else None
-    return _finished(edge, last, [])
+    tried: list[Settled] = []
+    for sphere in [*(fit.sphere for fit in edges), start]:
+        if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
+            fit = settle(read, camera, sphere, Limb(MATTE, start.radius_px, softness), free_blur=True)
+            tried += [fit] if fit else []
+    if not tried:
+        return None
+    best = min(tried, key=lambda fit: fit.doubt)
+    return _finished(min(edges, key=lambda fit: _apart(fit.sphere, best.sphere)), best, [])
 
 
 def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: Settled, blur_doubt: float) -> OutlineFit:
@@ -195,7 +200,7 @@ def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: Settled, 
     last = settle(read, camera, first.sphere, replace(first.limb, terms=MIRROR_CLOSE), free_blur=False) or first
     sharper = replace(last.limb, blur_px=(1 - blur_doubt) * last.limb.blur_px)
     other = settle(read, camera, last.sphere, sharper, free_blur=False)
-    doubts = [LIMB_SHARE * _difference(first.sphere, last.sphere), EDGE_SHARE * _difference(edge.sphere, last.sphere)]
+    doubts = [LIMB_SHARE * _difference(first.sphere, last.sphere)]
     return _finished(edge, last, [*doubts, *([_difference(other.sphere, last.sphere)] if other else [])])
 
 
