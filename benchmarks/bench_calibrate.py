@@ -104,7 +104,9 @@ def run_rows(rows: list[str], file: Path, *, quick: bool) -> None:
             start = time.perf_counter()
             pooled: dict[str, list] = defaultdict(list)
             waiting = [pool.submit(*job) for job in jobs_of(row, quick=quick)]
-            for one in as_completed(waiting):
+            for done, one in enumerate(as_completed(waiting), 1):
+                if done % 10 == 0:
+                    print(f"{row}: {done} of {len(waiting)}", file=sys.stderr, flush=True)
                 for key, values in one.result().items():
                     pooled[key] += values
             keep(file, {row: dict(pooled) | {"took_s": time.perf_counter() - start}})
