@@ -15,6 +15,8 @@ LEAST_SCORE = 0.5
 Candidate = tuple[Sphere, Points]
 SAME_POINTS = 0.7
 """Share of the frames in which circles of one mirror show the light at one place."""
+ENOUGH = 0.7
+"""Share of the best circle's score that a mirror's outline shows at least."""
 CLOSE = 0.08
 """Difference in worth up to which it is open which of two circles is a mirror's outline."""
 ALIKE = 0.13
@@ -84,7 +86,7 @@ def outline_of(group: list[Candidate]) -> tuple[Candidate, Candidate | None]:
     apart = np.hypot(*(center[:, None] - center[None]).T).T
     holds = apart + radius[None] < 1.05 * radius[:, None] + 0.5
     weight = np.maximum(score - LEAST_SCORE, 1e-3)
-    worth = score**2 + holds @ weight / weight.sum()
+    worth = np.where(score >= ENOUGH * score.max(), score**2 + holds @ weight / weight.sum(), 0)
     best = int(np.argmax(worth))
     differs = apart[best] + np.abs(radius - radius[best]) > np.maximum(2.0, 0.08 * radius[best])
     rival = int(np.argmax(np.where(differs, worth, -1)))

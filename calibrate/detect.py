@@ -115,11 +115,16 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
         behaviour = observe(coarse, sphere, points)
         if behaviour.kind == "chrome":
             suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, None if rival is None else rival[0]))
+    flat: list[Suspect] = []
     for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
         if any(overlap(sphere, other.sphere) for other in suspects):
             continue
         behaviour = observe(coarse, sphere, points)
-        if behaviour.kind == "white":
+        if behaviour.flatness > 0:
+            flat.append(Suspect(sphere, behaviour))
+        # Half beside its own outline a pebble may pass for a ball that shades less well.
+        beside = any(overlap(sphere, f.sphere) and f.behaviour.lambert > behaviour.lambert for f in flat)
+        if behaviour.kind == "white" and not beside:
             suspects.append(Suspect(replace(sphere, kind="white"), behaviour))
         elif not any(overlap(sphere, other) for other, _ in rejected):
             rejected.append((sphere, behaviour.reason))

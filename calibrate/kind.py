@@ -104,7 +104,9 @@ def changes(images: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (WIDEST_PX, WIDEST_PX))
     change = images - np.median(images, axis=0)
-    return np.stack([cv2.GaussianBlur(cv2.morphologyEx(one, cv2.MORPH_TOPHAT, kernel), (0, 0), 1.2) for one in change])
+    for one in change:
+        one[:] = cv2.GaussianBlur(cv2.morphologyEx(one, cv2.MORPH_TOPHAT, kernel), (0, 0), 1.2)
+    return change
 
 
 def bright_points(change: NDArray[np.float32], sphere: Sphere) -> Points | None:

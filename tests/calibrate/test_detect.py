@@ -4,12 +4,17 @@ import numpy as np
 import pytest
 
 from calibrate.balls import find_balls
-from calibrate.coarse import shrink
-from calibrate.detect import detect
+from calibrate.circles import outline_of
+from calibrate.coarse import Coarse, shrink
+from calibrate.detect import Found, detect
+from calibrate.kind import Behaviour, Points
+from calibrate.silhouette import OutlineFit
+from fixtures import ball_scene
+from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
-from scene.spheres import SphereRequest
+from scene.spheres import Sphere, SphereRequest
 
 
 def _truth(world):
@@ -136,3 +141,61 @@ def test_a_ball_shot_apart_needs_as_many_frames(table):
     own = Frames(frames.names[:4], frames.codes[:4], frames.gain[:4])
     with pytest.raises(CalibrationError, match="4 photographs of the ball, but 10 flash frames"):
         find_balls(frames, world.camera, [SphereRequest("chrome", frames=own)])
+
+
+@pytest.fixture(scope="module")
+def printed():
+    """(world, frames): a checkered table; mirrors that touch, one dusty; a matte ball; a pebble; a cut mirror."""
+    rng = np.random.default_rng(10007)
+    camera = Camera(640, 440, 960.0, 960.0, 322.0, 217.0)
+    count = 9
+    powers = 0.4 * rng.uniform(0.8, 1.2, (count, 1)) * np.ones((1, 3))
+    world = World(camera, [], flashes(count, seed=10007), powers, table_texture="checker", table_half=500.0)
+    world.table_albedo, world.table_second, world.table_grain_mm = 0.3, 0.15, 18.0
+    specks = dust(rng, 12, radius_mm=1.0, ball_mm=40.0)
+    world.stand("chrome", -180, 90, 40).stand("chrome", -99, 90, 40, marks=specks).stand("white", 190, 80, 36)
+    world.put("ellipsoid", 120, -110, (45, 45, 24), albedo=0.7)
+    world.stand("chrome", -345, -120, 40)
+    return world, ball_scene.render(world, seed=10007)
+
+
+def test_print_dust_and_touching_balls_do_not_hide_balls(printed):
+    world, frames = printed
+    found, rejected = detect(frames, world.camera, shrink(frames, world.camera))
+    whole = [one.sphere for one in found if one.sphere.center_px[0] > 40]
+    for kind, center, radius in _truth(world)[:3]:
+        ball = min(whole, key=lambda s: np.hypot(*(s.center_px - center)))
+        assert ball.kind == kind
+        np.testing.assert_allclose(ball.center_px, center, atol=0.4)
+        assert ball.radius_px == pytest.approx(radius, abs=0.4)
+    assert len(whole) == 3
+    pebble = world.camera.project(world.clutter[0].center)
+    near = [r for r in rejected if np.hypot(*(r.center_px - pebble)) < 15]
+    assert any("flatter body" in r.reason for r in near), [r.reason for r in near]
+
+
+def test_a_mirror_whose_outline_is_not_sure_is_named():
+    """The rim that it mirrors stands as still as a circle around it, and neither holds the other."""
+    points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
+
+    def circle(u, radius, score):
+        return Sphere("chrome", np.array([u, 50.0]), radius, score=score), points
+
+    (best, _), rival = outline_of([circle(50.0, 30.0, 0.9), circle(50.5, 23.0, 1.0), circle(50.2, 23.5, 0.98)])
+    assert best.radius_px == 30.0
+    assert rival is None
+    (best, _), rival = outline_of([circle(50.0, 30.0, 0.9), circle(57.0, 30.0, 0.9)])
+    assert rival is not None
+    fit = OutlineFit(best, np.eye(3), 0.1)
+    warning = Found(fit, Behaviour(points, 0.0, np.zeros((6, 3))), rival[0]).warning
+    assert warning is not None
+    assert "a circle of 30 px stands as still" in warning
+
+
+def test_a_few_frames_of_many_are_searched():
+    images = np.zeros((60, 40, 60), np.float32)
+    images += np.arange(60)[:, None, None]
+    few = Coarse(images, Camera.orthographic(60, 40), 1).few()
+    assert len(few.images) == 20
+    assert few.images[0, 0, 0] == 0
+    assert few.images[-1, 0, 0] == 59
