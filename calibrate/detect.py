@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calibrate.choice import Reasons, Suspect, asked_for, sure_ones
 from calibrate.circles import by_points, outline_of, overlap, rank, standing_circles
 from calibrate.coarse import Coarse
-from calibrate.kind import Behaviour, Points, bright_points, changes, observe
+from calibrate.kind import FLATTER, Behaviour, Points, bright_points, changes, observe
 from calibrate.silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
@@ -120,7 +120,7 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
         if any(overlap(sphere, other.sphere) for other in suspects):
             continue
         behaviour = observe(coarse, sphere, points)
-        if behaviour.flatness > 0:
+        if behaviour.flatness > FLATTER:
             flat.append(Suspect(sphere, behaviour))
         # Half beside its own outline a pebble may pass for a ball that shades less well.
         beside = any(overlap(sphere, f.sphere) and f.behaviour.lambert > behaviour.lambert for f in flat)

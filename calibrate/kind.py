@@ -18,6 +18,8 @@ WIDEST_PX = 21
 """A flash mirrored in the largest ball is narrower than this, coarse pixels; a mirrored table or white ball is not."""
 FLAT = 0.7
 """Height over width from which on a body's shading is told from a ball's."""
+FLATTER = 0.013
+"""Advantage of the flat body's shading that bounce and gloss on a ball make."""
 
 
 @dataclass(frozen=True)
@@ -64,19 +66,23 @@ class Behaviour:
         Unit b_f of that fit: rough light directions.
     flatness : float
         How much more of it the shading of a body explains that is `FLAT` times as high as a ball: a pebble, a dome.
+    moving : float
+        The share where the disc's darkest frame is subtracted, pixel by pixel: even surroundings that a mirror shows
+        in all frames may look like shading, what moves on it does not.
     """
 
     points: Points
     lambert: float
     directions: Array
     flatness: float = 0.0
+    moving: float = 0.0
 
     @property
     def kind(self) -> Kind | None:
         if self.lambert >= 0.9:
-            return "white" if self.flatness <= 0 else None
+            return "white" if self.flatness <= FLATTER else None
         # Glossy things of any shape show a point, too, and shade.
-        return "chrome" if self.points.wander and self.lambert < 0.3 else None
+        return "chrome" if self.points.wander and self.moving < 0.2 else None
 
     @property
     def reason(self) -> str:
@@ -164,7 +170,10 @@ def observe(coarse: Coarse, sphere: Sphere, points: Points, *, most_pixels: int 
     if lambert >= 0.9:
         flat = normals + (1 / FLAT - 1) * (facing * view)[inside][::every]
         flatness = _lambert(values, flat / np.linalg.norm(flat, axis=1, keepdims=True))[0] - lambert
-    return Behaviour(points, lambert, directions, flatness)
+    moving = 0.0
+    if points.wander and lambert < 0.9:
+        moving, _ = _lambert(values - values.min(0), normals)
+    return Behaviour(points, lambert, directions, flatness, moving)
 
 
 def _lambert(values: Array, normals: Array) -> tuple[float, Array]:
