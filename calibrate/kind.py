@@ -18,7 +18,7 @@ WIDEST_PX = 21
 """A flash mirrored in the largest ball is narrower than this, coarse pixels; a mirrored table or white ball is not."""
 FLAT = 0.7
 """Height over width from which on a body's shading is told from a ball's."""
-FLATTER = 0.013
+FLATTER = 0.012
 """Advantage of the flat body's shading that bounce and gloss on a ball make."""
 
 
