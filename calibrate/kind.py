@@ -82,7 +82,8 @@ class Behaviour:
         if self.lambert >= 0.9:
             return "white" if self.flatness <= FLATTER else None
         # Glossy things of any shape show a point, too, and shade.
-        return "chrome" if self.points.wander and self.moving < 0.2 else None
+        is_mirror = self.moving < (0.2 if self.lambert < 0.3 else -1)
+        return "chrome" if self.points.wander and is_mirror else None
 
     @property
     def reason(self) -> str:
