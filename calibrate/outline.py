@@ -63,12 +63,6 @@ def moved(sphere: Sphere, shift: Array) -> Sphere:
     return replace(sphere, center_px=sphere.center_px + shift[:2], radius_px=float(sphere.radius_px + shift[2]))
 
 
-def scaled(sphere: Sphere, scale: float) -> Sphere:
-    """Return the ball in an image `scale` times as large; pixel centres are integers in both."""
-    center = (sphere.center_px + 0.5) * scale - 0.5
-    return replace(sphere, center_px=center, radius_px=float(sphere.radius_px * scale))
-
-
 def _along_normals(edges: NDArray[np.float32], points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
     """Return (N, M): how strongly standing edges run along the outline, shifted by each offset."""
     where = (points[:, None] + offsets[:, None] * normals[:, None]).astype(np.float32)
