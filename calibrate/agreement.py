@@ -17,12 +17,16 @@ Array = NDArray[np.float64]
 
 def agreeing_spots(
     camera: Camera, spheres: list[Sphere], spots: list[Spots], measurable: bool, flags: list[list[str]]
-) -> tuple[Array, Array]:
-    """Choose one bright point per ball and frame: the brightest, unless others agree between balls much better."""
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Choose one bright point per ball and frame: the brightest, unless others agree between balls much better.
+
+    Returns pixels (S, F, 2), their sigma (S, F), and which was chosen (S, F), 0 for the brightest.
+    """
     pixels = np.stack([s.pixels[:, 0] for s in spots])
     sigma = np.stack([s.sigma_px[:, 0] for s in spots])
+    picks = np.zeros(sigma.shape, np.intp)
     if len(spheres) < 2:
-        return pixels, sigma
+        return pixels, sigma, picks
     rays = [mirrored_rays(camera, sphere, s.pixels) for sphere, s in zip(spheres, spots, strict=True)]
 
     def miss_deg(f: int, pick: tuple[int, ...]) -> float:
@@ -50,8 +54,9 @@ def agreeing_spots(
         options += [range(1)] * (len(spots) - 4)
         pick = min(product(*options), key=lambda p: miss_deg(f, p) + 0.5 * sum(p))
         if miss_deg(f, pick) < 0.4 * plain:
+            picks[:, f] = pick
             for s, k in enumerate(pick):
                 pixels[s, f], sigma[s, f] = spots[s].pixels[f, k], spots[s].sigma_px[f, k]
                 if k:
                     flags[f].append(f"a brighter point on chrome ball {s + 1} is not the flash")
-    return pixels, sigma
+    return pixels, sigma, picks

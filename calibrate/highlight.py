@@ -42,7 +42,8 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     Notes
     -----
     What a frame adds to the median over frames is the flash and its company: the table, a window and the
-    object that the ball mirrors stand still and drop out. Found in the coarse stack, measured at full size.
+    object that the ball mirrors stand still and drop out. Found in the coarse stack, measured at full size: the
+    brightest by `fit_disc`, the others by their centroid, `measure_spot` for the one that proves to be the flash.
     """
     rough, strength = _rough(coarse, coarse.from_full(sphere))
     pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
@@ -51,7 +52,8 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     for f in range(len(frames)):
         for k in range(MOST_SPOTS):
             if np.isfinite(strength[f, k]) and strength[f, k] > FAINT * usual:
-                spot = _measure(frames, f, camera, sphere, coarse.to_full(rough[f, k]), coarse.factor)
+                near = coarse.to_full(rough[f, k])
+                spot = measure_spot(frames, f, camera, sphere, near, factor=coarse.factor, fitted=k == 0)
                 if spot is not None:
                     pixels[f, k], sigma[f, k] = spot
     return Spots(pixels, sigma)
@@ -82,10 +84,10 @@ def _rough(coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
     return pixels, strength
 
 
-def _measure(
-    frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, factor: int
+def measure_spot(
+    frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, *, factor: int = 1, fitted: bool = True
 ) -> tuple[Array, float] | None:
-    """Return centre (2,) and sigma of the spot near a pixel, at full size.
+    """Return centre (2,) and sigma of the spot of frame `f` near a pixel that is known to `factor` pixels.
 
     Notes
     -----
@@ -127,6 +129,9 @@ def _measure(
     ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
     center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
     near_by = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
+    vague = (center, 0.15 + 0.06 * size)
+    if not fitted:
+        return vague
     patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
     if patch is None:
         patch = Patch(
@@ -137,7 +142,7 @@ def _measure(
         )
     inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
-    return fit or (center, 0.15 + 0.06 * size)
+    return fit or vague
 
 
 def _patch(

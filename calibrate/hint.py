@@ -51,6 +51,11 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
         groups = by_points([(sphere, points) for sphere, points in seen if points is not None and points.wander])
         found = distinct([outline_of(group)[0][0] for group in groups][:2] + found[:1]) if groups else found
     return [
-        replace(s, center_px=coarse.to_full(s.center_px + corner), radius_px=float(s.radius_px * coarse.factor))
+        replace(
+            s,
+            kind=hint.kind,
+            center_px=coarse.to_full(s.center_px + corner),
+            radius_px=float(s.radius_px * coarse.factor),
+        )
         for s in found
     ]
