@@ -99,10 +99,11 @@ def _reach(results: dict) -> str:
     rows.append(("... intensities, two / four balls", "90–98 %", "", " / ".join(inside)))
     rows.append(_speed(results))
     balls = results.get("balls")
-    told = EMPTY
+    told, scenes = EMPTY, 200
     if balls:
+        scenes = len(balls["wanted"])
         told = f"{sum(balls['found']) / sum(balls['wanted']):.1%}, {sum(balls['false'])} false"
-    rows.append(("balls found, 200 random scenes", "99 %, no false ball", "100 %", told))
+    rows.append((f"balls found, {scenes} random scenes", "99 %, no false ball", "100 %", told))
     head = "| | bar | stretch | measured |\n|---|---|---|---|\n"
     return head + "".join("| " + " | ".join(row) + " |\n" for row in rows) + "\n" + _counts(results)
 
@@ -142,7 +143,8 @@ def _peers(results: dict) -> str:
         for tool in TOOLS:
             errors = np.array(data[f"{offset:.0f}_{tool}"], float)
             lost = f", {np.isnan(errors).mean():.0%} lost" if np.isnan(errors).any() else ""
-            cells.append(f"{np.nanmean(errors):.2f} / {np.nanquantile(errors, 0.95):.2f}{lost}")
+            digits = 2 if np.nanmean(errors) > 0.1 else 3
+            cells.append(f"{np.nanmean(errors):.{digits}f} / {np.nanquantile(errors, 0.95):.{digits}f}{lost}")
         angle = np.degrees(np.arctan(offset / 1000))
         lines.append(f"| {angle:.1f}° ({offset / 1000 * FOCAL_PX:.0f} px) | " + " | ".join(cells) + " |")
     out = "\n".join(lines) + "\n\nMean / 95th percentile, degrees.\n\n"
