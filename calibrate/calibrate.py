@@ -123,7 +123,7 @@ def _aim_from_chrome(
 ) -> Aim:
     """Fit the lights to the highlights; put the adjusted balls into `spheres` and the highlights into `shown`."""
     chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
-    fit, seen, chosen = lights_from_chrome(camera, [balls[i] for i in chrome], reference, notes)
+    fit, seen, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shaded, reference, notes)
     for row, i in enumerate(chrome):
         spheres[i] = fit.spheres[row]
         shown[i, seen] = np.where(fit.used[row][:, None], chosen[row, seen], np.nan)
@@ -171,7 +171,14 @@ def _intensities(
     if any(sphere.kind == "chrome" for sphere in spheres):
         white = next(sphere for sphere in spheres if sphere.kind == "white")
         apart = compare_with_chrome(
-            aim.camera, white, shaded[0][0], aim.directions, aim.positions_mm, notes.evidence, notes.warnings
+            frames.names,
+            aim.camera,
+            white,
+            shaded[0][0],
+            aim.directions,
+            aim.positions_mm,
+            notes.evidence,
+            notes.warnings,
         )
         if apart > APART_DEG and aim.positions_mm is None:
             # Near lights without ranges: at the white ball its own shading knows the direction better.

@@ -10,6 +10,7 @@ from calibrate.calibration import Notes
 from calibrate.light_fit import LightFit
 from calibrate.positions import fit_lights
 from scene.camera import Camera
+from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -21,6 +22,8 @@ EXPLAINS = 0.5
 """Share of the misfit that one suspect must explain, alone, to be named."""
 NOTABLE = 0.02
 """Relative change from which a diameter or a focal length is called wrong."""
+MANY = 0.25
+"""Share of the highlights left out from which it is no longer the highlights' fault."""
 DOUBT = 0.5
 """Relative sigma of a diameter that nobody stated."""
 DISAGREE_DEG = 0.5
@@ -62,7 +65,7 @@ def choose_model(
     if not gain > NEAR_BIC:
         notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
         return _judged(distant, notes)
-    if near.misfit > SUSPICIOUS and told:
+    if told and (near.misfit > SUSPICIOUS or _left_out(near, highlights) > MANY):
         near = _with_culprit(near, camera, scaled, covariances, doubt, fit, notes)
     assert near.positions_mm is not None
     distance = np.linalg.norm(near.positions_mm - near.reference, axis=1)
@@ -142,12 +145,37 @@ def _with_culprit(
     unit = best[3].scale ** 2
     equal = [s for s in suspects if s[0] - best[0] < 0.1 * (near.chi2_all - best[0]) + NEAR_BIC * unit]
     said = " or ".join(s[2] for s in equal)
+    chosen = _unsure(best[3], [s[3] for s in equal[1:]])
     notes.warnings.append(
         f"the chrome balls contradict each other: highlights and outlines miss by {near.misfit:.1f} times what was "
         f"expected, unless {said}. The lights are as if {best[2]}"
         + (", which is a guess: check diameter_mm of every ball, and the camera." if len(equal) > 1 else ".")
     )
-    return best[3]
+    return chosen
+
+
+def _unsure(fit: LightFit, others: list[LightFit]) -> LightFit:
+    """Widen the lights' sigmas by how far the other fits, as good as this one, have them elsewhere."""
+    turn, stretch = fit.direction_sigma_deg, fit.range_sigma
+    covariance = fit.position_covariance_mm2
+    assert fit.positions_mm is not None
+    assert covariance is not None
+    for other in others:
+        assert other.positions_mm is not None
+        turn = np.hypot(turn, angular_error_deg(fit.directions, other.directions) / 2)
+        here = np.linalg.norm(fit.positions_mm - fit.reference, axis=1)
+        there = np.linalg.norm(other.positions_mm - other.reference, axis=1)
+        stretch = np.hypot(stretch, np.log(there / here) / 2)
+        half = (other.positions_mm - fit.positions_mm) / 2
+        covariance = covariance + half[:, :, None] * half[:, None, :]
+    return replace(fit, direction_sigma_deg=turn, range_sigma=stretch, position_covariance_mm2=covariance)
+
+
+def _left_out(fit: LightFit, highlights: Array) -> float:
+    """Return the share of highlights that the fit does not believe, among those that it could check."""
+    seen = np.isfinite(highlights[..., 0])
+    shared = seen & (seen.sum(0) > 1)
+    return float((shared & ~fit.used).sum() / max(shared.sum(), 1))
 
 
 def _judged(fit: LightFit, notes: Notes) -> LightFit:

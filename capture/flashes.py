@@ -8,6 +8,8 @@ from scene.errors import CaptureError
 
 MISFIRE = 0.04
 """Share of the other frames' light below which the flash did not fire."""
+OUTSHINES, LARGE = 0.25, 0.01
+"""By how much, relative, and in which share of the picture the frame without flash may be brighter than one with."""
 SAME_LIGHT = 0.003
 """Relative difference of two pictures, after scaling, below which their lights cannot be told apart: about a degree."""
 
@@ -36,6 +38,15 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
             f"frames.ambient: is as bright as the flash frames (mean {ambient.mean():.4f} of white, flash adds "
             f"{usual:.4f}). The flash fired there, or nowhere: shoot the ambient frame again without flash."
         )
+    if ambient is not None:
+        # Light only adds: where the frame without flash is brighter, it had a light that the others had not.
+        over = np.array([np.mean(one < -OUTSHINES * ambient - 0.02 * usual) for one in light])
+        if np.median(over) > LARGE:
+            raise CaptureError(
+                f"frames.ambient: is brighter than the frames with flash in {np.median(over):.1%} of the picture "
+                "(median frame; expected 0 %): the flash fired there, or the room was lit otherwise. Shoot the ambient "
+                "frame again without flash, or leave it out."
+            )
     share = level / max(usual, 1e-9)
     dead = np.flatnonzero(share < MISFIRE)
     if len(dead):

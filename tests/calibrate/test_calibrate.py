@@ -167,7 +167,7 @@ def test_wrong_diameters_are_the_first_suspect(table, chrome_mm, white_mm):
     result = calibrate(frames, world.camera, requests)
     (warning,) = result.warnings
     assert "the white ball contradicts the lights' positions" in warning
-    assert "Check diameter_mm of every ball first" in warning
+    assert "Check diameter_mm of every ball" in warning
 
 
 def test_a_flash_that_the_white_ball_does_not_see_is_refused(table):

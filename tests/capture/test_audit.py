@@ -70,6 +70,11 @@ def test_a_flash_in_the_ambient_frame(warnings_of, scene_pictures):
     images = scene_pictures()
     with pytest.raises(CaptureError, match=r"frames\.ambient"):
         warnings_of(images, ambient=images.mean(0) * 1.05)
+    with pytest.raises(CaptureError, match=r"frames\.ambient: is brighter.*Shoot the ambient frame again"):
+        # From a place of its own: it lights what stands in the others' shadow.
+        ambient = images.mean(0) * 0.5
+        ambient[: len(ambient) // 8] = 1.4 * images.max(0)[: len(ambient) // 8]
+        warnings_of(images, ambient=ambient)
 
 
 def test_one_photograph_twice(warnings_of, scene_pictures):
