@@ -238,12 +238,17 @@ def test_a_slip_of_the_tongue(capsys, monkeypatch, words):
 
 
 def start(session, out):
-    return subprocess.Popen(
-        [*COMMAND, "process", str(session), "--out", str(out)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    # A shell that runs the tests in the background ignores Ctrl-C, and its children inherit that.
+    inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        return subprocess.Popen(
+            [*COMMAND, "process", str(session), "--out", str(out)],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+    finally:
+        signal.signal(signal.SIGINT, inherited)
 
 
 def wait_for(process, text):
