@@ -66,16 +66,7 @@ def world_of_size(width: int, height: int):
     """Return the world of a session "two" (seed 900), seen by a sensor of this size."""
     world = session_world(900, "two")
     f = width / CAMERA.width
-    camera = replace(
-        CAMERA,
-        width=width,
-        height=height,
-        fx=CAMERA.fx * f,
-        fy=CAMERA.fy * f,
-        cx=(CAMERA.cx + 0.5) * f - 0.5,
-        cy=(CAMERA.cy + 0.5) * f - 0.5,
-    )
-    return replace(world, camera=camera)
+    return replace(world, camera=CAMERA.scaled(width, height, f, f))
 
 
 def write_frames(folder: Path, first: int, last: int, width: int, height: int) -> None:

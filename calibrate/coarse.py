@@ -78,7 +78,7 @@ def shrink(frames: Frames, camera: Camera, *, progress: Callable[[int, int], Non
         for done, _ in enumerate(threads.map(read, range(len(frames)))):
             if progress:
                 progress(done + 1, len(frames))
-    return Coarse(images, shrunken(camera, width, height, factor), factor)
+    return Coarse(images, camera.scaled(width, height, 1 / factor, 1 / factor), factor)
 
 
 def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
@@ -95,16 +95,3 @@ def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
         small = cv2.resize(band, (width, band.shape[0] // factor), interpolation=cv2.INTER_AREA)
         out[row : row + len(small)] = (decode(small) if small.dtype == np.uint16 else small).mean(-1)
     return out
-
-
-def shrunken(camera: Camera, width: int, height: int, factor: int) -> Camera:
-    """Return the camera of `factor` x `factor` superpixels: pixel centre u becomes (u + 0.5) / factor - 0.5."""
-    return replace(
-        camera,
-        width=width,
-        height=height,
-        fx=camera.fx / factor,
-        fy=camera.fy / factor,
-        cx=(camera.cx + 0.5) / factor - 0.5,
-        cy=(camera.cy + 0.5) / factor - 0.5,
-    )

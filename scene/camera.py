@@ -129,15 +129,19 @@ class Camera:
 
     def halved(self) -> "Camera":
         """Return the camera of 2 x 2 superpixels: pixel centre u becomes (u - 0.5) / 2."""
+        return self.scaled(self.width // 2, self.height // 2, 0.5, 0.5)
+
+    def scaled(self, width: int, height: int, across: float, down: float) -> "Camera":
+        """Return the camera of a picture scaled by `across`, `down`: pixel centre u becomes (u + 0.5) across - 0.5."""
         return replace(
             self,
-            width=self.width // 2,
-            height=self.height // 2,
-            fx=self.fx / 2,
-            fy=self.fy / 2,
-            cx=(self.cx - 0.5) / 2,
-            cy=(self.cy - 0.5) / 2,
-            center_sigma_px=self.center_sigma_px / 2,
+            width=width,
+            height=height,
+            fx=self.fx * across,
+            fy=self.fy * down,
+            cx=(self.cx + 0.5) * across - 0.5,
+            cy=(self.cy + 0.5) * down - 0.5,
+            center_sigma_px=self.center_sigma_px * float(np.sqrt(across * down)),
         )
 
     def _distort(self, x: Array, y: Array) -> tuple[Array, Array]:

@@ -148,16 +148,7 @@ def _coarse(camera: Camera) -> Camera:
     """Return the camera of a small picture of the same view."""
     step = max(1.0, np.sqrt(camera.width * camera.height / BEHIND_PIXELS))
     width, height = max(2, round(camera.width / step)), max(2, round(camera.height / step))
-    x, y = width / camera.width, height / camera.height
-    return replace(
-        camera,
-        width=width,
-        height=height,
-        fx=camera.fx * x,
-        fy=camera.fy * y,
-        cx=(camera.cx + 0.5) * x - 0.5,
-        cy=(camera.cy + 0.5) * y - 0.5,
-    )
+    return camera.scaled(width, height, width / camera.width, height / camera.height)
 
 
 def _resized(image: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
