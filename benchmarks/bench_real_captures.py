@@ -124,8 +124,8 @@ def measure_washington() -> tuple[list[str], np.ndarray]:
         f"{by_given.median_deg:.2f}° |",
         "",
         f"The two sets of lights differ by {chrome_given.mean():.2f}° (mean), {chrome_given.max():.2f}° (worst); the "
-        f"sigma stated here is {np.median(w.found.lights.direction_sigma_deg):.2f}°: it covers the highlight and the "
-        "outline, not a camera of which nothing is known, nor a ball that is no sphere. The gray ball is no perfect "
+        f"sigma stated here is {np.median(w.found.lights.direction_sigma_deg):.2f}°: it covers the highlight, the "
+        "outline and a camera of which nothing is known, not a ball that is no sphere. The gray ball is no perfect "
         "judge: its stain and its scratches show in the residual. Intensities read on the gray ball: "
         f"{w.found.lights.intensities.min():.3f} to {w.found.lights.intensities.max():.3f}.",
         "",

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
-from calibrate.known import read_lights
-from calibrate.skin import read_skin, shading_directions
+from calibrate.light_files.known import read_lights
+from calibrate.photometry.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames, encode

@@ -5,16 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibrate.balls import Ball, find_balls
 from calibrate.calibration import Array, Calibration
-from calibrate.detect import Rejected
-from calibrate.directions import mirrored_rays
-from calibrate.from_object import strengths_from_object
-from calibrate.from_white import intensities_from_white
-from calibrate.highlight import find_spots
-from calibrate.known import NO_INTENSITIES, lacks_intensities, without_flag
-from calibrate.skin import read_skin, shading_directions
-from calibrate.turned import contradiction
+from calibrate.finding.balls import Ball, find_balls
+from calibrate.finding.detect import Rejected
+from calibrate.light_files.known import NO_INTENSITIES, lacks_intensities, without_flag
+from calibrate.lights.directions import mirrored_rays
+from calibrate.lights.highlight import find_spots
+from calibrate.lights.turned import contradiction
+from calibrate.photometry.from_white import intensities_from_white
+from calibrate.photometry.skin import read_skin, shading_directions
+from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

@@ -116,7 +116,7 @@ def export(
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
     """Write the lights, calibrated first if they are not yet, for another program into OUT/export."""
-    from calibrate.export import export_lights
+    from calibrate.light_files.export import export_lights
     from lab.plan import STEPS
 
     with open_job(session, out=out) as job:

@@ -46,7 +46,7 @@ def check(job: Job) -> Outcome:
 def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
-    from calibrate.known import read_lights
+    from calibrate.light_files.known import read_lights
     from capture.requests import sphere_requests
 
     store = job.store
@@ -89,7 +89,7 @@ def calibrate(job: Job) -> Outcome:
 def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str) -> Any:
     from align.given import read_normals
     from calibrate.calibration import Calibration
-    from calibrate.from_normals import lights_from_normals
+    from calibrate.without_balls.from_normals import lights_from_normals
     from capture.requests import read_mask
 
     session = job.session

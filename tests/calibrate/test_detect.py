@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from calibrate.balls import find_balls
-from calibrate.circles import outline_of
-from calibrate.coarse import Coarse, shrink
-from calibrate.detect import Found, detect
-from calibrate.kind import Behaviour, Points
-from calibrate.silhouette import OutlineFit
+from calibrate.finding.balls import find_balls
+from calibrate.finding.circles import outline_of
+from calibrate.finding.coarse import Coarse, shrink
+from calibrate.finding.detect import Found, detect
+from calibrate.finding.kind import Behaviour, Points
+from calibrate.finding.silhouette import OutlineFit
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
@@ -53,7 +53,7 @@ def test_order_of_frames_does_not_matter(table):
 def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
     """Coarse to fine: searched at half size, fitted at full size."""
     world, frames = table
-    monkeypatch.setattr("calibrate.coarse.LONGEST_SIDE_PX", 300)
+    monkeypatch.setattr("calibrate.finding.coarse.LONGEST_SIDE_PX", 300)
     coarse = shrink(frames, world.camera)
     assert coarse.factor == 2
     assert coarse.images.shape == (len(frames), 200, 300)

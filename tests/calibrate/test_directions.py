@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from calibrate.directions import mirrored_rays, unknown_view_deg
+from calibrate.lights.directions import mirrored_rays, unknown_view_deg
 from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.spheres import Sphere

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from calibrate.coarse import shrink
-from calibrate.highlight import _sites, find_spots
-from calibrate.reflected_disc import _image
+from calibrate.finding.coarse import shrink
+from calibrate.lights.highlight import _sites, find_spots
+from calibrate.lights.reflected_disc import _image
 from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames
 from scene.spheres import Sphere

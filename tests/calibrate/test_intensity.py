@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from calibrate.intensity import measure
-from calibrate.skin import read_skin, shading_directions
+from calibrate.photometry.intensity import measure
+from calibrate.photometry.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.normals import angular_error_deg

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
-from calibrate.adjustment import Adjustment, ray_meeting
 from calibrate.calibration import Notes
-from calibrate.light_model import choose_model
-from calibrate.outline import moved, offset_jacobian, outline_with_normals
-from calibrate.positions import fit_lights
+from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
+from calibrate.lights.adjustment import Adjustment, ray_meeting
+from calibrate.lights.light_model import choose_model
+from calibrate.lights.positions import fit_lights
 from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.spheres import Sphere

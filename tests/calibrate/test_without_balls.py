@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from calibrate.from_normals import MISFIT, lights_from_normals
-from calibrate.from_object import strengths_from_object
-from calibrate.probe import read_probe
-from calibrate.semicalibrated import intensities_from_object
+from calibrate.without_balls.from_normals import MISFIT, lights_from_normals
+from calibrate.without_balls.from_object import strengths_from_object
+from calibrate.without_balls.probe import read_probe
+from calibrate.without_balls.semicalibrated import intensities_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

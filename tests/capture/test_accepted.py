@@ -13,8 +13,8 @@ def test_what_is_accepted_is_what_can_be_read(tmp_path):
     from align.given import SUFFIXES as NORMALS
     from align.scan import SUFFIXES as SCAN
     from align.scan import UNITS_MM
-    from calibrate.known import SUFFIXES as LIGHTS
-    from calibrate.known import read_lights
+    from calibrate.light_files.known import SUFFIXES as LIGHTS
+    from calibrate.light_files.known import read_lights
     from scene.errors import CalibrationError
 
     assert set(get_args(ObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)

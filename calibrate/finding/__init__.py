@@ -1,0 +1,1 @@
+"""Where the balls are: candidates, their kind, their outlines."""

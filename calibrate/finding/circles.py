@@ -1,0 +1,120 @@
+"""Circles of standing edges: which are one and the same, and which of a mirror's rings is its outline."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.finding.candidates import find_circles, static_edges, without_albedo
+from calibrate.finding.coarse import Coarse
+from calibrate.finding.kind import Behaviour, Points
+from calibrate.finding.outline import refine_on_edges
+from scene.spheres import Sphere
+
+LEAST_SCORE = 0.5
+"""A circle that less of its outline supports is not looked into."""
+
+Candidate = tuple[Sphere, Points]
+SAME_POINTS = 0.7
+"""Share of the frames in which circles of one mirror show the light at one place."""
+ENOUGH = 0.7
+"""Share of the best circle's score that a mirror's outline shows at least."""
+CLOSE = 0.08
+"""Difference in worth up to which it is open which of two circles is a mirror's outline."""
+ALIKE = 0.13
+"""How far, in radii, a highlight may lie from where another ball has it: lights at unequal distances do that."""
+
+
+def rank(sphere: Sphere) -> float:
+    """A long outline is more evidence than a short one of the same share."""
+    return sphere.score**2 * sphere.radius_px**0.25
+
+
+def distinct(spheres: list[Sphere]) -> list[Sphere]:
+    """Return the circles that differ by more than a pixel, the best supported first."""
+    kept: list[Sphere] = []
+    for s in sorted(spheres, key=rank, reverse=True):
+        if all(np.hypot(*(s.center_px - k.center_px)) + abs(s.radius_px - k.radius_px) > 1 for k in kept):
+            kept.append(s)
+    return kept
+
+
+def overlap(a: Sphere, b: Sphere) -> bool:
+    """Whether two circles cover each other more than two balls that touch would."""
+    return float(np.hypot(*(a.center_px - b.center_px))) < 0.85 * (a.radius_px + b.radius_px)
+
+
+def standing_circles(coarse: Coarse) -> list[Sphere]:
+    """Return the circles of standing edges, in the photographs and in the same without their albedo, coarse pixels."""
+    found = []
+    for images in (coarse.images, without_albedo(coarse.images)):
+        votes = static_edges(images)
+        edges = np.stack([votes.real, votes.imag], -1)
+        for circle in find_circles(images):
+            start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
+            sphere = refine_on_edges(edges, coarse.camera, start)
+            if sphere.score >= LEAST_SCORE:
+                found.append(sphere)
+    return found
+
+
+def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
+    """Return groups of circles that show the light at the same places: one mirror, its outline and what it mirrors."""
+    groups: list[list[Candidate]] = []
+    places: list[NDArray[np.float64]] = []
+    for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
+        here = sphere.center_px + sphere.radius_px * points.track
+        for group, there in zip(groups, places, strict=True):
+            if np.mean(np.hypot(*(here - there).T) < 2) >= SAME_POINTS:
+                group.append((sphere, points))
+                break
+        else:
+            groups.append([(sphere, points)])
+            places.append(here)
+    return groups
+
+
+def outline_of(group: list[Candidate]) -> tuple[Candidate, Candidate | None]:
+    """Return the circle of a group that is the mirror's outline, and another that is about as good, or None.
+
+    A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which differs
+    from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside: the outline holds all
+    other circles of the group, and much of it stands still.
+    """
+    spheres = [sphere for sphere, _ in group]
+    center = np.array([sphere.center_px for sphere in spheres])
+    radius = np.array([sphere.radius_px for sphere in spheres])
+    score = np.array([sphere.score for sphere in spheres])
+    apart = np.hypot(*(center[:, None] - center[None]).T).T
+    holds = apart + radius[None] < 1.05 * radius[:, None] + 0.5
+    weight = np.maximum(score - LEAST_SCORE, 1e-3)
+    worth = np.where(score >= ENOUGH * score.max(), score**2 + holds @ weight / weight.sum(), 0)
+    best = int(np.argmax(worth))
+    differs = apart[best] + np.abs(radius - radius[best]) > np.maximum(2.0, 0.08 * radius[best])
+    rival = int(np.argmax(np.where(differs, worth, -1)))
+    close = differs[rival] and worth[rival] > worth[best] - CLOSE
+    return group[best], group[rival] if close else None
+
+
+def alike(a: Behaviour, b: Behaviour) -> float:
+    """Return the share of frames in which two balls see the lights alike, 0 to 1.
+
+    Notes
+    -----
+    Where each frame's half-way normal lies on the one disc is predicted from where it lies on the other by a scale
+    and a shift: near lights move the track by some tenths of the radius and scale it a little. A circle that is not
+    the ball's outline, and a body that is no ball, stretch the track; a shadow on a ball spoils single frames.
+    """
+    first, second = _track(a), _track(b)
+    share = 0.0
+    for scale in np.arange(0.75, 1.34, 0.05):
+        shift = second - scale * first
+        residual = np.hypot(*(shift - np.median(shift, axis=0)).T)
+        share = max(share, float(np.mean(residual < ALIKE * max(1.0, scale))))
+    return share
+
+
+def _track(behaviour: Behaviour) -> NDArray[np.float64]:
+    """Return where the light's half-way normal lies on the unit disc, (F, 2), v down."""
+    if behaviour.kind == "chrome":
+        return behaviour.points.track
+    half = behaviour.directions + [0.0, 0.0, 1.0]
+    return half[:, :2] * [1, -1] / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)

@@ -1,0 +1,1 @@
+"""Lights read from, and written to, the files of other tools."""

@@ -1,0 +1,250 @@
+"""The adjustment of camera, balls and lights together: unknowns, residuals, derivatives, covariance.
+
+Each light is a direction at the reference point and an inverse range, 0 for a distant light, so that the
+two models are one code and nested. Each ball may move within what its outline allows, each diameter and the camera
+within what is known of them.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
+from calibrate.lights.directions import mean_directions, mirrored_rays
+from scene.camera import Camera
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+NEAREST_INVERSE_MM = 1e-5
+"""100 m: farther is distant."""
+RANGE_PRIOR = 0.7
+"""Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
+STEP = 1e-4
+"""Of the differences by balls and camera, in sigmas' order of magnitude: the law of the mirror is smooth."""
+
+
+def ray_meeting(points: Array, directions: Array) -> Array:
+    """Return the point (3,) nearest to rays (K, 3), (K, 3) in the least-squares sense; NaN if they are parallel."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    normal = across.sum(0)
+    if np.linalg.cond(normal) > 1e7:
+        return np.full(3, np.nan)
+    return np.linalg.solve(normal, np.einsum("kij,kj->i", across, points))
+
+
+class Adjustment:
+    """Unknowns: the camera's log focal length and centre; per ball (u, v, radius) and the log of its diameter; per
+    light two tangent components, and the log of the inverse range if near. What is known exactly is left out.
+    """
+
+    def __init__(
+        self,
+        camera: Camera,
+        spheres: list[Sphere],
+        covariances: list[Array],
+        highlights: Array,
+        sigma_px: Array,
+        reference: Array,
+        *,
+        near: bool,
+        diameter_sigma: Array | None = None,
+    ) -> None:
+        self.camera, self.spheres = camera, spheres
+        self.highlights, self.stated = highlights, sigma_px
+        self.sigma, self.scale = sigma_px, 1.0
+        self.reference, self.near = np.asarray(reference, np.float64), near
+        self.balls, self.lights = highlights.shape[:2]
+        self.used = np.isfinite(highlights[..., 0])
+        # Whitening of the outline's prior: |L^-1 d|^2 = d^T C^-1 d.
+        self.whiten = [np.linalg.inv(np.linalg.cholesky(c)) for c in covariances]
+        known = [camera.focal_sigma, camera.center_sigma_px, camera.center_sigma_px]
+        self.camera_sigma = np.zeros(3) if camera.is_orthographic else np.array(known, np.float64)
+        self.diameter_sigma = np.zeros(self.balls) if diameter_sigma is None else diameter_sigma
+        self.shifts = [_outline_shift(camera, s) if self.camera_sigma.any() else np.zeros((3, 3)) for s in spheres]
+        # Columns of x: camera, balls, diameters, then the lights.
+        self.free_camera = np.flatnonzero(self.camera_sigma)
+        self.free_diameters = np.flatnonzero(self.diameter_sigma)
+        self.first_ball = len(self.free_camera)
+        self.first_diameter = self.first_ball + 3 * self.balls
+        self.first_light = self.first_diameter + len(self.free_diameters)
+        self.per_light = 3 if near else 2
+        self._start_lights()
+
+    def _start_lights(self) -> None:
+        rays = [mirrored_rays(self.camera, s, h) for s, h in zip(self.spheres, self.highlights, strict=True)]
+        points, directions = (np.stack(part) for part in zip(*rays, strict=True))
+        self.origin = mean_directions(directions)
+        self.inverse = np.zeros(self.lights)
+        self.typical = 0.0
+        if self.near:
+            for f in range(self.lights):
+                seen = np.isfinite(directions[:, f, 0])
+                if seen.sum() >= 2:
+                    meeting = ray_meeting(points[seen, f], directions[seen, f]) - self.reference
+                    distance = np.linalg.norm(meeting)
+                    if np.isfinite(distance) and meeting @ self.origin[f] > 0:
+                        self.origin[f] = meeting / distance
+                        self.inverse[f] = 1 / distance
+            some = self.inverse[self.inverse > 0]
+            self.typical = float(np.median(some)) if len(some) else 1e-3
+            self.inverse = np.where(self.inverse > 0, self.inverse, self.typical)
+            self.inverse = np.clip(self.inverse, 0.2 * self.typical, 5 * self.typical)
+        # Two unit vectors across each direction.
+        helper = np.where(np.abs(self.origin[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+        self.side = np.cross(self.origin, helper)
+        self.side /= np.linalg.norm(self.side, axis=1, keepdims=True)
+        self.up = np.cross(self.origin, self.side)
+
+    def start(self) -> Array:
+        """Return the unknowns (n,) to begin with."""
+        lights = np.zeros((self.lights, self.per_light))
+        if self.near:
+            lights[:, 2] = np.log(self.inverse)
+        return np.concatenate([np.zeros(self.first_light), lights.ravel()])
+
+    def camera_at(self, x: Array) -> Camera:
+        """Return the adjusted camera."""
+        change = self._camera_change(x)
+        if not change.any():
+            return self.camera
+        c, grown = self.camera, float(np.exp(change[0]))
+        return replace(c, fx=c.fx * grown, fy=c.fy * grown, cx=c.cx + float(change[1]), cy=c.cy + float(change[2]))
+
+    def _camera_change(self, x: Array) -> Array:
+        change = np.zeros(3)
+        change[self.free_camera] = x[: self.first_ball]
+        return change
+
+    def balls_at(self, x: Array) -> list[Sphere]:
+        """Return the adjusted balls: what the camera's change does to a given outline, and their own moves."""
+        moves = x[self.first_ball : self.first_diameter].reshape(self.balls, 3)
+        change = self._camera_change(x)
+        out = [moved(s, m + shift @ change) for s, m, shift in zip(self.spheres, moves, self.shifts, strict=True)]
+        for column, i in enumerate(self.free_diameters):
+            factor = float(np.exp(x[self.first_diameter + column]))
+            out[i] = replace(out[i], diameter_mm=2 * out[i].radius_mm * factor)
+        return out
+
+    def reference_at(self, camera: Camera) -> Array:
+        """Return the reference point in an adjusted camera: the same pixel, farther by what the lens is longer."""
+        if camera is self.camera or self.camera.is_orthographic or self.reference[2] >= 0:
+            return self.reference
+        pixel = self.camera.project(self.reference)
+        return camera.points_at_depth(pixel, self.reference[2] * camera.fx / self.camera.fx)
+
+    def lights_at(self, x: Array) -> tuple[Array, Array]:
+        """Return directions (F, 3) and inverse ranges (F,)."""
+        lights = x[self.first_light :].reshape(self.lights, self.per_light)
+        directions = self.origin + lights[:, :1] * self.side + lights[:, 1:2] * self.up
+        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        inverse = np.exp(np.clip(lights[:, 2], np.log(NEAREST_INVERSE_MM), 3.0)) if self.near else np.zeros(self.lights)
+        return directions, inverse
+
+    def residual_pixels(self, x: Array) -> Array:
+        """Return (S, F, 2) px; NaN where unseen."""
+        camera, lights = self.camera_at(x), self.lights_at(x)
+        return np.stack([self._of_ball(camera, s, h, *lights)[0] for s, h in self._pairs(x)])
+
+    def _pairs(self, x: Array) -> list[tuple[Sphere, Array]]:
+        return list(zip(self.balls_at(x), self.highlights, strict=True))
+
+    def _of_ball(
+        self, camera: Camera, sphere: Sphere, pixels: Array, directions: Array, inverse: Array
+    ) -> tuple[Array, Array, Array, Array]:
+        """Return the residuals (F, 2), the picture's derivative by direction (F, 2, 3), q (F, 3) and its arm (F, 3).
+
+        q = d + w (ref - x) points from the ball to the light; the arm is its derivative by log w.
+        """
+        step = 0.01
+        points, seen = mirrored_rays(camera, sphere, pixels)
+        arm = inverse[:, None] * (self.reference_at(camera) - points)
+        toward = directions + arm
+        target = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+        along = [(mirrored_rays(camera, sphere, pixels + d)[1] - seen) / step for d in np.eye(2) * step]
+        a, b = along
+        aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
+        determinant = (aa * bb - ab * ab)[:, None]
+        inverted = np.stack(
+            [(bb[:, None] * a - ab[:, None] * b) / determinant, (aa[:, None] * b - ab[:, None] * a) / determinant], 1
+        )
+        return np.einsum("fki,fi->fk", inverted, seen - target), inverted, toward, arm
+
+    def residuals(self, x: Array) -> Array:
+        """Return what is to be small: highlights in sigmas, then the priors of balls, camera, diameters, ranges."""
+        pixels = self.residual_pixels(x) / self.sigma[..., None]
+        # Off the ball there is no mirror; a large constant keeps the step from going there.
+        pixels = np.where(np.isfinite(pixels), pixels, 1e3)
+        moves = x[self.first_ball : self.first_diameter].reshape(self.balls, 3)
+        return np.concatenate(
+            [
+                pixels[self.used].ravel(),
+                *(w @ m for w, m in zip(self.whiten, moves, strict=True)),
+                x[: self.first_ball] / self.camera_sigma[self.free_camera],
+                x[self.first_diameter : self.first_light] / self.diameter_sigma[self.free_diameters],
+                (x[self.first_light + 2 :: 3] - np.log(self.typical)) / RANGE_PRIOR if self.near else [],
+            ]
+        )
+
+    def jacobian(self, x: Array) -> Array:
+        """Return the derivatives of `residuals`: closed form by the lights, central differences by what is shared."""
+        rows, shared = 2 * int(self.used.sum()), self.first_light
+        pixels = np.zeros((self.balls, self.lights, 2, len(x)))
+        camera, (directions, inverse) = self.camera_at(x), self.lights_at(x)
+        tangents, every = self.tangents(x, directions), np.arange(self.lights)
+        for s, (sphere, seen) in enumerate(self._pairs(x)):
+            for i in self._of_shared(s):
+                step = STEP * np.eye(len(x))[i]
+                ends = [
+                    self._of_ball(self.camera_at(y), self.balls_at(y)[s], seen, directions, inverse)[0]
+                    for y in (x + step, x - step)
+                ]
+                pixels[s, ..., i] = (ends[0] - ends[1]) / (2 * STEP)
+            _, inverted, toward, arm = self._of_ball(camera, sphere, seen, directions, inverse)
+            length = np.linalg.norm(toward, axis=1)[:, None]
+            target = toward / length
+            for k, move in enumerate([*tangents, arm][: self.per_light]):
+                across = (move - target * np.sum(target * move, 1, keepdims=True)) / length
+                column = shared + self.per_light * every + k
+                pixels[s, every, :, column] = -np.einsum("fki,fi->fk", inverted, across)
+        out = np.zeros((rows + shared + self.lights * self.near, len(x)))
+        out[:rows] = np.nan_to_num((pixels / self.sigma[..., None, None])[self.used].reshape(rows, -1))
+        for s, whiten in enumerate(self.whiten):
+            out[rows + 3 * s : rows + 3 * s + 3, self.first_ball + 3 * s : self.first_ball + 3 * s + 3] = whiten
+        after = rows + 3 * self.balls
+        cameras, diameters = np.arange(self.first_ball), np.arange(self.first_diameter, shared)
+        out[after + cameras, cameras] = 1 / self.camera_sigma[self.free_camera]
+        after += len(cameras)
+        out[after + np.arange(len(diameters)), diameters] = 1 / self.diameter_sigma[self.free_diameters]
+        if self.near:
+            out[after + len(diameters) + every, shared + 2 + 3 * every] = 1 / RANGE_PRIOR
+        return out
+
+    def _of_shared(self, ball: int) -> list[int]:
+        """Return which shared unknowns move a ball: the camera's, and its own."""
+        diameter = self.first_diameter + np.flatnonzero(self.free_diameters == ball)
+        return [*range(self.first_ball), *range(self.first_ball + 3 * ball, self.first_ball + 3 * ball + 3), *diameter]
+
+    def tangents(self, x: Array, directions: Array) -> tuple[Array, Array]:
+        """Return the derivatives (F, 3) of the directions by their two tangent components."""
+        lights = x[self.first_light :].reshape(self.lights, self.per_light)
+        length = np.linalg.norm(self.origin + lights[:, :1] * self.side + lights[:, 1:2] * self.up, axis=1)[:, None]
+        side, up = ((v - directions * np.sum(directions * v, 1, keepdims=True)) / length for v in (self.side, self.up))
+        return side, up
+
+
+def _outline_shift(camera: Camera, sphere: Sphere) -> Array:
+    """Return (3, 3): what (u, v, radius) must change by with log f, cx and cy so that the outline stays where it is.
+
+    The outline was measured, the cone is inferred. What is left over, that the ellipse is a little longer or shorter,
+    is not used: it tells the focal length to 2 % a ball at best, and a lens whose k1 is 0.05 fakes 10 %.
+    """
+    points, normals = outline_with_normals(camera, sphere, 90)
+    jacobian = offset_jacobian(camera, sphere, points, normals)
+    other = [
+        replace(camera, fx=camera.fx * 1.001, fy=camera.fy * 1.001),
+        replace(camera, cx=camera.cx + 1),
+        replace(camera, cy=camera.cy + 1),
+    ]
+    offsets = [np.sum((sphere.outline(c, 90) - points) * normals, 1) for c in other]
+    return np.asarray(-np.linalg.lstsq(jacobian, np.stack(offsets, -1) / [0.001, 1.0, 1.0], rcond=None)[0], np.float64)

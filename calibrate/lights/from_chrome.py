@@ -1,0 +1,152 @@
+"""What the chrome balls say together: one highlight a frame on each, and the lights that explain them."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.calibration import Aim, Notes
+from calibrate.finding.balls import Ball
+from calibrate.lights.agreement import agreeing_spots
+from calibrate.lights.directions import mirrored_rays
+from calibrate.lights.highlight import find_spots, measure_spot
+from calibrate.lights.light_fit import LightFit
+from calibrate.lights.light_model import choose_model
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.normals import angular_error_deg
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+ROUND = 4e-4
+"""Share of its radius to which a ball is round and the lens straight across it: 0.03 px of 67, 0.15 px of 400."""
+STRAY_DEG = 45.0
+"""How much farther than usual a highlight must point beside the white ball's shading to be another thing's: flashes a
+metre away are up to 30 degrees elsewhere for a ball 500 mm beside the white one."""
+CONTRADICTION_DEG = 2.0
+"""How far the lights of two balls must point apart in one frame for it to be named."""
+
+
+def lights_from_chrome(
+    names: tuple[str, ...],
+    camera: Camera,
+    balls: list[Ball],
+    shaded: list[tuple[Array, Array]],
+    reference: Array,
+    notes: Notes,
+) -> tuple[LightFit, NDArray[np.bool_], Array]:
+    """Fit the lights to the highlights; return the fit, the frames that it holds, and the chosen highlights."""
+    spheres = [ball.sphere for ball in balls]
+    spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
+    measurable = not camera.is_orthographic and len(balls) >= 2 and all(s.diameter_mm for s in spheres)
+    chosen, sigma, picks = agreeing_spots(camera, spheres, spots, measurable, notes.flags)
+    for s, f in zip(*np.nonzero(picks), strict=True):
+        chosen[s, f], sigma[s, f] = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f]) or (
+            chosen[s, f],
+            sigma[s, f],
+        )
+    if shaded:
+        _leave_out_strays(camera, spheres, chosen, shaded[0][0], notes)
+    seen = np.asarray(np.isfinite(chosen[..., 0]).any(0))
+    if not seen.any():
+        raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
+    covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
+    fit = choose_model(camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, notes)
+    if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart:
+        notes.warnings.append(
+            "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
+            "flashes a metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and "
+            "state diameter_mm."
+        )
+    for s, f in zip(*np.nonzero(np.isfinite(chosen[:, seen, 0]) & ~fit.used), strict=True):
+        notes.flags[int(np.flatnonzero(seen)[f])].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
+    return _with_contradictions(fit, chosen[:, seen], np.array(names)[seen], notes), seen, chosen
+
+
+def _leave_out_strays(camera: Camera, spheres: list[Sphere], chosen: Array, shaded: Array, notes: Notes) -> None:
+    """Set to NaN what the white ball's shading contradicts, where another ball's highlight is left."""
+    off = np.stack(
+        [angular_error_deg(mirrored_rays(camera, s, at)[1], shaded) for s, at in zip(spheres, chosen, strict=True)]
+    )
+    if not np.isfinite(off).any():
+        return
+    stray = np.nan_to_num(off) > np.nanmedian(off) + STRAY_DEG
+    sound = np.isfinite(chosen[..., 0]) & ~stray
+    for s, f in zip(*np.nonzero(stray & sound.any(0)), strict=True):
+        chosen[s, f] = np.nan
+        notes.flags[f].append(
+            f"highlight on chrome ball {s + 1} is {off[s, f]:.0f} degrees beside the white ball's shading and left out"
+        )
+
+
+def _with_contradictions(fit: LightFit, chosen: Array, names: NDArray[np.str_], notes: Notes) -> LightFit:
+    """Widen, and name, the lights of frames in which two balls contradict each other: nobody knows which is right."""
+    left_out = np.isfinite(chosen[..., 0]) & ~fit.used
+    doubt = np.zeros(len(names))
+    for s, f in zip(*np.nonzero(left_out & (fit.used.sum(0) == 1)), strict=True):
+        points, toward = mirrored_rays(fit.camera, fit.spheres[s], chosen[s])
+        light = fit.directions[f] if fit.positions_mm is None else fit.positions_mm[f] - points[f]
+        doubt[f] = float(angular_error_deg(toward[f], light / np.linalg.norm(light)))
+    doubt[~(doubt > CONTRADICTION_DEG)] = 0
+    bad = np.flatnonzero(doubt)
+    if not len(bad):
+        return fit
+    listed = ", ".join(f"{names[f]} ({doubt[f]:.0f} degrees)" for f in bad)
+    notes.warnings.append(
+        f"{listed}: two chrome balls show the flash in directions so far apart, and nobody knows which is right: one "
+        "is left out, and sigma is half of that. A ball in shadow, a dirty one, or a wrong diameter_mm? Look at the "
+        "frames; reshoot them, or list them under frames.skip."
+    )
+    covariance = fit.position_covariance_mm2
+    if covariance is not None and fit.positions_mm is not None:
+        distance = np.linalg.norm(fit.positions_mm - fit.reference, axis=1)
+        across = np.eye(3) - fit.directions[:, :, None] * fit.directions[:, None, :]
+        covariance = covariance + ((distance * np.deg2rad(doubt / 2)) ** 2)[:, None, None] * across
+    sigma = np.hypot(fit.direction_sigma_deg, doubt / 2)
+    return replace(fit, direction_sigma_deg=sigma, position_covariance_mm2=covariance)
+
+
+def spread_over_frames(
+    frames: Frames,
+    fit: LightFit,
+    seen: NDArray[np.bool_],
+    shaded: list[tuple[Array, Array]],
+    notes: Notes,
+) -> Aim:
+    """Spread the fit over all frames; what no chrome ball saw comes from the white ball's shading."""
+    count = len(frames)
+    directions, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
+    range_sigma = np.full(count, np.nan)
+    reference = fit.reference
+    positions = None if fit.positions_mm is None else np.full((count, 3), np.nan)
+    covariance = None if fit.position_covariance_mm2 is None else np.full((count, 3, 3), np.nan)
+    directions[seen], sigma[seen], range_sigma[seen] = fit.directions, fit.direction_sigma_deg, fit.range_sigma
+    if positions is not None and fit.positions_mm is not None:
+        positions[seen] = fit.positions_mm
+    if covariance is not None and fit.position_covariance_mm2 is not None:
+        covariance[seen] = fit.position_covariance_mm2
+    lost = np.flatnonzero(~seen)
+    for f in lost:
+        if not shaded or not np.isfinite(shaded[0][0][f, 0]):
+            raise CalibrationError(
+                f"{frames.names[f]}: no chrome ball shows the flash, and no white ball tells its direction. Did it "
+                "fire? Reshoot, or list the frame under frames.skip."
+            )
+        directions[f] = shaded[0][0][f]
+        sigma[f] = max(2.0, shaded[0][1][f])
+        if positions is not None and fit.positions_mm is not None:
+            distance = np.median(np.linalg.norm(fit.positions_mm - reference, axis=1))
+            positions[f] = reference + distance * directions[f]
+            range_sigma[f] = 0.3
+            if covariance is not None:
+                across = (distance * np.deg2rad(sigma[f])) ** 2
+                along = np.outer(directions[f], directions[f])
+                covariance[f] = across * (np.eye(3) - along) + (range_sigma[f] * distance) ** 2 * along
+        notes.flags[f].append("no highlight seen: direction from the white ball's shading")
+    if len(lost):
+        names = ", ".join(frames.names[f] for f in lost)
+        notes.warnings.append(
+            f"{names}: no chrome ball shows the flash; the direction is from the white ball's shading."
+        )
+    return Aim(fit.camera, reference, directions, sigma, positions, range_sigma, covariance)

@@ -1,0 +1,189 @@
+"""Where the flash is mirrored on a chrome ball, to sub-pixels, on linear data."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.finding.coarse import Coarse
+from calibrate.lights.reflected_disc import Patch, fit_disc
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+MOST_SPOTS = 4
+"""Bright points looked at per ball and frame: the flash, and what else may outshine it."""
+GLOWING_PX = 40
+"""A clipped plateau of more pixels glows: its surroundings are the lens's, not the flash's."""
+FAINT = 0.1
+"""A spot under this share of the ball's usual one is no flash: the ball stood in shadow, or the flash misfired."""
+
+
+@dataclass(frozen=True)
+class Spots:
+    """The bright points of one ball, the brightest first; NaN where there are fewer.
+
+    Parameters
+    ----------
+    pixels : (F, K, 2) float64
+    sigma_px : (F, K) float64
+        Expected error of each, one axis.
+    """
+
+    pixels: Array
+    sigma_px: Array
+
+
+def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
+    """Locate the bright points that come and go on a mirror ball.
+
+    Notes
+    -----
+    What a frame adds to the median over frames is the flash and its company: the table, a window and the
+    object that the ball mirrors stand still and drop out. Found in the coarse stack, measured at full size: the
+    brightest by `fit_disc`, the others by their centroid, `measure_spot` for the one that proves to be the flash.
+    """
+    rough, strength = _rough(coarse, coarse.from_full(sphere))
+    pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
+    sigma = np.full((len(frames), MOST_SPOTS), np.nan)
+    usual = np.nanmedian(strength[:, 0]) if np.isfinite(strength[:, 0]).any() else np.inf
+    for f in range(len(frames)):
+        for k in range(MOST_SPOTS):
+            if np.isfinite(strength[f, k]) and strength[f, k] > FAINT * usual:
+                near = coarse.to_full(rough[f, k])
+                spot = measure_spot(frames, f, camera, sphere, near, factor=coarse.factor, fitted=k == 0)
+                if spot is not None:
+                    pixels[f, k], sigma[f, k] = spot
+    return Spots(pixels, sigma)
+
+
+def _rough(coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
+    """Return coarse pixels (F, K, 2) and strengths (F, K) of local maxima of the change over time."""
+    u, v, r = *sphere.center_px, sphere.radius_px
+    height, width = coarse.images.shape[1:]
+    top, left = max(int(v - r), 0), max(int(u - r), 0)
+    bottom, right = min(int(v + r) + 2, height), min(int(u + r) + 2, width)
+    rows, columns = np.mgrid[top:bottom, left:right]
+    # Near the limb a mirror shows what stands behind it, never a flash that lights the object.
+    inside = np.hypot(columns - u, rows - v) < 0.9 * r
+    values = coarse.images[:, top:bottom, left:right]
+    change = values - np.median(values, axis=0)
+    pixels = np.full((len(values), MOST_SPOTS, 2), np.nan)
+    strength = np.full((len(values), MOST_SPOTS), np.nan)
+    size = 2 * max(1, round(0.04 * r)) + 1
+    for f, image in enumerate(change):
+        smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
+        peak = inside & (smooth >= cv2.dilate(smooth, np.ones((size, size), np.uint8))) & (smooth > 0)
+        y, x = np.nonzero(peak)
+        order = np.argsort(-smooth[y, x])[:MOST_SPOTS]
+        order = order[smooth[y, x][order] > 0.1 * smooth[y, x].max(initial=0)]
+        pixels[f, : len(order)] = np.stack([x[order] + left, y[order] + top], -1)
+        strength[f, : len(order)] = smooth[y, x][order]
+    return pixels, strength
+
+
+def measure_spot(
+    frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, *, factor: int = 1, fitted: bool = True
+) -> tuple[Array, float] | None:
+    """Return centre (2,) and sigma of the spot of frame `f` near a pixel that is known to `factor` pixels.
+
+    Notes
+    -----
+    First the centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak.
+    A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
+    glow. From there `fit_disc`; where it fails the centroid stands, with its larger sigma.
+    """
+    half = int(max(6, np.ceil(0.12 * sphere.radius_px), 3 * factor))
+    u, v = np.round(near).astype(int)
+    while True:
+        top, left = max(v - half, 0), max(u - half, 0)
+        rows, columns = slice(top, min(v + half + 1, frames.height)), slice(left, min(u + half + 1, frames.width))
+        colours = frames.read(rows, [f], columns=columns)[0]
+        if min(colours.shape[:2]) < 5:
+            return None
+        # Of a mosaic green is the densest.
+        image = colours[..., 1] if frames.is_mosaic else colours.mean(-1)
+        white = frames.read(rows, [f], columns=columns, subtract_ambient=False)[0]
+        white = white >= frames.saturation * frames.gain[f]
+        clipped = white[..., 1] if frames.is_mosaic else white.any(-1)
+        smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
+        reach = max(2, 2 * factor)
+        y0, x0 = v - top, u - left
+        box = smooth[max(y0 - reach, 0) : y0 + reach + 1, max(x0 - reach, 0) : x0 + reach + 1]
+        at = np.unravel_index(box.argmax(), box.shape)
+        y, x = at[0] + max(y0 - reach, 0), at[1] + max(x0 - reach, 0)
+        floor = float(np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])))
+        peak = float(smooth[y, x])
+        level = floor + (0.7 if clipped.sum() > GLOWING_PX else 0.3) * (peak - floor)
+        regions = np.asarray(cv2.connectedComponents((image > level).astype(np.uint8), connectivity=4)[1])
+        region = regions == regions[y, x]
+        size = float(np.sqrt(region.sum() / np.pi))
+        if half > 2 * size + 3 or half > 0.6 * sphere.radius_px:
+            break
+        half *= 2
+    if not regions[y, x]:
+        return None
+    weight = np.where(region, np.minimum(image, max(peak, level)) - level, 0) + 1e-12 * region
+    ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
+    center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
+    near_by = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
+    vague = (center, 0.15 + 0.06 * size)
+    if not fitted:
+        return vague
+    patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
+    if patch is None:
+        patch = Patch(
+            np.stack([xs[near_by], ys[near_by]], -1).astype(float),
+            (image[near_by].astype(float) - floor) / (peak - floor),
+            clipped[near_by],
+            *np.zeros((2, np.count_nonzero(near_by)), bool),
+        )
+    inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
+    fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
+    return fit or vague
+
+
+def _patch(
+    colours: NDArray, white: NDArray[np.bool_], grid: tuple[NDArray, NDArray], peak: tuple, near_by: NDArray[np.bool_]
+) -> Patch | None:
+    """Return the samples that a mosaic's sensor took, each colour from 0 around the spot to 1 at its peak."""
+    sites = _sites(colours, *grid)
+    if sites is None:
+        return None
+    border = np.ones(colours.shape[:2], bool)
+    border[1:-1, 1:-1] = False
+    floor = np.median(colours[border], axis=0)
+    height = cv2.GaussianBlur(colours, (0, 0), 0.7)[peak] - floor
+    if min(height) <= 0:
+        return None
+    use = near_by & (sites >= 0)
+    own = np.maximum(sites[use], 0)
+    values = (np.take_along_axis(colours[use], own[:, None], 1)[:, 0] - floor[own]) / height[own]
+    clipped = np.take_along_axis(white[use], own[:, None], 1)[:, 0]
+    pixels = np.stack([axis[use] for axis in grid], -1).astype(float)
+    return Patch(pixels, values.astype(float), clipped, own == 0, own == 2)
+
+
+def _sites(colours: NDArray, xs: NDArray, ys: NDArray) -> NDArray[np.intp] | None:
+    """Return which colour (h, w) each pixel's sensor saw, -1 where that is not clear; None if no mosaic shows.
+
+    Told by the pixels themselves: an interpolated green is the mean of its four neighbours, a red one at a blue
+    sample's place the mean of the four at its corners.
+    """
+    inside = (slice(1, -1), slice(1, -1))
+    parity = (xs + ys) % 2
+    green, red = colours[..., 1], colours[..., 0]
+    cross = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
+    off = [float(np.mean(np.abs(green[inside] - cross)[parity[inside] == p])) for p in (0, 1)]
+    if min(off) > 0.05 * max(off):
+        return None
+    own = int(np.argmax(off))
+    sites = np.where(parity == own, 1, -1)
+    corners = (red[:-2, :-2] + red[2:, 2:] + red[2:, :-2] + red[:-2, 2:]) / 4
+    other = parity[inside] != own
+    off = [float(np.mean(np.abs(red[inside] - corners)[other & (ys[inside] % 2 == p)])) for p in (0, 1)]
+    if min(off) < 0.05 * max(off):
+        sites[sites < 0] = np.where(ys[sites < 0] % 2 == int(np.argmax(off)), 0, 2)
+    return sites

@@ -1,0 +1,177 @@
+"""The flash's disc as a mirror ball shows it: blurred, clipped, bent by the ball, on a slanting background.
+
+What is wanted is the pixel that mirrors the flash's centre. A lens blurs alike to all sides in the picture, a ball
+bends what it mirrors: its disc is a circle among directions, not among pixels. Both are one model here.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from calibrate.lights.directions import mirrored_rays
+from scene.camera import Camera
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+UNMODELLED = 0.05
+"""Share of a pixel's value by which a lens's true blur differs from the model's."""
+FLOOR_PX = 0.025
+"""What the best fit still errs by: 0.006 to 0.016 px on ideal discs of all sizes, blurs and clippings; a lens's
+asymmetry, an undersampled flash and a ball's dust are not ideal."""
+LARGEST_MISS = 0.95
+"""Leverage from which a pixel's own residual says nothing."""
+# Deviations allowed from the start: log height, log widths (2), shear, log of the profile's exponent, background
+# (level, slopes: of the height, per pixel), share of the bending; then what red and blue are higher than green.
+LOOSE = np.array([2.0, 1.0, 1.0, 0.5, 0.5, 0.3, 0.1, 0.1, 0.25])
+LOOSE_COLOUR, LOOSE_CLIPPED_COLOUR = 0.1, 0.7
+
+
+@dataclass(frozen=True)
+class Patch:
+    """The pixels around a bright spot.
+
+    Parameters
+    ----------
+    pixels : (P, 2) float64
+        (u, v); only samples that were measured, none that was interpolated.
+    values : (P,) float64
+        0 around the spot, 1 at its peak or white; where clipped, what it was clipped to.
+    clipped : (P,) bool
+    red, blue : (P,) bool
+        Samples of these colours; the others are green, or of all colours.
+    """
+
+    pixels: Array
+    values: Array
+    clipped: NDArray[np.bool_]
+    red: NDArray[np.bool_]
+    blue: NDArray[np.bool_]
+
+
+def fit_disc(
+    camera: Camera, sphere: Sphere, patch: Patch, start: Array, *, radius_px: float, skirt_px: float
+) -> tuple[Array, float] | None:
+    """Return the pixel (2,) that mirrors the flash's centre, and its standard deviation along one axis.
+
+    Parameters
+    ----------
+    camera : Camera
+    sphere : Sphere
+    patch : Patch
+    start : (2,) float
+        The spot's centroid.
+    radius_px : float
+        Of the spot where it is at a third of its height.
+    skirt_px : float
+        From there to where it is at four fifths.
+
+    Notes
+    -----
+    I = h exp(-(x^T E x)^g) + plane, at x = W(p) - x0: h (one a colour), E (an ellipse) and g free, so that a disc, a
+    blurred point and a halo's skirt are all of the family; the centre hangs on the symmetry alone. A clipped pixel
+    says only that the model is not below white. W(p) = p + b (A^+ (d(p) - d(c)) - (p - c)), d the mirrored direction
+    and A its derivative at the centroid c: b = 0 is symmetric in the picture, b = 1 among directions; how much of the
+    radius is disc and how much blur says b, within a prior. The sigma adds to the fit's own that of the sandwich with
+    each pixel's residual over 1 - leverage: honest about a few steep pixels [MacKinnon1985].
+    """
+    offset = patch.pixels - start
+    step = 0.01
+    seen = mirrored_rays(camera, sphere, np.concatenate([start + step * SIDES, start[None], patch.pixels]))[1]
+    along = np.stack([seen[0] - seen[1], seen[2] - seen[3]], -1) / (2 * step)
+    if not np.isfinite(along).all():
+        return None
+    flatten = np.linalg.pinv(along)
+    bend = (seen[5:] - seen[4]) @ flatten.T - offset
+    good = np.isfinite(bend[:, 0])
+    offset, bend, clipped, values = offset[good], bend[good], patch.clipped[good], patch.values[good]
+    colours = np.stack([patch.red[good], patch.blue[good]]).astype(float)
+    blur = (3.0 if clipped.any() else 1.5) * max(skirt_px, 0.3)
+    width = np.log(0.8 * radius_px + 0.3)
+    share = (max(0.0, radius_px - blur) / radius_px) ** 2
+    height = np.log(5.0) if clipped.any() else 0.1
+    x = np.array([0.0, 0.0, height, width, width, 0.0, 0.0, 0.0, 0.0, 0.0, share, 0.0, 0.0])
+    loose = np.append(LOOSE, [LOOSE_CLIPPED_COLOUR if clipped.any() else LOOSE_COLOUR] * 2)
+    if np.count_nonzero(~clipped) < len(x):
+        return None
+    middle = x[2:].copy()
+    away = np.hypot(*offset.T)
+    rim = values[away > away.max() - 2]
+    noise = max(1.5 * float(np.median(np.abs(rim - np.median(rim)))), 1e-3)
+    weight = np.ones(len(values))
+    expected = np.clip(values, 0, 1)
+    priors = np.concatenate([np.zeros((len(loose), 2)), np.diag(1 / loose)], 1)
+    for _ in range(3):
+        scale = weight / np.hypot(noise, UNMODELLED * expected)
+
+        def both(x: Array, scale: Array = scale) -> tuple[Array, Array]:
+            image, slopes = _image(x, offset, bend, colours)
+            off = image - values
+            # White is a floor for what is clipped, not a value.
+            scale = np.where(clipped & (off > 0), 0.0, scale)
+            return (
+                np.concatenate([scale * off, (x[2:] - middle) / loose]),
+                np.concatenate([scale[:, None] * slopes, priors]),
+            )
+
+        x = least_squares(
+            lambda x, both=both: both(x)[0],
+            x,
+            lambda x, both=both: both(x)[1],  # pyright: ignore[reportArgumentType]: the stub knows only names
+            method="lm",
+            ftol=1e-4,
+            xtol=1e-4,
+            max_nfev=40,
+        ).x
+        residual, slopes = both(x)
+        expected = np.clip(_image(x, offset, bend, colours)[0] - x[7], 0, 1)
+        # Another spot nearby, the edge of something mirrored: what does not fit counts less.
+        size = np.abs(residual[: len(values)]) / np.maximum(weight, 1e-9)
+        weight = 1 / np.sqrt(1 + (size / (3 * max(1.0, 1.4826 * float(np.median(size[~clipped]))))) ** 2)
+    if np.hypot(x[0], x[1]) > max(1.0, 0.5 * radius_px):
+        return None
+    inverse = np.linalg.pinv(slopes.T @ slopes)
+    leverage = np.minimum(np.einsum("ij,jk,ik->i", slopes, inverse, slopes), LARGEST_MISS)
+    scores = (slopes @ inverse[:, :2]) * (residual / (1 - leverage))[:, None]
+    spread = scores[: len(values)].T @ scores[: len(values)]
+    sigma = np.sqrt((np.trace(inverse[:2, :2]) + np.trace(spread)) / 2)
+    center = start + x[:2]
+    for _ in range(3):
+        here = mirrored_rays(camera, sphere, center)[1]
+        center = center + x[:2] - (center - start) - x[10] * (flatten @ (here - seen[4]) - (center - start))
+    if not np.isfinite(center).all():
+        return None
+    return center, float(np.hypot(sigma, FLOOR_PX))
+
+
+SIDES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+
+
+def _image(x: Array, offset: Array, bend: Array, colours: Array) -> tuple[Array, Array]:
+    """Return the model (P,) and its derivatives (P, 13); `colours` (2, P) is 1 at samples of red, and of blue."""
+    u, v, height, wide, high, shear, exponent, level, across, down, share, *colour = x
+    du, dv = (offset + share * bend - [u, v]).T
+    e, f, g = np.exp(np.clip([-wide, -high, exponent], -7, 2.3))
+    first, second = e * du, f * (dv + shear * du)
+    square = np.minimum(first * first + second * second + 1e-12, 1e4)
+    power = np.minimum(square**g, 80.0)
+    spot = np.exp(np.minimum(height + colour @ colours, 20.0) - power)
+    fall = -spot * g * power / square
+    of_u = -2 * fall * (first * e + second * f * shear)
+    of_v = -2 * fall * second * f
+    slopes = [
+        of_u,
+        of_v,
+        spot,
+        -2 * fall * first * first,
+        -2 * fall * second * second,
+        2 * fall * second * f * du,
+        -spot * power * np.log(square) * g,
+        np.ones_like(du),
+        offset[:, 0],
+        offset[:, 1],
+        -of_u * bend[:, 0] - of_v * bend[:, 1],
+        *(spot * colours),
+    ]
+    return spot + level + across * offset[:, 0] + down * offset[:, 1], np.stack(slopes, -1)

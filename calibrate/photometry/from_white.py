@@ -1,0 +1,251 @@
+"""What the white balls say: intensities, and directions where chrome has none."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from calibrate.photometry.intensity import PARTLY, Photometry, measure
+from calibrate.photometry.skin import Skin
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.normals import angular_error_deg
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+MISFIRE = 0.05
+"""A flash under this share of the median did not fire."""
+SHADOWED = 0.6
+"""Share of its usual brightness, by the other balls, under which a ball stands in shadow."""
+AGREE = 0.003
+"""Relative, to which two healthy balls agree on a flash beyond what each one's residual shows."""
+OFTEN = 4.0
+"""How many times the median's one frame's misfit is that is worth a word."""
+APART_DEG = 6.0
+"""From here shading and highlights contradict each other: distant lights are seen elsewhere by each ball."""
+RESIDUAL = 0.08
+"""Relative misfit of n.l from which a ball is not matte, or distant lights are too near."""
+NEAR_APART_DEG, NEAR_RESIDUAL = 3.0, 0.02
+"""The same where the lights' positions are known, and only the balls can be wrong: healthy is 1 degree and 0.6 %; a
+diameter 20 % off gives 5 degrees and 4 %, 10 % off 2.5 to 4.5 degrees and 2 to 3 %."""
+
+DOUBTFUL, EXPLAINED = 0.004, 0.006
+"""Relative misfit of n.l from which another diameter of the white ball is tried, and up to which all is explained: if
+the shading alone then points elsewhere, light that stands in all frames bends it. A wrong diameter leaves 0.1 % when it
+is put right; sRGB taken for linear also likes another diameter, but leaves 0.7 %."""
+ALONE, NOTABLE = 0.5, 0.03
+"""Share of the misfit that it must leave at most, and how far, relative, it must lie off, to be believed."""
+MUCH_AMBIENT = 0.25
+"""Share of the median flash from which light without flash is either a bright room's, or no light but an encoding: by
+sRGB taken for linear it is 0.5 to 0.7."""
+SPOILT_DEG = 20.0
+"""How much farther than usual chrome and shading must point apart in one frame for it to be named."""
+
+
+def intensities_from_white(
+    frames: Frames,
+    skins: list[Skin],
+    meter: tuple[Array, Array | None, Array, Array],
+    reference: Array,
+    evidence: list[str],
+    warnings: list[str],
+    *,
+    apart_deg: float = 0.0,
+    position_covariance_mm2: Array | None = None,
+) -> tuple[Array, Array, Array]:
+    """Return intensities (F, 3), relative sigma (F,) and ambient (3,), as pixel values on the first white ball.
+
+    `meter` holds directions, positions, their sigma (degrees) and the ranges' (relative), as the ball is to read them;
+    `apart_deg` is what `compare_with_chrome` found. Without the positions' covariance it is made of the sigmas.
+    """
+    directions, positions, sigma_deg, range_sigma = meter
+    if positions is None or position_covariance_mm2 is None:
+        position_covariance_mm2 = _covariance(directions, positions, sigma_deg, range_sigma, reference)
+    read = [measure(skin, directions, positions, reference, position_covariance_mm2) for skin in skins]
+    for number, skin in enumerate(skins):
+        name = "the white ball" if len(skins) == 1 else f"white ball {number + 1}"
+        if positions is not None:
+            read[number] = _elsewhere(
+                skin,
+                read[number],
+                lambda moved: measure(moved, directions, positions, reference, position_covariance_mm2),
+                # Only the first ball was compared with the chrome.
+                0.0 if number else apart_deg,
+                name,
+                warnings,
+            )
+        elif _residual(read[number]) > RESIDUAL:
+            warnings.append(
+                f"{name} misses n.l by {_residual(read[number]):.0%} of the flash: glossy, dirty, or frames not linear?"
+            )
+        if read[number].evidence:
+            evidence.append(read[number].evidence if len(read) == 1 else f"{number + 1}: {read[number].evidence}")
+        _name_much_ambient(read[number], name, warnings)
+    known = np.stack([np.isfinite(light.intensities).all(1) for light in read])
+    if not known.any(0).all():
+        bad = ~known.any(0)
+        names = ", ".join(np.array(frames.names)[bad][:3])
+        raise CalibrationError(
+            f"{names}: the white ball cannot be read ({max(light.clipped[bad].max() for light in read):.0%} of it is "
+            "clipped). Expose less, or turn the flash so that it lights the ball."
+        )
+    brightness = np.stack([light.intensities.mean(1) for light in read])
+    level = np.nanmax(brightness / np.nanmedian(brightness, axis=1, keepdims=True), axis=0)
+    dark = np.flatnonzero(level < MISFIRE)
+    if len(dark):
+        # A light of no strength would have a vote on every pixel, and divide it by nothing.
+        listed = ", ".join(f"{frames.names[f]} ({max(level[f], 0):.1%})" for f in dark)
+        raise CalibrationError(
+            f"{listed}: the flash did not fire, or the white ball stood in shadow (in brackets: its brightness, of the "
+            "median frame's). Reshoot, or list the frame under frames.skip."
+        )
+    mean, sigma = _together(frames, read, warnings)
+    _name_shadows(frames, read, warnings)
+    return mean, sigma, read[0].ambient
+
+
+def _elsewhere(
+    skin: Skin,
+    read: Photometry,
+    measured: Callable[[Skin], Photometry],
+    apart_deg: float,
+    name: str,
+    warnings: list[str],
+) -> Photometry:
+    """Return the measurement as if the ball had the diameter that its shading wants, if only that explains it.
+
+    Notes
+    -----
+    A ball of another diameter stands at another distance on the same rays, where near lights come from elsewhere: an
+    error of a tenth costs up to 9 % in the intensities, and hides in a misfit of 1 %.
+    """
+    residual = _residual(read)
+    if residual < DOUBTFUL:
+        return read
+
+    def moved(log: float) -> Skin:
+        scale = float(np.exp(log))
+        return replace(skin, points=scale * skin.points, center=scale * skin.center, radius=scale * skin.radius)
+
+    found: Any = minimize_scalar(
+        lambda log: _residual(measured(moved(log))), bounds=(-0.5, 0.5), method="bounded", options={"xatol": 0.005}
+    )
+    log, least = float(found.x), float(found.fun)
+    if least < min(ALONE * residual, EXPLAINED) and NOTABLE < abs(log) < 0.45:
+        warnings.append(
+            f"{name} contradicts the lights' positions: its shading misses n.l by {residual:.1%} of the flash, unless "
+            f"it is {2 * skin.radius * np.exp(log):.1f} mm across, not {2 * skin.radius:.1f} (then {least:.1%}). The "
+            "intensities are as if it were. Check diameter_mm of every ball, and the camera's focal length."
+        )
+        return measured(moved(log))
+    if residual > NEAR_RESIDUAL or (apart_deg > NEAR_APART_DEG and residual > EXPLAINED):
+        warnings.append(
+            f"{name} contradicts the lights' positions: its shading points {apart_deg:.1f} degrees beside them "
+            f"(median; expected under {NEAR_APART_DEG:g}) and misses n.l by {residual:.1%} of the flash (expected "
+            f"under {NEAR_RESIDUAL:.0%}), whatever its diameter. Is it glossy or dirty, another thing that was taken "
+            "for a ball, or are the frames not linear? Then check diameter_mm of every ball, and the camera's focal "
+            "length."
+        )
+    return read
+
+
+def _name_much_ambient(light: Photometry, name: str, warnings: list[str]) -> None:
+    """Name an ambient light that may be none: an offset is what is most alike to a gamma curve."""
+    strengths = light.intensities[np.isfinite(light.intensities).all(1)]
+    share = float(light.ambient.mean() / np.median(strengths.mean(1))) if len(strengths) else 0.0
+    if share > MUCH_AMBIENT:
+        warnings.append(
+            f"{name} shows {share:.0%} of the median flash in all frames alike (expected under {MUCH_AMBIENT:.0%}): a "
+            "bright room, or frames that are not linear. If they are sRGB-encoded, set frames.linear = false; else "
+            "darken the room, or shoot an ambient frame (frames.ambient)."
+        )
+
+
+def _residual(light: Photometry) -> float:
+    return float(np.nanmedian(light.misfit)) if np.isfinite(light.misfit).any() else 0.0
+
+
+def _covariance(
+    directions: Array, positions: Array | None, sigma_deg: Array, range_sigma: Array, reference: Array
+) -> Array:
+    """Return (F, 3, 3): of the positions, mm^2, or of distant lights' directions."""
+    along = directions[:, :, None] * directions[:, None, :]
+    across = np.deg2rad(np.nan_to_num(sigma_deg))[:, None, None] ** 2 * (np.eye(3) - along)
+    if positions is None:
+        return across
+    distance = np.linalg.norm(positions - reference, axis=1)[:, None, None]
+    return distance**2 * (across + np.nan_to_num(range_sigma)[:, None, None] ** 2 * along)
+
+
+def _together(frames: Frames, read: list[Photometry], warnings: list[str]) -> tuple[Array, Array]:
+    """Join what balls of unknown grays measured; return intensities (F, 3) as on the first, and sigma (F,).
+
+    Notes
+    -----
+    log E_sf = log e_f + g_s, weighted; only what varies between frames is another ball's to say. A ball that is much
+    darker than usual where another is not stands in shadow, and has no say there.
+    """
+    energy = np.stack([light.intensities for light in read])
+    sigma = np.stack([light.sigma for light in read])
+    level = energy.mean(-1) / np.nanmedian(energy.mean(-1), axis=1)[:, None]
+    shadowed = np.nan_to_num(level, nan=np.inf) < SHADOWED * np.nanmax(level, axis=0)
+    for s, f in zip(*np.nonzero(shadowed), strict=True):
+        warnings.append(f"{frames.names[f]}: white ball {s + 1} stands in shadow; the intensity is the others'.")
+    # Each ball's surroundings err in a way of their own, which its residual does not show.
+    weight = np.where(np.isfinite(sigma) & ~shadowed, 1 / (sigma**2 + AGREE**2), 0)
+    log = np.where((weight > 0)[..., None], np.log(np.maximum(energy, 1e-9)), 0)
+    gray = np.zeros((len(read), 3))
+    for _ in range(20 if len(read) > 1 else 0):
+        mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / weight.sum(0)[:, None]
+        gray = np.sum(weight[..., None] * (log - mean), 1) / np.maximum(weight.sum(1), 1e-12)[:, None]
+        gray -= gray[0]
+    mean = np.sum(weight[..., None] * (log - gray[:, None]), 0) / weight.sum(0)[:, None]
+    return np.exp(mean), 1 / np.sqrt(weight.sum(0))
+
+
+def _name_shadows(frames: Frames, read: list[Photometry], warnings: list[str]) -> None:
+    """Name the frames in which a ball looks unlike in the others."""
+    for number, light in enumerate(read):
+        usual = np.nanmedian(light.misfit)
+        for f in np.flatnonzero(np.nan_to_num(light.misfit) > max(PARTLY, OFTEN * usual)):
+            warnings.append(
+                f"{frames.names[f]}: the white ball {number + 1} misses n.l by {light.misfit[f]:.0%} of the flash "
+                f"(median frame {usual:.1%}): partly in another's shadow, or glared at?"
+            )
+
+
+def compare_with_chrome(
+    names: tuple[str, ...],
+    camera: Camera,
+    sphere: Sphere,
+    shaded: Array,
+    directions: Array,
+    positions: Array | None,
+    evidence: list[str],
+    warnings: list[str],
+) -> float:
+    """Return, and say, how far the white ball's shading and the chrome balls' lights agree, degrees (median)."""
+    toward = directions
+    if positions is not None and sphere.diameter_mm:
+        toward = positions - sphere.center_mm(camera)
+        toward = toward / np.linalg.norm(toward, axis=1, keepdims=True)
+    each = angular_error_deg(shaded, toward)
+    angle = float(np.nanmedian(each))
+    if angle < SPOILT_DEG:
+        for f in np.flatnonzero(np.nan_to_num(each) > angle + SPOILT_DEG):
+            warnings.append(
+                f"{names[f]}: the light by the chrome balls' highlights and the white ball's shading point "
+                f"{each[f]:.0f} degrees apart (median frame {angle:.1f}): a reflection taken for the flash, or the "
+                "white ball in shadow? Look at the frame; reshoot it, or list it under frames.skip."
+            )
+    evidence.append(f"the white ball's shading agrees with the chrome to {angle:.1f} degrees (median)")
+    if positions is None and angle > APART_DEG:
+        warnings.append(
+            f"the white ball's shading and the chrome balls' highlights point {angle:.0f} degrees apart (median): is "
+            "the white ball matte, and are the frames linear?"
+        )
+    return angle

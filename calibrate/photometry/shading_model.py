@@ -1,0 +1,247 @@
+"""What a matte ball shows under every flash, and the smallest model that explains it.
+
+    value = E_f (m exp(-mu A) + k B(up) + g S) + a + a'.n
+
+m is the flash's own shading, A how far beside its axis the skin lies (-log cos; it aims at the reference point), B the
+table's bounce with up the table's normal, S the gloss of the skin, and a the light that is there without flash.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.photometry.bounce import table_bounce
+from calibrate.photometry.patches import GLOSS_WIDTHS, Patches
+
+Array = NDArray[np.float64]
+DEMANDED = 10.0
+"""How much BIC must fall before a part is taken into the model."""
+BEAM, BEAM_BOUNCE = 0.5, 1.5
+"""Standard deviation of mu, and what a bounce adds to it, times the table's albedo: light from the object's side."""
+DIM = 0.3
+"""Share of the median flash under which a frame is not brought up to the others' weight."""
+FLOOR = 1e-3
+"""Relative misfit that is not worth a further part: blur, quantisation, the patches' finite size."""
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Which parts a model has, and their nonlinear numbers; None where a part is left out.
+
+    Parameters
+    ----------
+    ambient : {0, 1, 4}
+        None, an even one, or one that also has a direction.
+    bounce : float or None
+        The table's albedo, as far as the ball sees an even, endless one.
+    tilt : (2,) float or None
+        x and y of the table's normal over its z; None: it faces the camera.
+    gloss : float or None
+        Strength of the lobe.
+    width : int
+        Which of `GLOSS_WIDTHS`.
+    beam : float or None
+        mu of a near flash's cos^mu.
+    """
+
+    ambient: int = 0
+    bounce: float | None = None
+    tilt: tuple[float, float] | None = None
+    gloss: float | None = None
+    width: int = 0
+    beam: float | None = None
+
+    @property
+    def beam_sigma(self) -> float:
+        """How far mu may be off for what else stands around: the object's reflected light, or its shadow."""
+        return BEAM + BEAM_BOUNCE * (self.bounce or 0.0)
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether no beam is claimed that the surroundings could feign."""
+        return self.beam is None or self.beam > 2 * self.beam_sigma
+
+    def numbers(self) -> Array:
+        """Return the free nonlinear numbers in a row."""
+        strengths = [x for x in (self.bounce, self.gloss, self.beam) if x is not None]
+        return np.array([*strengths, *(self.tilt or ())], float)
+
+    def with_numbers(self, row: Array) -> "Parts":
+        """Return the same model with other numbers: the inverse of `numbers`."""
+        rest = [float(x) for x in row]
+        bounce, gloss, beam = (None if x is None else rest.pop(0) for x in (self.bounce, self.gloss, self.beam))
+        tilt = None if self.tilt is None else (rest[0], rest[1])
+        return replace(self, bounce=bounce, gloss=gloss, beam=beam, tilt=tilt)
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A model fitted.
+
+    Parameters
+    ----------
+    parts : Parts
+    energy : (F,) float64
+        Pixel value of the skin that faces the flash at the reference point.
+    ambient : (4,) float64
+        a and a'.
+    residual : (F, B) float64
+        Value less model.
+    bic : float
+    """
+
+    parts: Parts
+    energy: Array
+    ambient: Array
+    residual: Array
+    bic: float
+
+
+class ShadingModel:
+    """One ball's patches under all flashes, and the solver of the model above.
+
+    Parameters
+    ----------
+    ball : Patches
+    toward : (F, 3) float
+        Directions, or positions where `axis` is given.
+    axis : (F, 3) float or None
+        From the reference point to the positions.
+    """
+
+    def __init__(self, ball: Patches, toward: Array, axis: Array | None) -> None:
+        self.ball, self.toward, self.axis = ball, toward, axis
+        self.around = np.column_stack([np.ones(len(ball.normals)), ball.normals])
+        level = np.sum(ball.weight * ball.shading * ball.values.mean(-1), 1)
+        level /= np.maximum(np.sum(ball.weight * ball.shading**2, 1), 1e-12)
+        # Relative errors: a bright flash's patches scatter in proportion. Not those of a ball in shadow.
+        self.level = level
+        self.weight = ball.weight / np.maximum(level, DIM * np.median(level))[:, None] ** 2
+        self._bounces: dict[tuple, Array] = {}
+
+    def bounce(self, parts: Parts) -> Array:
+        """Return B (F, B)."""
+        key = (parts.tilt, parts.beam)
+        if key not in self._bounces:
+            if len(self._bounces) > 16:
+                self._bounces.clear()
+            up = np.array([*(parts.tilt or (0.0, 0.0)), 1.0])
+            up /= np.linalg.norm(up)
+            ball = self.ball
+            beam = parts.beam or 0.0
+            self._bounces[key] = table_bounce(ball.normals, ball.center, ball.radius, up, self.toward, self.axis, beam)
+        return self._bounces[key]
+
+    def shape(self, parts: Parts) -> Array:
+        """Return (F, B), what the patches show of a flash of energy 1."""
+        shape = self.ball.shading
+        if parts.beam is not None:
+            shape = shape * np.exp(-parts.beam * self.ball.aside)
+        if parts.bounce is not None:
+            shape = shape + parts.bounce * self.bounce(parts)
+        if parts.gloss is not None:
+            shape = shape + parts.gloss * self.ball.gloss[parts.width]
+        return shape
+
+    def linear(self, parts: Parts, values: Array) -> tuple[Array, Array, Array]:
+        """Return energy (F,), ambient (p,) and value less model (F, B), the numbers of `parts` held."""
+        weight, shape, around = self.weight, self.shape(parts), self.around[:, : parts.ambient]
+        square = np.maximum(np.sum(weight * shape**2, 1), 1e-30)
+        direct = np.sum(weight * shape * values, 1)
+        mixed = (weight * shape) @ around
+        ambient = np.zeros(parts.ambient)
+        if parts.ambient:
+            # With every energy eliminated.
+            matrix = around.T @ (weight.sum(0)[:, None] * around) - mixed.T @ (mixed / square[:, None])
+            right = around.T @ np.sum(weight * values, 0) - mixed.T @ (direct / square)
+            ambient = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
+        energy = (direct - mixed @ ambient) / square
+        return energy, ambient, values - energy[:, None] * shape - around @ ambient
+
+    def energies(self, parts: Parts, ambient: Array, values: Array) -> tuple[Array, Array]:
+        """Return energy (F,) and value less model (F, B), all else held."""
+        shape, rest = self.shape(parts), values - self.around @ ambient
+        energy = np.sum(self.weight * shape * rest, 1) / np.maximum(np.sum(self.weight * shape**2, 1), 1e-30)
+        return energy, rest - energy[:, None] * shape
+
+    def misfit(self, residual: Array) -> Array:
+        """Return (F,) the rms of residuals (F, B), relative to each frame's flash."""
+        return np.sqrt(np.sum(self.weight * residual**2, 1))
+
+    def fit(self, parts: Parts, values: Array) -> Fit:
+        """Fit a model's numbers, and with them energies and ambient light, to values (F, B)."""
+        from scipy.optimize import least_squares
+
+        root = np.sqrt(self.weight)
+        start = parts.numbers()
+        if len(start):
+            # Neither bounce nor gloss takes light away, and no flash spares what it aims at.
+            low = np.where(np.arange(len(start)) < len(start) - 2 * (parts.tilt is not None), 0.0, -np.inf)
+
+            def misfit(row: Array) -> Array:
+                return (root * self.linear(parts.with_numbers(row), values)[2]).ravel()
+
+            best = parts.with_numbers(least_squares(misfit, start, bounds=(low, np.inf)).x)
+        else:
+            best = parts
+        energy, ambient, residual = self.linear(best, values)
+        number = int(np.count_nonzero(self.weight))
+        square = np.sum(self.weight * residual**2) / max(np.count_nonzero(self.weight.any(1)), 1)
+        free = len(start) + parts.ambient
+        bic = number * np.log(square + FLOOR**2) + free * np.log(number)
+        return Fit(best, energy, np.pad(ambient, (0, 4 - parts.ambient)), residual, float(bic))
+
+
+def choose(model: ShadingModel, values: Array) -> tuple[Fit, float]:
+    """Return the smallest model that explains values (F, B), and how far BIC fell for it.
+
+    Notes
+    -----
+    From the plain n.l, step by step, the part is added that lowers BIC most, or one is dropped that it no longer needs.
+    """
+    plain = fit = model.fit(Parts(), values)
+    while True:
+        rivals = [model.fit(parts, values) for parts in _larger(fit.parts, near=model.axis is not None)]
+        # Light that is left over cannot be negative.
+        rivals = [rival for rival in rivals if rival.ambient[0] >= 0 and rival.parts.is_certain]
+        best = min(rivals, key=lambda rival: rival.bic, default=fit)
+        if fit.bic - best.bic < DEMANDED:
+            return fit, plain.bic - fit.bic
+        fit = best
+        for parts in _smaller(fit.parts):
+            rival = model.fit(parts, values)
+            if rival.bic < fit.bic + DEMANDED / 2 and rival.ambient[0] >= 0 and rival.parts.is_certain:
+                fit = rival
+
+
+def _larger(parts: Parts, *, near: bool) -> list[Parts]:
+    """Return the models with one part more."""
+    out = []
+    if parts.ambient < 4:
+        out.append(replace(parts, ambient=1 if parts.ambient == 0 else 4))
+    if parts.bounce is None:
+        out.append(replace(parts, bounce=0.1))
+    elif parts.tilt is None:
+        out.append(replace(parts, tilt=(0.0, 0.0)))
+    if parts.gloss is None:
+        out += [replace(parts, gloss=0.02, width=i) for i in range(len(GLOSS_WIDTHS))]
+    if near and parts.beam is None:
+        out.append(replace(parts, beam=1.0))
+    return out
+
+
+def _smaller(parts: Parts) -> list[Parts]:
+    """Return the models with one part less."""
+    out = []
+    if parts.ambient:
+        out.append(replace(parts, ambient=1 if parts.ambient == 4 else 0))
+    if parts.tilt is not None:
+        out.append(replace(parts, tilt=None))
+    elif parts.bounce is not None:
+        out.append(replace(parts, bounce=None))
+    if parts.gloss is not None:
+        out.append(replace(parts, gloss=None))
+    if parts.beam is not None:
+        out.append(replace(parts, beam=None))
+    return out

@@ -1,0 +1,1 @@
+"""Lights without balls: from given normals, from the object, intensities alone."""

@@ -1,0 +1,154 @@
+"""The last resort for the flashes' strengths: no white ball, no file tells them, but something matte is to be seen."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.without_balls.probe import Probe, read_probe
+from calibrate.without_balls.semicalibrated import LIT, intensities_from_object
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+CANDIDATES, MOST_PIXELS = 12000, 3000
+USUALLY_LIT = 0.6
+"""Share of the frames in which a pixel must be lit and unclipped to be asked."""
+DARK = 0.01
+"""Of white: what is darker in most frames is noise, or the sensor's pedestal."""
+CELLS = 12
+"""Normals are sorted into so many cells across the hemisphere, and each cell has the same say at most."""
+RELIEF = 0.07
+"""How far, of its distance, a surface may lie off the reference point's plane."""
+TOO_VAGUE = 0.25
+"""Sigma of the strengths from which they are no better than taking all flashes for equally bright."""
+
+
+def strengths_from_object(
+    frames: Frames,
+    camera: Camera,
+    spheres: list[Sphere],
+    lights: Lights,
+    evidence: list[str],
+    warnings: list[str],
+    *,
+    region: NDArray[np.bool_] | None = None,
+) -> tuple[Array, Array] | None:
+    """Read the flashes' strengths from whatever matte surfaces the frames show, with directions known.
+
+    Parameters
+    ----------
+    frames : Frames
+    camera : Camera
+    spheres : list of Sphere
+        Left out: chrome is not matte.
+    lights : Lights
+        Their intensities are not looked at.
+    evidence, warnings : list of str
+        What is to be said is appended.
+    region : (H, W) bool, optional
+        The object. Default: all that is not a ball.
+
+    Returns
+    -------
+    intensities : (F, 3) float64
+        Each channel's mean 1.
+    sigma : (F,) float64
+        Relative.
+        None instead of both where nothing matte is lit from enough sides, and the lights are distant.
+
+    Notes
+    -----
+    A table fills the picture with one normal, which tells nothing [Cho2016]: so pixels are drawn evenly over the
+    directions that they seem to face, not over the picture.
+    """
+    outside = np.ones((frames.height, frames.width), bool) if region is None else region.copy()
+    for sphere in spheres:
+        if not sphere.apart:
+            outside &= ~sphere.mask(camera, grow_px=0.1 * sphere.radius_px + 2)
+    probe = read_probe(frames, outside, most=CANDIDATES)
+    depth = lights.reference_point_mm[2]
+
+    def toward(stretch: float) -> Array:
+        flat = camera.points_at_depth(probe.pixels, depth * stretch) if depth < 0 else np.zeros((len(probe.pixels), 3))
+        return lights.toward(flat)
+
+    chosen = _varied(probe, toward(1.0))
+    probe = probe.take(chosen)
+    # Near flashes: nobody knows how high the surface stands, and what is nearer to them is brighter.
+    stretches = (1.0,) if lights.positions_mm is None or depth >= 0 else (1.0, 1 - RELIEF, 1 + RELIEF)
+    read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg) for s in stretches if len(chosen)]
+    good = [one for one in read if one is not None]
+    equal = _of_equal_power(lights)
+    sigma = np.full(len(lights), np.inf)
+    if good and len(good) == len(stretches):
+        strengths = np.stack([one.intensities.mean(1) for one in good])
+        sigma = np.hypot(good[0].sigma, np.abs(strengths - strengths[0]).max(0) / strengths[0])
+    if not np.median(sigma) < TOO_VAGUE:
+        if lights.positions_mm is None:
+            return None
+        warnings.append(
+            "no white ball, and nothing matte that tells the flashes' strengths: all are taken as equally powerful, by "
+            "their distances. 5 % of variation bends normals by 2 degrees."
+        )
+        return np.repeat(equal[:, None], 3, 1), np.full(len(lights), np.nan)
+    intensities, sigma, scatter = _shrunk(good[0].intensities, sigma, equal)
+    evidence.append(
+        f"no white ball: the flashes' strengths from {good[0].pixels} pixels of the object itself (misfit "
+        f"{good[0].residual:.1%} of a flash); they vary in power by {scatter:.0%}, each known to {np.median(sigma):.1%}"
+    )
+    warnings.append(
+        "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "
+        f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object."
+    )
+    return intensities, sigma
+
+
+def _of_equal_power(lights: Lights) -> Array:
+    """Return (F,) what flashes of one power do at the reference point, mean 1."""
+    if lights.positions_mm is None:
+        return np.ones(len(lights))
+    fall = 1 / np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
+    return fall / fall.mean()
+
+
+def _shrunk(intensities: Array, sigma: Array, equal: Array) -> tuple[Array, Array, float]:
+    """Draw the strengths to those of equal power as far as their scatter is no more than their errors.
+
+    Notes
+    -----
+    Mostly one flash is carried around. With measured log powers p of errors sigma, and tau^2 what their variance
+    exceeds the errors' by, the best guess is the mean and tau^2 / (tau^2 + sigma^2) of the rest.
+    """
+    power = np.log(intensities.mean(1) / equal)
+    power -= power.mean()
+    square = max(float(np.var(power) - np.mean(sigma**2)), 0.0)
+    keep = square / (square + sigma**2)
+    drawn = intensities * np.exp((keep - 1) * power)[:, None]
+    # Flashes of one power that vary by nothing would have no error: leave them a third of what was measured.
+    return drawn / drawn.mean(0), sigma * np.sqrt(np.maximum(keep, 1 / 9)), float(np.sqrt(square))
+
+
+def _varied(probe: Probe, toward: Array) -> NDArray[np.intp]:
+    """Return the indices of pixels that are lit in most frames, drawn evenly over what they seem to face."""
+    values = probe.values.mean(-1, dtype=np.float64)
+    if values.shape[1] == 0:
+        return np.zeros(0, np.intp)
+    bright = np.quantile(values, 0.9, axis=0)
+    lit = ~probe.clipped & (values > LIT * bright)
+    good = np.flatnonzero((lit.mean(0) > USUALLY_LIT) & (bright > max(DARK, 0.1 * np.quantile(bright, 0.9))))
+    if not len(good):
+        return good
+    light, weight = np.moveaxis(toward[:, good], 0, 1), lit[:, good].T[..., None]
+    matrix = np.einsum("pfi,pfj->pij", light * weight, light) + 1e-6 * np.eye(3)
+    # As if all flashes were equally bright: near enough to sort by.
+    facing = np.linalg.solve(matrix, np.einsum("pfi,fp->pi", light * weight, values[:, good])[..., None])[..., 0]
+    facing /= np.maximum(np.linalg.norm(facing, axis=1, keepdims=True), 1e-12)
+    cell = ((facing[:, :2] + 1) / 2 * CELLS).astype(np.intp) @ [1, CELLS]
+    order = np.argsort(cell, kind="stable")
+    _, first, count = np.unique(cell[order], return_index=True, return_counts=True)
+    most = next((m for m in range(10, len(good)) if np.minimum(count, m).sum() >= MOST_PIXELS), len(good))
+    picks = [
+        order[a : a + n][np.linspace(0, n - 1, min(n, most)).astype(np.intp)] for a, n in zip(first, count, strict=True)
+    ]
+    return good[np.sort(np.concatenate(picks))]

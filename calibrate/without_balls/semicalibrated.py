@@ -1,0 +1,175 @@
+"""How bright each flash was, by the object alone: directions are known, strengths are not, nothing white stands by.
+
+Every matte pixel says I_f = e_f b.l_f with a vector b of its own: three unknowns a pixel, F - 1 in common.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
+from calibrate.without_balls.probe import Probe
+
+Array = NDArray[np.float64]
+FEWEST_FRAMES = 5
+"""Three frames fix a pixel's b, and the fourth says nothing of itself until there is a fifth to doubt it."""
+LIT = 0.15
+"""Share of a pixel's own brightness under which it is taken to stand in shadow."""
+ROUNDS = 30
+
+
+@dataclass(frozen=True)
+class ObjectPhotometry:
+    """What the object's own shading says of the flashes.
+
+    Parameters
+    ----------
+    intensities : (F, 3) float64
+        Relative, each channel's mean 1.
+    sigma : (F,) float64
+        Relative standard deviation, one frame.
+    residual : float
+        Relative misfit of the pixels that were believed, robust standard deviation.
+    pixels : int
+        How many pixels spoke.
+    """
+
+    intensities: Array
+    sigma: Array
+    residual: float
+    pixels: int
+
+
+def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> ObjectPhotometry | None:
+    """Read the flashes' intensities from matte pixels of unknown normal and albedo.
+
+    Parameters
+    ----------
+    probe : Probe
+        Pixels (P) of the object.
+    toward : (F, P, 3) float
+        Light vectors of intensity 1 at each pixel: unit, or with the fall-off of near lights.
+    sigma_deg : (F,) float
+        Standard deviation of the directions, degrees; NaN where unknown.
+
+    Returns
+    -------
+    ObjectPhotometry or None
+        None where the pixels do not determine the intensities: too few, or all facing one way.
+
+    Notes
+    -----
+    Semi-calibrated photometric stereo [Cho2016]: I_pf / e_f = b_p.l_f is linear in 1 / e and in all b_p. With every
+    b_p eliminated the smallest eigenvector of an F x F matrix gives 1 / e; from there, Gauss-Newton on log e
+    minimises the relative misfit itself (the eigenvector's constraint pulls dim or noisy frames). Weights are
+    Tukey's on the relative misfit: shadows and gloss leave. Sigma: how much pixels that face different ways differ,
+    and what the directions' own error moves.
+    """
+    values = probe.values.mean(-1, dtype=np.float64).T
+    light = np.moveaxis(np.asarray(toward, np.float64), 0, 1)
+    bright = np.quantile(values, 0.9, axis=1)
+    believable = ~probe.clipped.T & (values > LIT * bright[:, None])
+    use = (believable.sum(1) >= FEWEST_FRAMES) & (bright > 0.05 * np.quantile(bright, 0.9))
+    if use.sum() < FEWEST_PIXELS:
+        return None
+    values, light, believable = values[use] / bright[use, None], light[use], believable[use]
+    colours = probe.values[:, use].astype(np.float64) / bright[use, None]
+    count = values.shape[1]
+    energy = np.ones(count)
+    weight = believable.astype(np.float64)
+    for turn in range(ROUNDS):
+        scaled = values / energy
+        b, adapted = _eliminate(light, weight, scaled)
+        shading = np.einsum("pfi,pi->pf", light, b)
+        length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
+        residual = (scaled - shading) / length
+        if turn < ROUNDS // 3:
+            # Globally right for these weights, whatever the start.
+            part = scaled / length
+            matrix = _left_over(weight, adapted, part, part)
+            inverse = np.abs(np.linalg.eigh(matrix)[1][:, 0])
+            step = -np.log(np.maximum(inverse, 1e-6))
+        else:
+            part = shading / length
+            hessian = _left_over(weight, adapted, part, part)
+            step = np.linalg.pinv(hessian, rcond=1e-9) @ np.sum(part * weight * residual, 0)
+        energy = energy * np.exp(np.clip(step - step.mean(), -1, 1))
+        energy /= energy.mean()
+        scale = max(1.4826 * float(np.median(np.abs(residual[weight > 0]))), 1e-4)
+        # Wide at first: the start may be off by more than the misfit that is looked for.
+        reach = 4.685 * scale * max(1.0, 3.0 - turn / 5)
+        weight = np.where(believable, np.maximum(1 - (residual / reach) ** 2, 0) ** 2, 0)
+        weight *= shading > LIT * length
+        weight[np.count_nonzero(weight, axis=1) < FEWEST_FRAMES] = 0
+        if np.count_nonzero(weight.any(1)) < FEWEST_PIXELS:
+            return None
+    b, adapted = _eliminate(light, weight, values / energy)
+    shading = np.einsum("pfi,pi->pf", light, b)
+    length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
+    part, residual = shading / length, (values / energy - shading) / length
+    hessian = _left_over(weight, adapted, part, part)
+    spectrum = np.linalg.eigvalsh(hessian)
+    # The smallest belongs to the common scale and is zero; the next must not be.
+    if spectrum[1] < 1e-5 * spectrum[-1]:
+        return None
+    inverse = np.asarray(np.linalg.pinv(hessian, rcond=1e-7), np.float64)
+    covariance = _between_sectors(b / length, part, weight, adapted, residual)
+    covariance += _of_directions(light, b / length, part, weight, adapted, inverse, sigma_deg)
+    each = _by_channel(colours, energy, shading, weight)
+    return ObjectPhotometry(each, np.sqrt(np.diag(covariance)), scale, int(np.count_nonzero(weight.any(1))))
+
+
+def _eliminate(light: Array, weight: Array, scaled: Array) -> tuple[Array, Array]:
+    """Return every pixel's b (P, 3), and Q (P, F, 3): W - Q Q' is what is left of its weights once b has adapted."""
+    weighted = light * weight[..., None]
+    # The ridge only keeps pixels without any weight solvable.
+    inverse = np.linalg.inv(np.swapaxes(light, 1, 2) @ weighted + 1e-9 * np.eye(3))
+    right = np.swapaxes(weighted, 1, 2) @ scaled[..., None]
+    return (inverse @ right)[..., 0], weighted @ np.linalg.cholesky((inverse + np.swapaxes(inverse, 1, 2)) / 2)
+
+
+def _left_over(weight: Array, adapted: Array, left: Array, right: Array) -> Array:
+    """Return sum over the pixels of diag(left) (W - Q Q') diag(right), (F, F)."""
+    both = (np.swapaxes(x[..., None] * adapted, 1, 2).reshape(-1, x.shape[1]) for x in (left, right))
+    return np.diag(np.sum(weight * left * right, 0)) - next(both).T @ next(both)
+
+
+def _between_sectors(facing: Array, part: Array, weight: Array, adapted: Array, residual: Array) -> Array:
+    """Return the covariance (F, F) of log e: how far apart the pixels that face different ways want it."""
+    moves = []
+    for here in sectors(facing):
+        hessian = _left_over(weight[here], adapted[here], part[here], part[here])
+        moves.append(np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ np.sum((part * weight * residual)[here], 0))
+    return np.array(moves).T @ np.array(moves) / len(moves)
+
+
+def _of_directions(
+    light: Array, b: Array, part: Array, weight: Array, adapted: Array, inverse: Array, sigma_deg: Array
+) -> Array:
+    """Return the covariance (F, F) of log e that the directions' own errors make."""
+    turn = np.deg2rad(np.nan_to_num(sigma_deg))
+    axis = light.mean(0)
+    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
+    side = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    side = side / np.linalg.norm(side, axis=1, keepdims=True)
+    out = np.zeros_like(inverse)
+    for tangent in (side, np.cross(axis, side)):
+        # A light turned by t changes its own shading by b.t; through b, that of the others.
+        moved = inverse @ _left_over(weight, adapted, part, b @ (tangent * turn[:, None]).T)
+        out += moved @ moved.T
+    return out
+
+
+def _by_channel(colours: Array, energy: Array, shading: Array, weight: Array) -> Array:
+    """Return intensities (F, 3): the shape is the gray's, each channel has an albedo and a strength of its own."""
+    out = np.empty((len(energy), 3))
+    for c in range(3):
+        channel, e = colours[..., c].T, energy.copy()
+        for _ in range(20):
+            shape = shading * e
+            albedo = np.sum(weight * shape * channel, 1) / np.maximum(np.sum(weight * shape**2, 1), 1e-12)
+            part = albedo[:, None] * shading
+            e = np.sum(weight * part * channel, 0) / np.maximum(np.sum(weight * part**2, 0), 1e-12)
+        out[:, c] = e / e.mean()
+    return out
