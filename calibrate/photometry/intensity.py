@@ -142,14 +142,12 @@ def _sigma(model: ShadingModel, fit: Fit, covariance: Array | None) -> Array:
     """
     ball, parts, root = model.ball, fit.parts, np.sqrt(model.weight)
     count, blocks = root.shape
-    shape, numbers = model.shape(parts), parts.numbers()
-    columns = np.zeros((count, blocks, count + parts.ambient + len(numbers)))
-    columns[np.arange(count), :, np.arange(count)] = shape
+    slopes = model.slopes(parts)
+    columns = np.zeros((count, blocks, count + parts.ambient + len(slopes)))
+    columns[np.arange(count), :, np.arange(count)] = model.shape(parts)
     columns[..., count : count + parts.ambient] = model.around[:, : parts.ambient]
-    for i in range(len(numbers)):
-        step = np.where(np.arange(len(numbers)) == i, 1e-4, 0.0)
-        changed = model.shape(parts.with_numbers(numbers + step)) - shape
-        columns[..., count + parts.ambient + i] = fit.energy[:, None] * changed / 1e-4
+    for i, slope in enumerate(slopes, count + parts.ambient):
+        columns[..., i] = fit.energy[:, None] * slope
     weighted = root[..., None] * columns
     flat = weighted.reshape(count * blocks, -1)
     scale = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.photometry.bounce import table_bounce
+from calibrate.photometry.bounce import Table, table_under
 from calibrate.photometry.patches import GLOSS_WIDTHS, Patches
 
 Array = NDArray[np.float64]
@@ -21,6 +21,8 @@ BEAM, BEAM_BOUNCE = 0.5, 1.5
 """Standard deviation of mu, and what a bounce adds to it, times the table's albedo: light from the object's side."""
 DIM = 0.3
 """Share of the median flash under which a frame is not brought up to the others' weight."""
+STEP = 1e-6
+"""Of the differences by the table's tilt."""
 FLOOR = 1e-3
 """Relative misfit that is not worth a further part: blur, quantisation, the patches' finite size."""
 
@@ -118,20 +120,23 @@ class ShadingModel:
         # Relative errors: a bright flash's patches scatter in proportion. Not those of a ball in shadow.
         self.level = level
         self.weight = ball.weight / np.maximum(level, DIM * np.median(level))[:, None] ** 2
-        self._bounces: dict[tuple, Array] = {}
+        self._tables: dict[tuple[float, float], Table] = {}
+
+    def table(self, tilt: tuple[float, float] | None) -> Table:
+        """Return the table, so tilted."""
+        x, y = tilt or (0.0, 0.0)
+        if (x, y) not in self._tables:
+            if len(self._tables) > 16:
+                self._tables.clear()
+            up = np.array([x, y, 1.0])
+            up /= np.linalg.norm(up)
+            ball = self.ball
+            self._tables[x, y] = table_under(ball.normals, ball.center, ball.radius, up, self.toward, self.axis)
+        return self._tables[x, y]
 
     def bounce(self, parts: Parts) -> Array:
         """Return B (F, B)."""
-        key = (parts.tilt, parts.beam)
-        if key not in self._bounces:
-            if len(self._bounces) > 16:
-                self._bounces.clear()
-            up = np.array([*(parts.tilt or (0.0, 0.0)), 1.0])
-            up /= np.linalg.norm(up)
-            ball = self.ball
-            beam = parts.beam or 0.0
-            self._bounces[key] = table_bounce(ball.normals, ball.center, ball.radius, up, self.toward, self.axis, beam)
-        return self._bounces[key]
+        return self.table(parts.tilt).bounce(parts.beam or 0.0)
 
     def shape(self, parts: Parts) -> Array:
         """Return (F, B), what the patches show of a flash of energy 1."""
@@ -143,6 +148,24 @@ class ShadingModel:
         if parts.gloss is not None:
             shape = shape + parts.gloss * self.ball.gloss[parts.width]
         return shape
+
+    def slopes(self, parts: Parts) -> list[Array]:
+        """Return the derivatives (F, B) of `shape` by the numbers of `parts`."""
+        out = []
+        if parts.bounce is not None:
+            out.append(self.bounce(parts))
+        if parts.gloss is not None:
+            out.append(self.ball.gloss[parts.width])
+        if parts.beam is not None:
+            by_beam = -self.ball.aside * self.ball.shading * np.exp(-parts.beam * self.ball.aside)
+            if parts.bounce is not None:
+                by_beam += parts.bounce * self.table(parts.tilt).by_beam(parts.beam)
+            out.append(by_beam)
+        if parts.tilt is not None and parts.bounce is not None:
+            x, y = parts.tilt
+            for tilt in ((x + STEP, y), (x, y + STEP)):
+                out.append(parts.bounce * (self.bounce(replace(parts, tilt=tilt)) - self.bounce(parts)) / STEP)
+        return out
 
     def linear(self, parts: Parts, values: Array) -> tuple[Array, Array, Array]:
         """Return energy (F,), ambient (p,) and value less model (F, B), the numbers of `parts` held."""
@@ -182,7 +205,19 @@ class ShadingModel:
             def misfit(row: Array) -> Array:
                 return (root * self.linear(parts.with_numbers(row), values)[2]).ravel()
 
-            best = parts.with_numbers(least_squares(misfit, start, bounds=(low, np.inf)).x)
+            def jacobian(row: Array) -> Array:
+                # What the energies and the ambient light cannot follow of a change [Golub1973].
+                at = parts.with_numbers(row)
+                energy = self.linear(at, values)[0][:, None]
+                return np.stack([-(root * self.linear(at, energy * s)[2]).ravel() for s in self.slopes(at)], -1)
+
+            found = least_squares(
+                misfit,
+                start,
+                jacobian,  # pyright: ignore[reportArgumentType]: the stub knows only the names of differences
+                bounds=(low, np.inf),
+            )
+            best = parts.with_numbers(found.x)
         else:
             best = parts
         energy, ambient, residual = self.linear(best, values)

@@ -102,7 +102,10 @@ def shading_directions(skin: Skin) -> tuple[Array, Array]:
             covariance = normal @ (sums.T @ sums) @ normal * len(sums) / max(len(sums) - 4, 1)
             across = np.eye(3) - np.outer(directions[f], directions[f])
             sigma[f] = np.rad2deg(np.sqrt(np.trace(across @ covariance[:3, :3] @ across) / 2) / length)
-            use = good & (skin.normals @ directions[f] > LIT)
+            lit = good & (skin.normals @ directions[f] > LIT)
+            if np.array_equal(lit, use):
+                break
+            use = lit
     return directions, sigma
 
 
@@ -110,8 +113,8 @@ def tukey_weights(design: Array, values: Array) -> Array:
     """Return the weights (P,) at which a robust linear fit comes to rest."""
     weight = np.ones(len(values))
     for _ in range(12):
-        root = np.sqrt(weight)[:, None]
-        residual = values - design @ np.linalg.lstsq(design * root, values * root[:, 0], rcond=None)[0]
+        weighted = weight[:, None] * design
+        residual = values - design @ np.linalg.lstsq(design.T @ weighted, values @ weighted, rcond=None)[0]
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-7)
         weight = np.maximum(1 - (residual / (4.685 * scale)) ** 2, 0) ** 2
     return weight

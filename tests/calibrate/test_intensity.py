@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from calibrate.photometry.intensity import measure
+from calibrate.photometry.patches import cut
+from calibrate.photometry.shading_model import Parts, ShadingModel
 from calibrate.photometry.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
@@ -169,3 +171,18 @@ def test_shading_alone_gives_the_direction():
     directions, sigma = shading_directions(read_skin(_frames(near=False, ambient=0.02), CAMERA, BALL))
     assert angular_error_deg(directions, DIRECTIONS).max() < 0.3
     assert (sigma < 1).all()
+
+
+@pytest.mark.parametrize("near", [True, False])
+def test_the_models_slopes_are_its_differences(near):
+    skin = read_skin(_frames(near=near), CAMERA, BALL)
+    toward = LIGHTS if near else DIRECTIONS
+    ball = cut(skin, DIRECTIONS, toward if near else None, REFERENCE)
+    model = ShadingModel(ball, toward, toward - REFERENCE if near else None)
+    parts = Parts(1, bounce=0.2, tilt=(0.1, -0.15), gloss=0.05, width=1, beam=1.5 if near else None)
+    slopes, numbers = model.slopes(parts), parts.numbers()
+    assert len(slopes) == len(numbers)
+    for slope, move in zip(slopes, 1e-5 * np.eye(len(numbers)), strict=True):
+        ends = [model.shape(parts.with_numbers(numbers + sign * move)) for sign in (1, -1)]
+        np.testing.assert_allclose(slope, (ends[0] - ends[1]) / 2e-5, atol=1e-5)
+        assert np.abs(slope).max() > 1e-3
