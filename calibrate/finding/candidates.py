@@ -4,6 +4,7 @@ A silhouette stands still while shadows and highlights move, so each pixel is as
 it lies on an edge, and in which orientation. A ring of that evidence is a candidate.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import cv2
@@ -104,21 +105,26 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
     pad = int(radii[-1]) + 4
     shape = (int(fft.next_fast_len(height + pad) or 0), int(fft.next_fast_len(width + pad) or 0))
     spectrum = _transform(edges, shape)
-    scores = np.empty((len(radii), height, width), np.float32)
+    scores = np.zeros((len(radii), height, width), np.float32)
     v = (np.arange(shape[0]) + shape[0] // 2) % shape[0] - shape[0] // 2
     u = (np.arange(shape[1]) + shape[1] // 2) % shape[1] - shape[1] // 2
     far = np.hypot(v[:, None], u[None]).astype(np.float32)
     outward = ((u[None] + 1j * v[:, None]) ** 2 / np.maximum(far, 1) ** 2).astype(np.complex64)
-    for i, radius in enumerate(radii):
+
+    def correlate(i: int) -> None:
+        radius, blur = radii[i], 0.5 + 0.025 * radii[i]
         ring = np.zeros(shape, np.complex64)
-        near = np.abs(far - radius) < 4 * (0.5 + 0.025 * radius)
-        weight = np.exp(-0.5 * ((far[near] - radius) / (0.5 + 0.025 * radius)) ** 2)
+        near = np.abs(far - radius) < 4 * blur
+        weight = np.exp(-0.5 * ((far[near] - radius) / blur) ** 2)
         ring[near] = outward[near] * (weight / weight.sum())
         product = spectrum * np.conj(_transform(ring, shape))
-        agree = np.real(np.asarray(fft.ifft2(product, workers=THREADS, overwrite_x=True)))[:height, :width]
+        agree = np.real(np.asarray(fft.ifft2(product, overwrite_x=True)))[:height, :width]
         # A ball cut by the border has less outline; under half of it is no evidence.
         seen = 1 - _beyond(height, radius)[:, None] - _beyond(width, radius)[None]
-        scores[i] = np.where(seen > 0.5, agree / np.maximum(seen, 0.5), 0)
+        np.divide(agree, seen, out=scores[i], where=seen > 0.5)
+
+    with ThreadPoolExecutor(THREADS) as threads:
+        list(threads.map(correlate, range(len(radii))))
     found = []
     # Nested rings share a centre: the weaker of them must not be lost, an outline may be fainter than what it mirrors.
     for i in range(len(radii)):
@@ -134,7 +140,7 @@ def _circles_of_octave(edges: NDArray[np.complex64], radii: NDArray[np.float64])
 
 
 def _transform(image: NDArray[np.complex64], shape: tuple[int, int]) -> NDArray[np.complex64]:
-    return np.asarray(fft.fft2(image, shape, workers=THREADS), np.complex64)
+    return np.asarray(fft.fft2(image, shape), np.complex64)
 
 
 def _beyond(side: int, radius: float) -> NDArray[np.float32]:

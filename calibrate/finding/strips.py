@@ -59,6 +59,7 @@ def _sampled(codes: NDArray, places: NDArray[np.float32]) -> tuple[NDArray[np.fl
     """Interpolate codes (h, w, 3) at (2, n, M) places: the channels' linear mean and the highest code."""
     # A view of the file: only the pixels about the places are ever touched.
     view = np.asarray(codes) if codes.dtype == np.uint16 else codes.astype(np.float32)
-    found = cv2.remap(view, *places, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    u, v = places
+    found = cv2.remap(view, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     highest = np.maximum(np.maximum(found[..., 0], found[..., 1]), found[..., 2])
     return np.asarray(cv2.transform(decode(found), THIRDS), np.float32), highest
