@@ -42,10 +42,10 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     Notes
     -----
     What a frame adds to the median over frames is the flash and its company: the table, a window and the
-    object that the ball mirrors stand still and drop out. Found in the coarse stack, measured at full size: the
+    object that the ball mirrors stand still and drop out. Found on the shrunken ball, measured at full size: the
     brightest by `fit_disc`, the others by their centroid, `measure_spot` for the one that proves to be the flash.
     """
-    rough, strength = _rough(coarse, coarse.from_full(sphere))
+    rough, strength = _rough(frames, coarse, coarse.from_full(sphere))
     pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
     sigma = np.full((len(frames), MOST_SPOTS), np.nan)
     usual = np.nanmedian(strength[:, 0]) if np.isfinite(strength[:, 0]).any() else np.inf
@@ -59,7 +59,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     return Spots(pixels, sigma)
 
 
-def _rough(coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
+def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
     """Return coarse pixels (F, K, 2) and strengths (F, K) of local maxima of the change over time."""
     u, v, r = *sphere.center_px, sphere.radius_px
     height, width = coarse.images.shape[1:]
@@ -68,7 +68,7 @@ def _rough(coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
     rows, columns = np.mgrid[top:bottom, left:right]
     # Near the limb a mirror shows what stands behind it, never a flash that lights the object.
     inside = np.hypot(columns - u, rows - v) < 0.9 * r
-    values = coarse.images[:, top:bottom, left:right]
+    values = coarse.window(frames, slice(top, bottom), slice(left, right))
     change = values - np.median(values, axis=0)
     pixels = np.full((len(values), MOST_SPOTS, 2), np.nan)
     strength = np.full((len(values), MOST_SPOTS), np.nan)

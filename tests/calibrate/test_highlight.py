@@ -141,3 +141,17 @@ def test_derivatives_of_the_model():
         ends = [_image(y, offset, bend, colours)[0] for y in (x + step, x - step)]
         difference = (ends[0] - ends[1]) / 2e-6
         np.testing.assert_allclose(slopes[:, i], difference, atol=2e-7, rtol=1e-5)
+
+
+def test_a_window_of_all_frames_is_cut_from_the_shrunken_stack():
+    codes = np.random.default_rng(8).integers(0, 65536, (23, 60, 2405, 3), np.uint16)
+    frames = Frames(tuple(map(str, range(23))), codes, np.linspace(1, 2, 23), ambient=codes[0] // 8)
+    coarse = shrink(frames, Camera.orthographic(2405, 60))
+    window = coarse.window(frames, slice(4, 15), slice(100, 131))
+    every = (codes.astype(float) - 2048) / 60000 * frames.gain[:, None, None, None]
+    every -= (codes[0] // 8 - 2048.0) / 60000
+    truth = every[:, :60, :2403].reshape(23, 20, 3, 801, 3, 3).mean((2, 4, 5))
+    # Averaged codes are rounded to codes.
+    np.testing.assert_allclose(window, truth[:, 4:15, 100:131], atol=3e-5)
+    assert len(window) > len(coarse.images) == 20
+    assert all(np.abs(truth - image).max((1, 2)).min() < 3e-5 for image in coarse.images)
