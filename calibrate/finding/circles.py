@@ -1,24 +1,20 @@
-"""Circles of standing edges: which are one and the same, and which of a mirror's rings is its outline."""
+"""Circles of standing edges: which are one and the same, and which see the same lights."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.finding.candidates import find_circles, static_edges, without_albedo
 from calibrate.finding.coarse import Coarse
-from calibrate.finding.kind import Behaviour, Points
+from calibrate.finding.kind import Behaviour
+from calibrate.finding.mirror_outline import Candidate
 from calibrate.finding.outline import refine_on_edges
 from scene.spheres import Sphere
 
 LEAST_SCORE = 0.5
 """A circle that less of its outline supports is not looked into."""
 
-Candidate = tuple[Sphere, Points]
 SAME_POINTS = 0.7
 """Share of the frames in which circles of one mirror show the light at one place."""
-ENOUGH = 0.7
-"""Share of the best circle's score that a mirror's outline shows at least."""
-CLOSE = 0.08
-"""Difference in worth up to which it is open which of two circles is a mirror's outline."""
 ALIKE = 0.13
 """How far, in radii, a highlight may lie from where another ball has it: lights at unequal distances do that."""
 
@@ -70,28 +66,6 @@ def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
             groups.append([(sphere, points)])
             places.append(here)
     return groups
-
-
-def outline_of(group: list[Candidate]) -> tuple[Candidate, Candidate | None]:
-    """Return the circle of a group that is the mirror's outline, and another that is about as good, or None.
-
-    A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which differs
-    from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside: the outline holds all
-    other circles of the group, and much of it stands still.
-    """
-    spheres = [sphere for sphere, _ in group]
-    center = np.array([sphere.center_px for sphere in spheres])
-    radius = np.array([sphere.radius_px for sphere in spheres])
-    score = np.array([sphere.score for sphere in spheres])
-    apart = np.hypot(*(center[:, None] - center[None]).T).T
-    holds = apart + radius[None] < 1.05 * radius[:, None] + 0.5
-    weight = np.maximum(score - LEAST_SCORE, 1e-3)
-    worth = np.where(score >= ENOUGH * score.max(), score**2 + holds @ weight / weight.sum(), 0)
-    best = int(np.argmax(worth))
-    differs = apart[best] + np.abs(radius - radius[best]) > np.maximum(2.0, 0.08 * radius[best])
-    rival = int(np.argmax(np.where(differs, worth, -1)))
-    close = differs[rival] and worth[rival] > worth[best] - CLOSE
-    return group[best], group[rival] if close else None
 
 
 def alike(a: Behaviour, b: Behaviour) -> float:

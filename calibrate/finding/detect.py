@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.finding.choice import Reasons, Suspect, asked_for, sure_ones
-from calibrate.finding.circles import by_points, outline_of, overlap, rank, standing_circles
+from calibrate.finding.circles import by_points, overlap, rank, standing_circles
 from calibrate.finding.coarse import Coarse
 from calibrate.finding.kind import FLATTER, Behaviour, Points, bright_points, changes, observe
+from calibrate.finding.mirror_outline import outline_of, what_stands
 from calibrate.finding.silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
@@ -108,8 +109,9 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
             candidates += [] if points is None else [(sphere, points)]
     suspects: list[Suspect] = []
     rejected: Reasons = []
+    standing = what_stands(coarse)
     for group in by_points([c for c in candidates if c[1].wander]):
-        (sphere, points), rival = outline_of(group)
+        (sphere, points), rival = outline_of(group, standing, coarse.camera)
         if any(overlap(sphere, other.sphere) for other in suspects):
             continue
         behaviour = observe(coarse, sphere, points)

@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from calibrate.finding.circles import by_points, distinct, outline_of, standing_circles
+from calibrate.finding.circles import by_points, distinct, standing_circles
 from calibrate.finding.coarse import Coarse
 from calibrate.finding.kind import bright_points, changes
+from calibrate.finding.mirror_outline import outline_of, what_stands
 from scene.spheres import Sphere
 
 
@@ -49,7 +50,9 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
         change = changes(images)
         seen = [(sphere, bright_points(change, sphere)) for sphere in standing]
         groups = by_points([(sphere, points) for sphere, points in seen if points is not None and points.wander])
-        found = distinct([outline_of(group)[0][0] for group in groups][:2] + found[:1]) if groups else found
+        standing_still = what_stands(crop)
+        outlines = [outline_of(group, standing_still, camera)[0][0] for group in groups]
+        found = distinct(outlines[:2] + found[:1]) if groups else found
     return [
         replace(
             s,

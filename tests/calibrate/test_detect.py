@@ -1,13 +1,15 @@
 """Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calibrate.finding.balls import find_balls
-from calibrate.finding.circles import outline_of
 from calibrate.finding.coarse import Coarse, shrink
 from calibrate.finding.detect import Found, detect
 from calibrate.finding.kind import Behaviour, Points
+from calibrate.finding.mirror_outline import enclosing, outline_of
 from calibrate.finding.silhouette import OutlineFit
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
@@ -174,17 +176,39 @@ def test_print_dust_and_touching_balls_do_not_hide_balls(printed):
     assert any("flatter body" in r.reason for r in near), [r.reason for r in near]
 
 
-def test_a_mirror_whose_outline_is_not_sure_is_named():
-    """The rim that it mirrors stands as still as a circle around it, and neither holds the other."""
+def _rings(*circles):
+    """Return a picture of slopes (100, 120, 2) that stands on circles (u, v, radius)."""
+    v, u = np.mgrid[0:100, 0:120]
+    slopes = np.zeros((100, 120, 2), np.float32)
+    for center_u, center_v, radius in circles:
+        away = np.stack([u - center_u, v - center_v], -1)
+        far = np.maximum(np.linalg.norm(away, axis=-1, keepdims=True), 1)
+        slopes += np.where(np.abs(far - radius) < 1.5, 0.1 * away / far, 0).astype(np.float32)
+    return slopes
+
+
+def test_what_is_mirrored_lies_inside_the_outline_and_shadows_are_none():
+    """The table's rim stands out most; an arc that shadows draw around the ball does not enclose anything."""
+    camera = Camera.orthographic(120, 100)
+    standing = _rings((50, 50, 30), (50.5, 50, 23))
+    rim, outline, shadows = (
+        Sphere("chrome", np.array([u, 50.0]), r, score=0.9) for u, r in [(50.5, 23.0), (50.0, 30.0), (55.0, 35.0)]
+    )
+    assert enclosing(standing, camera, outline) == 1.0
+    assert enclosing(standing, camera, shadows) < 0.5
     points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
-
-    def circle(u, radius, score):
-        return Sphere("chrome", np.array([u, 50.0]), radius, score=score), points
-
-    (best, _), rival = outline_of([circle(50.0, 30.0, 0.9), circle(50.5, 23.0, 1.0), circle(50.2, 23.5, 0.98)])
-    assert best.radius_px == 30.0
+    rims = [(replace(rim, center_px=rim.center_px + 0.1 * k, score=1.0), points) for k in range(5)]
+    (best, _), rival = outline_of([*rims, (shadows, points), (outline, points)], standing, camera)
+    assert best is outline
     assert rival is None
-    (best, _), rival = outline_of([circle(50.0, 30.0, 0.9), circle(57.0, 30.0, 0.9)])
+
+
+def test_a_mirror_whose_outline_is_not_sure_is_named():
+    """Two circles stand as still, and neither holds the other."""
+    points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
+    group = [(Sphere("chrome", np.array([u, 50.0]), 30.0, score=0.9), points) for u in (50.0, 57.0)]
+    camera = Camera.orthographic(120, 100)
+    (best, _), rival = outline_of(group, _rings((50, 50, 30), (57, 50, 30)), camera)
     assert rival is not None
     fit = OutlineFit(best, np.eye(3), 0.1)
     warning = Found(fit, Behaviour(points, 0.0, np.zeros((6, 3))), rival[0]).warning
