@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from calibrate.finding.limb import MATTE, MIRROR, MIRROR_CLOSE, STEP_PX, Limb
 from calibrate.finding.limb_fit import Reader, Settled, settle
+from calibrate.finding.mirrored_table import fit_mirrored_table
 from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
 from calibrate.finding.standing import agree, find_edges, kernel_reach_px
 from calibrate.finding.strips import image_strips, read_strips
@@ -19,6 +20,14 @@ Array = NDArray[np.float64]
 SOFTEST = 8
 """Softness, in that of a sharp picture, up to which an outline is looked for."""
 LEAST_SEEN = 0.25
+WIDE = 0.05
+"""Share of its radius by which a chrome ball's outline is searched around its coarse circle, at least."""
+TABLE_EXPLAINS = 0.99
+"""Share of a chrome limb's variance from which on the mirrored table is taken for its cause."""
+TABLE_FROM_PX = 22.0
+"""A smaller ball's limb is too few pixels for three more unknowns."""
+TABLE_FLOOR_PX = 0.015
+"""What shifts an outline that is fitted by the mirrored table, beyond its residuals' scatter."""
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
 """What shifts an outline that is fitted on the steepest places alone, beyond its edges' scatter."""
 LIMB_FLOOR_PX = 0.01
@@ -43,12 +52,15 @@ class OutlineFit:
         Robust spread of the edges about the outline.
     blur_px : float
         Standard deviation of the blur under which the limb is seen; NaN where only its edge was fitted.
+    by_table : bool
+        The table that a chrome ball mirrors was found and fits.
     """
 
     sphere: Sphere
     covariance: Array
     residual_px: float
     blur_px: float = np.nan
+    by_table: bool = False
 
 
 def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
@@ -83,7 +95,10 @@ def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: fl
         softness *= 2
     if not best:
         return None
-    return _fit_limb(read, camera, best, sphere, float(best_softness)) or best[0]
+    edge, blur = best[0], float(best_softness)
+    if sphere.kind == "white":
+        return _fit_matte(read, camera, best, sphere, blur) or edge
+    return _fit_chrome(frames, read, camera, edge, blur) or edge
 
 
 def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
@@ -91,7 +106,7 @@ def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -
 
     What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
     """
-    if fit.sphere.kind != "chrome" or not abs(fit.blur_px / blur_px - 1) < 0.15:
+    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < 0.15:
         return fit
 
     def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
@@ -123,20 +138,29 @@ def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit:
     it mirrors, all of them inside, and so of equals the outermost wins.
     """
     if kind == "white":
-        return max(fits, key=lambda fit: fit.sphere.score / max(fit.residual_px, 0.15))
+        return max(fits, key=_clearness)
     best = max(fit.sphere.score for fit in fits)
     return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)
 
 
 def _fit_edges(read: Reader, camera: Camera, sphere: Sphere, search_px: float, softness: int) -> list[OutlineFit]:
     """Fit the outline to the steepest places across it, from three radii; return the fits, the best first."""
-    starts = [np.array([0.0, 0.0, share * search_px]) for share in (-0.5, 0.0, 0.5)]
+    if sphere.kind == "chrome":
+        # What a mirror shows along its rim draws the coarse circle inward, by some hundredths of its radius.
+        search_px = max(search_px, WIDE * sphere.radius_px)
+        starts = [(share * search_px, reach * search_px) for reach in (1.0, 0.4) for share in (0.0, 0.4, 0.8)]
+    else:
+        starts = [(share * search_px, search_px) for share in (-0.5, 0.0, 0.5)]
     fits = _agreements(read, camera, sphere, starts, search_px, softness)
     if not fits:
         return []
-    best = _nearest(fits, sphere) if sphere.kind == "chrome" else best_outline(fits, "white")
-    again = _agreements(read, camera, best.sphere, [np.zeros(3)], 2.0 * softness, softness)
+    best = max(fits, key=_clearness)
+    again = _agreements(read, camera, best.sphere, [(0.0, 2.0 * softness)], 2.0 * softness, softness)
     return [_nearest(again, best.sphere) if again else best, *(fit for fit in fits if fit is not best)]
+
+
+def _clearness(fit: OutlineFit) -> float:
+    return fit.sphere.score / max(fit.residual_px, 0.15)
 
 
 def _nearest(fits: list[OutlineFit], start: Sphere) -> OutlineFit:
@@ -146,9 +170,9 @@ def _nearest(fits: list[OutlineFit], start: Sphere) -> OutlineFit:
 
 
 def _agreements(
-    read: Reader, camera: Camera, sphere: Sphere, starts: list[Array], search_px: float, softness: int
+    read: Reader, camera: Camera, sphere: Sphere, starts: list[tuple[float, float]], search_px: float, softness: int
 ) -> list[OutlineFit]:
-    """Return the outlines, near each start, on which edges agree."""
+    """Return the outlines on which edges agree, from each start: what the radius is more, and the reach at first."""
     count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
     points, normals = outline_with_normals(camera, sphere, count)
     jacobian = offset_jacobian(camera, sphere, points, normals)
@@ -161,8 +185,9 @@ def _agreements(
         edges = find_edges(values, offsets, spacing, softness=softness, search_px=search_px + 1)
         if edges is None:
             continue
-        for start in starts:
-            one = agree(edges, jacobian, start=start, reach_px=search_px, closest_px=0.35 * softness)
+        for more, first_reach in starts:
+            start = np.array([0.0, 0.0, more])
+            one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
             if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
                 continue
             floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
@@ -171,19 +196,13 @@ def _agreements(
     return out
 
 
-def _fit_limb(
+def _fit_matte(
     read: Reader, camera: Camera, edges: list[OutlineFit], start: Sphere, softness: float
 ) -> OutlineFit | None:
-    """Fit the outline with the limb's own profile, from where its edges are steepest; None where it does not hold."""
-    # Where a matte ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
-    if start.kind == "chrome":
-        edge = edges[0]
-        limb = Limb(MIRROR, start.radius_px, softness, 0.7)
-        first = settle(read, camera, edge.sphere, limb, free_blur=True)
-        if first is None:
-            return None
-        fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / start.radius_px)
-        return fit if _apart(fit.sphere, edge.sphere) < 0.6 * softness + 0.4 else None
+    """Fit a matte ball's limb; None where it does not hold.
+
+    Where the ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
+    """
     tried: list[Settled] = []
     for sphere in [*(fit.sphere for fit in edges), start]:
         if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
@@ -192,7 +211,24 @@ def _fit_limb(
     if not tried:
         return None
     best = min(tried, key=lambda fit: fit.doubt)
-    return _finished(min(edges, key=lambda fit: _apart(fit.sphere, best.sphere)), best, [])
+    nearest = min(edges, key=lambda fit: _apart(fit.sphere, best.sphere))
+    return _finished(nearest, best.sphere, best.covariance + LIMB_FLOOR_PX**2 * np.eye(3), best.limb.blur_px)
+
+
+def _fit_chrome(frames: Frames, read: Reader, camera: Camera, edge: OutlineFit, softness: float) -> OutlineFit | None:
+    """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
+    sphere = edge.sphere
+    table = None
+    if sphere.radius_px > TABLE_FROM_PX:
+        table = fit_mirrored_table(frames, camera, sphere, blur_px=softness)
+    if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, sphere) < softness + WIDE * sphere.radius_px:
+        covariance = table.covariance + TABLE_FLOOR_PX**2 * np.eye(3)
+        return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
+    first = settle(read, camera, sphere, Limb(MIRROR, sphere.radius_px, softness, 0.7), free_blur=True)
+    if first is None:
+        return None
+    fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
+    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
 
 
 def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: Settled, blur_doubt: float) -> OutlineFit:
@@ -200,16 +236,16 @@ def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: Settled, 
     last = settle(read, camera, first.sphere, replace(first.limb, terms=MIRROR_CLOSE), free_blur=False) or first
     sharper = replace(last.limb, blur_px=(1 - blur_doubt) * last.limb.blur_px)
     other = settle(read, camera, last.sphere, sharper, free_blur=False)
+    # What the model may err by: other profiles, another blur.
     doubts = [LIMB_SHARE * _difference(first.sphere, last.sphere)]
-    return _finished(edge, last, [*doubts, *([_difference(other.sphere, last.sphere)] if other else [])])
-
-
-def _finished(edge: OutlineFit, last: Settled, doubts: list[Array]) -> OutlineFit:
-    """Return the fit with what its model may err by (3,) added to its covariance."""
+    doubts += [_difference(other.sphere, last.sphere)] if other else []
     covariance = last.covariance + LIMB_FLOOR_PX**2 * np.eye(3) + sum(np.outer(d, d) for d in doubts)
+    return _finished(edge, last.sphere, covariance, last.limb.blur_px)
+
+
+def _finished(edge: OutlineFit, sphere: Sphere, covariance: Array, blur_px: float) -> OutlineFit:
     sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
-    sphere = replace(last.sphere, sigma_px=sigma, score=edge.sphere.score)
-    return OutlineFit(sphere, covariance, edge.residual_px, last.limb.blur_px)
+    return OutlineFit(replace(sphere, sigma_px=sigma, score=edge.sphere.score), covariance, edge.residual_px, blur_px)
 
 
 def _difference(a: Sphere, b: Sphere) -> Array:

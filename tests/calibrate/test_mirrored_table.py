@@ -1,0 +1,95 @@
+"""A chrome ball's outline by the table that it mirrors: the law, its truth, and where it must not be believed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calibrate.finding.mirrored_table import fit_mirrored_table
+from calibrate.finding.reflection import mirrored_pixels
+from calibrate.finding.silhouette import fit_outline
+from fixtures.ball_scene import World, flashes, photograph
+from scene.camera import Camera
+from scene.normals import unit
+from scene.spheres import Sphere
+from twin.virtual_camera import Sensor
+
+CAMERA = Camera(640, 480, 900.0, 900.0, 312.0, 245.0)
+
+
+def table_world(seed: int, *, texture: str = "noise", tilt: tuple[float, float] = (0.05, 0.12)) -> World:
+    """Return a chrome ball of 60 px, off centre, on a textured table that is not square to the camera."""
+    rng = np.random.default_rng(seed)
+    lights = flashes(8, near_mm=700, far_mm=1000, center=np.array([0.0, 0.0, -800.0]), seed=seed)
+    world = World(CAMERA, [], lights, np.full((8, 3), 0.9) * rng.uniform(0.8, 1.2, (8, 1)))
+    world.table_point = np.array([0.0, 0.0, -850.0])
+    world.table_normal = np.array([*tilt, 1.0]) / np.linalg.norm([*tilt, 1.0])
+    world.table_texture, world.table_albedo, world.table_second = texture, 0.3, 0.12
+    world.powers *= 0.5
+    return world.stand("chrome", -60.0 + rng.uniform(-20, 20), 30.0, 53.0)
+
+
+def seen(world: World, seed: int):
+    return photograph(world, Sensor(full_well_e=40000.0, blur_px=0.6), np.random.default_rng([seed, 1]))
+
+
+def test_a_mirrored_ray_leaves_as_it_came_and_meets_the_plane() -> None:
+    ball = Sphere("chrome", np.array([250.0, 200.0]), 60.0)
+    plane = np.array([0.1, -0.2, 1.3])
+    pixels = ball.outline(CAMERA, 40) * 0.97 + 0.03 * ball.center_px
+    found = mirrored_pixels(CAMERA, ball, plane, pixels)
+    center = replace(ball, diameter_mm=2.0).center_mm(CAMERA)
+    normals, points = replace(ball, diameter_mm=2.0).normals(CAMERA, pixels)
+    _, there = CAMERA.rays(found)
+    up = unit(np.array([plane[0], plane[1], 1.0]))
+    met = there * ((center - plane[2] * up) @ up / (there @ up))[:, None]
+    away, toward = unit(met - points), unit(-points)
+    # The normal halves the angle between the ray's two ends, and all three lie in one plane.
+    assert np.sum(away * normals, -1) == pytest.approx(np.sum(toward * normals, -1), abs=1e-9)
+    assert np.linalg.norm(unit(away + toward) - normals, axis=-1).max() < 1e-9
+
+
+@pytest.mark.parametrize("texture", ["noise", "wood"])
+def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: str) -> None:
+    world = table_world(20000, texture=texture)
+    true, frames = world.spheres()[0], seen(world, 20000)
+    start = replace(true, center_px=true.center_px + [0.5, -0.4], radius_px=true.radius_px - 0.6)
+    found = fit_mirrored_table(frames, CAMERA, start, blur_px=1.0)
+    assert found is not None
+    off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
+    assert np.abs(off).max() < 0.04
+    assert found.explained > 0.99
+    assert found.mirror == pytest.approx(0.75, abs=0.005)
+    n = world.table_normal
+    assert found.plane == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
+
+
+def test_an_outline_is_found_from_three_hundredths_of_its_radius_away_and_its_sigma_holds() -> None:
+    chi = []
+    for seed in (20001, 20002, 20003):
+        world = table_world(seed)
+        true, frames = world.spheres()[0], seen(world, seed)
+        start = replace(true, center_px=true.center_px + [1.0, -1.2], radius_px=0.97 * true.radius_px)
+        fit = fit_outline(frames, CAMERA, start, search_px=2.0)
+        assert fit is not None
+        assert fit.by_table
+        off = np.array([*(fit.sphere.center_px - true.center_px), fit.sphere.radius_px - true.radius_px])
+        assert np.abs(off).max() < 0.06
+        chi.append(off @ np.linalg.solve(fit.covariance, off))
+    assert max(chi) < 20
+
+
+def test_a_table_that_the_mirror_does_not_show_is_not_believed() -> None:
+    world = table_world(20004)
+    true, frames = world.spheres()[0], seen(world, 20004)
+    codes = frames.codes.copy()
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    inside = true.mask(CAMERA)
+    # Another room in the mirror: the ball's inside, turned by a right angle about its centre.
+    du, dv = u - true.center_px[0], v - true.center_px[1]
+    from_u = np.clip(np.round(true.center_px[0] - dv), 0, CAMERA.width - 1).astype(int)
+    from_v = np.clip(np.round(true.center_px[1] + du), 0, CAMERA.height - 1).astype(int)
+    codes[:, inside] = frames.codes[:, from_v[inside], from_u[inside]]
+    fit = fit_outline(replace(frames, codes=codes), CAMERA, true, search_px=2.0)
+    assert fit is not None
+    assert not fit.by_table
