@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
+from calibrate.lights.blocks import Rows
 from calibrate.lights.directions import mean_directions, mirrored_rays
 from scene.camera import Camera
 from scene.spheres import Sphere
@@ -168,7 +169,10 @@ class Adjustment:
         inverted = np.stack(
             [(bb[:, None] * a - ab[:, None] * b) / determinant, (aa[:, None] * b - ab[:, None] * a) / determinant], 1
         )
-        return np.einsum("fki,fi->fk", inverted, seen - target), inverted, toward, arm
+        # Stereographic: the residual grows all the way to the opposite direction, where that of the sine is 0 again.
+        half = np.maximum(1 + np.sum(seen * target, 1), 1e-6)[:, None] / 2
+        residual = np.einsum("fki,fi->fk", inverted, seen - target) / half
+        return residual, (inverted + residual[:, :, None] * seen[:, None] / 2) / half[:, None], toward, arm
 
     def residuals(self, x: Array) -> Array:
         """Return what is to be small: highlights in sigmas, then the priors of balls, camera, diameters, ranges."""
@@ -186,12 +190,12 @@ class Adjustment:
             ]
         )
 
-    def jacobian(self, x: Array) -> Array:
+    def slopes(self, x: Array) -> Rows:
         """Return the derivatives of `residuals`: closed form by the lights, central differences by what is shared."""
-        rows, shared = 2 * int(self.used.sum()), self.first_light
-        pixels = np.zeros((self.balls, self.lights, 2, len(x)))
+        shared = np.zeros((self.balls, self.lights, 2, self.first_light))
+        own = np.zeros((self.balls, self.lights, 2, self.per_light))
         camera, (directions, inverse) = self.camera_at(x), self.lights_at(x)
-        tangents, every = self.tangents(x, directions), np.arange(self.lights)
+        tangents = self.tangents(x, directions)
         for s, (sphere, seen) in enumerate(self._pairs(x)):
             for i in self._of_shared(s):
                 step = STEP * np.eye(len(x))[i]
@@ -199,26 +203,34 @@ class Adjustment:
                     self._of_ball(self.camera_at(y), self.balls_at(y)[s], seen, directions, inverse)[0]
                     for y in (x + step, x - step)
                 ]
-                pixels[s, ..., i] = (ends[0] - ends[1]) / (2 * STEP)
+                shared[s, ..., i] = (ends[0] - ends[1]) / (2 * STEP)
             _, inverted, toward, arm = self._of_ball(camera, sphere, seen, directions, inverse)
             length = np.linalg.norm(toward, axis=1)[:, None]
             target = toward / length
             for k, move in enumerate([*tangents, arm][: self.per_light]):
                 across = (move - target * np.sum(target * move, 1, keepdims=True)) / length
-                column = shared + self.per_light * every + k
-                pixels[s, every, :, column] = -np.einsum("fki,fi->fk", inverted, across)
-        out = np.zeros((rows + shared + self.lights * self.near, len(x)))
-        out[:rows] = np.nan_to_num((pixels / self.sigma[..., None, None])[self.used].reshape(rows, -1))
+                own[s, ..., k] = -np.einsum("fki,fi->fk", inverted, across)
+        by_shared, by_own = (
+            np.nan_to_num((part / self.sigma[..., None, None])[self.used]).reshape(-1, part.shape[-1])
+            for part in (shared, own)
+        )
+        light = np.repeat(np.nonzero(self.used)[1], 2)
+        # The priors: of balls, camera and diameters; then of each light's range.
+        prior = np.zeros((self.first_light, self.first_light))
         for s, whiten in enumerate(self.whiten):
-            out[rows + 3 * s : rows + 3 * s + 3, self.first_ball + 3 * s : self.first_ball + 3 * s + 3] = whiten
-        after = rows + 3 * self.balls
-        cameras, diameters = np.arange(self.first_ball), np.arange(self.first_diameter, shared)
-        out[after + cameras, cameras] = 1 / self.camera_sigma[self.free_camera]
-        after += len(cameras)
-        out[after + np.arange(len(diameters)), diameters] = 1 / self.diameter_sigma[self.free_diameters]
-        if self.near:
-            out[after + len(diameters) + every, shared + 2 + 3 * every] = 1 / RANGE_PRIOR
-        return out
+            prior[3 * s : 3 * s + 3, self.first_ball + 3 * s : self.first_ball + 3 * s + 3] = whiten
+        cameras, diameters = np.arange(self.first_ball), np.arange(self.first_diameter, self.first_light)
+        prior[3 * self.balls + cameras, cameras] = 1 / self.camera_sigma[self.free_camera]
+        prior[diameters, diameters] = 1 / self.diameter_sigma[self.free_diameters]
+        ranges = np.arange(self.lights if self.near else 0)
+        of_range = np.zeros((len(ranges), self.per_light))
+        of_range[:, 2:] = 1 / RANGE_PRIOR
+        return Rows(
+            np.concatenate([by_shared, prior, np.zeros((len(ranges), self.first_light))]),
+            np.concatenate([by_own, np.zeros((self.first_light, self.per_light)), of_range]),
+            np.concatenate([light, np.zeros(self.first_light, np.intp), ranges]),
+            self.lights,
+        )
 
     def _of_shared(self, ball: int) -> list[int]:
         """Return which shared unknowns move a ball: the camera's, and its own."""

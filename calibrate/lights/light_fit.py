@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.adjustment import Adjustment
+from calibrate.lights.blocks import Covariance
 from scene.camera import Camera
 from scene.spheres import Sphere
 
@@ -74,10 +75,9 @@ def conclude(problem: Adjustment, x: Array) -> LightFit:
     """Return what the solution `x` says, with the covariance (J^T J)^-1 of the whitened problem."""
     camera, spheres = problem.camera_at(x), problem.balls_at(x)
     directions, inverse = problem.lights_at(x)
-    residual, jacobian = problem.residuals(x), problem.jacobian(x)
-    covariance = np.asarray(np.linalg.pinv(jacobian.T @ jacobian), np.float64)
-    variance = np.diag(covariance)
-    first = problem.first_light + problem.per_light * np.arange(problem.lights)
+    residual, covariance = problem.residuals(x), problem.slopes(x).covariance()
+    variance = np.diag(covariance.shared)
+    own = np.diagonal(covariance.own, axis1=1, axis2=2)
     ball = problem.first_ball + 3 * np.arange(problem.balls)
     size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
     left_out = np.isfinite(problem.highlights[..., 0]) & ~problem.used
@@ -94,8 +94,8 @@ def conclude(problem: Adjustment, x: Array) -> LightFit:
         reference,
         directions,
         reference + directions / inverse[:, None] if problem.near else None,
-        np.rad2deg(np.sqrt((variance[first] + variance[first + 1]) / 2)),
-        np.sqrt(variance[first + 2]) if problem.near else np.full(problem.lights, np.nan),
+        np.rad2deg(np.sqrt((own[:, 0] + own[:, 1]) / 2)),
+        np.sqrt(own[:, 2]) if problem.near else np.full(problem.lights, np.nan),
         _of_positions(problem, x, covariance) if problem.near else None,
         np.where(problem.used, size, np.nan),
         problem.used.copy(),
@@ -114,17 +114,16 @@ def _narrowed(problem: Adjustment, camera: Camera, variance: Array) -> Camera:
     return replace(camera, focal_sigma=float(left[0]), center_sigma_px=float(np.hypot(left[1], left[2]) / np.sqrt(2)))
 
 
-def _of_positions(problem: Adjustment, x: Array, covariance: Array) -> Array:
+def _of_positions(problem: Adjustment, x: Array, covariance: Covariance) -> Array:
     """Return the covariances (F, 3, 3), mm^2, of reference + d / w: of the light's own unknowns and the camera's."""
     directions, inverse = problem.lights_at(x)
     side, up = problem.tangents(x, directions)
     own = np.stack([side, up, -directions], -1) / inverse[:, None, None]
-    here = problem.reference_at(problem.camera_at(x))
-    step = 1e-4 * np.eye(len(x))[: problem.first_ball]
-    shared = [(problem.reference_at(problem.camera_at(x + s)) - here) / 1e-4 for s in step]
-    out = np.empty((problem.lights, 3, 3))
-    for f in range(problem.lights):
-        columns = np.concatenate([np.arange(problem.first_ball), problem.first_light + 3 * f + np.arange(3)])
-        slope = np.column_stack([*shared, own[f]])
-        out[f] = slope @ covariance[np.ix_(columns, columns)] @ slope.T
-    return out
+    here, cameras = problem.reference_at(problem.camera_at(x)), problem.first_ball
+    step = 1e-4 * np.eye(len(x))[:cameras]
+    shared = np.zeros((3, cameras))
+    for i, s in enumerate(step):
+        shared[:, i] = (problem.reference_at(problem.camera_at(x + s)) - here) / 1e-4
+    both = shared @ covariance.mixed[:, :cameras] @ own.swapaxes(1, 2)
+    alone = own @ covariance.own @ own.swapaxes(1, 2)
+    return alone + both + both.swapaxes(1, 2) + shared @ covariance.shared[:cameras, :cameras] @ shared.T

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibrate.lights.adjustment import Adjustment
+from calibrate.lights.blocks import at_rest
 from calibrate.lights.light_fit import LightFit, conclude
 from scene.camera import Camera
 from scene.spheres import Sphere
@@ -60,18 +61,8 @@ def fit_lights(
     )
     x = problem.start()
     seen = np.isfinite(highlights[..., 0])
-    for loss in ("soft_l1", "linear", "linear", "linear"):
-        x = least_squares(
-            problem.residuals,
-            x,
-            problem.jacobian,  # pyright: ignore[reportArgumentType]: the stub knows only the names of differences
-            loss=loss,
-            f_scale=2.0,
-            x_scale="jac",
-            xtol=1e-7,
-            ftol=1e-7,
-            max_nfev=40,
-        ).x
+    for bend in (2.0, np.inf, np.inf, np.inf):
+        x = at_rest(problem.residuals, problem.slopes, x, bend=bend)
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
         scale = max(1.0, float(np.sqrt(np.nanmedian((size / sigma_px)[problem.used] ** 2) / 1.39)))
         least = np.where(seen.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
@@ -87,9 +78,9 @@ def fit_lights(
 def _scale(problem: Adjustment, x: Array) -> float:
     """Return by how much the highlights scatter more than stated."""
     rows = 2 * int(problem.used.sum())
-    residual, jacobian = problem.residuals(x)[:rows], problem.jacobian(x)
+    residual, slopes = problem.residuals(x)[:rows], problem.slopes(x)
     # What the unknowns took of the highlights' freedom; the priors carry the rest of them.
-    taken = np.trace(np.linalg.pinv(jacobian.T @ jacobian) @ (jacobian[:rows].T @ jacobian[:rows]))
+    taken = slopes.covariance().leverage(slopes)[:rows].sum()
     chi2 = float(residual @ residual) * problem.scale**2
     return max(LEAST_SCALE, float(np.sqrt((chi2 + STATED) / (max(rows - taken, 0.0) + STATED))))
 

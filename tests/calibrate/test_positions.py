@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
+from scipy.optimize import least_squares, minimize
 
 from calibrate.calibration import Notes
 from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
 from calibrate.lights.adjustment import Adjustment, ray_meeting
+from calibrate.lights.blocks import at_rest
+from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from scene.camera import Camera
@@ -152,8 +154,59 @@ def test_derivatives(scene, near, exact):
     x = x + 0.01 * rng.normal(size=len(x))
     steps = 1e-4 * np.eye(len(x))
     difference = np.stack([(problem.residuals(x + s) - problem.residuals(x - s)) / 2e-4 for s in steps], 1)
-    jacobian = problem.jacobian(x)
+    jacobian = _dense(problem.slopes(x))
     np.testing.assert_allclose(jacobian, difference, rtol=1e-6, atol=2e-7 * np.abs(difference).max())
+
+
+def _dense(slopes):
+    shared, width = slopes.shared.shape[1], slopes.own.shape[1]
+    out = np.zeros((len(slopes.own), shared + width * slopes.lights))
+    out[:, :shared] = slopes.shared
+    for row, light in enumerate(slopes.light):
+        out[row, shared + width * light : shared + width * (light + 1)] += slopes.own[row]
+    return out
+
+
+@pytest.mark.parametrize(("near", "bend"), [(True, 2.0), (True, np.inf), (False, np.inf)])
+def test_lights_one_by_one_are_lights_all_at_once(scene, near, bend):
+    _, highlights = scene
+    rng = np.random.default_rng(5)
+    noisy = highlights + 0.3 * rng.normal(size=highlights.shape)
+    noisy[0, 2] += 2.0
+    sigma, covariances = np.full((3, 8), 0.1), [0.08**2 * np.eye(3)] * 3
+    camera = replace(CAMERA, focal_sigma=0.02)
+    problem = Adjustment(camera, _spheres(3, rng, 0.1), covariances, noisy, sigma, REFERENCE, near=near)
+    x = at_rest(problem.residuals, problem.slopes, problem.start(), bend=bend)
+    loss, size = ("linear", 1.0) if np.isinf(bend) else ("soft_l1", bend)
+    dense = least_squares(
+        problem.residuals, x, lambda x: _dense(problem.slopes(x)), loss=loss, f_scale=size, xtol=1e-12, ftol=1e-12
+    )
+    slopes = problem.slopes(x)
+    covariance, all_of_it = slopes.covariance(), np.linalg.inv(_dense(slopes).T @ _dense(slopes))
+    assert np.all(np.abs(x - dense.x) < 1e-3 * np.sqrt(np.diag(all_of_it)))
+    first, width = problem.first_light, problem.per_light
+    np.testing.assert_allclose(covariance.shared, all_of_it[:first, :first], rtol=1e-6, atol=1e-9)
+    for f in range(8):
+        mine = slice(first + width * f, first + width * (f + 1))
+        np.testing.assert_allclose(covariance.own[f], all_of_it[mine, mine], rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(covariance.mixed[f], all_of_it[:first, mine], rtol=1e-6, atol=1e-10)
+    leverage = np.einsum("ri,ij,rj->r", _dense(slopes), all_of_it, _dense(slopes))
+    np.testing.assert_allclose(covariance.leverage(slopes), leverage, rtol=1e-6, atol=1e-9)
+
+
+def test_lights_that_two_balls_contradict_do_not_run_away(scene):
+    _, highlights = scene
+    shifted = highlights[:2].copy()
+    shifted[1] += [15.0, -20.0]
+    fit = fit_lights(
+        CAMERA, _spheres(2), [0.03**2 * np.eye(3)] * 2, shifted, np.full((2, 8), 0.02), REFERENCE, near=False
+    )
+    rays = [mirrored_rays(CAMERA, s, h)[1] for s, h in zip(_spheres(2), shifted, strict=True)]
+    apart = angular_error_deg(*rays)
+    assert apart.min() > 10
+    for ray in rays:
+        assert np.all(angular_error_deg(fit.directions, ray) < 1.2 * apart)
+    assert np.all(fit.direction_sigma_deg < 60)
 
 
 def _chosen(highlights, spheres, camera=CAMERA):
