@@ -75,8 +75,8 @@ def without_albedo(images: NDArray[np.float32]) -> NDArray[np.float32]:
     return images / (mean + max(1e-3, 0.02 * float(np.quantile(mean, 0.9))))
 
 
-def find_circles(images: NDArray[np.float32]) -> list[Circle]:
-    """Return circles of standing edges in the stack (F, h, w), the best supported first.
+def find_circles(images: NDArray[np.float32], edges: NDArray[np.complex64]) -> list[Circle]:
+    """Return circles of standing edges in the stack (F, h, w), the best supported first; `edges`: its `static_edges`.
 
     Each octave of radii is searched in images shrunk until its rings are 20 to 40 px: the cost of all
     octaves together is 4/3 of the first.
@@ -87,15 +87,17 @@ def find_circles(images: NDArray[np.float32]) -> list[Circle]:
     low, step = SMALLEST_PX, 1.0
     while low * scale < largest:
         high = min(40.0, largest / scale)
-        for circle in _circles_of_octave(static_edges(images), np.arange(low, high + step, step)):
+        for circle in _circles_of_octave(edges, np.arange(low, high + step, step)):
             circles.append(
                 Circle(
                     (circle.u + 0.5) * scale - 0.5, (circle.v + 0.5) * scale - 0.5, circle.radius * scale, circle.score
                 )
             )
-        images = np.stack([cv2.resize(image, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for image in images])
         scale *= 2
         low, step = 20.0, 0.5
+        if low * scale < largest:
+            images = np.stack([cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in images])
+            edges = static_edges(images)
     return _strongest(circles, MOST)
 
 

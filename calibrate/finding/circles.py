@@ -44,7 +44,7 @@ def standing_circles(coarse: Coarse) -> list[Sphere]:
     for images in (coarse.images, without_albedo(coarse.images)):
         votes = static_edges(images)
         edges = np.stack([votes.real, votes.imag], -1)
-        for circle in find_circles(images):
+        for circle in find_circles(images, votes):
             start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
             sphere = refine_on_edges(edges, coarse.camera, start)
             if sphere.score >= LEAST_SCORE:
