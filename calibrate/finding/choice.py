@@ -11,6 +11,12 @@ from scene.spheres import Kind, Sphere
 
 SURE_SCORE = 0.6
 """What nobody asked for must show this much of its outline."""
+SURE_SHADING = 0.95
+"""What nobody asked for as a matte ball must follow n.l to this share."""
+SURE_FLATTER = 0.005
+"""Advantage of a flatter body's shading from which on it is not taken without being asked for."""
+SHADES = 0.975
+"""From here on its shading alone makes it a ball, whatever others say."""
 SAME_LIGHTS = 0.7
 """Share of the frames in which two balls must see the lights alike."""
 
@@ -62,6 +68,15 @@ def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], R
     left: Reasons = []
     for suspect in suspects:
         sphere = suspect.sphere
+        behaviour = suspect.behaviour
+        if sphere.kind == "white" and (behaviour.lambert < SURE_SHADING or behaviour.flatness > SURE_FLATTER):
+            left.append(
+                (
+                    sphere,
+                    f"shading follows n.l only to {behaviour.lambert:.0%}, a flatter body's {behaviour.flatness:+.1%}",
+                )
+            )
+            continue
         if sphere.score >= SURE_SCORE:
             taken.append(suspect)
             continue
@@ -75,6 +90,8 @@ def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], R
     while len(kept) > 1:
         # Who agrees with fewer than half of the others goes, the least agreeable first.
         votes = [sum(agree[i, k] >= SAME_LIGHTS for k in kept if k != i) / (len(kept) - 1) for i in kept]
+        # A matte ball is one by its own shading, a mirror is one by what the others say: of two that disagree it goes.
+        votes = [max(vote, 1.0 * (taken[i].behaviour.lambert >= SHADES)) for vote, i in zip(votes, kept, strict=True)]
         worst = min(range(len(kept)), key=lambda n: (votes[n], rank(taken[kept[n]].sphere)))
         if votes[worst] >= 0.5:
             break

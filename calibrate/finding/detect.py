@@ -9,7 +9,7 @@ from calibrate.finding.choice import Reasons, Suspect, asked_for, sure_ones
 from calibrate.finding.circles import by_points, overlap, rank, standing_circles
 from calibrate.finding.coarse import Coarse
 from calibrate.finding.kind import FLATTER, Behaviour, Points, bright_points, changes, observe
-from calibrate.finding.mirror_outline import outline_of, what_stands
+from calibrate.finding.mirror_outline import DOUBTED, LEAST_ENCLOSED, around, enclosing, outline_of, what_stands
 from calibrate.finding.silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
@@ -113,6 +113,17 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
     for group in by_points([c for c in candidates if c[1].wander]):
         (sphere, points), rival = outline_of(group, standing, coarse.camera)
         if any(overlap(sphere, other.sphere) for other in suspects):
+            continue
+        share = enclosing(standing, coarse.camera, sphere)
+        if sphere.score * share < DOUBTED:
+            for wider in around(standing, coarse.camera, sphere):
+                seen = bright_points(change, wider)
+                better = enclosing(standing, coarse.camera, wider) > share + 0.03
+                group += [(wider, seen)] if better and seen is not None and seen.wander else []
+            (sphere, points), rival = outline_of(group, standing, coarse.camera)
+        if any(overlap(sphere, other.sphere) for other in suspects):
+            continue
+        if enclosing(standing, coarse.camera, sphere) < LEAST_ENCLOSED:
             continue
         behaviour = observe(coarse, sphere, points)
         if behaviour.kind == "chrome":

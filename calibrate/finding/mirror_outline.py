@@ -5,14 +5,16 @@ smooth. And shadows never stand still. So the evidence is what the median over t
 gradient (Weiss, 2001): a shadow's edge that passes in some of the frames leaves no trace, an edge of reflectance stays.
 """
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter, maximum_filter1d, uniform_filter1d
 
 from calibrate.finding.coarse import Coarse
 from calibrate.finding.kind import Points
-from calibrate.finding.outline import outline_with_normals
+from calibrate.finding.outline import outline_with_normals, refine_on_edges
 from scene.camera import Camera
 from scene.spheres import Sphere
 
@@ -23,6 +25,14 @@ ALONG_PX = 4.0
 """What is an edge of a circle follows it for so long."""
 ENOUGH = 0.65
 """Share of the best circle's worth that a mirror's outline has at least."""
+LEAST_ENCLOSED = 0.55
+"""Share of its points with which a mirror's outline encloses something."""
+DOUBTED = 0.8
+"""Worth of a mirror's outline below which wider circles are asked, too: found ones show 0.85 and more."""
+MOST = 4
+"""Wider circles that are looked into."""
+EDGE_SLOPE = 0.03
+"""Slope that counts half as an edge when such a circle is moved to its place."""
 CLOSE = 0.08
 """Difference in worth up to which it is open which of two circles is a mirror's outline."""
 
@@ -57,6 +67,46 @@ def enclosing(standing: NDArray[np.float32], camera: Camera, sphere: Sphere) -> 
     inside, outside = values[:, :6].max(1), values[:, 6:].mean(1)
     least = max(LEAST_SLOPE, 0.4 * float(np.median(inside)))
     return float(np.mean((inside > 1.3 * outside) & (inside > least)))
+
+
+def around(standing: NDArray[np.float32], camera: Camera, sphere: Sphere) -> list[Sphere]:
+    """Return circles about as large as a mirror's `sphere` and larger that enclose what stands, with their score.
+
+    The rim that a mirror shows is easily found, its faint outline is not: so each circle that is no more than a fifth
+    of the radius off its centre is asked.
+    """
+    radius, turns = sphere.radius_px, np.arange(120) * (2 * np.pi / 120)
+    way = np.stack([np.cos(turns), np.sin(turns)], -1)
+    step = max(0.5, radius / 60)
+    far = np.arange(0.7 * radius, 2.0 * radius, step)
+    where = (sphere.center_px + far[:, None, None] * way).astype(np.float32)
+    known = np.all((where >= 0) & (where <= [camera.width - 1, camera.height - 1]), axis=-1)
+    slopes = np.abs(np.sum(cv2.remap(standing, where[..., 0], where[..., 1], cv2.INTER_LINEAR) * way, -1))
+    inward, outward = round(max(2.5, 0.05 * radius) / step), round(max(3.0, 0.08 * radius) / step)
+    here = np.arange(len(far))
+    inside = maximum_filter1d(slopes, inward, axis=0)[np.maximum(here - inward // 2, 0)]
+    beyond = here + round(2.25 / step) + outward // 2
+    outside = uniform_filter1d(slopes, outward, axis=0)[np.minimum(beyond, len(far) - 1)]
+    # 1 where a circle's point encloses something, 0 where not; out of the picture nothing is known.
+    marks = np.where(known, (inside > 1.3 * outside) & (inside > LEAST_SLOPE), np.nan).astype(np.float32)
+    shifts = np.arange(-5, 6) * (0.04 * radius)
+    radii = np.arange(0.95 * radius, 1.5 * radius, step)
+    scores = np.zeros((len(shifts), len(shifts), len(radii)), np.float32)
+    for i, v in enumerate(shifts):
+        for k, u in enumerate(shifts):
+            # Beside the centre a circle's points lie at r + the shift's part along their direction, to first order.
+            at = np.rint((radii[:, None] + way @ [u, v] - far[0]) / step).astype(int)
+            scores[i, k] = np.nanmean(marks[np.clip(at, 0, len(far) - 1), np.arange(120)], axis=1)
+    peak = (scores == maximum_filter(scores, size=5)) & (scores > LEAST_ENCLOSED)
+    best = sorted(zip(*np.nonzero(peak), strict=True), key=lambda at: -scores[at])[:MOST]
+    square = np.sum(standing**2, -1) + EDGE_SLOPE**2
+    edges = np.stack([standing[..., 0] ** 2 - standing[..., 1] ** 2, 2 * standing[..., 0] * standing[..., 1]], -1)
+    edges /= square[..., None]
+    found = []
+    for i, k, n in best:
+        circle = replace(sphere, center_px=sphere.center_px + [shifts[k], shifts[i]], radius_px=float(radii[n]))
+        found.append(refine_on_edges(edges, camera, circle))
+    return found
 
 
 def outline_of(
