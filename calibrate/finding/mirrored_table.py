@@ -28,7 +28,7 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 Values = NDArray[np.floating]
-FRAMES = 8
+FRAMES = 12
 """Frames that are looked at: the table is the same in all, only its shadows move."""
 DEEP_STEP = 0.015
 """Spacing of the samples where the mirror's picture is no longer squeezed, of the radius."""

@@ -181,7 +181,9 @@ def _agreements(
     spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
     strips = read(points, normals, offsets)
     out: list[OutlineFit] = []
-    for values in (strips, strips / (np.maximum(strips.mean(0), 0) + 0.02 * np.nanmean(strips))):
+    # Each frame by the mean of all, where there are others: a single one by itself shows edges that it has not.
+    even = [strips / (np.maximum(strips.mean(0), 0) + 0.02 * np.nanmean(strips))] if len(strips) > 1 else []
+    for values in [strips, *even]:
         edges = find_edges(values, offsets, spacing, softness=softness, search_px=search_px + 1)
         if edges is None:
             continue

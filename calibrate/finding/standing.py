@@ -71,8 +71,8 @@ def find_edges(
     step = offsets[1] - offsets[0]
     unit = np.eye(len(offsets))
     # Less what a wider kernel sees: a step stays, the ball's own shading and a soft shadow go.
-    kernel = gaussian_filter1d(unit, 0.8 * softness / step, axis=0, order=1) / step
-    kernel -= gaussian_filter1d(unit, 2.4 * softness / step, axis=0, order=1) / step
+    narrow = gaussian_filter1d(unit, 0.8 * softness / step, axis=0, order=1) / step
+    kernel = narrow - gaussian_filter1d(unit, 2.4 * softness / step, axis=0, order=1) / step
     known = np.isfinite(strips)
     values = np.where(known, strips, 0)
     margin = max(1, round(1.6 * softness / step))
@@ -94,6 +94,9 @@ def find_edges(
     needed = min(0.3, max(0.12, 1.2 / len(strips)))
     wide = np.maximum(np.maximum(standing[:, :-2], standing[:, 2:]), standing[:, 1:-1])
     peak &= (wide > needed) & (np.abs(offsets[1:-1]) <= search_px)
+    # Three widths beside a strong edge the wider kernel alone makes an echo of it, with nothing there to see.
+    steep = (values @ narrow.T.astype(np.float32))[..., 1:-1]
+    peak &= steep * slope[..., 1:-1] > 0.5 * slope[..., 1:-1] ** 2
     frame, point, at = np.nonzero(peak)
     if len(frame) < 20:
         return None

@@ -4,10 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ndtr
 
 from calibrate.finding.mirrored_table import fit_mirrored_table
 from calibrate.finding.reflection import mirrored_pixels
 from calibrate.finding.silhouette import fit_outline
+from calibrate.finding.standing import find_edges
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera
 from scene.normals import unit
@@ -93,3 +95,13 @@ def test_a_table_that_the_mirror_does_not_show_is_not_believed() -> None:
     fit = fit_outline(replace(frames, codes=codes), CAMERA, true, search_px=2.0)
     assert fit is not None
     assert not fit.by_table
+
+
+def test_an_edge_has_no_echo_beside_it() -> None:
+    offsets = np.arange(-8, 8.01, 0.5)
+    strips = np.tile(0.2 + 0.6 * ndtr(offsets / 0.6), (6, 120, 1)).astype(np.float32)
+    strips += np.random.default_rng(20005).normal(0, 1e-3, strips.shape).astype(np.float32)
+    edges = find_edges(strips, offsets, 1.0, softness=1, search_px=6.0)
+    assert edges is not None
+    assert len(np.unique(edges.point)) == 120
+    assert np.abs(edges.offset).max() < 0.3

@@ -142,3 +142,14 @@ def test_a_mirror_is_as_large_as_it_is():
     np.testing.assert_allclose(fit.sphere.center_px, [camera.cx, camera.cy], atol=0.03)
     # An orthographic picture of the ball: its outline is a circle of this radius.
     assert fit.sphere.outline(camera, 90)[0, 0] - camera.cx == pytest.approx(radius, abs=0.06)
+
+
+@pytest.mark.parametrize("radius_px", [25.3, 40.2, 67.9])
+def test_a_mask_of_a_ball_off_the_axis_gives_the_ball(radius_px):
+    """The mask divided by itself showed an edge 2.6 px outside, and at 68 px it won."""
+    camera = Camera(600, 400, 840.0, 840.0, 304.3, 196.9)
+    ball = Sphere("white", np.array([476.4, 302.2]), radius_px)
+    fit = fit_mask(ball.mask(camera), camera, ball)
+    assert fit is not None
+    np.testing.assert_allclose(fit.sphere.center_px, ball.center_px, atol=0.06)
+    assert fit.sphere.radius_px == pytest.approx(radius_px, abs=0.05)
