@@ -40,6 +40,7 @@ print(time.perf_counter() - start)
 
 CALIBRATE = """
 import json, sys, threading, time
+import lab  # before numpy: the command line's setting of OpenBLAS
 import numpy as np
 from benchmarks.calibration_speed import world_of_size
 from calibrate.calibrate import calibrate
