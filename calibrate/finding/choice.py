@@ -23,11 +23,20 @@ SAME_LIGHTS = 0.7
 
 @dataclass(frozen=True)
 class Suspect:
-    """A circle, coarse pixels, that behaves like a ball, and another that may be its outline instead."""
+    """A circle, coarse pixels, that behaves like a ball.
+
+    Parameters
+    ----------
+    others : tuple of Sphere
+        Other circles that may be its outline instead, the likeliest first.
+    doubtful : bool
+        The first of them is about as good.
+    """
 
     sphere: Sphere
     behaviour: Behaviour
-    rival: Sphere | None = None
+    others: tuple[Sphere, ...] = ()
+    doubtful: bool = False
 
 
 Reasons = list[tuple[Sphere, str]]
@@ -77,7 +86,7 @@ def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], R
                 )
             )
             continue
-        if sphere.score >= SURE_SCORE:
+        if not poor(suspect):
             taken.append(suspect)
             continue
         share = _in_picture(sphere, camera)
@@ -98,6 +107,11 @@ def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], R
         left.append((taken[kept[worst]].sphere, "its highlights do not move as those of the other balls"))
         del kept[worst]
     return [taken[i] for i in kept], left
+
+
+def poor(suspect: Suspect) -> bool:
+    """Return whether a suspect shows too little of its outline to be taken without being asked for."""
+    return suspect.sphere.score < SURE_SCORE
 
 
 def _in_picture(sphere: Sphere, camera: Camera) -> float:

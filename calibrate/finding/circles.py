@@ -15,6 +15,10 @@ LEAST_SCORE = 0.5
 
 SAME_POINTS = 0.7
 """Share of the frames in which circles of one mirror show the light at one place."""
+STRETCHES, BALLS_STRETCH = 0.6, 0.28
+"""Logarithms of the scales that are tried, and of those that two balls under near lights show."""
+CLEARLY = 0.6
+"""Share of the best ball's residual under which a stretched track fits clearly better."""
 ALIKE = 0.13
 """How far, in radii, a highlight may lie from where another ball has it: lights at unequal distances do that."""
 
@@ -75,15 +79,19 @@ def alike(a: Behaviour, b: Behaviour) -> float:
     -----
     Where each frame's half-way normal lies on the one disc is predicted from where it lies on the other by a scale
     and a shift: near lights move the track by some tenths of the radius and scale it a little. A circle that is not
-    the ball's outline, and a body that is no ball, stretch the track; a shadow on a ball spoils single frames.
+    the ball's outline, and a body that is no ball, stretch the track: a mirror half as high as it is wide by a half. So
+    where only such a scale fits, none of the frames counts. A shadow on a ball spoils single frames.
     """
     first, second = _track(a), _track(b)
-    share = 0.0
-    for scale in np.arange(0.75, 1.34, 0.05):
+    best: dict[bool, tuple[float, float]] = {True: (np.inf, 0.0), False: (np.inf, 0.0)}
+    for scale in np.exp(np.linspace(-STRETCHES, STRETCHES, 25)):
         shift = second - scale * first
         residual = np.hypot(*(shift - np.median(shift, axis=0)).T)
-        share = max(share, float(np.mean(residual < ALIKE * max(1.0, scale))))
-    return share
+        near = bool(abs(np.log(scale)) <= BALLS_STRETCH)
+        share = float(np.mean(residual < ALIKE * max(1.0, scale)))
+        best[near] = (min(best[near][0], float(np.median(residual))), max(best[near][1], share))
+    stretched = best[False][0] < CLEARLY * best[True][0] and best[False][1] >= best[True][1]
+    return 0.0 if stretched else best[True][1]
 
 
 def _track(behaviour: Behaviour) -> NDArray[np.float64]:

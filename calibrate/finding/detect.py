@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.finding.choice import Reasons, Suspect, asked_for, sure_ones
+from calibrate.finding.choice import Reasons, Suspect, asked_for, poor, sure_ones
 from calibrate.finding.circles import by_points, overlap, rank, standing_circles
 from calibrate.finding.coarse import Coarse
 from calibrate.finding.kind import FLATTER, Behaviour, Points, bright_points, changes, observe
@@ -14,6 +14,9 @@ from calibrate.finding.silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
+
+OTHERS = 3
+"""Circles that are tried in a mirror's place where the likeliest does not show the table beside it."""
 
 
 @dataclass(frozen=True)
@@ -86,17 +89,29 @@ def detect(
     rejected += surplus
     found = []
     for suspect in suspects:
-        full = coarse.sphere_to_full(suspect.sphere)
-        fit = fit_outline(frames, camera, full, search_px=1.4 * coarse.factor + 0.6)
+        circles = [coarse.sphere_to_full(s) for s in (suspect.sphere, *suspect.others)]
+        fit = _outline(frames, camera, circles[: 1 + OTHERS], search_px=1.4 * coarse.factor + 0.6)
         if fit is None:
             rejected.append((suspect.sphere, "its outline cannot be followed at full size"))
         else:
-            rival = None if suspect.rival is None else coarse.sphere_to_full(suspect.rival)
-            found.append(Found(fit, suspect.behaviour, rival))
+            open_ = suspect.doubtful and not fit.by_table
+            found.append(Found(fit, suspect.behaviour, circles[1] if open_ else None))
     out = [
         Rejected(coarse.to_full(s.center_px), s.radius_px * coarse.factor, s.score, reason) for s, reason in rejected
     ]
     return found, tuple(sorted(out, key=lambda r: -r.score))
+
+
+def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px: float) -> OutlineFit | None:
+    """Fit the likeliest circle, the first; but a mirror's is that in which it shows the table beside it."""
+    first = None
+    for number, circle in enumerate(circles):
+        fit = fit_outline(frames, camera, circle, search_px=search_px)
+        if fit is not None and fit.by_table:
+            return fit
+        if number == 0:
+            first = fit
+    return first
 
 
 def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
@@ -111,7 +126,8 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
     rejected: Reasons = []
     standing = what_stands(coarse)
     for group in by_points([c for c in candidates if c[1].wander]):
-        (sphere, points), rival = outline_of(group, standing, coarse.camera)
+        circles, doubtful = outline_of(group, standing, coarse.camera)
+        sphere, points = circles[0]
         if any(overlap(sphere, other.sphere) for other in suspects):
             continue
         share = enclosing(standing, coarse.camera, sphere)
@@ -120,17 +136,21 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
                 seen = bright_points(change, wider)
                 better = enclosing(standing, coarse.camera, wider) > share + 0.03
                 group += [(wider, seen)] if better and seen is not None and seen.wander else []
-            (sphere, points), rival = outline_of(group, standing, coarse.camera)
+            circles, doubtful = outline_of(group, standing, coarse.camera)
+            sphere, points = circles[0]
         if any(overlap(sphere, other.sphere) for other in suspects):
             continue
         if enclosing(standing, coarse.camera, sphere) < LEAST_ENCLOSED:
+            rejected.append((sphere, "nothing that a mirror would show stands along its inside"))
             continue
         behaviour = observe(coarse, sphere, points)
         if behaviour.kind == "chrome":
-            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, None if rival is None else rival[0]))
+            others = tuple(replace(other, kind="chrome") for other, _ in circles[1:])
+            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others, doubtful))
     flat: list[Suspect] = []
     for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
-        if any(overlap(sphere, other.sphere) for other in suspects):
+        # A mirror that shows too little of its outline to be one leaves its place to what else stands there.
+        if any(overlap(sphere, o.sphere) and not (o.sphere.kind == "chrome" and poor(o)) for o in suspects):
             continue
         behaviour = observe(coarse, sphere, points)
         if behaviour.flatness > FLATTER:

@@ -51,7 +51,7 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
         seen = [(sphere, bright_points(change, sphere)) for sphere in standing]
         groups = by_points([(sphere, points) for sphere, points in seen if points is not None and points.wander])
         standing_still = what_stands(crop)
-        outlines = [outline_of(group, standing_still, camera)[0][0] for group in groups]
+        outlines = [outline_of(group, standing_still, camera)[0][0][0] for group in groups]
         found = distinct(outlines[:2] + found[:1]) if groups else found
     return [
         replace(

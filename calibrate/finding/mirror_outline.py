@@ -2,7 +2,7 @@
 
 A mirror squeezes half of the room into its last pixels: inside its outline much stands still, outside lies the table,
 smooth. And shadows never stand still. So the evidence is what the median over the frames keeps of the logarithm's
-gradient (Weiss, 2001): a shadow's edge that passes in some of the frames leaves no trace, an edge of reflectance stays.
+gradient [Weiss2001]: a shadow's edge that passes in some of the frames leaves no trace, an edge of reflectance stays.
 """
 
 from dataclasses import replace
@@ -109,10 +109,8 @@ def around(standing: NDArray[np.float32], camera: Camera, sphere: Sphere) -> lis
     return found
 
 
-def outline_of(
-    group: list[Candidate], standing: NDArray[np.float32], camera: Camera
-) -> tuple[Candidate, Candidate | None]:
-    """Return the circle of a group that is the mirror's outline, and another that is about as good, or None.
+def outline_of(group: list[Candidate], standing: NDArray[np.float32], camera: Camera) -> tuple[list[Candidate], bool]:
+    """Return a group's circles that may be the mirror's outline, the best first, and whether the second is as good.
 
     A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which differs
     from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside: the outline holds all
@@ -135,9 +133,9 @@ def outline_of(
     worth = np.where(good >= ENOUGH * good.max(), good + holds @ weight / weight.sum(), 0)
     best = int(np.argmax(worth))
     differs = apart[best] + np.abs(radius - radius[best]) > np.maximum(2.0, 0.08 * radius[best])
-    rival = int(np.argmax(np.where(differs, worth, -1)))
-    close = differs[rival] and worth[rival] > worth[best] - CLOSE
-    return group[best], group[rival] if close else None
+    others = [i for i in np.argsort(-worth, kind="stable") if differs[i]]
+    close = bool(others) and worth[others[0]] > worth[best] - CLOSE
+    return [group[best], *(group[i] for i in others)], bool(close)
 
 
 def _apart(a: Sphere, b: Sphere) -> float:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.finding.balls import find_balls
+from calibrate.finding.circles import alike
 from calibrate.finding.coarse import Coarse, shrink
 from calibrate.finding.detect import Found, detect
 from calibrate.finding.kind import Behaviour, Points
@@ -197,9 +198,9 @@ def test_what_is_mirrored_lies_inside_the_outline_and_shadows_are_none():
     assert enclosing(standing, camera, shadows) < 0.5
     points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
     rims = [(replace(rim, center_px=rim.center_px + 0.1 * k, score=1.0), points) for k in range(5)]
-    (best, _), rival = outline_of([*rims, (shadows, points), (outline, points)], standing, camera)
-    assert best is outline
-    assert rival is None
+    circles, doubtful = outline_of([*rims, (shadows, points), (outline, points)], standing, camera)
+    assert circles[0][0] is outline
+    assert not doubtful
 
 
 def test_a_mirror_whose_outline_is_not_sure_is_named():
@@ -207,10 +208,10 @@ def test_a_mirror_whose_outline_is_not_sure_is_named():
     points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
     group = [(Sphere("chrome", np.array([u, 50.0]), 30.0, score=0.9), points) for u in (50.0, 57.0)]
     camera = Camera.orthographic(120, 100)
-    (best, _), rival = outline_of(group, _rings((50, 50, 30), (57, 50, 30)), camera)
-    assert rival is not None
+    ((best, _), (rival, _)), doubtful = outline_of(group, _rings((50, 50, 30), (57, 50, 30)), camera)
+    assert doubtful
     fit = OutlineFit(best, np.eye(3), 0.1)
-    warning = Found(fit, Behaviour(points, 0.0, np.zeros((6, 3))), rival[0]).warning
+    warning = Found(fit, Behaviour(points, 0.0, np.zeros((6, 3))), rival).warning
     assert warning is not None
     assert "a circle of 30 px stands as still" in warning
 
@@ -222,3 +223,20 @@ def test_a_few_frames_of_many_are_searched():
     assert len(few.images) == 20
     assert few.images[0, 0, 0] == 0
     assert few.images[-1, 0, 0] == 59
+
+
+def test_a_flat_mirror_sees_the_lights_stretched_and_a_shadow_spoils_single_frames_only():
+    """A metal pebble two thirds as high as wide passed for a ball among balls."""
+    rng = np.random.default_rng(10029)
+    track = rng.uniform(-0.25, 0.25, (12, 2))
+    moved = 1.1 * track + [0.2, -0.1] + rng.normal(0, 0.01, track.shape)
+    moved[3] += 0.5
+    pebble = 0.65 * track + [0.1, 0.0] + rng.normal(0, 0.01, track.shape)
+
+    def mirror(where):
+        return Behaviour(Points(0.01, 50.0, 0.3, 1.0, where), -1.0, np.zeros((12, 3)))
+
+    assert mirror(track).kind == "chrome"
+    assert alike(mirror(track), mirror(moved)) == pytest.approx(11 / 12)
+    assert alike(mirror(track), mirror(pebble)) == 0.0
+    assert alike(mirror(pebble), mirror(track)) == 0.0
