@@ -11,7 +11,7 @@ profile's own (variable projection [Golub1973]). Texture, shadows and the shadow
 where they would bend a smooth profile's.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,10 +86,9 @@ def fit_mirrored_table(frames: Frames, camera: Camera, sphere: Sphere, *, blur_p
     MirroredTable or None
         None where no table is seen to be mirrored.
     """
-    some = slice(None, None, -(-len(frames) // FRAMES))
-    chosen = replace(frames, names=frames.names[some], codes=frames.codes[some], gain=frames.gain[some])
-    table = Surroundings(chosen, camera, sphere)
-    model = _Model(chosen, camera, table)
+    some = frames.some(FRAMES)
+    table = Surroundings(some, camera, sphere)
+    model = _Model(some, camera, table)
     plane = model.rough_plane(sphere, blur_px)
     if plane is None:
         return None

@@ -19,6 +19,8 @@ from scene.spheres import Kind, Sphere
 Array = NDArray[np.float64]
 SOFTEST = 8
 """Softness, in that of a sharp picture, up to which an outline is looked for."""
+READ = 20
+"""Frames in which an outline is read: it stands still, and more of them show the same again."""
 LEAST_SEEN = 0.25
 WIDE = 0.05
 """Share of its radius by which a chrome ball's outline is searched around its coarse circle, at least."""
@@ -64,7 +66,7 @@ class OutlineFit:
 
 
 def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
-    """Fit the ball's outline in all frames at full size.
+    """Fit the ball's outline at full size, in about `READ` of the frames together.
 
     Parameters
     ----------
@@ -80,10 +82,7 @@ def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: fl
     OutlineFit or None
         None if less than a quarter of the outline shows an edge.
     """
-
-    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
-        return read_strips(frames, points, normals, offsets)
-
+    read = _reader(frames)
     best: list[OutlineFit] = []
     best_softness = softness = 1
     while softness <= SOFTEST and (softness == 1 or sphere.radius_px > 20 * softness):
@@ -108,10 +107,7 @@ def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -
     """
     if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < 0.15:
         return fit
-
-    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
-        return read_strips(frames, points, normals, offsets)
-
+    read = _reader(frames)
     limb = Limb(MIRROR, fit.sphere.radius_px, blur_px, 0.7)
     first = settle(read, camera, fit.sphere, limb, free_blur=False)
     if first is None:
@@ -141,6 +137,15 @@ def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit:
         return max(fits, key=_clearness)
     best = max(fit.sphere.score for fit in fits)
     return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)
+
+
+def _reader(frames: Frames) -> Reader:
+    some = frames.some(READ)
+
+    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
+        return read_strips(some, points, normals, offsets)
+
+    return read
 
 
 def _fit_edges(read: Reader, camera: Camera, sphere: Sphere, search_px: float, softness: int) -> list[OutlineFit]:

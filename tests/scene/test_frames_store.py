@@ -63,6 +63,16 @@ def test_bands_cover_every_row_once_within_the_budget(images):
     assert max(band.stop - band.start for band in bands) == 2
 
 
+def test_some_frames_are_evenly_spaced_views(images):
+    frames = Frames(tuple(map(str, range(60))), np.repeat(images, 15, 0).astype(np.uint16), np.arange(60.0))
+    some = frames.some(20)
+    assert some.names == frames.names[::3]
+    np.testing.assert_array_equal(some.gain, frames.gain[::3])
+    assert np.shares_memory(some.codes, frames.codes)
+    np.testing.assert_array_equal(some.codes, frames.codes[::3])
+    assert len(frames.some(59)) == len(frames.some(60)) == len(frames.some(1000)) == 60
+
+
 def test_a_memory_mapped_stack_travels_to_a_worker_by_its_path(tmp_path, images):
     store = Store(tmp_path)
     store.save_frames(Frames.from_linear(tuple("abcd"), np.repeat(images, 50, 1)))
@@ -70,6 +80,8 @@ def test_a_memory_mapped_stack_travels_to_a_worker_by_its_path(tmp_path, images)
     message = pickle.dumps(frames)
     assert len(message) < 2000
     np.testing.assert_array_equal(pickle.loads(message).read(slice(3, 5)), frames.read(slice(3, 5)))
+    some = frames.some(2)
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(some)).codes, frames.codes[::2])
 
 
 def test_everything_comes_back(tmp_path, images):
