@@ -125,17 +125,16 @@ def agree(edges: Edges, jacobian: Array, *, start: Array, reach_px: float, close
         terminator, the rim of a reflection) loses its weight as the reach shrinks to the place where the frames agree.
     """
     shift, reach = start, reach_px
-    rows = jacobian[edges.point]
-    residual = edges.offset - rows @ shift
+    residual = edges.offset - (jacobian @ shift)[edges.point]
     for turn in range(14):
         # On a matte ball's dark side the shading ends inside the outline: until the frames agree to half a pixel,
         # each frame's strongest edges count most. After that they would only pull toward the brighter side.
         weight = edges.weight * edges.prominence if reach > 0.6 else edges.weight
-        step = robust_step(rows, residual, weight, reach)
+        step = robust_step(jacobian, residual, weight, reach, point=edges.point)
         if step is None:
             return None
         shift = shift + step
-        residual = edges.offset - rows @ shift
+        residual = edges.offset - (jacobian @ shift)[edges.point]
         if turn > 4 and np.abs(step).max() < 1e-2 and reach == closest_px:
             break
         reach = max(closest_px, min(0.7 * reach, 3.5 * _spread(residual, weight, reach)))
@@ -144,16 +143,25 @@ def agree(edges: Edges, jacobian: Array, *, start: Array, reach_px: float, close
     return Agreement(shift, float(seen.mean()), _spread(residual, edges.weight, max(1.5, 2 * closest_px)))
 
 
-def robust_step(jacobian: Array, offset: Array, weight: Array, reach: float | Array) -> Array | None:
-    """Return the shift (3,) of a Tukey-weighted linear fit, or None where it is not determined."""
+def robust_step(
+    jacobian: Array, offset: Array, weight: Array, reach: float | Array, *, point: NDArray[np.intp] | None = None
+) -> Array | None:
+    """Return the shift (3,) of a Tukey-weighted linear fit, or None where it is not determined.
+
+    `jacobian` (N, 3) has a row for each offset (K,), or for each `point` (K,) of the outline that offsets lie at.
+    """
+    # Edges at one point of the outline share its row: they are summed before the rows are multiplied.
+    point = np.arange(len(jacobian)) if point is None else point
     shift = np.zeros(3)
     for _ in range(10):
-        residual = offset - jacobian @ shift
+        residual = offset - (jacobian @ shift)[point]
         w = weight * np.maximum(1 - (residual / reach) ** 2, 0) ** 2
-        normal = jacobian.T @ (w[:, None] * jacobian)
+        total = np.bincount(point, w, len(jacobian))
+        normal = jacobian.T @ (total[:, None] * jacobian)
         if np.count_nonzero(w) < 12 or np.linalg.cond(normal) > 1e8:
             return None
-        previous, shift = shift, np.linalg.solve(normal, jacobian.T @ (w * offset))
+        right = jacobian.T @ np.bincount(point, w * offset, len(jacobian))
+        previous, shift = shift, np.linalg.solve(normal, right)
         if np.abs(shift - previous).max() < 1e-4:
             break
     return np.asarray(shift, np.float64)
