@@ -43,13 +43,6 @@ class Coarse:
         """Return (F, rows, columns): a window of all frames, shrunk alike."""
         return _shrunk(frames, np.arange(len(frames)), self.factor, rows, columns)
 
-    def few(self) -> "Coarse":
-        """Return at most `SEARCHED` of the frames, evenly spread."""
-        if len(self.images) <= SEARCHED:
-            return self
-        chosen = np.linspace(0, len(self.images) - 1, SEARCHED).astype(int)
-        return replace(self, images=self.images[chosen])
-
     def to_full(self, pixels: NDArray) -> NDArray[np.float64]:
         """Return full-size pixels of coarse pixels (..., 2): pixel centres are integers at both sizes."""
         return (np.asarray(pixels, np.float64) + 0.5) * self.factor - 0.5

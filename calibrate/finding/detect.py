@@ -81,7 +81,7 @@ def detect(
     rejected : tuple of Rejected
         Circles that looked like balls and are none, with the reason.
     """
-    suspects, rejected = _suspects(coarse.few(), [coarse.from_full(s) for s in taken])
+    suspects, rejected = _suspects(coarse, [coarse.from_full(s) for s in taken])
     if wanted is not None:
         suspects, surplus = asked_for(suspects, wanted)
     else:
