@@ -28,7 +28,7 @@ TABLE_EXPLAINS = 0.99
 """Share of a chrome limb's variance from which on the mirrored table is taken for its cause."""
 TABLE_FROM_PX = 22.0
 """A smaller ball's limb is too few pixels for three more unknowns."""
-TABLE_FLOOR_PX = 0.015
+TABLE_FLOOR_PX = 0.01
 """What shifts an outline that is fitted by the mirrored table, beyond its residuals' scatter."""
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
 """What shifts an outline that is fitted on the steepest places alone, beyond its edges' scatter."""

@@ -21,6 +21,8 @@ NEAREST_INVERSE_MM = 1e-5
 """100 m: farther is distant."""
 RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
+FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
+"""What is known of the flashes' flatness: the data tell it hardly from another distance, but sigma knows of it."""
 STEP = 1e-4
 """Of the differences by balls and camera, in sigmas' order of magnitude: the law of the mirror is smooth."""
 
@@ -36,7 +38,15 @@ def ray_meeting(points: Array, directions: Array) -> Array:
 
 class Adjustment:
     """Unknowns: the camera's log focal length and centre; per ball (u, v, radius) and the log of its diameter; per
-    light two tangent components, and the log of the inverse range if near. What is known exactly is left out.
+    light two tangent components, and the log of the inverse range if near; and the flashes' flatness. What is known
+    exactly is left out.
+
+    Notes
+    -----
+    A glowing ball is mirrored about its centre. The near half of a flat head that faces the reference point looks
+    larger: at angle t between its axis and the ball, its picture of angular half size a lies k a^2 sin t cos t beside
+    its centre, k = 0 for a glowing ball, 1/3 for a flat one's centroid, 1 for its outline. Small, but the same on all
+    balls: it would pass for another distance.
     """
 
     def __init__(
@@ -50,6 +60,7 @@ class Adjustment:
         *,
         near: bool,
         diameter_sigma: Array | None = None,
+        extents_px: Array | None = None,
     ) -> None:
         self.camera, self.spheres = camera, spheres
         self.highlights, self.stated = highlights, sigma_px
@@ -68,7 +79,10 @@ class Adjustment:
         self.free_diameters = np.flatnonzero(self.diameter_sigma)
         self.first_ball = len(self.free_camera)
         self.first_diameter = self.first_ball + 3 * self.balls
-        self.first_light = self.first_diameter + len(self.free_diameters)
+        # With one ball, or distant lights, no flatness could be told from a turn.
+        self.extents = np.zeros((self.balls, self.lights)) if extents_px is None else extents_px
+        self.flat = bool(near and self.balls > 1 and self.extents.any())
+        self.first_light = self.first_diameter + len(self.free_diameters) + self.flat
         self.per_light = 3 if near else 2
         self._start_lights()
 
@@ -102,7 +116,9 @@ class Adjustment:
         lights = np.zeros((self.lights, self.per_light))
         if self.near:
             lights[:, 2] = np.log(self.inverse)
-        return np.concatenate([np.zeros(self.first_light), lights.ravel()])
+        shared = np.zeros(self.first_light)
+        shared[self.first_light - self.flat :] = FLATNESS
+        return np.concatenate([shared, lights.ravel()])
 
     def camera_at(self, x: Array) -> Camera:
         """Return the adjusted camera."""
@@ -144,19 +160,15 @@ class Adjustment:
 
     def residual_pixels(self, x: Array) -> Array:
         """Return (S, F, 2) px; NaN where unseen."""
-        camera, lights = self.camera_at(x), self.lights_at(x)
-        return np.stack([self._of_ball(camera, s, h, *lights)[0] for s, h in self._pairs(x)])
+        lights = self.lights_at(x)
+        return np.stack([self._of_ball(x, s, *lights)[0] for s in range(self.balls)])
 
-    def _pairs(self, x: Array) -> list[tuple[Sphere, Array]]:
-        return list(zip(self.balls_at(x), self.highlights, strict=True))
-
-    def _of_ball(
-        self, camera: Camera, sphere: Sphere, pixels: Array, directions: Array, inverse: Array
-    ) -> tuple[Array, Array, Array, Array]:
+    def _of_ball(self, x: Array, ball: int, directions: Array, inverse: Array) -> tuple[Array, Array, Array, Array]:
         """Return the residuals (F, 2), the picture's derivative by direction (F, 2, 3), q (F, 3) and its arm (F, 3).
 
         q = d + w (ref - x) points from the ball to the light; the arm is its derivative by log w.
         """
+        camera, sphere, pixels = self.camera_at(x), self.balls_at(x)[ball], self.highlights[ball]
         step = 0.01
         points, seen = mirrored_rays(camera, sphere, pixels)
         arm = inverse[:, None] * (self.reference_at(camera) - points)
@@ -165,6 +177,11 @@ class Adjustment:
         along = [(mirrored_rays(camera, sphere, pixels + d)[1] - seen) / step for d in np.eye(2) * step]
         a, b = along
         aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
+        if self.flat:
+            square = self.extents[ball] ** 2 * (aa + bb) / 2
+            cosine = np.sum(directions * target, 1)
+            beside = (square * cosine)[:, None] * (directions - cosine[:, None] * target)
+            target = target + x[self.first_light - 1] * beside
         determinant = (aa * bb - ab * ab)[:, None]
         inverted = np.stack(
             [(bb[:, None] * a - ab[:, None] * b) / determinant, (aa[:, None] * b - ab[:, None] * a) / determinant], 1
@@ -185,7 +202,8 @@ class Adjustment:
                 pixels[self.used].ravel(),
                 *(w @ m for w, m in zip(self.whiten, moves, strict=True)),
                 x[: self.first_ball] / self.camera_sigma[self.free_camera],
-                x[self.first_diameter : self.first_light] / self.diameter_sigma[self.free_diameters],
+                x[self.first_diameter : self.first_light - self.flat] / self.diameter_sigma[self.free_diameters],
+                (x[self.first_light - self.flat : self.first_light] - FLATNESS) / FLATNESS_SIGMA,
                 (x[self.first_light + 2 :: 3] - np.log(self.typical)) / RANGE_PRIOR if self.near else [],
             ]
         )
@@ -194,17 +212,14 @@ class Adjustment:
         """Return the derivatives of `residuals`: closed form by the lights, central differences by what is shared."""
         shared = np.zeros((self.balls, self.lights, 2, self.first_light))
         own = np.zeros((self.balls, self.lights, 2, self.per_light))
-        camera, (directions, inverse) = self.camera_at(x), self.lights_at(x)
+        directions, inverse = self.lights_at(x)
         tangents = self.tangents(x, directions)
-        for s, (sphere, seen) in enumerate(self._pairs(x)):
+        for s in range(self.balls):
             for i in self._of_shared(s):
                 step = STEP * np.eye(len(x))[i]
-                ends = [
-                    self._of_ball(self.camera_at(y), self.balls_at(y)[s], seen, directions, inverse)[0]
-                    for y in (x + step, x - step)
-                ]
+                ends = [self._of_ball(y, s, directions, inverse)[0] for y in (x + step, x - step)]
                 shared[s, ..., i] = (ends[0] - ends[1]) / (2 * STEP)
-            _, inverted, toward, arm = self._of_ball(camera, sphere, seen, directions, inverse)
+            _, inverted, toward, arm = self._of_ball(x, s, directions, inverse)
             length = np.linalg.norm(toward, axis=1)[:, None]
             target = toward / length
             for k, move in enumerate([*tangents, arm][: self.per_light]):
@@ -219,9 +234,11 @@ class Adjustment:
         prior = np.zeros((self.first_light, self.first_light))
         for s, whiten in enumerate(self.whiten):
             prior[3 * s : 3 * s + 3, self.first_ball + 3 * s : self.first_ball + 3 * s + 3] = whiten
-        cameras, diameters = np.arange(self.first_ball), np.arange(self.first_diameter, self.first_light)
+        cameras, diameters = np.arange(self.first_ball), np.arange(self.first_diameter, self.first_light - self.flat)
         prior[3 * self.balls + cameras, cameras] = 1 / self.camera_sigma[self.free_camera]
         prior[diameters, diameters] = 1 / self.diameter_sigma[self.free_diameters]
+        if self.flat:
+            prior[-1, -1] = 1 / FLATNESS_SIGMA
         ranges = np.arange(self.lights if self.near else 0)
         of_range = np.zeros((len(ranges), self.per_light))
         of_range[:, 2:] = 1 / RANGE_PRIOR
@@ -233,9 +250,11 @@ class Adjustment:
         )
 
     def _of_shared(self, ball: int) -> list[int]:
-        """Return which shared unknowns move a ball: the camera's, and its own."""
+        """Return which shared unknowns move a ball's highlights: the camera's, its own, the flashes' flatness."""
+        own = self.first_ball + 3 * ball
         diameter = self.first_diameter + np.flatnonzero(self.free_diameters == ball)
-        return [*range(self.first_ball), *range(self.first_ball + 3 * ball, self.first_ball + 3 * ball + 3), *diameter]
+        flatness = range(self.first_light - self.flat, self.first_light)
+        return [*range(self.first_ball), *range(own, own + 3), *diameter, *flatness]
 
     def tangents(self, x: Array, directions: Array) -> tuple[Array, Array]:
         """Return the derivatives (F, 3) of the directions by their two tangent components."""

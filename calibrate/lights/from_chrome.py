@@ -41,18 +41,20 @@ def lights_from_chrome(
     spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
     measurable = not camera.is_orthographic and len(balls) >= 2 and all(s.diameter_mm for s in spheres)
     chosen, sigma, picks = agreeing_spots(camera, spheres, spots, measurable, notes.flags)
+    extents = np.nan_to_num([spot.extent_px[:, 0] for spot in spots])
     for s, f in zip(*np.nonzero(picks), strict=True):
-        chosen[s, f], sigma[s, f] = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f]) or (
-            chosen[s, f],
-            sigma[s, f],
-        )
+        spot = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f])
+        if spot is not None:
+            chosen[s, f], sigma[s, f], extents[s, f] = spot
     if shaded:
         _leave_out_strays(camera, spheres, chosen, shaded[0][0], notes)
     seen = np.asarray(np.isfinite(chosen[..., 0]).any(0))
     if not seen.any():
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
     covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
-    fit = choose_model(camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, notes)
+    fit = choose_model(
+        camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, notes, extents_px=extents[:, seen]
+    )
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "

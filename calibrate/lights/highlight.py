@@ -1,6 +1,7 @@
 """Where the flash is mirrored on a chrome ball, to sub-pixels, on linear data."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -21,6 +22,14 @@ FAINT = 0.1
 """A spot under this share of the ball's usual one is no flash: the ball stood in shadow, or the flash misfired."""
 
 
+class Spot(NamedTuple):
+    """Where a ball mirrors a flash: the pixel (2,), its standard deviation along one axis, half the flash's size."""
+
+    pixel: Array
+    sigma_px: float
+    extent_px: float
+
+
 @dataclass(frozen=True)
 class Spots:
     """The bright points of one ball, the brightest first; NaN where there are fewer.
@@ -30,10 +39,13 @@ class Spots:
     pixels : (F, K, 2) float64
     sigma_px : (F, K) float64
         Expected error of each, one axis.
+    extent_px : (F, K) float64
+        Half of the flash's size.
     """
 
     pixels: Array
     sigma_px: Array
+    extent_px: Array
 
 
 def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
@@ -47,7 +59,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     """
     rough, strength = _rough(frames, coarse, coarse.from_full(sphere))
     pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
-    sigma = np.full((len(frames), MOST_SPOTS), np.nan)
+    sigma, extent = np.full((2, len(frames), MOST_SPOTS), np.nan)
     usual = np.nanmedian(strength[:, 0]) if np.isfinite(strength[:, 0]).any() else np.inf
     for f in range(len(frames)):
         for k in range(MOST_SPOTS):
@@ -55,8 +67,8 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
                 near = coarse.to_full(rough[f, k])
                 spot = measure_spot(frames, f, camera, sphere, near, factor=coarse.factor, fitted=k == 0)
                 if spot is not None:
-                    pixels[f, k], sigma[f, k] = spot
-    return Spots(pixels, sigma)
+                    pixels[f, k], sigma[f, k], extent[f, k] = spot
+    return Spots(pixels, sigma, extent)
 
 
 def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
@@ -86,8 +98,8 @@ def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array
 
 def measure_spot(
     frames: Frames, f: int, camera: Camera, sphere: Sphere, near: Array, *, factor: int = 1, fitted: bool = True
-) -> tuple[Array, float] | None:
-    """Return centre (2,) and sigma of the spot of frame `f` near a pixel that is known to `factor` pixels.
+) -> Spot | None:
+    """Return the spot of frame `f` near a pixel that is known to `factor` pixels.
 
     Notes
     -----
@@ -129,7 +141,10 @@ def measure_spot(
     ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
     center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
     near_by = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
-    vague = (center, 0.15 + 0.06 * size)
+    inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
+    # Between a disc's radius and a blurred point's deviation.
+    extent = float(np.sqrt(size * inner))
+    vague = Spot(center, 0.15 + 0.06 * size, extent)
     if not fitted:
         return vague
     patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
@@ -140,9 +155,8 @@ def measure_spot(
             clipped[near_by],
             *np.zeros((2, np.count_nonzero(near_by)), bool),
         )
-    inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
-    return fit or vague
+    return vague if fit is None else Spot(*fit, extent)
 
 
 def _patch(

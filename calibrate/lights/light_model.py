@@ -37,6 +37,8 @@ def choose_model(
     sigma_px: Array,
     reference: Array,
     notes: Notes,
+    *,
+    extents_px: Array | None = None,
 ) -> LightFit:
     """Return the smallest model that explains the highlights; say why in `notes`.
 
@@ -48,7 +50,15 @@ def choose_model(
 
     def fit(near: bool = True, camera: Camera = camera, spheres=spheres, covariances=covariances, **more) -> LightFit:
         return fit_lights(
-            camera, spheres, covariances, highlights, sigma_px, more.pop("at", reference), near=near, **more
+            camera,
+            spheres,
+            covariances,
+            highlights,
+            sigma_px,
+            more.pop("at", reference),
+            near=near,
+            extents_px=extents_px,
+            **more,
         )
 
     distant = fit(False)

@@ -30,6 +30,7 @@ def fit_lights(
     *,
     near: bool,
     diameter_sigma: Array | None = None,
+    extents_px: Array | None = None,
 ) -> LightFit:
     """Adjust lights, balls and camera to the highlights.
 
@@ -47,6 +48,8 @@ def fit_lights(
         Fit a range per light too; needs diameters.
     diameter_sigma : (S,) float or None
         Relative standard deviation of the diameters; 0 or None: exact.
+    extents_px : (S, F) float or None
+        Half the size at which each ball shows the flash; None: flashes are points.
 
     Notes
     -----
@@ -57,7 +60,15 @@ def fit_lights(
     highlights' degrees of freedom, m = `STATED`. With a wrong model s is large, and the balls stay on their outlines.
     """
     problem = Adjustment(
-        camera, spheres, covariances, highlights, sigma_px, reference, near=near, diameter_sigma=diameter_sigma
+        camera,
+        spheres,
+        covariances,
+        highlights,
+        sigma_px,
+        reference,
+        near=near,
+        diameter_sigma=diameter_sigma,
+        extents_px=extents_px,
     )
     x = problem.start()
     seen = np.isfinite(highlights[..., 0])
