@@ -19,8 +19,9 @@ from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-ROUND = 4e-4
-"""Share of its radius to which a ball is round and the lens straight across it: 0.03 px of 67, 0.15 px of 400."""
+ROUND = 2e-4
+"""Share of its radius to which a ball is round and the lens straight across it: 0.01 px of 67, 0.08 px of 400. Ball
+bearings of 80 mm are round to 3 (grade 100) to 25 micrometres (grade 1000) of their diameter."""
 STRAY_DEG = 45.0
 """How much farther than usual a highlight must point beside the white ball's shading to be another thing's: flashes a
 metre away are up to 30 degrees elsewhere for a ball 500 mm beside the white one."""
