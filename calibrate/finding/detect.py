@@ -1,6 +1,8 @@
 """Every ball in the frames, without clicks: standing circles, told apart by how their insides behave."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,8 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
+THREADS = 2
+"""Outlines that are fitted side by side."""
 OTHERS = 3
 """Circles that are tried in a mirror's place where the likeliest does not show the table beside it."""
 
@@ -88,9 +92,10 @@ def detect(
         suspects, surplus = sure_ones(suspects, coarse.camera)
     rejected += surplus
     found = []
-    for suspect in suspects:
-        circles = [coarse.sphere_to_full(s) for s in (suspect.sphere, *suspect.others)]
-        fit = _outline(frames, camera, circles[: 1 + OTHERS], search_px=1.4 * coarse.factor + 0.6)
+    places = [[coarse.sphere_to_full(s) for s in (suspect.sphere, *suspect.others)] for suspect in suspects]
+    with ThreadPoolExecutor(THREADS) as threads:
+        fits = list(threads.map(partial(_outline, frames, camera, search_px=1.4 * coarse.factor + 0.6), places))
+    for suspect, circles, fit in zip(suspects, places, fits, strict=True):
         if fit is None:
             rejected.append((suspect.sphere, "its outline cannot be followed at full size"))
         else:
@@ -105,7 +110,7 @@ def detect(
 def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px: float) -> OutlineFit | None:
     """Fit the likeliest circle, the first; but a mirror's is that in which it shows the table beside it."""
     first = None
-    for number, circle in enumerate(circles):
+    for number, circle in enumerate(circles[: 1 + OTHERS]):
         fit = fit_outline(frames, camera, circle, search_px=search_px)
         if fit is not None and fit.by_table:
             return fit

@@ -19,7 +19,7 @@ from scene.spheres import Kind, Sphere
 Array = NDArray[np.float64]
 SOFTEST = 8
 """Softness, in that of a sharp picture, up to which an outline is looked for."""
-READ = 20
+READ = 12
 """Frames in which an outline is read: it stands still, and more of them show the same again."""
 LEAST_SEEN = 0.25
 WIDE = 0.05
