@@ -143,9 +143,10 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
                 group += [(wider, seen)] if better and seen is not None and seen.wander else []
             circles, doubtful = outline_of(group, standing, coarse.camera)
             sphere, points = circles[0]
+            share = enclosing(standing, coarse.camera, sphere)
         if any(overlap(sphere, other.sphere) for other in suspects):
             continue
-        if enclosing(standing, coarse.camera, sphere) < LEAST_ENCLOSED:
+        if share < LEAST_ENCLOSED:
             rejected.append((sphere, "nothing that a mirror would show stands along its inside"))
             continue
         behaviour = observe(coarse, sphere, points)

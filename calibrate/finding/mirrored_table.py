@@ -36,7 +36,9 @@ TILTS = np.tan(np.deg2rad([30, 55]))
 HEIGHTS = 1.0, 1.6
 AZIMUTHS = np.deg2rad(np.arange(0, 360, 60))
 LEAST_SEEN, LEAST_EXPLAINED = 0.25, 0.2
-TURNS = 15
+LOWEST = 0.85
+"""A plane nearer to the ball's centre than this, in radii, would cut the ball (a ring lets it in a little)."""
+TURNS = 40
 CAUCHY = 3.0
 """Noises at which a sample counts half: a highlight or another ball may be mirrored, too."""
 BLUR_DOUBT = 0.5
@@ -55,6 +57,8 @@ class MirroredTable:
         Of (center u, center v, radius), px^2.
     plane : (3,) float64
         Slopes n_x / n_z and n_y / n_z of its normal, and its distance from the ball's centre in radii.
+    blur_px : float
+        Standard deviation of the blur under which the limb is seen.
     mirror : float
         The ball's reflectance.
     explained : float
@@ -87,8 +91,7 @@ def fit_mirrored_table(frames: Frames, camera: Camera, sphere: Sphere, *, blur_p
         None where no table is seen to be mirrored.
     """
     some = frames.some(FRAMES)
-    table = Surroundings(some, camera, sphere)
-    model = _Model(some, camera, table)
+    model = _Model(some, Surroundings(some, camera, sphere))
     plane = model.rough_plane(sphere, blur_px)
     if plane is None:
         return None
@@ -119,7 +122,6 @@ class _Explained:
 @dataclass(frozen=True)
 class _Model:
     frames: Frames
-    camera: Camera
     table: Surroundings
 
     def rough_plane(self, sphere: Sphere, blur_px: float) -> Array | None:
@@ -157,11 +159,13 @@ class _Model:
             gradient = scores.sum(1) - prior * (np.arange(8) == BLUR) * (blur - blur_px)
             step = np.linalg.solve(normal, gradient)
             step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-            if turn > 2 and np.abs(step[OUTLINE]).max() < 2e-3:
-                break
             sphere, plane = moved(sphere, step[OUTLINE]), plane + step[PLANE]
             blur = float(max(blur + step[BLUR], SHARPEST_PX))
+            if turn > 2 and np.abs(step[OUTLINE]).max() < 1e-3:
+                break
         else:
+            return None
+        if plane[2] < LOWEST:
             return None
         sector = np.arange(BINS) * SECTORS // BINS
         sums = np.stack([scores[:, sector == s].sum(1) for s in range(SECTORS)])
@@ -171,14 +175,14 @@ class _Model:
 
     def _look(self, sphere: Sphere, blur_px: float) -> tuple[Values, Array, Array]:
         """Return profiles (F, BINS, M), their offsets and the Jacobian (BINS, 3)."""
-        radius = sphere.radius_px
+        camera, radius = self.table.camera, sphere.radius_px
         count = BINS * int(np.clip(np.ceil(2 * np.pi * radius / BINS), 2, 12))
-        points, normals = outline_with_normals(self.camera, sphere, count)
+        points, normals = outline_with_normals(camera, sphere, count)
         near = np.arange(-6 * blur_px, 2.6 * blur_px + 2, STEP_PX)
         deep = np.arange(-max(SHARE * radius - 3 * blur_px, 0), near[0] - 0.01, max(STEP_PX, DEEP_STEP * radius))
         offsets = np.concatenate([deep, near])
         strips = read_strips(self.frames, points, normals, offsets)
-        jacobian = offset_jacobian(self.camera, sphere, points, normals).reshape(BINS, -1, 3).mean(1)
+        jacobian = offset_jacobian(camera, sphere, points, normals).reshape(BINS, -1, 3).mean(1)
         return strips.reshape(len(strips), BINS, -1, len(offsets)).mean(2), offsets, jacobian
 
     def _slopes(

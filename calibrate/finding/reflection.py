@@ -14,6 +14,7 @@ from scipy.special import ndtr
 
 from calibrate.finding.limb_fit import BINS
 from calibrate.finding.outline import outline_with_normals
+from calibrate.lights.directions import mirrored_rays
 from scene.camera import Camera
 from scene.frames import Frames, decode
 from scene.spheres import Sphere
@@ -104,9 +105,7 @@ def mirrored_pixels(camera: Camera, sphere: Sphere, plane: Array, pixels: Array)
     camera's pixel is one such.
     """
     ball = replace(sphere, diameter_mm=2 * sphere.radius_px)
-    normals, points = ball.normals(camera, pixels)
-    _, rays = camera.rays(pixels)
-    mirrored = rays - 2 * np.sum(rays * normals, -1, keepdims=True) * normals
+    points, mirrored = mirrored_rays(camera, ball, pixels)
     up = np.array([plane[0], plane[1], 1.0]) / np.hypot(1, np.hypot(plane[0], plane[1]))
     foot = ball.center_mm(camera) - plane[2] * ball.radius_mm * up
     with np.errstate(divide="ignore", invalid="ignore"):
