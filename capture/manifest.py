@@ -86,6 +86,7 @@ class ObjectTable(Table):
     scan: str | None = None
     scan_unit: Literal["m", "cm", "mm", "inch"] = "mm"
     normals: str | None = None
+    picks: str | None = None
 
 
 class Manifest(Table):

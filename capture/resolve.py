@@ -40,6 +40,10 @@ class Resolver:
                         'as in "flash_*.dng".'
                     )
         kept = self.kept(flash, frames.skip)
+        if known.picks and not known.scan:
+            self.faults.append(
+                'object.picks: picks are points of a scan, and there is none. Add scan = "...", or drop it.'
+            )
         lights = manifest.lights and self.file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = Session(
             name=manifest.name or self.folder.name,
@@ -61,6 +65,7 @@ class Resolver:
             scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),
             scan_unit=known.scan_unit,
             normals=self.file("object.normals", known.normals, NORMALS_SUFFIXES),
+            picks=self.file("object.picks", known.picks),
             photographed=len(flash),
         )
         return None if self.faults else session

@@ -59,6 +59,8 @@ class Session:
         Known lights instead of balls. DiLiGenT: light_directions.txt, its intensities beside it.
     mask, scan, normals : Path or None
         The object's mask, its laser scan, its ground truth that is already registered.
+    picks : Path or None
+        Points of the scan whose pixels are known: a start for its registration.
     layout : "toml" or "diligent"
     photographed : int
         How many files `frames.flash` matches, those of skipped frames included.
@@ -83,6 +85,7 @@ class Session:
     scan: Path | None = None
     scan_unit: str = "mm"
     normals: Path | None = None
+    picks: Path | None = None
     layout: Literal["toml", "diligent"] = "toml"
     photographed: int = 0
 

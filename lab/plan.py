@@ -29,7 +29,7 @@ def _light_inputs(job: Job) -> list[Any]:
 
 def _object_inputs(job: Job) -> list[Any]:
     session = job.session
-    return [session.mask, session.scan, session.scan_unit, session.normals]
+    return [session.mask, session.scan, session.scan_unit, session.normals, session.picks]
 
 
 def _judged_by(job: Job) -> list[Any]:

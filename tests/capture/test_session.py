@@ -192,6 +192,8 @@ def test_all_faults_at_once(folder):
         (FLASH + '[object]\nmask = "mask.pgn"', ["object.mask: there is no file", "Did you mean mask.png?"]),
         (FLASH + '[lights]\nfile = "mask.png"', ["lights.file: mask.png cannot be read", ".lp, .json, .txt"]),
         (FLASH + '[object]\nscan = "mask.png"', ["object.scan: mask.png cannot be read", ".ply, .obj"]),
+        (FLASH + '[object]\npicks = "mask.png"', ["object.picks: picks are points of a scan, and there is none"]),
+        (FLASH + '[object]\nscan = "object.ply"\npicks = "pick.csv"', ["object.picks: there is no file", "pick.csv"]),
         (FLASH + '[object]\nnormals = "object.ply"', ["object.normals: object.ply cannot be read", ".mat, .txt"]),
         (FLASH + '[object]\nscan_unit = "um"', ["object.scan_unit: found 'um'", "'inch'"]),
         (FLASH + '[object]\nscan_unit = "unknown"', ["object.scan_unit: found 'unknown'"]),
