@@ -1,7 +1,7 @@
 """PLY as scanners write it: polygons, and the triangle strips of Cyberware and Stanford.
 
-trimesh reads a PLY with `tristrips` as an empty mesh, without a word; this reads them all.
-The format: [Turk1994].
+trimesh reads a PLY with `tristrips` as an empty mesh, without a word, and none with polygons of
+different lengths; this reads them all. The format: [Turk1994].
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from align.numbers_in_text import parse
+from align.polygons import fans, strips
 from scene.errors import AlignError
 
 TYPES = {
@@ -33,10 +35,16 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     Raises
     ------
     AlignError
-        The file is no PLY, ends early, or has no vertex positions.
+        The file is no PLY, ends early, is a range grid, or has no vertex positions.
     """
     data = path.read_bytes()
     encoding, elements, offset = _header(path, data)
+    names = [element.name for element in elements]
+    if "range_grid" in names and "face" not in names and "tristrips" not in names:
+        raise AlignError(
+            f"{path}: a range grid, one view as the scanner saw it, without faces. Merge and mesh the views first "
+            "(for example with VripPack or MeshLab), and give the merged mesh."
+        )
     try:
         if encoding == "ascii":
             columns = _read_ascii(data[offset:], elements)
@@ -55,9 +63,9 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     for element, values in columns.items():
         for name, (counts, flat) in ((n, v) for n, v in values.items() if isinstance(v, tuple)):
             if element == "face" and name in ("vertex_indices", "vertex_index"):
-                faces.append(_fans(counts, flat))
-            elif element == "tristrips":
-                faces.append(_strips(counts, flat))
+                faces.append(fans(counts, flat))
+            elif element == "tristrips" and name in ("vertex_indices", "vertex_index"):
+                faces.append(strips(counts, flat))
     return vertices, np.concatenate(faces)
 
 
@@ -89,70 +97,41 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
 
 
 def _read_ascii(text: bytes, elements: list[_Element]) -> dict:
-    numbers = np.array(text.split(), dtype=np.float64)
-    columns, at = {}, 0
-    for element in elements:
-        if not any(length for *_, length in element.properties):
-            size = element.count * len(element.properties)
-            if at + size > len(numbers):
-                raise ValueError(f"{element.name}: values are missing")
-            table = numbers[at : at + size].reshape(element.count, len(element.properties))
-            columns[element.name] = {name: table[:, i] for i, (name, *_) in enumerate(element.properties)}
-            at += size
-            continue
-        lists: dict[str, list] = {name: [] for name, _, length in element.properties if length}
-        for _ in range(element.count):
-            for name, _, length in element.properties:
-                if length is None:
-                    at += 1
-                    continue
-                count = int(numbers[at])
-                if at + 1 + count > len(numbers):
-                    raise ValueError(f"{element.name}: values are missing")
-                lists[name].append(numbers[at + 1 : at + 1 + count])
-                at += 1 + count
-        columns[element.name] = {name: _flatten(rows) for name, rows in lists.items()}
-    return columns
+    """An ASCII file is a binary one whose values all are float64: the same reader serves both."""
+    numbers = parse(text)
+    plain = [
+        _Element(e.name, e.count, [(name, "f8", "f8" if length else None) for name, _, length in e.properties])
+        for e in elements
+    ]
+    return _read_binary(numbers.tobytes(), 0, plain, "=")
 
 
 def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> dict:
     columns = {}
     for element in elements:
-        first = {
-            name: int(np.frombuffer(data, order + length, 1, at)[0])
-            for name, _, length in element.properties[:1]
-            if length and element.count
-        }
-        lists = [p for p in element.properties if p[2]]
-        # One list, first of its element, always as long: the common mesh. One read instead of a loop.
-        if not lists or (len(lists) == 1 and first):
-            table = _read_table(data, at, element, order, first)
-            if table is not None:
-                columns[element.name], at = table
-                continue
-        rows: dict[str, list] = {name: [] for name, *_ in lists}
-        for _ in range(element.count):
-            for name, kind, length in element.properties:
-                if length is None:
-                    at += np.dtype(kind).itemsize
-                    continue
-                count = int(np.frombuffer(data, order + length, 1, at)[0])
-                at += np.dtype(length).itemsize
-                rows[name].append(np.frombuffer(data, order + kind, count, at))
-                at += count * np.dtype(kind).itemsize
-        columns[element.name] = {name: _flatten(values) for name, values in rows.items()}
+        if not element.count or not element.properties:
+            columns[element.name] = {name: np.zeros(0) for name, _, length in element.properties if not length}
+            continue
+        table = _read_table(data, at, element, order)
+        columns[element.name], at = table or _read_lists(data, at, element, order)
     return columns
 
 
-def _read_table(data: bytes, at: int, element: _Element, order: str, lengths: dict[str, int]) -> tuple | None:
-    """Read an element whose rows all have one size; None where the lists differ in length."""
+def _read_table(data: bytes, at: int, element: _Element, order: str) -> tuple | None:
+    """Read an element whose rows all have one size, which the first row has; None where lists differ in length."""
     fields: list[tuple] = []
+    lengths, here = {}, at
     for name, kind, length in element.properties:
         if length:
-            fields.append((f"count of {name}", order + length))
-            fields.append((name, order + kind, (lengths[name],)))
+            count = int(np.frombuffer(data, order + length, 1, here)[0])
+            if count < 0:
+                raise ValueError(f"a list of {count} {name}")
+            lengths[name] = count
+            fields += [(f"count of {name}", order + length), (name, order + kind, (count,))]
+            here += np.dtype(length).itemsize + count * np.dtype(kind).itemsize
         else:
             fields.append((name, order + kind))
+            here += np.dtype(kind).itemsize
     dtype = np.dtype(fields)
     if lengths and at + element.count * dtype.itemsize > len(data):
         return None
@@ -161,32 +140,29 @@ def _read_table(data: bytes, at: int, element: _Element, order: str, lengths: di
     for name, _, length in element.properties:
         if length and (table[f"count of {name}"] != lengths[name]).any():
             return None
-        values[name] = (table[f"count of {name}"].astype(np.int64), table[name].ravel()) if length else table[name]
+        values[name] = (np.full(element.count, lengths[name]), table[name].ravel()) if length else table[name]
     return values, at + element.count * dtype.itemsize
 
 
-def _flatten(rows: list[NDArray]) -> tuple[NDArray[np.int64], NDArray]:
-    return np.array([len(row) for row in rows], np.int64), np.concatenate([*rows, np.zeros(0)])
+def _read_lists(data: bytes, at: int, element: _Element, order: str) -> tuple[dict, int]:
+    """Read an element whose lists differ in length: walk it once, then fetch each list's values together."""
+    from align.ply_walk import fetch, walk
 
-
-def _fans(counts: NDArray[np.int64], flat: NDArray) -> NDArray[np.int64]:
-    """Cut polygons, given by their lengths and all their corners in a row, into triangles."""
-    flat = flat.astype(np.int64)
-    starts = np.cumsum(counts) - counts
-    triangles = np.maximum(counts - 2, 0)
-    polygon = np.repeat(np.arange(len(counts)), triangles)
-    second = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles) + 1
-    first = starts[polygon]
-    return np.stack([flat[first], flat[first + second], flat[first + second + 1]], -1)
-
-
-def _strips(counts: NDArray[np.int64], flat: NDArray) -> NDArray[np.int64]:
-    """Cut strips into triangles: -1 ends a strip, every second triangle of a strip is turned over."""
-    ends = np.cumsum(counts)
-    flat = np.insert(flat.astype(np.int64), ends, -1)
-    index = np.arange(len(flat))
-    last_break = np.maximum.accumulate(np.where(flat < 0, index, -1))
-    corners = np.stack([flat[:-2], flat[1:-1], flat[2:]], -1)
-    odd = (index[:-2] - last_break[:-2] - 1) % 2 == 1
-    corners[odd] = corners[odd][:, [1, 0, 2]]
-    return corners[(corners >= 0).all(1)]
+    size = [np.dtype(kind).itemsize for _, kind, _ in element.properties]
+    length_size = [np.dtype(length).itemsize if length else 0 for *_, length in element.properties]
+    is_float = [bool(length) and length.startswith("f") for *_, length in element.properties]
+    if any(is_float) and order != "=":
+        raise ValueError("the length of a list is not an integer")
+    raw = np.frombuffer(data, np.uint8)
+    numbers = np.frombuffer(data, np.float64) if any(is_float) else np.zeros(0)
+    starts, counts, at = walk(raw, at, element.count, np.array(size), np.array(length_size), order == ">", numbers)
+    if at < 0:
+        raise ValueError(f"{element.name}: values are missing")
+    values = {}
+    for column, (name, kind, length) in enumerate(element.properties):
+        if length:
+            lengths = counts[:, column] * size[column]
+            flat = np.zeros(lengths.sum(), np.uint8)
+            fetch(raw, starts[:, column], lengths, flat)
+            values[name] = (counts[:, column], flat.view(order + kind))
+    return values, at

@@ -1,215 +1,206 @@
-"""The scan as the scanner wrote it, read and mended."""
+"""The scan as the scanner wrote it, read and mended: docs/scans.md says the same for users."""
 
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.ply import read_ply
+from align.edges import Edges, edges_of
+from align.orient import orient
+from align.same_rows import renumber
+from align.scan_ball import find_balls
+from align.scan_files import SUFFIXES, read_scan
+from align.table import find_table
+from align.triangles import crosses, lengths
+from align.weld import weld
 from scene.errors import AlignError
 from scene.mesh import Mesh
 
-UNITS_MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "inch": 25.4}
-SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+__all__ = ["SUFFIXES", "UNITS_MM", "load_scan"]
+
+# A scan of unknown unit keeps its file's numbers.
+UNITS_MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "inch": 25.4, "unknown": 1.0}
+USUAL_MM = (2.0, 3000.0)
+"""Objects that are photographed on a table are this large, across."""
 SMALLEST_PIECE = 0.01
 """A piece with less than this share of the largest piece's area is scanner dust."""
 
+Vertices = NDArray[np.float64]
+Faces = NDArray[np.int64]
 
-def load_scan(path: Path, unit: str) -> Mesh:
+
+def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -> Mesh:
     """Read a scan and mend what can be mended; `Mesh.repairs` says what was done.
 
-    Vertices at one place are merged, degenerate and double faces and unused vertices dropped, pieces below
-    1 % of the largest one's area dropped, faces turned so that neighbours agree, and outward.
+    Vertices at one place are merged, and those of borders that all but meet; faces without area, double faces, a
+    table, a calibration ball, pieces below 1 % of the largest one's area and unused vertices are dropped; faces are
+    turned so that neighbours agree, and outward. Holes stay open.
 
     Parameters
     ----------
     path : Path
         .ply (binary or ASCII, polygons or triangle strips), .obj, .stl, .off, .glb.
-    unit : {"m", "cm", "mm", "inch"}
-        The unit of the file's numbers.
+    unit : {"m", "cm", "mm", "inch", "unknown"}
+        The unit of the file's numbers, whatever its format's standard says.
+    ball_diameter_mm : float, optional
+        A ball of this diameter is in the scan, apart from the object. It gives the scale where the unit is unknown.
 
     Returns
     -------
     mesh : Mesh
-        Millimetres, in the scan's own frame. Texture and colour are left behind.
+        Millimetres, in the scan's own frame; in the file's own unit where that is unknown and no ball was
+        given. Texture, colour and the file's normals are left behind.
 
     Raises
     ------
     AlignError
-        The file cannot be read, is a point cloud, is empty, holds positions that are no numbers, or
-        is so far from a surface that edges with three and more faces dominate.
+        The file cannot be read, is a point cloud, is empty, holds positions that are no numbers, has not the one
+        ball, or is so far from a surface that edges with three and more faces dominate.
     """
     path = Path(path)
     if unit not in UNITS_MM:
         raise AlignError(f"scan_unit: found {unit!r}, expected one of {', '.join(UNITS_MM)}.")
-    vertices, faces = _read(path)
+    vertices, faces = read_scan(path)
+    _check(path, vertices, faces)
+    repairs: list[str] = []
+    vertices, faces, edges = weld(vertices, faces, repairs)
+    _check_left(path, faces)
+    _check_manifold(path, vertices, faces, edges, repairs)
+    table, said = find_table(vertices, faces, edges)
+    if said:
+        repairs.append(said)
+    if table.any():
+        faces = faces[~table]
+        edges = edges_of(faces)
+    scale = UNITS_MM[unit]
+    kept = np.ones(len(faces), bool)
+    if ball_diameter_mm is not None:
+        kept, radius = _without_ball(path, vertices, faces, edges, repairs)
+        if unit == "unknown":
+            scale = ball_diameter_mm / (2 * radius)
+            repairs.append(f"scale from the ball: one unit of the file is {scale:.6g} mm")
+        else:
+            found = 2 * radius * scale
+            repairs.append(f"the ball in the scan measures {found:.4g} mm, {ball_diameter_mm:.4g} mm were said")
+    kept &= _large(vertices, faces, edges, kept, repairs)
+    if not kept.all():
+        faces, edges = faces[kept], edges.select(kept)
+    _check_left(path, faces)
+    faces = orient(vertices, faces, edges, repairs)
+    in_mm = unit != "unknown" or ball_diameter_mm is not None
+    _tell_borders(vertices * scale, faces, edges, "mm" if in_mm else "units of the file", repairs)
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    if not used.all():
+        repairs.append(f"dropped {(~used).sum()} vertices that no face uses")
+        vertices, faces = vertices[used], renumber(used)[faces]
+    _tell_size(vertices * scale, unit, in_mm, repairs)
+    return Mesh(vertices * scale, faces, tuple(repairs))
+
+
+def _check(path: Path, vertices: Vertices, faces: Faces) -> None:
     if len(vertices) == 0:
         raise AlignError(f"{path}: the scan is empty. Export it again as a triangle mesh.")
     if len(faces) == 0:
         raise AlignError(
             f"{path}: {len(vertices)} points, but no faces: a point cloud. Mesh it in the scanner's program first."
         )
-    bad = ~np.isfinite(vertices).all(1)
-    if bad.any():
-        raise AlignError(
-            f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position (the first is number "
-            f"{np.flatnonzero(bad)[0]}: {vertices[bad][0]}). Export the scan again."
-        )
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise AlignError(
             f"{path}: faces name vertices {faces.min()} to {faces.max()}, but there are {len(vertices)}. "
             "The file is damaged; export the scan again."
         )
-    repairs: list[str] = []
-    vertices, faces = _merge(vertices, faces, repairs)
-    faces = _drop_flat(vertices, faces, repairs)
-    if len(faces):
-        faces = _drop_dust(vertices, faces, repairs)
+    if not np.isfinite(vertices).all():
+        bad = ~np.isfinite(vertices).all(1)
+        raise AlignError(
+            f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position (the first is number "
+            f"{np.flatnonzero(bad)[0]}: {vertices[bad][0]}). Export the scan again."
+        )
+
+
+def _check_left(path: Path, faces: Faces) -> None:
     if len(faces) < 4:
         raise AlignError(f"{path}: only {len(faces)} faces with an area are left of the scan. Export it again.")
-    _check_manifold(path, vertices, faces, repairs)
-    faces = _orient(vertices, faces, repairs)
-    used, inverse = np.unique(faces, return_inverse=True)
-    if len(used) < len(vertices):
-        repairs.append(f"dropped {len(vertices) - len(used)} vertices that no face uses")
-    return Mesh(vertices[used] * UNITS_MM[unit], inverse.reshape(-1, 3).astype(np.int64), tuple(repairs))
 
 
-def _read(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    if not path.is_file():
-        raise AlignError(f"{path}: there is no such file. Check scan under [object] in session.toml.")
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise AlignError(f"{path}: cannot read a scan with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
-    if suffix == ".ply":
-        return read_ply(path)
-    import trimesh
-
-    try:
-        # One mesh of all parts, each at its place in the file's scene (GLB).
-        mesh = trimesh.load_scene(path, process=False).to_geometry()
-    except Exception as error:
-        # trimesh raises whatever its parsers stumble over; all of it means a damaged file.
-        raise AlignError(f"{path}: cannot be read as a mesh ({error}). Export the scan again.") from error
-    vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), np.float64)
-    return vertices, np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), np.int64).reshape(-1, 3)
-
-
-def _merge(vertices: NDArray, faces: NDArray, repairs: list[str]) -> tuple[NDArray, NDArray]:
-    unique, inverse = np.unique(vertices, axis=0, return_inverse=True)
-    if len(unique) == len(vertices):
-        return vertices, faces
-    repairs.append(f"merged {len(vertices) - len(unique)} duplicate vertices")
-    return unique, inverse.ravel()[faces]
-
-
-def _drop_flat(vertices: NDArray, faces: NDArray, repairs: list[str]) -> NDArray:
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.maximum.reduce([((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1), ((a - c) ** 2).sum(1)])
-    # Relative to the face's own size: a fine scan in metres has honest areas of 1e-9.
-    good = area > 1e-9 * longest
-    if not good.all():
-        repairs.append(f"dropped {(~good).sum()} faces without area")
-    faces = faces[good]
-    _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
-    if len(first) < len(faces):
-        repairs.append(f"dropped {len(faces) - len(first)} double faces")
-        faces = faces[np.sort(first)]
-    return faces
-
-
-def _drop_dust(vertices: NDArray, faces: NDArray, repairs: list[str]) -> NDArray:
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    count = len(vertices)
-    start, end = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
-    graph = coo_matrix((np.ones(len(start), bool), (start, end)), (count, count))
-    _, label = connected_components(graph, directed=False)
-    piece = label[faces[:, 0]]
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    area = np.bincount(piece, np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    keep = area >= SMALLEST_PIECE * area.max()
-    dropped = (area > 0) & ~keep
-    if dropped.any():
-        repairs.append(
-            f"dropped {dropped.sum()} loose pieces ({100 * area[dropped].sum() / area.sum():.2g} % of the area)"
-        )
-    if keep.sum() > 1:
-        repairs.append(f"kept {keep.sum()} separate pieces")
-    return faces[keep[piece]]
-
-
-def _edges(faces: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-    """Return unique edges (E, 2), each half-edge's edge (3 T,), and whether the half-edge runs low to high (3 T,)."""
-    half = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    edges, inverse = np.unique(np.sort(half, axis=1), axis=0, return_inverse=True)
-    return edges, inverse.ravel(), half[:, 0] < half[:, 1]
-
-
-def _check_manifold(path: Path, vertices: NDArray, faces: NDArray, repairs: list[str]) -> None:
-    edges, inverse, _ = _edges(faces)
-    crowded = np.flatnonzero(np.bincount(inverse) > 2)
-    if not len(crowded):
+def _check_manifold(path: Path, vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]) -> None:
+    if not len(edges.crowded):
         return
-    share = len(crowded) / len(edges)
+    share = len(edges.crowded) / edges.total
     places = "; ".join(
-        f"edge {edges[i, 0]}-{edges[i, 1]} at ({', '.join(f'{x:.4g}' for x in vertices[edges[i]].mean(0))})"
-        for i in crowded[:3]
+        f"edge {one}-{two} at ({', '.join(f'{x:.4g}' for x in (vertices[one] + vertices[two]) / 2)})"
+        for one, two in np.sort(edges.ends(faces, edges.crowded[:3]), axis=1)
     )
-    what = f"{len(crowded)} of {len(edges)} edges ({100 * share:.2g} %) have three or more faces: {places}"
+    what = f"{len(edges.crowded)} of {edges.total} edges ({100 * share:.2g} %) have three or more faces: {places}"
     if share > 0.02:
         raise AlignError(
-            f"{path}: not the surface of one object: {what}{' ...' if len(crowded) > 3 else ''}. At most 2 % can be "
-            "worked with. Repair the scan (for example with MeshLab's 'Repair non manifold edges') and try again."
+            f"{path}: not the surface of one object: {what}{' ...' if len(edges.crowded) > 3 else ''}. At most 2 % can "
+            "be worked with. Repair the scan (for example with MeshLab's 'Repair non manifold edges') and try again."
         )
     repairs.append(f"non-manifold, used as it is: {what}")
 
 
-def _orient(vertices: NDArray, faces: NDArray, repairs: list[str]) -> NDArray:
-    """Turn faces so that neighbours agree, and each piece outward."""
-    from scipy.sparse import csr_matrix
-    from scipy.sparse.csgraph import breadth_first_order, connected_components
+def _without_ball(
+    path: Path, vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]
+) -> tuple[NDArray[np.bool_], float]:
+    """Return which faces (T,) are not the calibration ball, and its radius in the file's unit."""
+    balls = find_balls(vertices, faces, edges.piece)
+    if len(balls) != 1 or (edges.piece == balls[0][0]).all():
+        found = f"balls with diameters {', '.join(f'{2 * r:.4g}' for _, r in balls)}" if balls else "none"
+        raise AlignError(
+            f"{path}: object.scan_ball_diameter_mm expects one ball apart from the object; found {found}. "
+            "Scan the ball with a gap beside the object, or drop the key."
+        )
+    kept = edges.piece != balls[0][0]
+    repairs.append(f"dropped the calibration ball ({(~kept).sum()} faces)")
+    return kept, balls[0][1]
 
-    count = len(faces)
-    edges, inverse, forward = _edges(faces)
-    order = np.argsort(inverse, kind="stable")
-    total = np.bincount(inverse, minlength=len(edges))
-    first = np.cumsum(total) - total
-    # Faces that share an edge of exactly two: they agree if they run along it in opposite directions.
-    paired = np.flatnonzero(total == 2)
-    one, two = order[first[paired]], order[first[paired] + 1]
-    face_one, face_two = one % count, two % count
-    disagree = forward[one] == forward[two]
-    both = (np.concatenate([face_one, face_two]), np.concatenate([face_two, face_one]))
-    graph = csr_matrix((np.tile(disagree + 1.0, 2), both), (count, count))
-    pieces, label = connected_components(graph, directed=False)
-    flip = np.zeros(count, bool)
-    if disagree.any():
-        seeds = np.unique(label, return_index=True)[1]
-        for seed in seeds[np.isin(np.arange(pieces), np.unique(label[face_one[disagree]]))]:
-            nodes, before = breadth_first_order(graph, seed, directed=False)
-            # Breadth-first order: a parent comes before its children.
-            weights = np.asarray(graph[before[nodes[1:]], nodes[1:]]).ravel() > 1.5
-            for node, turn in zip(nodes[1:].tolist(), weights.tolist(), strict=True):
-                flip[node] = flip[before[node]] ^ turn
-        faces = np.where(flip[:, None], faces[:, [0, 2, 1]], faces)
-        repairs.append(f"turned {min(flip.sum(), (~flip).sum())} faces to agree with their neighbours")
-        if left := (flip[face_one] ^ flip[face_two] ^ disagree).sum():
-            repairs.append(f"{left} edges cannot agree (one-sided surface): normals beside them may be reversed")
-    # Outward: the signed volume of the cones from the piece's own middle is positive. For an open piece this
-    # is the vote of its faces, weighted by area and by how far they stand out from the middle.
-    a, b, c = (vertices[faces[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
-    weight = np.linalg.norm(cross, axis=1)
-    middle_of_face = (a + b + c) / 3
-    total_weight = np.bincount(label, weight, pieces)
-    middle = np.stack([np.bincount(label, weight * middle_of_face[:, k], pieces) for k in range(3)], -1)
-    middle /= total_weight[:, None]
-    volume = np.bincount(label, np.einsum("tk,tk->t", middle_of_face - middle[label], cross), pieces)
-    inward = volume < 0
-    if inward.any():
-        faces = np.where(inward[label][:, None], faces[:, [0, 2, 1]], faces)
-        repairs.append(f"turned {inward.sum()} of {pieces} pieces outward ({inward[label].sum()} faces)")
-    return faces
+
+def _large(
+    vertices: Vertices, faces: Faces, edges: Edges, kept: NDArray[np.bool_], repairs: list[str]
+) -> NDArray[np.bool_]:
+    """Return which faces (T,) belong to pieces that are no dust."""
+    area = np.bincount(edges.piece, np.where(kept, lengths(crosses(vertices, faces)), 0))
+    large = area >= SMALLEST_PIECE * area.max()
+    dust = (area > 0) & ~large
+    if dust.any():
+        repairs.append(f"dropped {dust.sum()} loose pieces ({100 * area[dust].sum() / area.sum():.2g} % of the area)")
+    if large.sum() > 1:
+        repairs.append(f"kept {large.sum()} separate pieces")
+    return large[edges.piece]
+
+
+def _tell_borders(vertices: Vertices, faces: Faces, edges: Edges, unit: str, repairs: list[str]) -> None:
+    """Say how many holes and outer borders there are, and how large the largest is."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(edges.border):
+        return
+    ends = edges.border_ends(faces)
+    names, index = np.unique(ends, return_inverse=True)
+    one, two = index.reshape(-1, 2).T
+    count, loop = connected_components(coo_matrix((np.ones(len(one)), (one, two)), (len(names),) * 2), directed=False)
+    length = np.bincount(loop[one], np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), count)
+    largest = vertices[names[loop == length.argmax()]]
+    repairs.append(
+        f"{count} open borders, left open: no truth there; the largest is {length.max():.3g} {unit} long and "
+        f"{np.linalg.norm(np.ptp(largest, axis=0)):.3g} {unit} across"
+    )
+
+
+def _tell_size(vertices: Vertices, unit: str, in_mm: bool, repairs: list[str]) -> None:
+    """Say so when the unit makes the object a speck or a house."""
+    across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if not in_mm:
+        repairs.append(f"scan_unit is unknown: the scan is {across:.4g} units of its file across")
+    elif not USUAL_MM[0] <= across <= USUAL_MM[1]:
+        fits = [
+            f'"{other}" ({across / UNITS_MM[unit] * factor:.3g} mm)'
+            for other, factor in UNITS_MM.items()
+            if other != "unknown" and 10 * USUAL_MM[0] <= across / UNITS_MM[unit] * factor <= USUAL_MM[1] / 2
+        ]
+        repairs.append(
+            f'the scan is {across:.3g} mm across: is scan_unit = "{unit}" right?'
+            + (f" Usual would be {' or '.join(fits)}" if fits else "")
+        )

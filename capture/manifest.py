@@ -84,7 +84,8 @@ class ObjectTable(Table):
 
     mask: str | None = None
     scan: str | None = None
-    scan_unit: Literal["m", "cm", "mm", "inch"] = "mm"
+    scan_unit: Literal["m", "cm", "mm", "inch", "unknown"] = "mm"
+    scan_ball_diameter_mm: PositiveFloat | None = None
     normals: str | None = None
     picks: str | None = None
 

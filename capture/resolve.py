@@ -9,7 +9,7 @@ from capture.session import Charuco, Session, SphereSpec
 from scene.camera import Camera
 
 if TYPE_CHECKING:
-    from capture.manifest import CameraTable, FramesTable, Manifest, SphereTable
+    from capture.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
 
 # What the rooms behind can read; a test holds these against theirs.
 LIGHTS_SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
@@ -63,7 +63,8 @@ class Resolver:
             lights_file=lights or None,
             mask=self.file("object.mask", known.mask),
             scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),
-            scan_unit=known.scan_unit,
+            scan_unit=self.scan_unit(known),
+            scan_ball_diameter_mm=known.scan_ball_diameter_mm,
             normals=self.file("object.normals", known.normals, NORMALS_SUFFIXES),
             picks=self.file("object.picks", known.picks),
             photographed=len(flash),
@@ -76,6 +77,13 @@ class Resolver:
             self.faults.append(
                 f'name: found "{name}". It becomes a folder\'s name: give a word without / \\ : that is not only dots.'
             )
+
+    @staticmethod
+    def scan_unit(known: "ObjectTable") -> str:
+        """Return the unit that is written; else the metres that GLB's standard asks for, else millimetres."""
+        if "scan_unit" in known.model_fields_set or not (known.scan or "").lower().endswith(".glb"):
+            return known.scan_unit
+        return "m"
 
     def file(self, key: str, name: str | None, suffixes: tuple[str, ...] = ()) -> Path | None:
         if name is None:

@@ -61,6 +61,8 @@ class Session:
         The object's mask, its laser scan, its ground truth that is already registered.
     picks : Path or None
         Points of the scan whose pixels are known: a start for its registration.
+    scan_ball_diameter_mm : float or None
+        Of a calibration ball that was scanned beside the object.
     layout : "toml" or "diligent"
     photographed : int
         How many files `frames.flash` matches, those of skipped frames included.
@@ -84,6 +86,7 @@ class Session:
     mask: Path | None = None
     scan: Path | None = None
     scan_unit: str = "mm"
+    scan_ball_diameter_mm: float | None = None
     normals: Path | None = None
     picks: Path | None = None
     layout: Literal["toml", "diligent"] = "toml"

@@ -101,6 +101,22 @@ def test_every_key_arrives(folder):
     )
 
 
+@pytest.mark.parametrize(
+    ("scan", "unit", "expected"),
+    [
+        ("object.ply", None, "mm"),
+        ("object.ply", "unknown", "unknown"),
+        # GLB is in metres by its standard; who writes another unit knows that the file breaks it.
+        ("object.glb", None, "m"),
+        ("object.glb", "mm", "mm"),
+    ],
+)
+def test_the_unit_of_a_scan_is_what_is_written_else_the_format_s(folder, scan, unit, expected):
+    (folder / scan).write_text("mesh")
+    line = f'scan_unit = "{unit}"' if unit else ""
+    assert load(folder, FLASH + f'[object]\nscan = "{scan}"\n{line}').scan_unit == expected
+
+
 def test_one_word_of_skip_may_leave_out_several_frames(folder):
     for part in ("day", "night"):
         (folder / part).mkdir()
@@ -196,7 +212,7 @@ def test_all_faults_at_once(folder):
         (FLASH + '[object]\nscan = "object.ply"\npicks = "pick.csv"', ["object.picks: there is no file", "pick.csv"]),
         (FLASH + '[object]\nnormals = "object.ply"', ["object.normals: object.ply cannot be read", ".mat, .txt"]),
         (FLASH + '[object]\nscan_unit = "um"', ["object.scan_unit: found 'um'", "'inch'"]),
-        (FLASH + '[object]\nscan_unit = "unknown"', ["object.scan_unit: found 'unknown'"]),
+        (FLASH + "[object]\nscan_ball_diameter_mm = 0", ["object.scan_ball_diameter_mm: found 0"]),
         ("version = 2\n" + FLASH, ["version: found 2"]),
     ],
 )
