@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.facts import light_rows, method_names, read_optional, sphere_rows
-from compare.pictures import colour_scale_end, error_picture_with_scale, known_pixels
+from compare.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
 from compare.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.files import write_npy, write_png
@@ -147,7 +147,8 @@ def _errors(
             error = np.load(store.path("compare", f"error_{kind}_{name}.npy"))
             counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
             result["methods"][name]["histogram"][kind] = counts.tolist()
-            picture = error_picture_with_scale(error, end, f"{name}, {kind}")
+            caption = f"angular error, {name}, {kind}; pale grey: unknown"
+            picture = with_colour_scale(error_picture(error, end), end, caption)
             write_png(store.path("compare", f"error_{kind}_{name}.png"), picture)
             written.add(f"error_{kind}_{name}.png")
 

@@ -1,106 +1,21 @@
-"""The report's pictures of the object: registration, normals, twin, errors."""
+"""The report's maps of the object: normals, twin, errors."""
 
 from contextlib import suppress
 from html import escape
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compare import charts, pictures
 from compare.material import Material, Summary
-from compare.page import absent, drawing, is_number, number, picture, polyline, section, table
+from compare.page import absent, is_number, number, picture, section
 from compare.pictures import Box, Exposure
+from compare.registration import raking_frame
 from scene.store import Store
 
 PHOTOGRAPH_WIDTH = 1000
 MAP_WIDTH = 440
 MAPS_PIXELS = 2_400_000
 """Of all maps together: noise does not compress, and the page is to stay below 15 megabytes."""
-
-
-def registration_section(material: Material, summary: Summary) -> str:
-    """Return the registered silhouette over a photograph, and photograph and shading as a checkerboard."""
-    store, frames, mask = material.store, material.frames, material.mask
-    align = summary.get("align") or (summary.get("compare") or {}).get("pose") or {}
-    truth = material.map_of("normals", "truth")
-    if frames is None or (mask is None and truth is None):
-        text = "No scan and no mask: nothing to lay over the photographs."
-        return section("registration", "The object in the photographs", absent(text))
-    size = (frames.height, frames.width)
-    known = pictures.known_pixels(truth) if truth is not None and truth.shape[:2] == size else None
-    mask = mask if mask is not None and mask.shape == size else None
-    shape = mask if mask is not None else known
-    if shape is None:
-        text = "Mask and truth have another size than the photographs; they cannot be laid over them."
-        return section("registration", "The object in the photographs", absent(text))
-    box = Box.of_mask(shape, margin=0.12)
-    index = _raking_frame(material)
-    image = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
-    shapes, legend = "", []
-    # The dashed line last: where the two agree, the other shows between the dashes.
-    registered = store.path("pose.json").exists()
-    truth_words = "the registered scan" if registered else "the given ground truth"
-    for region, kind, words in ((known, "scan", truth_words), (mask, "mask", "the object's mask")):
-        if region is None or not region.any():
-            continue
-        lines = "".join(polyline(line, kind) for line in pictures.contours(region, box))
-        shapes += lines
-        legend.append(f'<span class="key {kind}"></span> {words}')
-    overlay = drawing(box.width, box.height, shapes, label="outline of the object")
-    caption = f"{escape(frames.names[index])} with the outline of {'; '.join(legend)}."
-    figures = picture(
-        pictures.data_uri(image, photograph=True), "photograph with the object's outline", caption, overlay=overlay
-    )
-    if known is not None and truth is not None and material.directions is not None and index < len(material.directions):
-        shaded = _shaded(truth[box.rows, box.columns], material.directions[index], image)
-        board = pictures.data_uri(pictures.checkerboard(image, shaded), photograph=True)
-        words = "Squares of the photograph and of the ground truth shaded by the same light, one grey for all of it:"
-        figures += picture(
-            board,
-            "checkerboard of photograph and shaded ground truth",
-            f"{words} edges, folds and shadow borders should run on across the squares. Colour need not.",
-        )
-    body = f'<div class="pair">{figures}</div>'
-    if not registered:
-        body = absent("No scan was registered in this folder (there is no pose).") + body
-    facts = [
-        ("outline residual", align.get("residual_px"), 2, "px"),
-        ("pose, position ± (1 sigma)", align.get("sigma_mm"), 3, "mm"),
-        ("pose, rotation ± (1 sigma)", align.get("sigma_deg"), 3, "°"),
-        ("ground-truth normals ± (median)", align.get("truth_sigma_deg_median"), 2, "°"),
-    ]
-    facts = [fact for fact in facts if is_number(fact[1])]
-    if facts:
-        rows = [(words, number(value, decimals, unit)) for words, value, decimals, unit in facts]
-        body += table(("registration", "found"), rows, kind="plain")
-    return section("registration", "The object in the photographs", body)
-
-
-def _raking_frame(material: Material) -> int:
-    """Return the frame whose light stands nearest to 40 degrees from the axis: shape shows, shadows stay short."""
-    if material.directions is None or material.frames is None:
-        return 0
-    directions = material.directions[: len(material.frames)]
-    zenith = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
-    return int(np.argmin(np.abs(zenith - 40)))
-
-
-def _shaded(normals: NDArray, direction: NDArray, photograph: pictures.Image) -> pictures.Image:
-    """Return Lambertian shading as grey, as bright at its median as the photograph; the photograph where unknown."""
-    import cv2
-
-    size = (photograph.shape[1], photograph.shape[0])
-    shading = pictures.shrink(np.clip(normals @ direction.astype(np.float32), 0, None), size[0])
-    if shading.shape != photograph.shape[:2]:
-        shading = cv2.resize(shading, size, interpolation=cv2.INTER_NEAREST)
-    lit = np.isfinite(shading) & (shading > 0.05)
-    if not lit.any():
-        return photograph
-    # The photograph is gamma-encoded; the shading is matched there, where the eye compares.
-    encoded = np.nan_to_num(shading) ** (1 / 2.2)
-    level = np.median(photograph.mean(-1)[lit]) / np.median(encoded[lit])
-    grey = np.clip(encoded * level, 0, 255)[..., None]
-    return np.where(np.isfinite(shading)[..., None], grey, photograph).astype(np.uint8)
 
 
 def normals_section(material: Material) -> str:
@@ -186,20 +101,24 @@ def errors_section(material: Material, summary: Summary) -> str:
                 f"{number(row.get('median_difference_deg'), 2, '°')}.</p>"
             )
         rows.append("".join(cells) + alike)
-    stops = ", ".join(f"rgb{colour}" for colour in pictures.error_scale_colours(17))
-    ticks = "".join(f"<span>{end * part / 4:g}°{' and more' if part == 4 else ''}</span>" for part in range(5))
-    scale = (
-        f'<div class="scale" role="img" aria-label="colour scale, 0 to {end:g} degrees">'
-        f'<div class="ramp" style="background: linear-gradient(to right, {stops})"></div>'
-        f'<div class="ticks">{ticks}</div></div>'
-    )
     if any_twin:
         shown = "".join(f'<div class="errors">{row}</div>' for row in rows)
     else:
         shown = f'<div class="errors">{"".join(rows)}</div>' + absent("No twin was solved: no map to lay beside these.")
-    body = scale + shown + charts.error_histogram(compared)
+    body = colour_scale(end) + shown + charts.error_histogram(compared)
     lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; everything beyond has its last colour."
     return section("errors", "Where the errors are", body, lead)
+
+
+def colour_scale(end: float) -> str:
+    """Return the key of error colours, 0 to `end` degrees."""
+    stops = ", ".join(f"rgb{colour}" for colour in pictures.error_scale_colours(17))
+    ticks = "".join(f"<span>{end * part / 4:g}°{' and more' if part == 4 else ''}</span>" for part in range(5))
+    return (
+        f'<div class="scale" role="img" aria-label="colour scale, 0 to {end:g} degrees">'
+        f'<div class="ramp" style="background: linear-gradient(to right, {stops})"></div>'
+        f'<div class="ticks">{ticks}</div></div>'
+    )
 
 
 def twin_section(material: Material, summary: Summary) -> str:
@@ -214,7 +133,7 @@ def twin_section(material: Material, summary: Summary) -> str:
             else "No twin was rendered in this folder."
         )
         return section("twin", "The twin", absent(reason))
-    index = min(_raking_frame(material), len(twin) - 1)
+    index = 0 if material.directions is None else raking_frame(material.directions[: len(twin)])
     box = Box(0, 0, twin.width, twin.height)
     if material.mask is not None and material.mask.shape == (twin.height, twin.width):
         box = Box.of_mask(material.mask, margin=0.12)

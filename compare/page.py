@@ -76,6 +76,36 @@ def picture(uri: str, alt: str, caption: str = "", *, overlay: str = "", kind: s
     return f'<figure class="{kind}"><div class="stack">{image}{overlay}</div>{below}</figure>'
 
 
+def wiper(left: tuple[str, str], right: tuple[str, str], caption: str) -> str:
+    """Return two pictures on each other, and a slider that wipes or fades between them.
+
+    Parameters
+    ----------
+    left, right : (str, str)
+        The URI of a picture, and what it is. Both of one size.
+    caption : str
+        HTML.
+    """
+    (left_uri, left_words), (right_uri, right_words) = ((uri, escape(words)) for uri, words in (left, right))
+    ways = "".join(
+        f'<label><input type="radio" name="wiper" value="{way}"{" checked" if way == "wipe" else ""} '
+        f"onchange=\"this.closest('.wiper').dataset.way = this.value\"> {way}</label>"
+        for way in ("wipe", "fade")
+    )
+    # Wiping, a name stands on each side of the edge; fading, at each end of the slider.
+    return (
+        '<figure class="wiper" data-way="wipe" style="--share: 0.5"><div class="stack">'
+        f'<img src="{left_uri}" alt="{left_words}"><img class="over" src="{right_uri}" alt="{right_words}">'
+        f'<span class="side">{left_words}</span><span class="side right">{right_words}</span></div>'
+        f'<div class="keys"><span class="end">{left_words}</span>'
+        f'<input type="range" min="0" max="1" step="0.01" value="0.5" aria-label="{left_words} or {right_words}" '
+        "oninput=\"this.closest('.wiper').style.setProperty('--share', this.value)\">"
+        f'<span class="end">{right_words}</span></div>'
+        f'<div class="keys" role="radiogroup" aria-label="how the pictures change">{ways}</div>'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
 def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
     """Return an SVG that lies over an image and counts in that image's full pixels from its corner."""
     return (

@@ -13,7 +13,7 @@ from scene.spheres import Sphere
 Image = NDArray[np.uint8]
 PAPER = 246
 """Grey level (8 bits) of pixels that are unknown in maps, a little darker than the page."""
-SCALE_ENDS_DEG = (1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
+SCALE_ENDS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
 
 
 @dataclass(frozen=True)
@@ -147,9 +147,9 @@ def legend_ball(width: int) -> Image:
     return normal_picture(normals, width)
 
 
-def colour_scale_end(value_deg: float) -> float:
-    """Return the least round number of degrees that is not below the value."""
-    return next((end for end in SCALE_ENDS_DEG if end >= value_deg), SCALE_ENDS_DEG[-1])
+def colour_scale_end(value_deg: float, *, least: float = 1.0) -> float:
+    """Return the least round number of degrees that is neither below the value nor below `least`."""
+    return next((end for end in SCALE_ENDS_DEG if end >= max(value_deg, least)), SCALE_ENDS_DEG[-1])
 
 
 def error_picture(error_deg: NDArray, end_deg: float) -> Image:
@@ -170,11 +170,10 @@ def error_scale_colours(count: int) -> list[tuple[int, int, int]]:
     return [(int(r), int(g), int(b)) for r, g, b in row]
 
 
-def error_picture_with_scale(error_deg: NDArray, end_deg: float, title: str) -> Image:
-    """Return `error_picture` with its colour scale, in degrees, and a title drawn below it."""
+def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
+    """Return a picture in the colours of `error_picture` with their scale, in degrees, and a caption drawn below it."""
     import cv2
 
-    picture = error_picture(error_deg, end_deg)
     width = max(picture.shape[1], 260)
     size = width / 520
     bar = np.full((round(62 * size) + 18, width, 3), 255, np.uint8)
@@ -189,7 +188,7 @@ def error_picture_with_scale(error_deg: NDArray, end_deg: float, title: str) -> 
         at = left + (right - left) * part // 4
         place = (min(max(at - wide // 2, 1), width - wide - 1), bottom + high + 4)
         bar = cv2.putText(bar, label, place, **text)
-    bar = cv2.putText(bar, f"angular error, {title}; pale grey: unknown", (left, bar.shape[0] - 5), **text)
+    bar = cv2.putText(bar, caption, (left, bar.shape[0] - 5), **text)
     pad = np.full((picture.shape[0], width - picture.shape[1], 3), PAPER, np.uint8)
     return np.concatenate([np.concatenate([picture, pad], 1), bar])
 

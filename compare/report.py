@@ -5,7 +5,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from compare import charts, galleries, maps, sections
+from compare import charts, galleries, maps, registration_section, sections
 from compare.material import Material
 from compare.page import is_number, number
 from compare.verdict import verdict
@@ -58,7 +58,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         galleries.frames_section(material, summary),
         galleries.balls_section(material),
         galleries.lights_section(material),
-        maps.registration_section(material, summary),
+        registration_section.registration_section(material, summary),
         maps.normals_section(material),
         maps.twin_section(material, summary),
         maps.errors_section(material, summary),

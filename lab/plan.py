@@ -29,7 +29,8 @@ def _light_inputs(job: Job) -> list[Any]:
 
 def _object_inputs(job: Job) -> list[Any]:
     session = job.session
-    return [session.mask, session.scan, session.scan_unit, session.normals, session.picks]
+    scan = (session.scan, session.scan_unit, session.scan_ball_diameter_mm)
+    return [session.mask, *scan, session.normals, session.picks]
 
 
 def _judged_by(job: Job) -> list[Any]:
@@ -44,7 +45,9 @@ def _aligned(job: Job) -> list[Path]:
     truth = ("normals/truth.npy", "normals/truth.png", "normals/truth_sigma.npy")
     has_truth = job.session.scan or job.session.normals
     has_pose = job.session.scan and not job.session.normals
-    return _paths(job, "mask.png", *(truth if has_truth else ()), *(("pose.json",) if has_pose else ()))
+    return _paths(
+        job, "mask.png", *(truth if has_truth else ()), *(("pose.json", "align/outline.png") if has_pose else ())
+    )
 
 
 def _solved(job: Job, *place: str) -> list[Path]:
@@ -58,7 +61,7 @@ def _rendered(job: Job) -> list[Path]:
 
 LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
 # `align` moves the lights to the object: what was exported before is of other lights.
-ALIGNED = ("pose.json", "mask.png", "normals/truth*", "export")
+ALIGNED = ("pose.json", "mask.png", "normals/truth*", "align", "export")
 SOLVED = tuple(pattern for name in METHODS for pattern in (f"normals/{name}.*", f"albedo/{name}.*"))
 
 STEPS = {

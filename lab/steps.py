@@ -135,10 +135,12 @@ def align(job: Job) -> Outcome:
 
 def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
+    from align.appearance import outline, shading
     from align.mask import scan_mask
     from align.register import register
     from align.scan import load_scan
     from align.truth import ground_truth
+    from compare.registration import write_pictures
     from solve.solve import solve
 
     store, session = job.store, job.session
@@ -152,7 +154,17 @@ def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_ma
     store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
-    store.save_lights(lights.seen_from(found.pose.apply(mesh.center_mm)), files=_files(job))
+    lights = lights.seen_from(found.pose.apply(mesh.center_mm))
+    store.save_lights(lights, files=_files(job))
+    write_pictures(
+        store,
+        frames,
+        lights,
+        strokes=outline(mesh, found.pose, camera),
+        shading=lambda index, pixels: shading(mesh, found.pose, camera, lights, index, pixels),
+        mask=final_mask.mask,
+        sigma_deg=truth.sigma_deg,
+    )
     result = {
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,

@@ -117,9 +117,9 @@ def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
 
 def test_pictures_are_all_there_each_with_words_for_it(page):
     images = page.all("img")
-    # 12 frames, 3 balls, silhouette and checkerboard, key ball + truth + 2 methods real and twin, twin's photograph
-    # and rendering, error maps of 2 methods real and twin.
-    assert len(images) == 12 + 3 + 2 + (1 + 1 + 4) + 2 + 4
+    # 12 frames, 3 balls, silhouette, slider's two, checkerboard and sigma, key ball + truth + 2 methods real and twin,
+    # twin's photograph and rendering, error maps of 2 methods real and twin.
+    assert len(images) == 12 + 3 + 5 + (1 + 1 + 4) + 2 + 4
     assert all(image["alt"] for image in images)
     assert all(values.get("aria-label") for values in page.all("svg"))
 

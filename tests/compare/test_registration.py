@@ -1,0 +1,111 @@
+"""The pictures of a registration: to a fraction of a pixel in place, and in the photograph's own tones."""
+
+import cv2
+import numpy as np
+import pytest
+
+from compare import pictures, registration
+from compare.page import wiper
+from compare.pictures import Box, Exposure
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.store import Store
+
+ALBEDO = np.array([0.6, 0.5, 0.3])
+
+
+def scene(width, height):
+    """Four frames of a disc lit from four sides on grey, and what a white disc would show."""
+    directions = np.array([[-0.6, 0, 0.8], [0, 0.6, 0.8], [0.6, 0, 0.8], [0, -0.6, 0.8]])
+    intensities = np.array([[1.1, 1.0, 0.9], [0.9, 1.0, 1.1], [1.0, 1.2, 1.0], [1.0, 0.8, 1.0]])
+    lights = Lights(("left", "top", "right", "bottom"), directions, intensities)
+    center, radius = np.array([0.47 * width, 0.52 * height]), 0.3 * height
+
+    def shading(index, pixels):
+        x, y = (pixels[..., 0] - center[0]) / radius, -(pixels[..., 1] - center[1]) / radius
+        inside = x * x + y * y < 1
+        z = np.sqrt(np.maximum(1 - x * x - y * y, 0))
+        return np.where(inside, np.maximum(np.stack([x, y, z], -1) @ directions[index], 0), np.nan)
+
+    pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), -1).astype(float)
+    images = np.stack([shading(index, pixels)[..., None] * ALBEDO * intensities[index] for index in range(4)])
+    mask = np.isfinite(images[0, ..., 0])
+    angle = np.linspace(0, 2 * np.pi, 1500, endpoint=False)
+    points = center + radius * np.stack([np.cos(angle), np.sin(angle)], -1)
+    strokes = np.stack([points, np.roll(points, -1, 0)], 1)
+    return Frames.from_linear(lights.names, np.nan_to_num(images, nan=0.1)), lights, shading, mask, strokes
+
+
+@pytest.mark.parametrize(("width", "height"), [(300, 200), (2700, 1800)], ids=["enlarged", "shrunk"])
+def test_the_shaded_scan_is_the_photograph_where_it_is_of_one_colour_and_in_place(width, height):
+    frames, lights, shading, mask, _ = scene(width, height)
+    exposure = Exposure.for_frames(frames)
+    box = Box.of_mask(mask, margin=0.12)
+    both = registration.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels))
+    assert both.photograph.shape == both.shaded.shape
+    difference = np.abs(both.photograph.astype(int) - both.shaded).max(-1)
+    # But for the rim, where the photograph's pixels are mixed.
+    assert np.quantile(difference, 0.95) <= 2
+    off = registration.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels + 0.02 * width))
+    assert np.quantile(np.abs(off.photograph.astype(int) - off.shaded).max(-1), 0.95) > 20
+
+
+def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
+    image = np.zeros((90, 90, 3), np.uint8)
+    stroke = np.array([[[20.0, 27.3], [34.9, 27.3]]])
+    drawn = registration.draw_strokes(image, stroke, [20, 25], 6.0)[..., 0].astype(float)
+    row = (drawn * np.arange(90)[:, None]).sum() / drawn.sum()
+    # Pixel 25's centre is row 2.5 of its six.
+    assert row == pytest.approx((27.3 - 25 + 0.5) * 6 - 0.5, abs=0.3)
+    assert drawn[:, :2].sum() == 0
+    assert drawn[:, 40].sum() > 0
+
+
+def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_its_edge():
+    frames, lights, _, _, strokes = scene(600, 400)
+    image = registration.zoom_picture(frames, Exposure.for_frames(frames), lights.directions, strokes)
+    side = registration.WINDOW_PX * registration.ZOOM
+    assert image.shape == (26 + side + 4 + side, 4 * side + 18, 3)
+    left = image[26 : 26 + side, :side].astype(int)
+    drawn = image[30 + side :, :side].astype(int)
+    line = (np.abs(drawn - left).sum(-1) > 100)[side // 2]
+    step = np.abs(np.diff(left[side // 2].sum(-1)))
+    # A shadowed limb would have no step; the line runs within a pixel of it.
+    assert step.max() > 150
+    assert abs(np.flatnonzero(line).mean() - np.argmax(step)) < registration.ZOOM
+
+
+def test_sigma_shows_where_there_is_none():
+    sigma, mask = np.full((40, 60), np.nan), np.zeros((40, 60), bool)
+    mask[5:35, 5:55] = True
+    sigma[10:30, 10:50] = 0.3
+    end = registration.sigma_scale_end(sigma)
+    image = registration.sigma_picture(sigma, mask, end)
+    assert end == 0.5
+    assert (image[0, 0] == pictures.PAPER).all()
+    assert (image[7, 7] == registration.DOUBT_COLOUR).all()
+    assert (image[20, 20] == pictures.error_picture(np.array([[0.3]]), end)[0, 0]).all()
+    assert registration.sigma_scale_end(np.full((2, 2), np.nan)) == 1.0
+
+
+def test_all_pictures_are_written_and_read_back(tmp_path):
+    frames, lights, shading, mask, strokes = scene(300, 200)
+    store = Store(tmp_path)
+    sigma = np.where(mask, 0.2, np.nan)
+    registration.write_pictures(store, frames, lights, strokes=strokes, shading=shading, mask=mask, sigma_deg=sigma)
+    shapes = {path.stem: cv2.imread(str(path)).shape for path in (tmp_path / "align").glob("*.png")}
+    assert set(shapes) == {"photograph", "shaded", "outline", "outline_zoom", "checkerboard", "sigma"}
+    assert len({shapes[name] for name in ("photograph", "shaded", "outline", "checkerboard")}) == 1
+    read = registration.read_picture(store, "outline")
+    assert read is not None
+    # Red, green, blue, as it was drawn.
+    assert (np.abs(read.astype(int) - registration.SCAN_COLOUR).max(-1) < 40).sum() > 500
+    assert registration.read_picture(store, "none") is None
+
+
+def test_the_slider_works_by_keyboard_and_fetches_nothing():
+    html = wiper(("data:a", "a <b>"), ("data:c", "c"), "caption")
+    assert 'type="range"' in html
+    assert 'aria-label="a &lt;b&gt; or c"' in html
+    assert "<b>" not in html
+    assert "http" not in html
