@@ -7,6 +7,13 @@ from numpy.typing import NDArray
 
 TEXTURE = 0.12
 """A backdrop's own texture and unevenness, relative: what it may differ from a smooth surface by."""
+SAME = 0.07
+"""A backdrop's brightness follows its smooth model, times the pixel's albedo, to this share."""
+SHADOW = 0.25
+"""A frame that shows less than this share of the pixel's upper quartile (relative to the backdrop) is in shadow."""
+FEWEST_VOTES = 3
+LEAST_AGREEING = 0.55
+"""Share of the other lit frames that agree with one's albedo, at least, where the backdrop is seen."""
 BORDER = 0.15
 """Share of the image, at each side, where the backdrop is looked for at first."""
 
@@ -59,6 +66,7 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
     step = np.abs(np.diff(stack[:, member], axis=1))
     noise = max(float(np.median(step)), 0.01 * float(np.percentile(stack, 99)), 1e-6)
     bright = lit = backdrop = np.zeros((height, width), np.float32)
+    models = np.zeros(stack.shape, np.float32)
     relative = 1.0
     # Few terms reach from the border into the middle without swinging; more once the middle is known.
     for degree in (2, 2, 3, 4):
@@ -68,6 +76,7 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
         spread = []
         for index in range(count):
             model = np.maximum(basis @ _robust_fit(basis[member], stack[index][member], noise), 0)
+            models[index] = model
             backdrop += (model / count).astype(np.float32)
             tolerance = np.hypot(3 * noise, 3 * TEXTURE * model)
             excess = stack[index] - model
@@ -81,7 +90,31 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
         if member.sum() < 10 * basis.shape[-1]:
             break
     likely = (bright > 0.35) | ((lit < 0.2) & (bright > 0.05)) | (lit < 0.05)
+    likely |= _other_shape(stack, models, noise)
     return Contradiction(bright, lit, likely & ~ignore, backdrop, relative)
+
+
+def _other_shape(stack: NDArray[np.float32], models: NDArray[np.float32], noise: float) -> NDArray[np.bool_]:
+    """Return (h, w): no albedo makes the pixel follow the backdrop's brightness from frame to frame.
+
+    A textured backdrop is its smooth model times an albedo, in every frame in which it is lit; whatever is inclined
+    otherwise changes otherwise, be it as bright as the backdrop or not. The albedo is the one that most frames agree
+    with; shadows do not vote.
+    """
+    seen = models > 4 * noise
+    ratio = np.where(seen, stack / np.maximum(models, 1e-9), np.nan)
+    most = np.zeros(stack.shape[1:], np.int64)
+    # Not the brightest: a light so low that it misses the backdrop makes any other surface ten times as bright.
+    dark = SHADOW * np.partition(np.where(seen, ratio, 0), (3 * len(stack)) // 4, axis=0)[(3 * len(stack)) // 4]
+    voting = seen & (ratio > np.maximum(dark, 2 * noise / np.maximum(models, 1e-9)))
+    # Rows at a time: every frame's albedo is tried on every frame.
+    for row in range(stack.shape[1]):
+        mine, votes = np.where(voting[:, row], ratio[:, row], np.nan), voting[:, row]
+        slack = SAME * mine + noise / np.maximum(models[:, row], 1e-9)
+        agree = (np.abs(mine[:, None] - mine) <= slack[:, None]) & votes
+        most[row] = agree.sum(1).max(0)
+    enough = voting.sum(0)
+    return (enough >= FEWEST_VOTES) & (most - 1 < LEAST_AGREEING * (enough - 1))
 
 
 def _robust_fit(basis: NDArray, values: NDArray, noise: float) -> NDArray[np.float64]:

@@ -203,7 +203,8 @@ def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDA
 
     excess = np.sqrt(np.maximum(picture, 0)) - np.sqrt(contradiction.backdrop)
     typical = float(np.median(excess[piece]))
-    if typical <= 0:
+    # Brightness tells them apart only where the object is much brighter, as before a black cloth.
+    if typical <= float(np.median(np.sqrt(contradiction.backdrop[piece]))):
         return piece
     strong = np.asarray(binary_opening(piece & (excess > FAINT * typical), np.ones((3, 3), bool)), bool)
     numbers, count = _pieces(strong)

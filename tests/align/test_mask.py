@@ -1,11 +1,14 @@
 """The object on its table, found from the stack; and the final mask."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from align.mask import ObjectMask, block_means, find_object, scan_mask
+from fixtures.mesh_scene import Tracer, random_scene
+from fixtures.mesh_shapes import blob
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -29,6 +32,18 @@ def test_the_object_is_found_on_a_lit_table(on_table):
     assert found.warnings == ()
     # The table's shadows are no object: one frame's dark patch beside it stays out.
     assert (found.mask & ~on_table.mask).sum() < 0.02 * on_table.mask.sum()
+
+
+def test_a_textured_table_as_bright_as_the_object():
+    """Brightness tells nothing there: what is inclined otherwise changes otherwise from frame to frame."""
+    scene = random_scene(blob(), 10003, width=360, height=240, flashes=12)
+    # Albedo 0.42, with blotches of half of it, against the object's 0.5.
+    scene = replace(scene, table_albedo=0.42)
+    tracer = Tracer(scene)
+    tracer.look()
+    found = find_object(scene.photograph(), scene.camera, [])
+    # A third of the object was missing.
+    assert overlap(found.mask, tracer.cover > 0.5) > 0.95
 
 
 def test_before_black_and_upside_down(bumpy, rotations, build):
