@@ -75,8 +75,30 @@ def calibrate(
 
 
 @app.command(sort_key=5)
-def align(session: Session, /, *, out: Out = None, json: Json = False) -> None:
+def align(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    check: Annotated[
+        bool,
+        Parameter(
+            help="Check the registration: refine again from beside it, the cost around it, and a project for MeshLab.",
+            negative="",
+        ),
+    ] = False,
+    json: Json = False,
+) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
+    if check:
+        from lab.align_check import check_alignment, tell_check
+        from lab.plan import STEPS
+
+        with open_job(session, out=out) as job:
+            job.run(STEPS, "align")
+            found = check_alignment(job)
+        if not json:
+            tell_check(found)
     run_session(session, "align", out=out, json=json)
 
 

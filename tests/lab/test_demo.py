@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -154,3 +155,22 @@ def test_the_twin_is_a_session(demo, tmp_path):
     assert run.returncode == 0, run.stderr
     again = json.loads(run.stdout)["compare"]["methods"]["iterative"]["real"]["median_deg"]
     assert again == pytest.approx(demo[1]["compare"]["methods"]["iterative"]["twin"]["median_deg"], rel=0.02)
+
+
+def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path):
+    """Nothing is aligned again; the pose comes back from beside it; MeshLab's project names files that are there."""
+    out = tmp_path / "out"
+    shutil.copytree(demo[0], out)
+    run = subprocess.run(
+        [*COMMAND, "align", str(FIXTURE), "--out", str(out), "--check"], check=True, capture_output=True, text=True
+    )
+    assert "align ..." not in run.stderr
+    assert "The cost is lowest at the pose." in run.stdout
+    found = json.loads((out / "align" / "check.json").read_text())
+    assert max(found["returned_px"]) < 0.2 < 3 < min(found["started_px"])
+    assert all((out / name).is_file() for name in found["project"])
+    names = re.findall(r'fileName="(.+?)"', (out / "align" / "meshlab" / "registration.mlp").read_text())
+    assert 1 <= len(names) <= 2
+    assert all((out / "align" / "meshlab" / name).is_file() for name in names)
+    for name in ("photograph", "shaded", "outline", "outline_zoom", "checkerboard", "sigma"):
+        assert (out / "align" / f"{name}.png").is_file()

@@ -1,0 +1,89 @@
+"""`rgbn align --check`: the registration for MeshLab, its residuals before and after, and the cost around it."""
+
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from lab.job import Job
+from scene.errors import AlignError
+from scene.files import write_json
+
+PLACE = ("align", "meshlab")
+"""Of the MeshLab project, below the output folder."""
+
+
+def check_alignment(job: Job) -> dict[str, Any]:
+    """Write OUT/align/meshlab and OUT/align/check.json of a session that was aligned, and return the latter.
+
+    Raises
+    ------
+    AlignError
+        There is no registered scan.
+    """
+    from align.meshlab import write_project
+    from align.pose_check import STEPS_PX, check_pose
+    from align.scan import load_scan
+    from compare.pictures import Exposure
+    from compare.registration import raking_frame
+
+    store, session = job.store, job.session
+    if not store.path("pose.json").exists():
+        raise AlignError(
+            f"{session.folder}: no scan was registered, so there is nothing to check. Add scan under [object] to "
+            "session.toml."
+        )
+    mesh = load_scan(session.scan, session.scan_unit)
+    pose, camera, frames, lights = store.load_pose(), store.load_camera(), store.load_frames(), store.load_lights()
+    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
+    # One frame that shows the shape, and the one with the fewest shadows.
+    chosen = dict.fromkeys([raking_frame(lights.directions), int(np.argmax(lights.directions[:, 2]))])
+    photographs = {frames.names[index]: exposure.develop(frames.frame(index)) for index in chosen}
+    paths = write_project(store.path(*PLACE), mesh, pose, camera, photographs)
+    found = check_pose(mesh, pose, camera, frames, lights, store.load_mask())
+    result = {
+        "steps_px": STEPS_PX,
+        "project": [path.relative_to(store.folder).as_posix() for path in paths],
+        **asdict(found),
+    }
+    write_json(store.path("align", "check.json"), result)
+    return store.read_json("align/check.json")
+
+
+def tell_check(result: dict[str, Any]) -> None:
+    """Print what `check_alignment` found, for people at a terminal."""
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    ways = Table(title="Started beside the pose, and refined again", title_justify="left")
+    for head in ("", "from the pose, px", "outline, px", "shading, %", "normals, degrees"):
+        ways.add_column(head, justify="right")
+    starts = zip(result["before"], result["after"], result["started_px"], result["returned_px"], strict=True)
+    for number, (before, after, started, returned) in enumerate(starts):
+        ways.add_row(f"start {number + 1}", f"{started:.2f}", *_residuals(before))
+        ways.add_row("refined", f"{returned:.3f}", *_residuals(after))
+    ways.add_row("the pose", "0", *_residuals(result["here"]))
+    console.print(ways)
+    along = result["along"]
+    middle = result["steps_px"].index(0.0)
+    around = Table(title="The cost around the pose, relative to the cost at it", title_justify="left")
+    for head in ("px", *(row["axis"].replace("about ", "").replace("along ", "") for row in along)):
+        around.add_column(head, justify="right")
+    for index, step in enumerate(result["steps_px"]):
+        around.add_row(f"{step:+g}", *(f"{row['cost'][index] / max(row['cost'][middle], 1e-12):.2f}" for row in along))
+    around.add_section()
+    least = (row["minimum_px"] for row in along)
+    around.add_row("least at", *("–" if value is None else f"{value:+.2f}" for value in least))
+    around.add_row("sigma", *(f"{row['sigma_px']:.2f}" for row in along))
+    around.add_row("1 px is", *(f"{row['per_px']:.3g} {row['unit']}" for row in along))
+    console.print(around)
+    off = [row["axis"] for row in along if min(row["cost"]) < row["cost"][middle]]
+    console.print(f"The cost is lower elsewhere: {', '.join(off)}." if off else "The cost is lowest at the pose.")
+    console.print(f"For MeshLab: {result['project'][0]} in the output folder.", highlight=False)
+
+
+def _residuals(row: dict[str, float | None]) -> list[str]:
+    formats = (("outline_px", 1, ".3f"), ("shading", 100, ".1f"), ("normals_deg", 1, ".2f"))
+    values = ((row[name], factor, form) for name, factor, form in formats)
+    return ["–" if value is None else format(factor * value, form) for value, factor, form in values]
