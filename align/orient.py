@@ -11,10 +11,11 @@ from scene.mesh import Mesh
 Vertices = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
-CLEARLY = 0.15
-"""A patch is turned against its file when its back sees this much more of the sky than its front.
+CLEARLY, SURELY = 0.15, 0.5
+"""How much more of the sky the back of a patch must see than its front before it is turned against its file.
 
-A cap cut off a sphere at 60 degrees from its pole, inside out, has 0.14, half a sphere 0.33.
+Surely where the rest of the file is right, clearly where most of it is wrong too. A cap of a sphere up to 60 degrees
+from its pole, inside out, has 0.14, half a sphere 0.33, one of many patches that cover an object nearly 1.
 """
 POINTS, DIRECTIONS = 256, 24
 """Rays are cast from so many points a patch, into so many directions on both sides."""
@@ -52,7 +53,9 @@ def orient(vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]) -
         more = _front_sees_more(vertices, faces, cross, piece, np.flatnonzero(is_open))
         # A piece whose winding was mixed in the file has no say in it.
         mixed = share[is_open] > 0.25
-        inward[is_open] = more < np.where(mixed, 0, -CLEARLY)
+        inward[is_open] = more < -CLEARLY
+        trusted = whole[inward].sum() < 0.5 * whole.sum()
+        inward[is_open] = more < np.where(mixed, 0, -SURELY if trusted else -CLEARLY)
         if unsure := (mixed & (np.abs(more) < CLEARLY / 3)).sum():
             repairs.append(f"{unsure} open pieces were wound at random and see the sky on both sides: guessed outward")
     if inward.any():

@@ -86,14 +86,13 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     if not kept.all():
         faces, edges = faces[kept], edges.select(kept)
     _check_left(path, faces)
-    faces = orient(vertices, faces, edges, repairs)
     in_mm = unit != "unknown" or ball_diameter_mm is not None
     _tell_borders(vertices * scale, faces, edges, "mm" if in_mm else "units of the file", repairs)
+    faces = orient(vertices, faces, edges, repairs)
     used = np.zeros(len(vertices), bool)
     used[faces] = True
-    if not used.all():
-        repairs.append(f"dropped {(~used).sum()} vertices that no face uses")
-        vertices, faces = vertices[used], renumber(used)[faces]
+    # What a table, a ball or dust leaves behind.
+    vertices, faces = (vertices, faces) if used.all() else (vertices[used], renumber(used)[faces])
     _tell_size(vertices * scale, unit, in_mm, repairs)
     return Mesh(vertices * scale, faces, tuple(repairs))
 

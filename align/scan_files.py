@@ -14,6 +14,7 @@ from scene.errors import AlignError
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+POINTS = (".xyz", ".pts", ".asc", ".pcd", ".las", ".laz", ".e57")
 
 
 def read_scan(path: Path) -> Surface:
@@ -27,6 +28,8 @@ def read_scan(path: Path) -> Surface:
     if not path.is_file():
         raise AlignError(f"{path}: there is no such file. Check scan under [object] in session.toml.")
     suffix = path.suffix.lower()
+    if suffix in POINTS:
+        raise AlignError(f"{path}: {suffix} holds points without faces. Mesh them in the scanner's program first.")
     if suffix not in SUFFIXES:
         raise AlignError(f"{path}: cannot read a scan with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
     if suffix == ".ply":

@@ -38,12 +38,18 @@ def weld(vertices: Vertices, faces: Faces, repairs: list[str]) -> tuple[Vertices
         repairs.append(f"merged {(~alone).sum()} duplicate vertices")
         vertices, faces = vertices[alone], renumber(alone)[first][faces]
     faces = _drop_double(_drop_flat(vertices, faces, repairs), repairs)
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    if not used.all():
+        repairs.append(f"dropped {(~used).sum()} vertices that no face uses")
+        vertices, faces = vertices[used], renumber(used)[faces]
     edges = edges_of(faces)
     near = _near_borders(vertices, faces, edges)
-    if (merged := (near != np.arange(len(vertices))).sum()) == 0:
+    alone = near == np.arange(len(vertices))
+    if alone.all():
         return vertices, faces, edges
-    repairs.append(f"merged {merged} vertices of borders that all but met")
-    faces = near[faces]
+    repairs.append(f"merged {(~alone).sum()} vertices of borders that all but met")
+    vertices, faces = vertices[alone], renumber(alone)[near[faces]]
     faces = _drop_double(_drop_flat(vertices, faces, repairs), repairs)
     return vertices, faces, edges_of(faces)
 
@@ -96,8 +102,8 @@ def _near_borders(vertices: Vertices, faces: Faces, edges: Edges) -> NDArray[np.
     np.minimum.at(shortest, end, length)
     reach = NEAR * shortest[border]
     tree = KDTree(vertices[border])
-    # The nearest neighbour but oneself: where three patches meet, each still finds one of the others.
-    distance, other = tree.query(vertices[border], k=min(3, len(border)), distance_upper_bound=float(reach.max()))
+    # Eight: around a vertex of a soup, where no two corners quite meet, lie six.
+    distance, other = tree.query(vertices[border], k=min(8, len(border)), distance_upper_bound=float(reach.max()))
     one = np.repeat(np.arange(len(border)), distance.shape[1])
     two, distance = other.ravel(), distance.ravel()
     near = np.isfinite(distance)

@@ -135,6 +135,11 @@ def bumpy() -> Mesh:
 
 
 @pytest.fixture(scope="session")
+def coarse() -> Mesh:
+    return bumpy_mesh(3, subdivisions=3)
+
+
+@pytest.fixture(scope="session")
 def rotations() -> list[np.ndarray]:
     generator = np.random.default_rng(5)
     return [random_rotation(generator) for _ in range(4)]

@@ -96,7 +96,7 @@ def test_mending_is_done_and_said(tmp_path, bumpy):
     turned = generator.random(len(faces)) < 0.4
     faces[turned] = faces[turned][:, ::-1]
     dust = np.array([[200, 0, 0], [200.5, 0, 0], [200, 0.5, 0]])
-    vertices = np.concatenate([soup, dust])
+    vertices = np.concatenate([soup, dust, [[7, 8, 9]]])
     rows = [*faces.tolist(), [0, 0, 1], faces[0].tolist(), [len(soup), len(soup) + 1, len(soup) + 2]]
     mesh = load_scan(binary_ply(tmp_path / "soup.ply", vertices, rows), "mm")
     assert len(mesh.vertices) == len(bumpy.vertices)
@@ -143,7 +143,8 @@ def test_refusals_say_why(tmp_path):
     whole = binary_ply(tmp_path / "whole.ply", VERTICES, FACES).read_bytes()
     (tmp_path / "cut.ply").write_bytes(whole[:-9])
     (tmp_path / "text.ply").write_text("hello")
-    (tmp_path / "scan.xyz").write_text("0 0 0")
+    for name in ("scan.xyz", "scan.fbx"):
+        (tmp_path / name).write_text("0 0 0")
     (tmp_path / "bad.glb").write_bytes(b"glTFnothing")
     cases = {
         "point cloud": ascii_ply(tmp_path / "points.ply", VERTICES, []),
@@ -152,7 +153,8 @@ def test_refusals_say_why(tmp_path):
         "name vertices": ascii_ply(tmp_path / "range.ply", VERTICES, FACES + 2),
         "ends early": tmp_path / "cut.ply",
         "no PLY": tmp_path / "text.ply",
-        "cannot read a scan with the ending '.xyz'": tmp_path / "scan.xyz",
+        "points without faces": tmp_path / "scan.xyz",
+        "cannot read a scan with the ending '.fbx'": tmp_path / "scan.fbx",
         "cannot be read as a mesh": tmp_path / "bad.glb",
         "no such file": tmp_path / "absent.ply",
         "faces with an area": ascii_ply(tmp_path / "flat.ply", VERTICES * [1, 0, 0], FACES),
