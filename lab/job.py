@@ -20,6 +20,7 @@ from lab.progress import say
 from lab.rooms import ROOMS, ROOT
 from scene.errors import SceneError
 from scene.files import TEMPORARY, write_json
+from scene.mesh import Mesh
 from scene.store import Store
 
 
@@ -81,6 +82,13 @@ class Job:
                 self.done = json.loads(path.read_text())
             except ValueError as error:
                 raise SceneError(f"{path}: not JSON ({error}). Remove it to start this output anew.") from error
+
+    def load_scan(self) -> Mesh:
+        """Return the session's scan, mended; in millimetres where its unit, or a ball in it, is known."""
+        from align.scan import load_scan
+
+        session = self.session
+        return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
 
     def run(self, steps: dict[str, Step], wanted: str) -> None:
         """Run a step, after the steps that it needs, unless they are current."""

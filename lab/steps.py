@@ -11,7 +11,6 @@ from scene.errors import CalibrationError, SessionError
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.mesh import Mesh
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -138,13 +137,12 @@ def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_ma
     from align.appearance import outline, shading
     from align.mask import scan_mask
     from align.register import register
-    from align.scan import load_scan
     from align.truth import ground_truth
     from compare.registration import write_pictures
     from solve.solve import solve
 
-    store, session = job.store, job.session
-    mesh = load_scan(session.scan, session.scan_unit)
+    store = job.store
+    mesh = job.load_scan()
     mask = rough_mask.mask
     rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
     with progress_bar("register") as progress:
@@ -216,15 +214,14 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
 
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
-    store, session = job.store, job.session
+    store = job.store
     if not store.path("pose.json").exists():
         # Not a warning of its own: that there is no scan, or that it is not used, was said when it was to be aligned.
         return Outcome({"rendered": False})
-    from align.scan import load_scan
     from twin.render import render
     from twin.session import write_session
 
-    mesh, camera, lights = load_scan(session.scan, session.scan_unit), store.load_camera(), store.load_lights()
+    mesh, camera, lights = job.load_scan(), store.load_camera(), store.load_lights()
     folder = Store(store.path("twin"))
     albedo = np.load(store.path("albedo", f"{_material_method(job)}.npy"))
     with progress_bar("twin") as progress:
@@ -266,11 +263,10 @@ def compare(job: Job) -> Outcome:
 
 
 def _truth_check(job: Job) -> dict:
-    from align.scan import load_scan
     from compare.known_truth import known_truth
 
     assert job.truth is not None
-    mesh: Mesh | None = load_scan(job.session.scan, job.session.scan_unit) if job.session.scan else None
+    mesh = job.load_scan() if job.session.scan else None
     return known_truth(job.store, job.truth, methods=job.methods, mesh=mesh)
 
 

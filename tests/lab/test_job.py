@@ -3,6 +3,7 @@
 from dataclasses import fields, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from capture.session import Session, SphereSpec
@@ -121,6 +122,17 @@ def test_every_word_of_a_session_counts(tmp_path, name):
     plain = marks(before, tmp_path)
     assert marks(before, tmp_path) == plain
     assert marks(replace(before, **{name: OTHER[name]}), tmp_path)["compare"] != plain["compare"]
+
+
+def test_the_scan_is_loaded_with_its_unit_and_its_ball(tmp_path):
+    from scene.errors import AlignError
+
+    path = tmp_path / "scan.obj"
+    path.write_text("v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
+    known = replace(session(tmp_path), scan=path, scan_unit="inch")
+    assert np.ptp(Job(known, Store(tmp_path), ()).load_scan().vertices, axis=0) == pytest.approx([76.2, 50.8, 25.4])
+    with pytest.raises(AlignError, match="expects one ball"):
+        Job(replace(known, scan_ball_diameter_mm=38.0), Store(tmp_path), ()).load_scan()
 
 
 @pytest.mark.parametrize("name", ["f", "a", "d", "t", "light_directions.txt", "light_intensities.txt", "m", "s", "n"])
