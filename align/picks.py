@@ -60,7 +60,7 @@ def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half
     camera : Camera
     mesh : Mesh
         The scan, mm.
-    unit : {"m", "cm", "mm", "inch"}
+    unit : {"m", "cm", "mm", "inch", "unknown"}
         Of x, y, z.
     half : bool
         The pixels count those of photographs twice as large as the camera's.
@@ -151,10 +151,11 @@ def _check(path: Path, rows: list[int], pixels: Array, points: Array, camera: Ca
     far = FAR_FROM_SURFACE * mesh.radius_mm
     if (away > far).any():
         worst = int(np.argmax(away))
+        name = "units" if unit == "unknown" else unit
         off, bound, size = (value / UNITS_MM[unit] for value in (away[worst], far, 2 * mesh.radius_mm))
         raise AlignError(
-            f"{path}: the point of row {rows[worst]} lies {off:.4g} {unit} from the scan's surface, "
-            f"{(away > far).sum()} of {len(rows)} further than {bound:.2g} {unit} (the scan is {size:.4g} {unit} "
+            f"{path}: the point of row {rows[worst]} lies {off:.4g} {name} from the scan's surface, "
+            f"{(away > far).sum()} of {len(rows)} further than {bound:.2g} {name} (the scan is {size:.4g} {name} "
             "across). Give x, y, z in the scan's own unit and axes."
         )
     for what, values in (("points", points), ("pixels", pixels)):

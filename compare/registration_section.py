@@ -41,9 +41,10 @@ def registration_section(material: Material, summary: Summary) -> str:
     if both is not None:
         uris = [pictures.data_uri(image, photograph=True) for image in (both.photograph, both.shaded)]
         words = "shaded scan" if registered else "shaded ground truth"
+        still = "edges, folds and shadows" if registered else "edges and folds (cast shadows are not drawn)"
         caption = (
-            f"{escape(frames.names[index])}, and a scan of one colour under the same light. Drag, or use the arrow "
-            "keys: edges, folds and shadows must stay where they are."
+            f"{escape(frames.names[index])}, and one colour of the same shape under the same light. Drag, or use the "
+            f"arrow keys: {still} must stay where they are."
         )
         figures.append(wiper((uris[0], "photograph"), (uris[1], words), caption))
     body += f'<div class="pair">{"".join(figures)}</div>'
@@ -62,9 +63,11 @@ def registration_section(material: Material, summary: Summary) -> str:
             "Squares of the two in turn: edges, folds and shadow borders should run on across them. Colour need not."
         )
         figures.append(picture(board, "checkerboard of photograph and shaded scan", words))
-    figures += _sigma(material, box, mask)
+    sigma = _sigma(material, box, mask)
+    figures += sigma
     if figures:
-        body += f'<h3>In squares, and how sure each normal is</h3><div class="pair">{"".join(figures)}</div>'
+        title = "In squares, and how sure each normal is" if sigma else "In squares"
+        body += f'<h3>{title}</h3><div class="pair">{"".join(figures)}</div>'
     return section("registration", TITLE, body + _facts(summary))
 
 

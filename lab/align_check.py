@@ -23,17 +23,16 @@ def check_alignment(job: Job) -> dict[str, Any]:
     """
     from align.meshlab import write_project
     from align.pose_check import STEPS_PX, check_pose
-    from align.scan import load_scan
     from compare.pictures import Exposure
     from compare.registration import raking_frame
 
-    store, session = job.store, job.session
+    store = job.store
     if not store.path("pose.json").exists():
         raise AlignError(
-            f"{session.folder}: no scan was registered, so there is nothing to check. Add scan under [object] to "
+            f"{job.session.folder}: no scan was registered, so there is nothing to check. Add scan under [object] to "
             "session.toml."
         )
-    mesh = load_scan(session.scan, session.scan_unit)
+    mesh = job.load_scan()
     pose, camera, frames, lights = store.load_pose(), store.load_camera(), store.load_frames(), store.load_lights()
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     # One frame that shows the shape, and the one with the fewest shadows.
