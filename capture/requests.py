@@ -63,7 +63,7 @@ def sphere_requests(
                 f"{key}.frames: the ball's photographs are {frames.width} x {frames.height} px, the flash frames "
                 f"{header.width} x {header.height}. Both must come from the same camera at the same size."
             )
-        scale = _hint_scale(session, header.width)
+        scale = hint_scale(session, header.width)
         center, radius = spec.center_px, spec.radius_px
         if center and radius:
             # Pixel centres are integers: 2 x 2 pixels around 0.5 become pixel 0.
@@ -79,7 +79,7 @@ def sphere_requests(
     return requests, tuple(warnings)
 
 
-def _hint_scale(session: Session, width: int) -> int:
+def hint_scale(session: Session, width: int) -> int:
     """Return 2 where hints count full-size pixels of halved frames: they go with [camera], else the photographs."""
     if not session.half:
         return 1

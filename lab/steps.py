@@ -11,6 +11,7 @@ from scene.errors import CalibrationError, SessionError
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.mesh import Mesh
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -137,12 +138,14 @@ def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_ma
     from align.appearance import outline, shading
     from align.mask import scan_mask
     from align.register import register
+    from align.search import apart_px
     from align.truth import ground_truth
     from compare.registration import write_pictures
     from solve.solve import solve
 
     store = job.store
     mesh = job.load_scan()
+    picked = _picked(job, camera, mesh)
     mask = rough_mask.mask
     rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
     with progress_bar("register") as progress:
@@ -171,7 +174,30 @@ def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_ma
         "evidence": list(mesh.repairs),
         "truth_sigma_deg_median": _median(truth.sigma_deg),
     }
-    return result, [*found.warnings, *final_mask.warnings]
+    warnings = [*found.warnings, *final_mask.warnings]
+    if picked is not None:
+        away = apart_px(mesh, camera, picked.pose, found.pose)
+        result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
+        warnings += picked.warnings
+        # Some pixels of each pick's error, drawn out over the part of the scan that has none.
+        if away > 10 + 0.02 * np.sqrt(final_mask.mask.sum()) + 5 * picked.residual_px:
+            warnings.append(
+                f"{job.session.picks.name}: the picks put the scan {away:.0f} px (rms) from where it was registered: "
+                "one of the two is wrong. Check the outline in the report, and the picks."
+            )
+    return result, warnings
+
+
+def _picked(job: Job, camera: Camera, mesh: Mesh) -> Any:
+    """Return the pose that the session's picks give, None without picks."""
+    from align.picks import read_picks
+    from capture.requests import hint_scale
+
+    session = job.session
+    if session.picks is None:
+        return None
+    half = hint_scale(session, camera.width) == 2
+    return read_picks(session.picks, camera, mesh, unit=session.scan_unit, half=half)
 
 
 def _given_truth(job: Job, mask: Any) -> dict:
