@@ -1,12 +1,14 @@
 """Ground-truth normals: the registered scan, seen through the camera, and how sure each normal is."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import Hits, RayCaster
 from align.motion import nudge
+from align.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
@@ -21,7 +23,8 @@ EDGE_FOOTPRINTS = 2.0
 SPREAD_DEG = 60.0
 """Corner normals of one face that differ by more lie across a crease finer than the scan."""
 BAND_PIXELS = 1 << 19
-NOISE_DRAWS = 6
+FINE = 1.0
+"""Edges shorter than this many pixel widths: the pixel is averaged over 3 x 3 places."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,8 @@ class Truth:
     depth_mm : (H, W) float32
         -z of the point, NaN off the scan.
     sigma_deg : (H, W) float32
-        Expected (rms) angle between `normals` and the real normal: pose and scan noise; NaN where normals are.
+        Expected (rms) angle between `normals` and the real normal: pose, scan noise, smoothing, and what lies
+        between the scan's vertices; NaN where normals are.
     mask : (H, W) bool
         The scan's silhouette, with the pixels whose normal is unknown.
     """
@@ -47,7 +51,15 @@ class Truth:
     mask: NDArray[np.bool_]
 
 
-def ground_truth(mesh: Mesh, pose: Pose, camera: Camera, *, covariance: NDArray | None = None) -> Truth:
+def ground_truth(
+    mesh: Mesh,
+    pose: Pose,
+    camera: Camera,
+    *,
+    covariance: NDArray | None = None,
+    normals: Literal["smooth", "facet"] = "smooth",
+    at_vertices: tuple[Array, Array] | None = None,
+) -> Truth:
     """Cast a ray through every pixel's centre and read the scan's normals.
 
     Parameters
@@ -60,6 +72,11 @@ def ground_truth(mesh: Mesh, pose: Pose, camera: Camera, *, covariance: NDArray 
         Perspective or orthographic; distortion is honoured.
     covariance : (6, 6) float, optional
         Of the pose, as in `Registration.covariance`; without it, sigma is the scan's part alone.
+    normals : {"smooth", "facet"}
+        "smooth": the surface's, freed from the scan's noise, interpolated over the face. "facet": the
+        triangle's own, as measured; sigma then says how far off that may be.
+    at_vertices : ((V, 3), (V,)), optional
+        What `smooth_normals(mesh)` returned; computed here when absent.
 
     Returns
     -------
@@ -67,17 +84,17 @@ def ground_truth(mesh: Mesh, pose: Pose, camera: Camera, *, covariance: NDArray 
 
     Notes
     -----
-    Normals are the vertices' area-weighted ones, interpolated over the face. The pose's part of sigma is what
-    the normal at the pixel changes by when the pose moves one sigma along each axis of its covariance
-    (so curvature counts, and the ray's new hit with it); the scan's part is what its own noise, estimated from
-    the vertices, does to its normals. Interpolation between vertices is not in it.
+    The pose's part of sigma is what the normal at the pixel changes by when the pose moves one sigma along each
+    axis of its covariance (so curvature counts, and the ray's new hit with it); the scan's part is that of
+    `smooth_normals`. Where the scan is finer than the pixels, normals are averaged over 3 x 3 places of the pixel.
     """
     caster = RayCaster(mesh)
+    corners, scatter = smooth_normals(mesh) if at_vertices is None else at_vertices
+    square = scatter[:, None] ** 2
     height, width = camera.height, camera.width
-    normals = np.full((height, width, 3), np.nan, np.float32)
+    found = np.full((height, width, 3), np.nan, np.float32)
     depth = np.full((height, width), np.nan, np.float32)
     sigma = np.full((height, width), np.nan, np.float32)
-    scatter = normal_noise_deg(mesh)
     top, bottom = _rows(mesh, pose, camera)
     step = max(1, BAND_PIXELS // width)
     for first in range(top, bottom, step):
@@ -92,17 +109,52 @@ def ground_truth(mesh: Mesh, pose: Pose, camera: Camera, *, covariance: NDArray 
             continue
         origins, directions = camera.rays(pixels)
         points = origins + directions * np.where(hits.hit, hits.distance, np.nan).reshape(*shape, 1)
-        smooth = unit(pose.rotate(hits.interpolate(mesh, mesh.vertex_normals))).reshape(*shape, 3)
-        good = _reliable(mesh, pose, camera, hits, points, smooth, directions)[inner]
+        smooth = unit(pose.rotate(hits.interpolate(mesh, corners))).reshape(*shape, 3)
+        good = _reliable(mesh, corners, pose, camera, hits, points, smooth, directions)[inner]
         depth[first:last] = -points[inner, :, 2]
-        normals[first:last] = np.where(good[..., None], smooth[inner], np.nan)
         v, u = np.nonzero(good)
-        here = pixels[inner][v, u]
-        square = hits.interpolate(mesh, scatter[:, None] ** 2).reshape(shape)[inner][v, u]
+        if not len(v):
+            continue
+        here, middle = pixels[inner][v, u], smooth[inner][v, u]
+        face = hits.face.reshape(shape)[inner][v, u]
+        variance = hits.interpolate(mesh, square).reshape(shape)[inner][v, u]
         if covariance is not None:
-            square = square + _pose_variance(caster, pose, camera, here, smooth[inner][v, u], covariance)
-        sigma[first + v, u] = np.sqrt(square)
-    return Truth(normals, depth, sigma, np.isfinite(depth))
+            variance = variance + _pose_variance(caster, corners, pose, camera, here, middle, covariance)
+        if normals == "facet":
+            answer = pose.rotate(mesh.face_normals[face])
+            variance = variance + angular_error_deg(answer, middle) ** 2
+        else:
+            answer = _average(caster, corners, pose, camera, here, face, depth[first + v, u], middle)
+        found[first + v, u] = answer
+        sigma[first + v, u] = np.sqrt(variance)
+    return Truth(found, depth, sigma, np.isfinite(depth))
+
+
+def _average(
+    caster: RayCaster,
+    corners: Array,
+    pose: Pose,
+    camera: Camera,
+    pixels: NDArray,
+    face: NDArray,
+    depth: NDArray,
+    middle: Array,
+) -> Array:
+    """Return (P, 3) unit normals: averaged over the pixel where it covers several faces, else those of its middle."""
+    mesh = caster.mesh
+    a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
+    edge = np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    footprint = (1.0 if camera.is_orthographic else depth) / camera.fx
+    fine = np.flatnonzero(edge < FINE * footprint)
+    if not len(fine):
+        return middle
+    total = middle[fine]
+    for x, y in ((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y):
+        hits = caster.look(camera, pose, pixels[fine] + np.array([x, y]) / 3)
+        total = total + np.nan_to_num(pose.rotate(hits.interpolate(mesh, corners)))
+    out = middle.copy()
+    out[fine] = unit(total)
+    return out
 
 
 def _rows(mesh: Mesh, pose: Pose, camera: Camera) -> tuple[int, int]:
@@ -114,7 +166,14 @@ def _rows(mesh: Mesh, pose: Pose, camera: Camera) -> tuple[int, int]:
 
 
 def _reliable(
-    mesh: Mesh, pose: Pose, camera: Camera, hits: Hits, points: Array, normals: Array, directions: Array
+    mesh: Mesh,
+    at_vertices: Array,
+    pose: Pose,
+    camera: Camera,
+    hits: Hits,
+    points: Array,
+    normals: Array,
+    directions: Array,
 ) -> NDArray[np.bool_]:
     """Return (h, w): the pixel sees one piece of well-sampled surface, from its front."""
     shape = points.shape[:2]
@@ -122,7 +181,7 @@ def _reliable(
     facing = -np.einsum("hwk,hwk->hw", normals, directions)
     front = -np.einsum("hwk,hwk->hw", pose.rotate(mesh.face_normals[face]).reshape(*shape, 3), directions)
     good = hits.hit.reshape(shape) & (facing > np.cos(np.radians(GRAZING_DEG))) & (front > 0)
-    corners = mesh.vertex_normals[mesh.faces[face]]
+    corners = at_vertices[mesh.faces[face]]
     closest = np.minimum.reduce([np.einsum("pk,pk->p", corners[:, i], corners[:, i - 1]) for i in range(3)])
     good &= closest.reshape(shape) > np.cos(np.radians(SPREAD_DEG))
     depth = np.ones(shape) if camera.is_orthographic else -points[..., 2]
@@ -142,7 +201,13 @@ def _reliable(
 
 
 def _pose_variance(
-    caster: RayCaster, pose: Pose, camera: Camera, pixels: NDArray, normals: Array, covariance: NDArray
+    caster: RayCaster,
+    at_vertices: Array,
+    pose: Pose,
+    camera: Camera,
+    pixels: NDArray,
+    normals: Array,
+    covariance: NDArray,
 ) -> Array:
     """Return (P,), degrees squared: the normals' change over one sigma of each axis of the pose's covariance."""
     mesh = caster.mesh
@@ -155,49 +220,6 @@ def _pose_variance(
         if value <= 0:
             continue
         moved = nudge(pose, axis * np.sqrt(value) / length, pivot)
-        after = unit(moved.rotate(caster.look(camera, moved, pixels).interpolate(mesh, mesh.vertex_normals)))
+        after = unit(moved.rotate(caster.look(camera, moved, pixels).interpolate(mesh, at_vertices)))
         total += np.nan_to_num(angular_error_deg(after, normals) ** 2)
     return total
-
-
-def normal_noise_deg(mesh: Mesh, *, seed: int = 0) -> Array:
-    """Return (V,) the rms angle by which the scan's own noise turns the interpolated normal around each vertex.
-
-    The noise's size comes from the mesh: the part of its roughness that neither slope nor curvature explains
-    (the graph's Laplacian, twice, along the normal), compared with what that filter makes of white noise on
-    the same mesh; then that noise is added in a few draws, and the normals' answer averaged: at the vertices,
-    for where it is large, and at random points of the faces, for how large it is between them.
-    """
-    from scipy.sparse import csr_matrix, diags
-
-    count = len(mesh.vertices)
-    start, end = mesh.faces.ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
-    ones = np.ones(2 * len(start))
-    graph = csr_matrix((ones, (np.concatenate([start, end]), np.concatenate([end, start]))), (count, count))
-    graph.data[:] = 1
-    graph = diags(1 / np.maximum(np.asarray(graph.sum(1)).ravel(), 1)) @ graph
-    generator = np.random.default_rng(seed)
-
-    def rough(along: Array) -> Array:
-        once = along - graph @ along
-        return once - graph @ once
-
-    normals = mesh.vertex_normals
-    offset = mesh.vertices - graph @ mesh.vertices
-    bump = np.einsum("vk,vk->v", offset, normals)
-    white = generator.standard_normal(count)
-    sigma_mm = np.median(np.abs(bump - graph @ bump)) / max(float(np.median(np.abs(rough(white)))), 1e-12)
-    weights = generator.dirichlet(np.ones(3), len(mesh.faces))
-    smooth = np.einsum("tc,tck->tk", weights, normals[mesh.faces])
-    total, between = np.zeros(count), 0.0
-    for _ in range(NOISE_DRAWS):
-        shaken = Mesh(
-            mesh.vertices + normals * (sigma_mm * generator.standard_normal(count))[:, None], mesh.faces
-        ).vertex_normals
-        total += np.nan_to_num(angular_error_deg(shaken, normals)) ** 2
-        inside = np.einsum("tc,tck->tk", weights, shaken[mesh.faces])
-        between += float(np.mean(np.nan_to_num(angular_error_deg(inside, smooth)) ** 2))
-    at_corners = float(np.mean(np.einsum("tc,tc->t", weights, total[mesh.faces])))
-    shrink = between / at_corners if at_corners > 0 else 1.0
-    # Few draws scatter from vertex to vertex; neighbours share their noise.
-    return np.sqrt(graph @ (total / NOISE_DRAWS) * shrink)

@@ -1,0 +1,232 @@
+"""Local surfaces: polynomials of degree 2 and 3 through a vertex's neighbourhood, and the normals they give.
+
+The height over the tangent plane is fitted by weighted least squares; the slope at the vertex turns the normal
+[Cazals2005]. One Cholesky factor serves both degrees: the square's block of the normal equations is the cube's first.
+Compiled: no Python per vertex.
+"""
+
+import numba
+import numpy as np
+
+QUADRATIC, CUBIC = 6, 10
+MOST = 1024
+"""Vertices of one neighbourhood; more are not gathered."""
+
+
+@numba.njit(nogil=True, cache=True)
+def gather(i, radius, vertices, indptr, indices, stamp, tag, found):  # pragma: no cover
+    """Fill `found` with the vertices within `radius` of vertex i that edges lead to; return how many.
+
+    Along the surface: the other side of a thin wall is near in space, and not reached.
+    """
+    found[0] = i
+    stamp[i] = tag
+    count, at = 1, 0
+    while at < count:
+        here = found[at]
+        at += 1
+        for k in range(indptr[here], indptr[here + 1]):
+            j = indices[k]
+            if stamp[j] == tag:
+                continue
+            stamp[j] = tag
+            square = 0.0
+            for axis in range(3):
+                square += (vertices[j, axis] - vertices[i, axis]) ** 2
+            if square < radius * radius and count < len(found):
+                found[count] = j
+                count += 1
+    return count
+
+
+@numba.njit(nogil=True, cache=True)
+def tangents(normal, frame):  # pragma: no cover
+    """Fill `frame` (3, 3) with two tangents and the normal, as rows; the turn about the normal is arbitrary."""
+    x, y, z = normal
+    if x == 0.0 and y == 0.0:
+        # Straight up or down, or no normal at all: a vertex that no face uses.
+        a, b, c = 1.0, 0.0, 0.0
+        z = 1.0 if z == 0.0 else z
+    elif abs(z) < 0.9:
+        length = np.sqrt(x * x + y * y)
+        a, b, c = -y / length, x / length, 0.0
+    else:
+        length = np.sqrt(y * y + z * z)
+        a, b, c = 0.0, -z / length, y / length
+    frame[0, 0], frame[0, 1], frame[0, 2] = a, b, c
+    frame[1, 0], frame[1, 1], frame[1, 2] = y * c - z * b, z * a - x * c, x * b - y * a
+    frame[2, 0], frame[2, 1], frame[2, 2] = x, y, z
+
+
+@numba.njit(nogil=True, cache=True)
+def local(j, i, radius, vertices, heights, frame, powers):  # pragma: no cover
+    """Fill `powers` (10,) with the monomials of vertex j over vertex i's tangent plane, in radii; return its height.
+
+    Where `heights` (V,) are given, they stand in for the surface's own.
+    """
+    x = y = z = 0.0
+    for axis in range(3):
+        away = (vertices[j, axis] - vertices[i, axis]) / radius
+        x += away * frame[0, axis]
+        y += away * frame[1, axis]
+        z += away * frame[2, axis]
+    powers[0], powers[1], powers[2] = 1.0, x, y
+    powers[3], powers[4], powers[5] = x * x, x * y, y * y
+    powers[6], powers[7], powers[8], powers[9] = x * x * x, x * x * y, x * y * y, y * y * y
+    return heights[j] / radius if len(heights) else z
+
+
+@numba.njit(nogil=True, cache=True)
+def accumulate(i, found, count, radius, vertices, heights, frame, work):  # pragma: no cover
+    """Sum the normal equations of the neighbourhood into `work`; return the sums of weights and of squares.
+
+    work : (24, 10): normal matrix (rows 0-9, lower half), the weights squared's (10-19), right-hand side (20),
+    monomials (21), solutions (22, 23). Weights fall from 1 at the vertex to 0 at the radius.
+    """
+    work[:21] = 0.0
+    powers = work[21]
+    total = square = 0.0
+    for k in range(count):
+        z = local(found[k], i, radius, vertices, heights, frame, powers)
+        weight = max(1.0 - powers[3] - powers[5], 1e-3)
+        total += weight
+        square += weight * z * z
+        for a in range(CUBIC):
+            once = weight * powers[a]
+            work[20, a] += once * z
+            for b in range(a + 1):
+                add = once * powers[b]
+                work[a, b] += add
+                work[10 + a, b] += weight * add
+    return total, square
+
+
+@numba.njit(nogil=True, cache=True)
+def factor(work, first, size, ridge):  # pragma: no cover
+    """Replace rows `first` to `size` of the normal matrix by its Cholesky factor's; return whether it is regular."""
+    for a in range(first, size):
+        for b in range(a + 1):
+            value = work[a, b]
+            for c in range(b):
+                value -= work[a, c] * work[b, c]
+            if a == b:
+                if value < ridge:
+                    return False
+                work[a, a] = np.sqrt(value)
+            else:
+                work[a, b] = value / work[b, b]
+    return True
+
+
+@numba.njit(nogil=True, cache=True)
+def solve(work, size, solution):  # pragma: no cover
+    """Solve the factored equations in place for a right-hand side in `solution`."""
+    for a in range(size):
+        for b in range(a):
+            solution[a] -= work[a, b] * solution[b]
+        solution[a] /= work[a, a]
+    for a in range(size - 1, -1, -1):
+        for b in range(a + 1, size):
+            solution[a] -= work[b, a] * solution[b]
+        solution[a] /= work[a, a]
+
+
+@numba.njit(nogil=True, cache=True)
+def slope(work, size, radius, out):  # pragma: no cover
+    """Fill `out` with the slope along both tangents and the variance (radians squared) that noise of 1 mm gives it."""
+    variance = 0.0
+    row = work[22]
+    for axis in range(2):
+        row[:] = 0.0
+        row[axis + 1] = 1.0
+        solve(work, size, row)
+        value = 0.0
+        for a in range(size):
+            value += row[a] * work[20, a]
+            for b in range(a):
+                variance += 2.0 * row[a] * row[b] * work[10 + a, b]
+            variance += row[a] * row[a] * work[10 + a, a]
+        out[axis] = value
+    out[2] = variance / (radius * radius)
+
+
+@numba.njit(nogil=True, cache=True)
+def turn(frame, first, second, out):  # pragma: no cover
+    """Fill `out` (3,) with the unit normal of a surface of these slopes over the frame."""
+    length = np.sqrt(1.0 + first * first + second * second)
+    for axis in range(3):
+        out[axis] = (frame[2, axis] - first * frame[0, axis] - second * frame[1, axis]) / length
+
+
+@numba.njit(nogil=True, cache=True)
+def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normals, variance, rough):  # pragma: no cover
+    """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,).
+
+    Fills, per vertex chosen: normals (K, 2, 3), variance (K, 2) in radians squared for noise of 1 mm (infinite
+    where too few neighbours determine the fit), and rough (K, 2): the weighted residual squared, mm^2.
+    `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `local`.
+    """
+    stamp = np.full(len(vertices), -1, np.int64)
+    found = np.zeros(MOST, np.int64)
+    frame, work, out = np.zeros((3, 3)), np.zeros((24, 10)), np.zeros(3)
+    for k in range(len(chosen)):
+        i, radius = chosen[k], radii[k]
+        variance[k] = np.inf
+        rough[k] = np.inf
+        normals[k] = start[i]
+        count = gather(i, radius, vertices, indptr, indices, stamp, k, found)
+        tangents(start[i], frame)
+        total, square = accumulate(i, found, count, radius, vertices, heights, frame, work)
+        first = 0
+        for degree, size in enumerate((QUADRATIC, CUBIC)):
+            if count < size + 2 or not factor(work, first, size, 1e-6 * total):
+                break
+            first = size
+            slope(work, size, radius, out)
+            turn(frame, out[0], out[1], normals[k, degree])
+            variance[k, degree] = out[2] / (1.0 + out[0] ** 2 + out[1] ** 2) ** 2
+            work[23] = work[20]
+            solve(work, size, work[23])
+            left = square
+            for a in range(size):
+                left -= work[23, a] * work[20, a]
+            rough[k, degree] = max(left, 0.0) * radius * radius / total
+
+
+@numba.njit(nogil=True, cache=True)
+def ring_bend(vertices, normals, indptr, indices, out):  # pragma: no cover
+    """Fill `out` (V,) with the rms by which the neighbours' normals miss a linear law of place about each vertex's."""
+    frame, left = np.zeros((3, 3)), np.zeros((64, 3))
+    for i in range(len(vertices)):
+        tangents(normals[i], frame)
+        first, last = indptr[i], min(indptr[i + 1], indptr[i] + len(left))
+        a = b = c = 1e-30
+        slopes = np.zeros((2, 3))
+        for k in range(first, last):
+            x = y = 0.0
+            for axis in range(3):
+                away = vertices[indices[k], axis] - vertices[i, axis]
+                x += away * frame[0, axis]
+                y += away * frame[1, axis]
+            a += x * x
+            b += x * y
+            c += y * y
+            left[k - first, 0], left[k - first, 1] = x, y
+            for axis in range(3):
+                turned = normals[indices[k], axis] - normals[i, axis]
+                slopes[0, axis] += x * turned
+                slopes[1, axis] += y * turned
+        determinant = a * c - b * b
+        if last - first < 4 or determinant <= 1e-6 * a * c:
+            out[i] = 0.0
+            continue
+        square = 0.0
+        for k in range(first, last):
+            x, y = left[k - first, 0], left[k - first, 1]
+            for axis in range(3):
+                along = (c * slopes[0, axis] - b * slopes[1, axis]) / determinant
+                across = (a * slopes[1, axis] - b * slopes[0, axis]) / determinant
+                miss = normals[indices[k], axis] - normals[i, axis] - along * x - across * y
+                square += miss * miss
+        # Four or more neighbours share two slopes.
+        out[i] = np.sqrt(square / (last - first - 2))
