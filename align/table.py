@@ -31,9 +31,13 @@ def find_table(vertices: Vertices, faces: Faces, edges: Edges) -> tuple[NDArray[
     nothing = np.zeros(len(faces), bool), ""
     if not len(edges.border):
         return nothing
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    border = vertices[edges.border_ends(faces).ravel()]
+    # Small holes only: a table's outline goes around all that stands on it.
+    if np.linalg.norm(np.ptp(border, axis=0)) < 0.1 * size:
+        return nothing
     area = lengths(crosses(vertices, faces))
     middle = middles(vertices, faces)
-    size = float(np.linalg.norm(np.ptp(middle, axis=0)))
     generator = np.random.default_rng(0)
     total = np.cumsum(area)
     # Corners, not middles: those scatter less than the vertices, which have to lie in the plane.

@@ -137,6 +137,12 @@ def test_a_few_crowded_edges_are_named_many_are_refused(tmp_path, bumpy):
         load_scan(path, "mm")
 
 
+def test_a_vertex_without_a_position_harms_only_where_a_face_names_it(tmp_path):
+    mesh = load_scan(ascii_ply(tmp_path / "a.ply", [*VERTICES, [np.nan, 0, 0]], FACES), "mm")
+    assert volume(mesh) == pytest.approx(1000.0)
+    assert mesh.repairs == ("dropped 1 vertices that no face uses",)
+
+
 def test_refusals_say_why(tmp_path):
     nan = VERTICES.copy()
     nan[2, 1] = np.nan
