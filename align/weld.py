@@ -46,6 +46,11 @@ def weld(vertices: Vertices, faces: Faces, repairs: list[str]) -> tuple[Vertices
     edges = edges_of(faces)
     near = _near_borders(vertices, faces, edges)
     alone = near == np.arange(len(vertices))
+    if not alone.all() and len((tight := edges_of(near[faces])).crowded) > len(edges.crowded):
+        # Three borders in one place: which two belong together cannot be told.
+        apart = np.isin(near, tight.ends(near[faces], tight.crowded))
+        near[apart] = np.flatnonzero(apart)
+        alone |= apart
     if alone.all():
         return vertices, faces, edges
     repairs.append(f"merged {(~alone).sum()} vertices of borders that all but met")

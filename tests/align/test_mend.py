@@ -62,6 +62,21 @@ def test_borders_that_lie_apart_stay_apart(tmp_path, coarse):
     assert sum(len(v) for v, _ in patches) == len(mesh.vertices)
 
 
+def test_three_borders_in_one_place_are_not_sewn(tmp_path):
+    """Leaves of a book: sewn together, they were no surface any more."""
+    leaves = []
+    for number in range(3):
+        out, up = np.meshgrid(np.arange(5.0), np.arange(9.0), indexing="ij")
+        angle = 2 * number + 0.001
+        vertices = np.stack([(out + 0.01) * np.cos(angle), (out + 0.01) * np.sin(angle), up], -1).reshape(-1, 3)
+        a = (9 * np.arange(4)[:, None] + np.arange(8)).ravel()
+        leaves.append((vertices, np.concatenate([np.stack([a, a + 9, a + 10], -1), np.stack([a, a + 10, a + 1], -1)])))
+    mesh = load(tmp_path, *joined(leaves))
+    assert "kept 3 separate pieces" in mesh.repairs
+    assert not any("three or more faces" in repair for repair in mesh.repairs)
+    assert any("all but met" in repair for repair in load(tmp_path, *joined(leaves[:2])).repairs)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_patches_are_turned_one_by_one(tmp_path, coarse, seed):
     """Loose patches of one object, some of them inside out: each comes back as it was."""
