@@ -76,29 +76,25 @@ def local(j, i, radius, vertices, heights, frame, powers):  # pragma: no cover
     return heights[j] / radius if len(heights) else z
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, fastmath=True)
 def accumulate(i, found, count, radius, vertices, heights, frame, work):  # pragma: no cover
-    """Sum the normal equations of the neighbourhood into `work`; return the sums of weights and of squares.
+    """Sum the normal equations of the neighbourhood into `work`; return the heights' squares, summed.
 
-    work : (24, 10): normal matrix (rows 0-9, lower half), the weights squared's (10-19), right-hand side (20),
-    monomials (21), solutions (22, 23). Weights fall from 1 at the vertex to 0 at the radius.
+    work : (14, 10): normal matrix (rows 0-9, lower half), right-hand side (10), monomials (11), solutions (12, 13).
+    All neighbours weigh the same: of all weights in the same circle these leave the least noise in the slope.
     """
-    work[:21] = 0.0
-    powers = work[21]
-    total = square = 0.0
+    work[:11] = 0.0
+    powers = work[11]
+    square = 0.0
     for k in range(count):
         z = local(found[k], i, radius, vertices, heights, frame, powers)
-        weight = max(1.0 - powers[3] - powers[5], 1e-3)
-        total += weight
-        square += weight * z * z
+        square += z * z
         for a in range(CUBIC):
-            once = weight * powers[a]
-            work[20, a] += once * z
+            once = powers[a]
+            work[10, a] += once * z
             for b in range(a + 1):
-                add = once * powers[b]
-                work[a, b] += add
-                work[10 + a, b] += weight * add
-    return total, square
+                work[a, b] += once * powers[b]
+    return square
 
 
 @numba.njit(nogil=True, cache=True)
@@ -134,20 +130,16 @@ def solve(work, size, solution):  # pragma: no cover
 @numba.njit(nogil=True, cache=True)
 def slope(work, size, radius, out):  # pragma: no cover
     """Fill `out` with the slope along both tangents and the variance (radians squared) that noise of 1 mm gives it."""
-    variance = 0.0
-    row = work[22]
+    out[2] = 0.0
+    row = work[12]
     for axis in range(2):
         row[:] = 0.0
         row[axis + 1] = 1.0
         solve(work, size, row)
-        value = 0.0
+        out[axis] = 0.0
         for a in range(size):
-            value += row[a] * work[20, a]
-            for b in range(a):
-                variance += 2.0 * row[a] * row[b] * work[10 + a, b]
-            variance += row[a] * row[a] * work[10 + a, a]
-        out[axis] = value
-    out[2] = variance / (radius * radius)
+            out[axis] += row[a] * work[10, a]
+        out[2] += row[axis + 1] / (radius * radius)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -163,12 +155,12 @@ def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normal
     """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,).
 
     Fills, per vertex chosen: normals (K, 2, 3), variance (K, 2) in radians squared for noise of 1 mm (infinite
-    where too few neighbours determine the fit), and rough (K, 2): the weighted residual squared, mm^2.
+    where too few neighbours determine the fit), and rough (K, 2): the mean squared residual, mm^2.
     `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `local`.
     """
     stamp = np.full(len(vertices), -1, np.int64)
     found = np.zeros(MOST, np.int64)
-    frame, work, out = np.zeros((3, 3)), np.zeros((24, 10)), np.zeros(3)
+    frame, work, out = np.zeros((3, 3)), np.zeros((14, 10)), np.zeros(3)
     for k in range(len(chosen)):
         i, radius = chosen[k], radii[k]
         variance[k] = np.inf
@@ -176,21 +168,21 @@ def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normal
         normals[k] = start[i]
         count = gather(i, radius, vertices, indptr, indices, stamp, k, found)
         tangents(start[i], frame)
-        total, square = accumulate(i, found, count, radius, vertices, heights, frame, work)
+        square = accumulate(i, found, count, radius, vertices, heights, frame, work)
         first = 0
         for degree, size in enumerate((QUADRATIC, CUBIC)):
-            if count < size + 2 or not factor(work, first, size, 1e-6 * total):
+            if count < size + 2 or not factor(work, first, size, 1e-6 * count):
                 break
             first = size
             slope(work, size, radius, out)
             turn(frame, out[0], out[1], normals[k, degree])
             variance[k, degree] = out[2] / (1.0 + out[0] ** 2 + out[1] ** 2) ** 2
-            work[23] = work[20]
-            solve(work, size, work[23])
+            work[13] = work[10]
+            solve(work, size, work[13])
             left = square
             for a in range(size):
-                left -= work[23, a] * work[20, a]
-            rough[k, degree] = max(left, 0.0) * radius * radius / total
+                left -= work[13, a] * work[10, a]
+            rough[k, degree] = max(left, 0.0) * radius * radius / count
 
 
 @numba.njit(nogil=True, cache=True)

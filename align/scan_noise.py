@@ -15,17 +15,20 @@ from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
 
-STEPS = (2.1, 3.0, 4.2, 6.0, 8.5)
-"""Radii of the fits, in spacings of the vertices: each twice the area of the one before."""
+STEPS = (1.9, 2.6, 3.7, 5.3, 7.6)
+"""Radii of the fits, in spacings of the vertices: each about twice the area of the one before."""
 SMOOTHEST = 0.2
 """The share of the vertices, those with the smallest residuals, that show the noise bare."""
 SAMPLE = 3000
 DRAWS = 2
-REACHES = 4
+REACHES = 3
 ROUNDING = 1e-7
 """Of the scan's radius: files hold coordinates as float32."""
-SURFACE = 1.3
-"""Residuals that grow by more than this times the widest noise's growth are the surface's own shape."""
+FITS = 4
+"""How many of the steps, the smallest, tell noise from shape."""
+GROWTH = np.geomspace(3.0, 8.0, 12)
+"""From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
+PREFERENCE = 0.7
 
 
 @dataclass(frozen=True)
@@ -88,14 +91,14 @@ class ScanNoise:
         How often white noise is averaged over neighbours to make noise like it; 0: white.
     excess : (L, 2) float64
         Variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it.
-    rest : float
-        Mean squared residual of the smallest cubic fits, for noise of 1 mm.
+    rest : (L, 2) float64
+        Mean squared residual of those fits, for noise of 1 mm.
     """
 
     sigma_mm: float
     reach: int
     excess: Array
-    rest: float
+    rest: Array
 
 
 def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
@@ -109,10 +112,10 @@ def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
     count = len(mesh.vertices)
     chosen = generator.permutation(count)[:SAMPLE]
     few = chosen[: SAMPLE // 5]
-    own = np.array([_quantile(_fit(mesh, near, chosen, step, np.zeros(0))[2]) for step in STEPS[:3]])
-    left = np.zeros((REACHES, 3))
+    own = np.array([_quantile(_fit(mesh, near, chosen, step, np.zeros(0))[2]) for step in STEPS])
+    left = np.zeros((REACHES, len(STEPS)))
     answer = np.zeros((REACHES, len(STEPS), 2))
-    rest = np.zeros(REACHES)
+    rest = np.zeros_like(answer)
     for reach in range(REACHES):
         for _ in range(DRAWS):
             noise = near.smooth(generator.standard_normal(count), reach)
@@ -127,17 +130,33 @@ def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
                         answer[reach, level, degree] += np.mean(turned[ok, degree] / variance[ok, degree]) / DRAWS
                 if level == 0 and known[:, 1].any():
                     rest[reach] += np.mean(rough[known[:, 1], 1]) / DRAWS
-                if level < 3:
-                    left[reach, level] += _quantile(rough) / DRAWS
+                left[reach, level] += _quantile(rough) / DRAWS
     floor = (ROUNDING * mesh.radius_mm) ** 2
     if not (left > 0).all():
         # So few vertices that no fit leaves a residual.
-        return ScanNoise(float(np.sqrt(floor)), 0, np.ones((len(STEPS), 2)), 1.0)
-    growth = (own[2] + floor) / (own[0] + floor)
-    widths = left[:, 2] / left[:, 0]
-    reach = 0 if growth > SURFACE**2 * float(widths.max()) else int(np.abs(np.log(widths / growth)).argmin())
-    sigma = np.sqrt(own[0] / left[reach, 0] + floor)
-    return ScanNoise(float(sigma), reach, np.maximum(answer[reach], 1e-3), float(rest[reach]))
+        return ScanNoise(float(np.sqrt(floor)), 0, *np.ones((2, len(STEPS), 2)))
+    sigma, reach = _unmix(own[:FITS] + floor, left[:, :FITS])
+    return ScanNoise(
+        float(np.sqrt(sigma**2 + floor)), reach, np.maximum(answer[reach], 1e-3), np.maximum(rest[reach], 1e-3)
+    )
+
+
+def _unmix(own: Array, left: Array) -> tuple[float, int]:
+    """Return sigma (mm) and reach of the noise in residuals `own` (L,) that noise of 1 mm makes `left` (R, L).
+
+    own = sigma^2 left + shape, where the shape grows from each fit to the next by one factor.
+    """
+    from scipy.optimize import nnls
+
+    best, answer = np.inf, (0.0, 0)
+    for reach, noise in enumerate(left):
+        for factor in GROWTH:
+            parts = np.stack([noise, own[0] * factor ** np.arange(len(own))], -1)
+            (square, _), miss = nnls(parts / own[:, None], np.ones(len(own)))
+            # White, unless shared noise explains the residuals clearly better.
+            if miss < (best if reach == 0 or answer[1] == reach else PREFERENCE * best):
+                best, answer = miss, (float(np.sqrt(square)), reach)
+    return answer
 
 
 def _fit(mesh: Mesh, near: Neighbours, chosen: NDArray, step: float, heights: Array) -> tuple[Array, Array, Array]:
