@@ -4,8 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
+from align.probes import surface
 from align.rim import find_rim
-from align.shading import find_shadows, surface
+from align.shading import find_shadows
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.mesh import Mesh

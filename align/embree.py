@@ -35,12 +35,15 @@ class Hits:
         Index of the triangle, -1 where nothing was met.
     weights : (P, 3) float64
         Barycentric weights of the triangle's corners.
+    front : (P,) bool
+        The triangle was hit from outside; through a hole in the scan a ray meets the inside of its other wall.
     """
 
     hit: NDArray[np.bool_]
     distance: Array
     face: NDArray[np.int64]
     weights: Array
+    front: NDArray[np.bool_]
 
     def interpolate(self, mesh: Mesh, values: NDArray) -> Array:
         """Return per-vertex `values` (V, k) at the hits (P, k); NaN where nothing was met."""
@@ -51,11 +54,19 @@ class Hits:
 
 
 class RayCaster:
-    """A mesh, ready to be hit by rays given in the mesh's own frame."""
+    """A mesh, ready to be hit by rays given in the mesh's own frame.
 
-    def __init__(self, mesh: Mesh) -> None:
+    Parameters
+    ----------
+    mesh : Mesh
+    normals : (V, 3) float, optional
+        Unit normals at the vertices, in place of the mesh's own: without the scan's noise.
+    """
+
+    def __init__(self, mesh: Mesh, normals: NDArray | None = None) -> None:
         open3d = import_open3d()
         self.mesh = mesh
+        self.normals = mesh.vertex_normals if normals is None else normals
         self._tensor: Any = open3d.core.Tensor
         self._middle = mesh.center_mm
         self._scene: Any = open3d.t.geometry.RaycastingScene()
@@ -84,7 +95,8 @@ class RayCaster:
             face[part] = np.where(np.isfinite(t), answer["primitive_ids"].numpy().astype(np.int64), -1)
             weights[part, 1:] = answer["primitive_uvs"].numpy()
         weights[:, 0] = 1 - weights[:, 1] - weights[:, 2]
-        return Hits(face >= 0, distance, face, weights)
+        facing = np.einsum("pk,pk->p", self.mesh.face_normals[np.maximum(face, 0)], directions)
+        return Hits(face >= 0, distance, face, weights, (face >= 0) & (facing < 0))
 
     def blocked(self, points: NDArray, directions: NDArray, far: NDArray) -> NDArray[np.bool_]:
         """Return (P,) whether something stands between each point (P, 3) and `far` (P,) mm along its direction."""
@@ -98,7 +110,7 @@ class RayCaster:
 
     def __reduce__(self) -> tuple:
         # Embree's tree cannot travel to another process; it is built again there, in milliseconds.
-        return RayCaster, (self.mesh,)
+        return RayCaster, (self.mesh, self.normals)
 
     def look(self, camera: Camera, pose: Pose, pixels: NDArray) -> Hits:
         """Return what pixels (P, 2) see of the mesh at `pose` (camera_from_scan)."""

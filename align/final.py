@@ -6,16 +6,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
+from align.probes import Probes
 from align.refine import Term, disagreement, information, robust_sigma
 from align.rim import Rim, find_rim, locate_edges, outline_jacobian, sample, signed_distance
-from align.rough import moved_normals, small_steps
-from align.shading import Samples, choose, explain, find_shadows, free_normals, surface
+from align.rough import small_steps
+from align.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, free_normals
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
+
+EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.4, 0.3
+"""How far outside the steepest place of a blurred limb, which darkens, the outline lies; and how unsure that is."""
+UNMODELLED = 4.0
+"""The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
+the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
+MASK_PX = 1.0
+"""What a mask's border may be off by."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +39,8 @@ class Fit:
         Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under
         the same lights and with the same samples.
     outline_share : float
-        Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs.
+        Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs or, where
+        object and backdrop are alike and there is none, of the mask's border.
     """
 
     overlap: float
@@ -67,6 +77,7 @@ class FinalEvidence:
     distance: NDArray[np.float32]
     picture: NDArray[np.float32]
     samples: Samples
+    probes: Probes
     cells: int
     block_px: float
     pose: Pose
@@ -84,11 +95,10 @@ class FinalEvidence:
     residual_px: float = np.inf
     bias_px: float = 0.0
     """How far outside the picture's edges the scan's outline lies on the whole."""
-    weights: tuple[float, float] = (1.0, 1.0)
+    weights: tuple[float, ...] = (1.0, 1.0, 1.0)
     information: Array = field(default_factory=lambda: np.zeros((6, 6)))
     """(6, 6), inverse covariance in units of `small_steps` of one pixel."""
     disagreement: float = 1.0
-    cost: float = np.inf
 
     @classmethod
     def of(
@@ -112,12 +122,13 @@ class FinalEvidence:
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
         seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < max(4.0, 0.7 * reach_px))
 
-        points, normals = surface(caster, camera, pose, samples.pixels)
+        probes = Probes.of(camera, samples.pixels, step_px=1.0)
+        points, normals = probes.surface(caster, pose)
         shadows = find_shadows(caster, lights, pose, points, normals)
         used = choose(samples, normals, _vectors(lights, points), shadows)
         v, u = np.nonzero(mask)
         here = cls(
-            caster, camera, lights, mask, distance, picture, samples, cells,
+            caster, camera, lights, mask, distance, picture, samples, probes, cells,
             max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16), pose,
             rim, pose.inverse().apply(rim.points[seen]), at[seen], rim.outward[seen], used,
         )  # fmt: skip
@@ -143,7 +154,6 @@ class FinalEvidence:
             bias_px=bias,
             residual_px=float(np.sqrt(np.mean((inliers - bias) ** 2))) if len(inliers) else np.inf,
             shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
-            cost=self._fixed_cost(offset, residuals),
         )
         weights, matrices, slopes = [], [], []
         scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
@@ -156,73 +166,96 @@ class FinalEvidence:
             matrices.append(hessian / effect)
             slopes.append(slope * scales / effect)
         total = max(sum(weights), 1e-12)
+        contradiction = disagreement(matrices[:2], slopes[:2])
         return replace(
             here,
-            weights=(weights[0] / total, weights[1] / total),
-            information=sum(matrices) / disagreement(matrices, slopes),
-            disagreement=disagreement(matrices, slopes),
+            weights=tuple(weight / total for weight in weights),
+            information=sum(matrices) / contradiction,
+            disagreement=contradiction,
         )
 
     def covariance(self) -> Array:
         """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen."""
         scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
-        return np.linalg.pinv(self.information, rcond=1e-12, hermitian=True) * scales * scales[:, None]
+        inverse = np.linalg.pinv(self.information, rcond=1e-12, hermitian=True)
+        return UNMODELLED * inverse * scales * scales[:, None]
 
     def terms(self, pose: Pose) -> list[Term]:
-        """Return outline and shading at a pose, in units of three sigma."""
+        """Return outline, shading, and the outline's common offset, at a pose, in units of three sigma."""
         pivot = pose.apply(self.caster.mesh.center_mm)
         points = pose.apply(self.rim_on_scan)
         pixels = self.camera.project(points)
         unit = 3 * self.rim_sigma
         # Limbs darken, and the steepest place of a blurred limb lies inside the true outline by an amount that
-        # is much the same all round: `bias_px` takes it up instead of the depth.
-        offset = np.einsum("kp,kp->k", pixels - self.edges, self.outward) - self.bias_px
+        # is much the same all round: an unknown of its own, known beforehand to some tenths of a pixel. Taken for
+        # the outline, it would pass for depth; were it wholly unknown, depth would not be seen.
+        offset = np.einsum("kp,kp->k", pixels - self.edges, self.outward)
         jacobian = outline_jacobian(self.camera, points, self.outward, pivot)
-        pull = 1 / (1 + (offset / unit) ** 2) ** 2
+        pull = 1 / (1 + ((offset - self.bias_px) / unit) ** 2) ** 2
+        common, along = np.zeros(0), np.zeros((0, 6))
         if len(offset):
-            jacobian = jacobian - pull @ jacobian / pull.sum()
-            offset = offset - pull @ offset / pull.sum()
+            common, along = np.atleast_1d(pull @ offset / pull.sum()), (pull @ jacobian / pull.sum())[None]
+            jacobian, offset = jacobian - along, offset - common
         outline = Term(offset / unit, jacobian / unit, self._blocks(self.edges), self.weights[0])
+        doubt = 3 * EDGE_DOUBT_PX
+        bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), self.weights[2])
         residuals, slopes = self._shading(pose, with_jacobian=True)
         assert slopes is not None
         unit = 3 * self.shading_sigma
         blocks = np.broadcast_to(self._blocks(self.samples.pixels), self.used.shape)[self.used]
-        shading = Term(
-            residuals[self.used] / unit, slopes[self.used].astype(np.float64) / unit, blocks, self.weights[1]
-        )
-        return [outline, shading]
+        shading = Term(residuals[self.used] / unit, slopes[self.used] / unit, blocks, self.weights[1])
+        return [outline, shading, bias]
 
     def fit(self) -> Fit:
         """Return how well the evidence's pose fits."""
-        pixels = self.samples.pixels
-        points, normals = surface(self.caster, self.camera, self.pose, pixels)
+        points, normals = self.probes.surface(self.caster, self.pose)
         error = angular_error_deg(free_normals(self.samples, self.used, _vectors(self.lights, points)), normals)
         size = float(np.ptp(np.argwhere(self.mask), axis=0).max()) + 1
         near = max(1.0, 0.005 * size)
         offset = locate_edges(self.picture, self.rim.pixels, self.rim.outward, reach_px=max(6.0, 0.05 * size))
         on_edge = np.abs(offset + self.bias_px) < near
+        on_edge |= np.abs(sample(self.distance, self.rim.pixels)) < near + MASK_PX
         return Fit(
             self.rim.overlap(self.mask),
             float(np.nanmedian(error)) if np.isfinite(error).any() else 90.0,
             float(np.mean(on_edge)) if len(on_edge) else 0.0,
         )
 
-    def _shading(self, pose: Pose, *, with_jacobian: bool) -> tuple[Array, NDArray[np.float32] | None]:
-        pixels = self.samples.pixels
-        points, normals = surface(self.caster, self.camera, pose, pixels)
-        steps = small_steps(self.caster.mesh, self.camera, pose, step_px=0.7)
-        moved = moved_normals(self.caster, self.camera, pose, pixels, steps) if with_jacobian else None
-        return explain(self.samples, self.used, normals, _vectors(self.lights, points), moved)
+    def _shading(self, pose: Pose, *, with_jacobian: bool) -> tuple[Array, Array | None]:
+        points, normals = self.probes.surface(self.caster, pose)
+        slopes = None
+        if with_jacobian:
+            slopes = self.probes.slopes(self.caster, pose, points, normals, pose.apply(self.caster.mesh.center_mm))
+        return explain(self.samples, self.used, normals, _vectors(self.lights, points), slopes)
 
-    def _fixed_cost(self, offset: Array, residuals: Array) -> float:
-        """Return a cost whose scales do not follow the residuals, to compare poses by."""
-        miss = 1 - self.rim.overlap(self.mask)
-        outline = np.nan_to_num(offset, nan=10.0) / 2
-        relative = residuals[self.used] / 0.1
-        seen = float(self.used.any(0).mean())
-        shading = float(np.mean(relative**2 / (1 + relative**2))) if relative.size else 1.0
-        edge = float(np.mean(outline**2 / (1 + outline**2))) if outline.size else 1.0
-        return miss + edge + seen * shading + (1 - seen)
+    def pixel_costs(self, sigma: float) -> Array:
+        """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
+
+        A sample is predicted dark, too, where the scan turns from the light. Cast shadows say nothing: light falls
+        through the holes of a scan.
+        """
+        points, normals = self.probes.surface(self.caster, self.pose)
+        vectors = _vectors(self.lights, points)
+        away = cosines(vectors, normals) < 0
+        residuals, _ = explain(self.samples, self.used, normals, vectors)
+        dark = away & ~self.samples.clipped & np.isfinite(normals[:, 0])
+        relative = np.where(dark, self.samples.values / self.samples.scale, residuals) / (3 * sigma)
+        counted = self.used | dark
+        cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
+        missed = ~np.isfinite(points[:, 0])
+        cost[self.used.sum(0) < FEWEST] = np.nan
+        cost[missed] = 1.0
+        return cost
+
+    @property
+    def beyond_mask(self) -> float:
+        """The silhouette's area outside the mask, in areas of the mask."""
+        rim, (height, width) = self.rim, self.mask.shape
+        rows, columns = np.nonzero(rim.raster)
+        v, u = rim.corner[1] + rim.step * rows, rim.corner[0] + rim.step * columns
+        inside = (v >= 0) & (v < height) & (u >= 0) & (u < width)
+        outside = (~self.mask[v[inside], u[inside]]).sum() + (~inside).sum()
+        return float(outside * rim.step**2 / max(self.mask.sum(), 1))
 
     def _blocks(self, pixels: NDArray) -> NDArray[np.int64]:
         cell = (pixels / self.block_px).astype(np.int64)

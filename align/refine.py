@@ -104,6 +104,36 @@ def descend(
     return pose, cost, terms
 
 
+def settle(
+    evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], scales: NDArray, *, steps: int
+) -> tuple[Pose, float]:
+    """Take Gauss-Newton's steps from `pose`, near the end of the descent, until they are small.
+
+    Near the end the cost's own ripples (a ray crosses an edge of the mesh, a sample its shadow's border) are larger
+    than what is left to gain, and to ask for a lower cost is to stop at the first ripple. The slope is an average
+    over many pixels: the place where it vanishes is well defined.
+
+    Returns
+    -------
+    pose : Pose
+    last : float
+        The last step's greatest component, in units of `scales`.
+    """
+    last = np.inf
+    for _ in range(steps):
+        hessian, slope = np.zeros((6, 6)), np.zeros(6)
+        for term in evaluate(pose):
+            h, g = term.normal_equations()
+            hessian, slope = hessian + h, slope + g
+        hessian, slope = hessian * scales * scales[:, None], slope * scales
+        step = -np.linalg.lstsq(hessian + 1e-9 * np.trace(hessian) * np.eye(6), slope, rcond=None)[0]
+        last = float(np.abs(step).max())
+        pose = nudge(pose, step * scales * min(1.0, 3 / max(last, 1e-12)), pivot_of(pose))
+        if last < 0.004:
+            break
+    return pose, last
+
+
 def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
     """Return what a term knows of the pose (6, 6), the scatter of its blocks' pulls (6, 6), and its slope (6,).
 
@@ -124,7 +154,7 @@ def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
     _, block = np.unique(term.blocks, return_inverse=True)
     pulls = np.stack([np.bincount(block, weighted[:, k] * term.residuals) for k in range(6)], -1)
     slope = pulls.sum(0)
-    pulls -= pulls.mean(0)
+    pulls = pulls - pulls.sum(0) / max(len(pulls), 1)
     return hessian, pulls.T @ pulls, slope
 
 

@@ -23,8 +23,8 @@ WORST_MISFIT = 0.9
 """Above it the scan is refused. Right scans stay under 0.4 here, wrong and mirrored ones of like shape over 0.9."""
 POOR_MISFIT = 0.45
 """Above it the pose is doubted, and the mirrored scan is tried."""
-NEARLY_EQUAL = 1.15
-"""A second pose whose cost is within this factor of the best one's cannot be told from it."""
+SURE = 4.0
+"""A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,11 @@ class Registration:
         overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that
         fit the photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as
         one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of
-        outline and shading: the variance is inflated by it), cost, second_cost, second_angle_deg.
+        outline and shading: the variance is inflated by it); of the best pose and the next, where there is one: cost,
+        second_cost, second_deviations (see `align.contest`), second_angle_deg.
     warnings : tuple of str
+    ambiguous : bool
+        Another pose explains the photographs as well, within chance: a symmetric object.
     """
 
     pose: Pose
@@ -62,6 +65,7 @@ class Registration:
     pivot_mm: Array
     evidence: dict[str, float]
     warnings: tuple[str, ...] = ()
+    ambiguous: bool = False
 
 
 def register(
@@ -72,6 +76,7 @@ def register(
     mask: NDArray[np.bool_],
     normals: NDArray,
     *,
+    start: Pose | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Registration:
@@ -93,6 +98,8 @@ def register(
         The object.
     normals : (H, W, 3) float
         Photometric-stereo normals, camera frame, NaN where unknown; may be many degrees off.
+    start : Pose, optional
+        camera_from_scan, some pixels off: it is refined, and no other is looked for.
     executor : Executor, optional
         Runs the starts side by side.
     progress : callable, optional
@@ -105,7 +112,7 @@ def register(
         scan, a wrong unit.
     """
     _check_input(camera, frames, lights, mask, normals)
-    found = search(mesh, camera, frames, lights, mask, normals, executor=executor, progress=progress)
+    found = search(mesh, camera, frames, lights, mask, normals, start=start, executor=executor, progress=progress)
     pose, evidence = found.pose, found.evidence
     _check_distance(mesh, camera, lights, pose)
     fit = evidence.fit()
@@ -118,7 +125,6 @@ def register(
         "rim_points": float(len(evidence.edges)),
         "edge_bias_px": evidence.bias_px,
         "disagreement": evidence.disagreement,
-        "cost": found.cost,
     }
     warnings = []
     if fit.misfit > POOR_MISFIT:
@@ -129,15 +135,18 @@ def register(
                 "side that the camera sees, and is the mask on the object?"
             )
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
-    if found.second is not None:
-        facts["second_cost"] = found.second_cost
+    ambiguous = False
+    if found.second is not None and found.contest is not None:
+        facts["cost"], facts["second_cost"] = found.contest.costs
+        facts["second_deviations"] = found.contest.deviations
         facts["second_angle_deg"] = (pose.inverse() @ found.second).angle_deg()
-        if found.second_cost < NEARLY_EQUAL * found.cost:
-            warnings.append(
-                f"scan: two poses fit nearly as well (cost {found.cost:.4f} and {found.second_cost:.4f}), "
-                f"{facts['second_angle_deg']:.0f} degrees apart: the object looks nearly symmetric. Check the "
-                "silhouette and the shading in the report."
-            )
+        ambiguous = found.contest.deviations < SURE
+    if ambiguous:
+        warnings.append(
+            f"scan: two poses fit nearly as well (cost {facts['cost']:.4f} and {facts['second_cost']:.4f}, "
+            f"{facts['second_deviations']:.1f} standard deviations), {facts['second_angle_deg']:.0f} degrees apart: "
+            "the object looks nearly symmetric. Check the silhouette and the shading in the report."
+        )
     if abs(evidence.bias_px) > 1:
         warnings.append(
             f"scan: its outline lies {abs(evidence.bias_px):.1f} px {'outside' if evidence.bias_px > 0 else 'inside'} "
@@ -154,6 +163,7 @@ def register(
         pose.apply(mesh.center_mm),
         facts,
         tuple(warnings),
+        ambiguous,
     )
 
 

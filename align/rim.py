@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from align.motion import point_jacobian
+from align.probes import image_flow
 from scene.camera import Camera
 from scene.pose import Pose
 
@@ -60,11 +60,7 @@ def outline_jacobian(camera: Camera, points: NDArray, outward: NDArray, pivot: N
     """
     if not len(points):
         return np.zeros((0, 6))
-    step_mm = 1e-4 * max(1.0, float(np.abs(points[:, 2]).max()))
-    flow = np.stack(
-        [(camera.project(points + step_mm * axis) - camera.project(points - step_mm * axis)) for axis in np.eye(3)], -1
-    ) / (2 * step_mm)
-    return np.einsum("kp,kpx,kxt->kt", outward, flow, point_jacobian(points, pivot))
+    return np.einsum("kp,kpt->kt", outward, image_flow(camera, points, pivot))
 
 
 def find_rim(caster: RayCaster, camera: Camera, pose: Pose, *, cells: int) -> Rim:

@@ -6,15 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from align.motion import nudge
+from align.probes import Probes
 from align.refine import Term
 from align.rim import Rim, find_rim, outline_jacobian, sample, signed_distance
-from align.shading import surface
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
+
+UNKNOWN = 0.4
+"""Residual, in units of the loss, of a pixel that looks into a hole of the scan."""
 
 
 def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Array:
@@ -25,24 +27,6 @@ def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Ar
     return np.array([side / mesh.radius_mm] * 3 + [side, side, along])
 
 
-def moved_normals(
-    caster: RayCaster, camera: Camera, pose: Pose, pixels: NDArray, steps: Array
-) -> list[tuple[float, Array, Array]]:
-    """Return, for each twist, its step and the normals that pixels see after and before it.
-
-    Central differences: a scan's noise makes its normals differ from themselves one facet on, and a one-sided
-    difference would take that for a slope against the residual (a bias of some tenths of a pixel).
-    """
-    pivot = pose.apply(caster.mesh.center_mm)
-    moved = []
-    for axis, step in enumerate(steps):
-        sides = [
-            surface(caster, camera, nudge(pose, np.eye(6)[axis] * step * sign, pivot), pixels)[1] for sign in (1, -1)
-        ]
-        moved.append((step or 1.0, sides[0], sides[1]))
-    return moved
-
-
 @dataclass(frozen=True)
 class RoughEvidence:
     """Silhouette against mask, and rendered against photometric normals."""
@@ -50,7 +34,7 @@ class RoughEvidence:
     camera: Camera
     mask: NDArray[np.bool_]
     distance: NDArray[np.float32]
-    pixels: Array
+    probes: Probes
     targets: Array
     cells: int
     step_px: float
@@ -74,13 +58,14 @@ class RoughEvidence:
         target = smooth[v[pick], u[pick]].astype(np.float64)
         target /= np.linalg.norm(target, axis=1, keepdims=True)
         pixels = np.stack([u, v], -1)[pick].astype(np.float64)
-        return cls(camera, mask, signed_distance(mask), pixels, target, cells, step)
+        probes = Probes.of(camera, pixels, step_px=0.5 * step)
+        return cls(camera, mask, signed_distance(mask), probes, target, cells, step)
 
     def rim(self, caster: RayCaster, pose: Pose) -> Rim:
         return find_rim(caster, self.camera, pose, cells=self.cells)
 
-    def terms(self, caster: RayCaster, steps: Array, pose: Pose) -> list[Term]:
-        """Return the terms at a pose; `steps` (6,) are the finite differences' steps."""
+    def terms(self, caster: RayCaster, pose: Pose) -> list[Term]:
+        """Return the terms at a pose."""
         pivot = pose.apply(caster.mesh.center_mm)
         rim = self.rim(caster, pose)
         reach = 2 * self.step_px
@@ -94,14 +79,13 @@ class RoughEvidence:
             np.zeros(len(slope), np.int64),
             constant=1 - rim.overlap(self.mask),
         )
-        _, normals = surface(caster, self.camera, pose, self.pixels)
+        points, normals = self.probes.surface(caster, pose)
         seen = np.isfinite(normals[:, 0])
         scale = 0.5
         residual = np.where(seen[:, None], (normals - self.targets) / scale, 3.0)
-        slopes = np.zeros((*residual.shape, 6))
-        for axis, (step, after, before) in enumerate(moved_normals(caster, self.camera, pose, self.pixels, steps)):
-            both = seen & np.isfinite(after[:, 0]) & np.isfinite(before[:, 0])
-            slopes[both, :, axis] = (after[both] - before[both]) / (2 * step * scale)
+        # Through a hole nothing is known: neither good nor bad.
+        residual[~seen & np.isfinite(points[:, 0])] = UNKNOWN
+        slopes = np.where(seen[:, None, None], self.probes.slopes(caster, pose, points, normals, pivot) / scale, 0.0)
         flat = slopes.reshape(-1, 6)
         normal_term = Term(residual.ravel(), flat, np.zeros(len(flat), np.int64), weight=3.0)
         return [outline, normal_term]

@@ -8,12 +8,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from align.contest import Contest, compare_poses
 from align.embree import RayCaster
 from align.final import FinalEvidence
 from align.picture import bright_picture
-from align.refine import descend
+from align.refine import descend, settle
 from align.rough import RoughEvidence, small_steps
 from align.shading import take_samples
+from align.smooth_normals import smooth_normals
 from align.start import Start, find_starts
 from scene.camera import Camera
 from scene.frames import Frames
@@ -22,28 +24,30 @@ from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
 
-STARTS = 20
-"""Orientations that are refined at low resolution."""
+STARTS = 16
+"""Orientations that are refined at low resolution; the right one is nearly always among the first five."""
+SAMPLES = 150_000
+"""Pixels times frames that the last refinement looks at."""
 ROUGH_SIZE = 500
 """Pixels across the object, at most, until the frames themselves are asked."""
 FINALISTS = 3
 """Of these, how many are refined on the frames."""
+SETTLED_PX = 0.01
+"""A round that moves the scan's image by less is the last."""
+APART_PX = 5.0
+"""Poses that differ by less are one."""
 STEPS = STARTS + FINALISTS + 2
 """What `progress` counts to."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The best pose, with what speaks for it, and the next best.
-
-    `cost` and `second_cost` compare the two on equal terms; `second` is None where all starts led to one pose.
-    """
+    """The best pose, with what speaks for it, and the next best; None where all starts led to one pose."""
 
     pose: Pose
     evidence: FinalEvidence
-    cost: float
     second: Pose | None
-    second_cost: float
+    contest: Contest | None
 
 
 def search(
@@ -54,33 +58,43 @@ def search(
     mask: NDArray[np.bool_],
     normals: NDArray,
     *,
+    start: Pose | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Found:
     """Return the pose that explains the photographs best, whether well or not; see `align.register.register`."""
     tell = progress or (lambda done, total: None)
-    caster = RayCaster(mesh)
+    # A scan's noise turns its own normals by degrees: more than a pose does.
+    caster = RayCaster(mesh, smooth_normals(mesh)[0])
     small = _shrunken(camera, mask, normals)
-    starts = find_starts(caster, *small, count=STARTS)
+    starts = find_starts(caster, *small, count=STARTS) if start is None else [Start(start, 1.0)]
     tell(1, STEPS)
     rough = _refine_roughly(caster, *small, starts, executor, lambda done: tell(1 + done, STEPS))
 
-    # The more frames, the fewer pixels tell as much; their Jacobian stays under 30 MB.
-    count = int(np.clip(600_000 / len(frames), 3000, 40_000))
+    # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
+    count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
     picture = bright_picture(frames, mask, lights=lights)
     finalists = []
     for done, (pose, _) in enumerate(rough[:FINALISTS]):
         finalists.append(
-            _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 8, cells=160, rounds=2)
+            _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 6, cells=160, rounds=3)
         )
         tell(2 + STARTS + done, STEPS)
-    finalists.sort(key=lambda item: item[1].cost)
-    best, best_evidence = finalists[0]
-    pose, evidence = _finish(caster, camera, frames, lights, mask, picture, best, count=count, cells=400, rounds=4)
+    best = 0
+    for challenger in range(1, len(finalists)):
+        if compare_poses(finalists[best][1], finalists[challenger][1]).deviations < 0:
+            best = challenger
+    rivals = [
+        (pose, compare_poses(finalists[best][1], evidence))
+        for index, (pose, evidence) in enumerate(finalists)
+        if index != best and apart_px(mesh, camera, finalists[best][0], pose) > APART_PX
+    ]
+    rivals.sort(key=lambda rival: rival[1].deviations)
+    pose, evidence = _finish(
+        caster, camera, frames, lights, mask, picture, finalists[best][0], count=count, cells=400, rounds=8
+    )
     tell(STEPS, STEPS)
-    others = [(p, e.cost) for p, e in finalists[1:] if apart_px(mesh, camera, best, p) > 5]
-    second, second_cost = others[0] if others else (None, np.inf)
-    return Found(pose, evidence, best_evidence.cost, second, second_cost)
+    return Found(pose, evidence, *(rivals[0] if rivals else (None, None)))
 
 
 def _shrunken(camera: Camera, mask: NDArray[np.bool_], normals: NDArray) -> tuple[Camera, NDArray[np.bool_], NDArray]:
@@ -121,7 +135,7 @@ def _refine_roughly(
 def _descend_roughly(caster: RayCaster, evidence: RoughEvidence, steps: int, pose: Pose) -> tuple[Pose, float]:
     scales = small_steps(caster.mesh, evidence.camera, pose, step_px=evidence.step_px)
     pose, cost, _ = descend(
-        partial(evidence.terms, caster, scales),
+        partial(evidence.terms, caster),
         pose,
         lambda p: p.apply(caster.mesh.center_mm),
         scales,
@@ -166,8 +180,15 @@ def _finish(
     # The rough pose may be a pixel of the shrunken picture off.
     reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
     evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=reach)
+    pivot = caster.mesh.center_mm
     for index in range(rounds):
         scales = small_steps(caster.mesh, camera, pose, step_px=0.5)
-        pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(caster.mesh.center_mm), scales, steps=6)
+        before = pose
+        if index == 0:
+            pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(pivot), scales, steps=6)
+        else:
+            pose, _ = settle(evidence.terms, pose, lambda p: p.apply(pivot), scales, steps=4)
         evidence = evidence.renewed(pose, reach_px=max(2.5, reach / 2 ** (index + 1)))
+        if index and apart_px(caster.mesh, camera, before, pose) < SETTLED_PX:
+            break
     return pose, evidence

@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
-from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
@@ -31,6 +30,7 @@ class Samples:
         Mean of the channels, each divided by the light's intensity at the reference point.
     usable : (N, P) bool
         Not saturated, and above the noise.
+    clipped : (N, P) bool
     scale : (P,) float64
         The pixel's rms over its usable samples.
     """
@@ -38,6 +38,7 @@ class Samples:
     pixels: Array
     values: NDArray[np.float32]
     usable: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
     scale: Array
 
 
@@ -64,16 +65,7 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     scale = np.sqrt(np.mean(np.where(clipped, 0, values) ** 2, axis=0)).astype(np.float64)
     floor = 0.05 * np.median(scale)
     usable = ~clipped & (values > 0.1 * scale)
-    return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, np.maximum(scale, floor))
-
-
-def surface(caster: RayCaster, camera: Camera, pose: Pose, pixels: NDArray) -> tuple[Array, Array]:
-    """Return points and unit normals (P, 3), camera frame, that pixels see; NaN where they miss."""
-    hits = caster.look(camera, pose, pixels)
-    normals = pose.rotate(hits.interpolate(caster.mesh, caster.mesh.vertex_normals))
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    origins, directions = camera.rays(pixels)
-    return origins + directions * np.where(hits.hit, hits.distance, np.nan)[:, None], normals
+    return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, clipped, np.maximum(scale, floor))
 
 
 def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:
@@ -97,19 +89,15 @@ def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray,
 
 def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return (N, P): samples that a scan with these normals should explain."""
-    b = _cosines(vectors, normals)
+    b = cosines(vectors, normals)
     used = samples.usable & ~shadows & (b > GRAZING * np.linalg.norm(vectors, axis=-1))
     used &= np.isfinite(normals[:, 0])
     return used & (used.sum(0) >= FEWEST)
 
 
 def explain(
-    samples: Samples,
-    used: NDArray[np.bool_],
-    normals: NDArray,
-    vectors: Array,
-    moved: list[tuple[float, NDArray, NDArray]] | None = None,
-) -> tuple[Array, NDArray[np.float32] | None]:
+    samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array, slopes: Array | None = None
+) -> tuple[Array, Array | None]:
     """Explain samples by normals, with the best albedo for each pixel.
 
     Parameters
@@ -120,43 +108,46 @@ def explain(
         Camera frame, NaN where the scan is missed.
     vectors : (N, P, 3)
         Light vectors at the pixels' points.
-    moved : list of (step, normals (P, 3), normals (P, 3)), optional
-        Normals a small step after and before, along each of the six twists: gives the Jacobian.
+    slopes : (P, 3, 6), optional
+        Of the normals, see `Probes.slopes`: gives the Jacobian.
 
     Returns
     -------
     residuals : (N, P) float64
         (measured - albedo * light . normal) / the pixel's scale; zero where not used.
-    jacobian : (N, P, 6) float32 or None
+    jacobian : (N, P, 6) float64 or None
         Of the residuals, for `nudge`; the albedo follows the pose.
 
     Notes
     -----
     With b = light . normal and weights w: albedo = sum w b E / sum w b^2 (variable projection
     [Golub1973]); w falls off for samples that the rest of their pixel contradicts
-    (highlights, bounced light).
+    (highlights, bounced light). The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.
     """
+    values, weight, b, square, albedo = _fit_albedo(samples, used, normals, vectors)
+    residuals = np.where(used, values - albedo * b, 0.0)
+    if slopes is None:
+        return residuals, None
+    along = np.matmul(vectors.transpose(1, 0, 2), slopes)
+    drift = np.einsum("np,pnt->pt", weight * (values - 2 * albedo * b), along) / square[:, None]
+    jacobian = -(albedo[:, None, None] * along + b.T[:, :, None] * drift[:, None, :])
+    return residuals, np.where(used.T[:, :, None], jacobian, 0.0).transpose(1, 0, 2)
+
+
+def _fit_albedo(
+    samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return values, weights, light . normal (N, P); sum of w b^2 and albedo (P,)."""
     values = np.where(used, samples.values, 0) / samples.scale
     weight = used.astype(np.float64)
-
-    def project(b: Array) -> Array:
-        albedo = (weight * b * values).sum(0) / np.maximum((weight * b * b).sum(0), 1e-12)
-        return np.where(used, values - albedo * b, 0.0)
-
-    b = _cosines(vectors, normals)
-    for _ in range(3):
-        residuals = project(b)
-        weight = used / (1 + (residuals / 0.1) ** 2) ** 2
-    residuals = project(b)
-    if moved is None:
-        return residuals, None
-    jacobian = np.zeros((*b.shape, 6), np.float32)
-    for axis, (step, after, before) in enumerate(moved):
-        # Where a moved ray misses, or lands beyond a fold, the normals tell nothing of the slope.
-        close = np.einsum("pk,pk->p", np.nan_to_num(after), np.nan_to_num(before)) > 0.9
-        slope = (project(_cosines(vectors, after)) - project(_cosines(vectors, before))) / (2 * step)
-        jacobian[..., axis] = np.where(close, slope, 0)
-    return residuals, jacobian
+    b = cosines(vectors, normals)
+    square = albedo = np.zeros(b.shape[1])
+    for turn in range(4):
+        square = np.maximum((weight * b * b).sum(0), 1e-12)
+        albedo = (weight * b * values).sum(0) / square
+        if turn < 3:
+            weight = used / (1 + ((values - albedo * b) / 0.1) ** 2) ** 2
+    return values, weight, b, square, albedo
 
 
 def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> Array:
@@ -176,5 +167,6 @@ def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> A
     return unit(out)
 
 
-def _cosines(vectors: Array, normals: NDArray) -> Array:
+def cosines(vectors: Array, normals: NDArray) -> Array:
+    """Return (N, P) light . normal, 0 where the normal is unknown."""
     return np.einsum("npk,pk->np", vectors, np.nan_to_num(normals))

@@ -196,7 +196,9 @@ def _cast_views(
         found = caster.cast((origins @ views[part]).reshape(-1, 3), (directions @ views[part]).reshape(-1, 3))
         hit[part] = found.hit.reshape(block.shape[:2])
         if with_normals:
-            smooth = np.nan_to_num(found.interpolate(caster.mesh, caster.mesh.vertex_normals))
+            smooth = np.nan_to_num(found.interpolate(caster.mesh, caster.normals))
+            # The inside, seen through a hole, has no normals; it is silhouette all the same.
+            smooth[~found.front] = 0
             normals[part] = smooth.reshape(*block.shape[:2], 3) @ views[part].transpose(0, 2, 1)
     return hit, normals
 
@@ -248,9 +250,10 @@ def _score(
     known = np.linalg.norm(target, axis=1) > 0.5
     silhouettes = transform(seen.reshape(-1, *shape))
     overlap = correlate(transform((inside * area).reshape(1, *shape)), silhouettes)
-    both = correlate(transform((known * area).reshape(1, *shape)), silhouettes)
+    outside = transform((np.linalg.norm(rendered, axis=-1) > 0.5).reshape(-1, *shape))
+    both = correlate(transform((known * area).reshape(1, *shape)), outside)
     agreement = correlate(
-        transform(polar_frame(target * area[:, None])[None]), transform(polar_frame(rendered * seen[..., None]))
+        transform(polar_frame(target * area[:, None])[None]), transform(polar_frame(rendered))
     )
     union = (inside * area).sum() + (seen * area).sum(1)[:, None] - overlap
     cosine = np.clip(agreement / np.maximum(both, 1e-6), -1, 1)

@@ -6,12 +6,12 @@ import numpy as np
 
 from lab.job import Job, Outcome
 from lab.progress import progress_bar
+from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import CalibrationError, SessionError
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.mesh import Mesh
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -67,7 +67,7 @@ def calibrate(job: Job) -> Outcome:
     camera = found.camera or camera
     store.save_camera(camera)
     store.save_spheres(found.spheres, camera)
-    store.save_lights(found.lights, files=_files(job))
+    store.save_lights(found.lights, files=frame_files(job))
     calibration = {
         "highlights_px": found.highlights_px,
         "rejected": found.rejected,
@@ -80,8 +80,8 @@ def calibrate(job: Job) -> Outcome:
         "model": lights.model,
         "evidence": found.evidence,
         "spheres": len(found.spheres),
-        "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
-        "intensity_sigma_median": _median(lights.intensity_sigma),
+        "direction_sigma_deg_median": median_or_none(lights.direction_sigma_deg),
+        "intensity_sigma_median": median_or_none(lights.intensity_sigma),
     }
     return Outcome(result, [*ball_warnings, *found.warnings])
 
@@ -119,85 +119,18 @@ def align(job: Job) -> Outcome:
         if session.scan:
             warnings.append("object.normals is given: the scan is not registered, and there is no twin.")
         store.save_mask(found.mask)
-        store.save_lights(lights, files=_files(job))
+        store.save_lights(lights, files=frame_files(job))
     elif session.scan:
-        result, more = _register(job, frames, camera, lights, found)
+        result, more = register_scan(job, frames, camera, lights, found)
         warnings += more
     else:
         store.save_mask(found.mask)
-        store.save_lights(lights, files=_files(job))
+        store.save_lights(lights, files=frame_files(job))
         warnings.append(
             "No scan and no given normals: there is no ground truth, so no error, no twin and no verdict on the "
             'methods. Add [object] scan = "..." to session.toml.'
         )
     return Outcome({"truth": result}, warnings)
-
-
-def _register(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
-    """Register the scan and write pose, truth, mask and lights."""
-    from align.appearance import outline, shading
-    from align.mask import scan_mask
-    from align.register import register
-    from align.search import apart_px
-    from align.truth import ground_truth
-    from compare.registration import write_pictures
-    from solve.solve import solve
-
-    store = job.store
-    mesh = job.load_scan()
-    picked = _picked(job, camera, mesh)
-    mask = rough_mask.mask
-    rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
-    with progress_bar("register") as progress:
-        found = register(mesh, camera, frames, lights, mask, rough.normals, executor=job.executor, progress=progress)
-    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance)
-    store.save_truth(truth.normals, truth.sigma_deg)
-    store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
-    final_mask = scan_mask(truth.mask, rough_mask)
-    store.save_mask(final_mask.mask)
-    lights = lights.seen_from(found.pose.apply(mesh.center_mm))
-    store.save_lights(lights, files=_files(job))
-    write_pictures(
-        store,
-        frames,
-        lights,
-        strokes=outline(mesh, found.pose, camera),
-        shading=lambda index, pixels: shading(mesh, found.pose, camera, lights, index, pixels),
-        mask=final_mask.mask,
-        sigma_deg=truth.sigma_deg,
-    )
-    result = {
-        "residual_px": found.residual_px,
-        "sigma_mm": found.sigma_mm,
-        "sigma_deg": found.sigma_deg,
-        "fit": found.evidence,
-        "evidence": list(mesh.repairs),
-        "truth_sigma_deg_median": _median(truth.sigma_deg),
-    }
-    warnings = [*found.warnings, *final_mask.warnings]
-    if picked is not None:
-        away = apart_px(mesh, camera, picked.pose, found.pose)
-        result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
-        warnings += picked.warnings
-        # Some pixels of each pick's error, drawn out over the part of the scan that has none.
-        if away > 10 + 0.02 * np.sqrt(final_mask.mask.sum()) + 5 * picked.residual_px:
-            warnings.append(
-                f"{job.session.picks.name}: the picks put the scan {away:.0f} px (rms) from where it was registered: "
-                "one of the two is wrong. Check the outline in the report, and the picks."
-            )
-    return result, warnings
-
-
-def _picked(job: Job, camera: Camera, mesh: Mesh) -> Any:
-    """Return the pose that the session's picks give, None without picks."""
-    from align.picks import read_picks
-    from capture.requests import hint_scale
-
-    session = job.session
-    if session.picks is None:
-        return None
-    half = hint_scale(session, camera.width) == 2
-    return read_picks(session.picks, camera, mesh, unit=session.scan_unit, half=half)
 
 
 def _given_truth(job: Job, mask: Any) -> dict:
@@ -296,10 +229,6 @@ def _truth_check(job: Job) -> dict:
     return known_truth(job.store, job.truth, methods=job.methods, mesh=mesh)
 
 
-def _files(job: Job) -> tuple[str, ...]:
-    return tuple(path.name for path in job.session.flash)
-
-
 def _material_method(job: Job) -> str:
     """Return the method whose albedo becomes the twin's material: the one that gloss disturbs least."""
     return "iterative" if "iterative" in job.methods else job.methods[0]
@@ -312,8 +241,3 @@ def _object_point(camera: Camera, spheres: list[Sphere], lights: Lights, mask: A
     depths = [sphere.center_mm(camera)[2] for sphere in spheres if sphere.diameter_mm and not camera.is_orthographic]
     depth = float(np.mean(depths)) if depths else float(lights.reference_point_mm[2])
     return camera.points_at_depth(pixel, depth) if depth < 0 or camera.is_orthographic else lights.reference_point_mm
-
-
-def _median(values: Any) -> float | None:
-    values = np.asarray(values, float)
-    return float(np.nanmedian(values)) if np.isfinite(values).any() else None

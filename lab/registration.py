@@ -1,0 +1,100 @@
+"""The scan's part of the step `align`: registered, its ground truth and pictures written."""
+
+from typing import Any
+
+import numpy as np
+
+from lab.job import Job
+from lab.progress import progress_bar
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+
+
+def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
+    """Register the scan and write pose, truth, mask and lights."""
+    from align.appearance import outline, shading
+    from align.mask import scan_mask
+    from align.register import register
+    from align.search import apart_px
+    from align.truth import ground_truth
+    from compare.registration import write_pictures
+    from solve.solve import solve
+
+    store = job.store
+    mesh = job.load_scan()
+    picked = _picked(job, camera, mesh)
+    mask = rough_mask.mask
+    rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
+    with progress_bar("register") as progress:
+        found = register(
+            mesh,
+            camera,
+            frames,
+            lights,
+            mask,
+            rough.normals,
+            start=picked.pose if picked else None,
+            executor=job.executor,
+            progress=progress,
+        )
+    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance)
+    store.save_truth(truth.normals, truth.sigma_deg)
+    store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
+    final_mask = scan_mask(truth.mask, rough_mask)
+    store.save_mask(final_mask.mask)
+    lights = lights.seen_from(found.pose.apply(mesh.center_mm))
+    store.save_lights(lights, files=frame_files(job))
+    write_pictures(
+        store,
+        frames,
+        lights,
+        strokes=outline(mesh, found.pose, camera),
+        shading=lambda index, pixels: shading(mesh, found.pose, camera, lights, index, pixels),
+        mask=final_mask.mask,
+        sigma_deg=truth.sigma_deg,
+    )
+    result = {
+        "residual_px": found.residual_px,
+        "sigma_mm": found.sigma_mm,
+        "sigma_deg": found.sigma_deg,
+        "fit": found.evidence,
+        "evidence": list(mesh.repairs),
+        "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
+    }
+    warnings = [*found.warnings, *final_mask.warnings]
+    if picked is not None:
+        away = apart_px(mesh, camera, picked.pose, found.pose)
+        result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
+        warnings += picked.warnings
+        # Some pixels of each pick's error, drawn out over the part of the scan that has none.
+        if away > 10 + 0.02 * np.sqrt(final_mask.mask.sum()) + 5 * picked.residual_px:
+            warnings.append(
+                f"{job.session.picks.name}: the picks put the scan {away:.0f} px (rms) from where it was registered: "
+                "one of the two is wrong. Check the outline in the report, and the picks."
+            )
+    return result, warnings
+
+
+def _picked(job: Job, camera: Camera, mesh: Mesh) -> Any:
+    """Return the pose that the session's picks give, None without picks."""
+    from align.picks import read_picks
+    from capture.requests import hint_scale
+
+    session = job.session
+    if session.picks is None:
+        return None
+    half = hint_scale(session, camera.width) == 2
+    return read_picks(session.picks, camera, mesh, unit=session.scan_unit, half=half)
+
+
+def frame_files(job: Job) -> tuple[str, ...]:
+    """Return the names of the flash photographs' files."""
+    return tuple(path.name for path in job.session.flash)
+
+
+def median_or_none(values: Any) -> float | None:
+    """Return the median of what is finite, None where nothing is."""
+    values = np.asarray(values, float)
+    return float(np.nanmedian(values)) if np.isfinite(values).any() else None
