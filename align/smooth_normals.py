@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from align.creases import cross_creases
 from align.jets import fit_normals, ring_bend
+from align.plain_normals import plain_normal_gain
 from align.scan_noise import STEPS, Neighbours, ScanNoise, scan_noise
 from scene.mesh import Mesh
 
@@ -40,6 +41,8 @@ BETWEEN = 0.4
 
 A quarter for a quadratic law; more for a crease, which lies anywhere between.
 """
+UNEVEN = 0.25
+"""The faces' mean is off by this share of the bend within its ring, since the faces around are uneven."""
 SHAPE = 3.0
 """Shape that a fit does not follow turns its normal by more than noise of the same size, in variance."""
 SUSPECT_DEG = 4.0
@@ -83,6 +86,13 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
         explained = reached & (left < EXPLAINED * misfit)
         normals[explained], sigma[explained] = again[explained], doubt[explained]
         ring_bend(mesh.vertices, normals, near.indptr, near.indices, bend)
+    # Where faces are large for the noise, no fit over far neighbours is as good as the faces themselves.
+    plain, bent = noise.sigma_mm * plain_normal_gain(mesh, near.indptr, near.indices), np.zeros(len(normals))
+    ring_bend(mesh.vertices, mesh.vertex_normals, near.indptr, near.indices, bent)
+    plain = np.hypot(plain, UNEVEN * bent)
+    better = plain < sigma
+    normals[better], sigma[better] = mesh.vertex_normals[better], plain[better]
+    ring_bend(mesh.vertices, normals, near.indptr, near.indices, bend)
     return normals, np.degrees(np.hypot(sigma, BETWEEN * bend))
 
 
