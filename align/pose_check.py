@@ -13,6 +13,7 @@ from align.refine import descend
 from align.rough import small_steps
 from align.search import apart_px
 from align.shading import take_samples
+from align.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -124,7 +125,7 @@ def check_pose(
     samples = take_samples(frames, lights, mask, count=SAMPLES)
     picture = bright_picture(frames, mask, lights=lights)
     reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
-    caster = RayCaster(mesh)
+    caster = RayCaster(mesh, smooth_normals(mesh)[0])
     evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=CELLS, reach_px=reach)
     along = _around(evidence, small_steps(mesh, camera, pose, step_px=1.0))
     generator = np.random.default_rng(seed)

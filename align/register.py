@@ -77,6 +77,7 @@ def register(
     normals: NDArray,
     *,
     start: Pose | None = None,
+    at_vertices: NDArray | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Registration:
@@ -100,6 +101,8 @@ def register(
         Photometric-stereo normals, camera frame, NaN where unknown; may be many degrees off.
     start : Pose, optional
         camera_from_scan, some pixels off: it is refined, and no other is looked for.
+    at_vertices : (V, 3) float, optional
+        The scan's normals without its noise, where they are known already; see `align.smooth_normals`.
     executor : Executor, optional
         Runs the starts side by side.
     progress : callable, optional

@@ -59,13 +59,14 @@ def search(
     normals: NDArray,
     *,
     start: Pose | None = None,
+    at_vertices: NDArray | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Found:
     """Return the pose that explains the photographs best, whether well or not; see `align.register.register`."""
     tell = progress or (lambda done, total: None)
     # A scan's noise turns its own normals by degrees: more than a pose does.
-    caster = RayCaster(mesh, smooth_normals(mesh)[0])
+    caster = RayCaster(mesh, smooth_normals(mesh)[0] if at_vertices is None else at_vertices)
     small = _shrunken(camera, mask, normals)
     starts = find_starts(caster, *small, count=STARTS) if start is None else [Start(start, 1.0)]
     tell(1, STEPS)

@@ -252,9 +252,7 @@ def _score(
     overlap = correlate(transform((inside * area).reshape(1, *shape)), silhouettes)
     outside = transform((np.linalg.norm(rendered, axis=-1) > 0.5).reshape(-1, *shape))
     both = correlate(transform((known * area).reshape(1, *shape)), outside)
-    agreement = correlate(
-        transform(polar_frame(target * area[:, None])[None]), transform(polar_frame(rendered))
-    )
+    agreement = correlate(transform(polar_frame(target * area[:, None])[None]), transform(polar_frame(rendered)))
     union = (inside * area).sum() + (seen * area).sum(1)[:, None] - overlap
     cosine = np.clip(agreement / np.maximum(both, 1e-6), -1, 1)
     # Angles weigh as in a Gaussian of 25 degrees: photometric-stereo normals may be 20 degrees off.

@@ -11,7 +11,7 @@ import shutil
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -84,11 +84,18 @@ class Job:
                 raise SceneError(f"{path}: not JSON ({error}). Remove it to start this output anew.") from error
 
     def load_scan(self) -> Mesh:
-        """Return the session's scan, mended; in millimetres where its unit, or a ball in it, is known."""
+        """Return the session's scan, mended; in millimetres where its unit is known, or a ball or a pose told it."""
         from align.scan import load_scan
 
         session = self.session
-        return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
+        mesh = load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
+        scale = self.store.load_scan_scale() if self.scan_scale_unknown else 1.0
+        return mesh if scale == 1 else replace(mesh, vertices=scale * mesh.vertices)
+
+    @property
+    def scan_scale_unknown(self) -> bool:
+        """Neither a unit nor a ball tells the scan's scale."""
+        return self.session.scan_unit == "unknown" and self.session.scan_ball_diameter_mm is None
 
     def run(self, steps: dict[str, Step], wanted: str) -> None:
         """Run a step, after the steps that it needs, unless they are current."""

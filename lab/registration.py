@@ -10,38 +10,49 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.pose import Pose
 
 
 def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
     from align.appearance import outline, shading
     from align.mask import scan_mask
-    from align.register import register
+    from align.register import Registration, register
     from align.search import apart_px
+    from align.smooth_normals import smooth_normals
     from align.truth import ground_truth
+    from align.unknown_scale import register_unknown_scale
     from compare.registration import write_pictures
     from solve.solve import solve
 
     store = job.store
     mesh = job.load_scan()
     picked = _picked(job, camera, mesh)
-    mask = rough_mask.mask
+    mask, scale = rough_mask.mask, None
     rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
+    smooth = smooth_normals(mesh)
+    start = picked.pose if picked else None
     with progress_bar("register") as progress:
-        found = register(
-            mesh,
-            camera,
-            frames,
-            lights,
-            mask,
-            rough.normals,
-            start=picked.pose if picked else None,
-            executor=job.executor,
-            progress=progress,
-        )
-    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance)
+
+        def run(scan: Mesh, begin: Pose | None) -> Registration:
+            return register(
+                scan, camera, frames, lights, mask, rough.normals,
+                start=begin, at_vertices=smooth[0], executor=job.executor, progress=progress,
+            )  # fmt: skip
+
+        if job.scan_scale_unknown:
+            mesh, found, scale = register_unknown_scale(mesh, camera, lights, mask, run)
+        else:
+            found = run(mesh, start)
+    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, at_vertices=smooth)
     store.save_truth(truth.normals, truth.sigma_deg)
-    store.save_pose(found.pose, residual_px=found.residual_px, sigma_mm=found.sigma_mm, sigma_deg=found.sigma_deg)
+    store.save_pose(
+        found.pose,
+        residual_px=found.residual_px,
+        sigma_mm=found.sigma_mm,
+        sigma_deg=found.sigma_deg,
+        mm_per_unit=scale,
+    )
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))

@@ -158,17 +158,25 @@ class Store:
             tuple(tuple(row["flags"]) for row in rows),
         )
 
-    def save_pose(self, pose: Pose, *, residual_px: float, sigma_mm: float, sigma_deg: float) -> None:
-        data = {
+    def save_pose(
+        self, pose: Pose, *, residual_px: float, sigma_mm: float, sigma_deg: float, mm_per_unit: float | None = None
+    ) -> None:
+        data: dict[str, object] = {
             "camera_from_scan": pose.matrix,
             "residual_px": residual_px,
             "sigma_mm": sigma_mm,
             "sigma_deg": sigma_deg,
         }
+        if mm_per_unit is not None:
+            data["mm_per_unit"] = mm_per_unit
         write_json(self.path("pose.json"), data)
 
     def load_pose(self) -> Pose:
         return Pose(np.array(self.read_json("pose.json")["camera_from_scan"], np.float64))
+
+    def load_scan_scale(self) -> float:
+        """Return the millimetres per unit of the scan's file that registering found; 1 where the unit was known."""
+        return float(self.read_json("pose.json").get("mm_per_unit", 1.0)) if self.path("pose.json").exists() else 1.0
 
     def save_mask(self, mask: NDArray[np.bool_]) -> None:
         write_png(self.path("mask.png"), mask)

@@ -1,0 +1,34 @@
+"""A scan without a unit is as large as it must be at the distance of the lights' reference point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from align.register import register
+from align.unknown_scale import register_unknown_scale
+from scene.camera import Camera
+from scene.errors import AlignError
+
+
+def test_the_scale_comes_out_of_the_distance(world):
+    """In units of 25.4 mm, and 100 times too large in another frame."""
+    for unit in (25.4, 0.01):
+        small = replace(world.mesh, vertices=world.mesh.vertices / unit)
+
+        def run(mesh, start):
+            return register(mesh, world.camera, world.frames, world.lights, world.mask, world.normals, start=start)
+
+        mesh, found, scale = register_unknown_scale(small, world.camera, world.lights, world.mask, run)
+        # The reference point is where the object is; a third of a pixel of 30 is what edges leave open of the distance.
+        assert scale == pytest.approx(unit, rel=1e-2)
+        gap = world.camera.project(found.pose.apply(mesh.vertices)) - world.camera.project(
+            world.pose.apply(world.mesh.vertices)
+        )
+        assert np.sqrt(np.mean((gap**2).sum(1))) < 0.15
+        assert any("unit" in warning for warning in found.warnings)
+
+
+def test_an_orthographic_camera_cannot_tell(world):
+    with pytest.raises(AlignError, match=r"orthographic.*scan_ball_diameter_mm"):
+        register_unknown_scale(world.mesh, Camera.orthographic(160, 120), world.lights, world.mask, lambda *_: None)
