@@ -13,6 +13,10 @@ BLOCKS = 14
 """Patches across the object: residuals in one patch err together."""
 CHANCE = 0.002
 """Difference of the mean cost that the mask's own errors make."""
+UNSEEN = 0.5
+"""Cost of a pixel that looks into a hole of the scan: neither explained nor contradicted."""
+OUTLINE_CHANCE = 0.05
+"""Difference of the outline's share without an edge that is chance."""
 
 
 @dataclass(frozen=True)
@@ -41,22 +45,34 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
 
     Notes
     -----
-    Each pixel's samples, lit and in shadow, are compared with what the scan predicts at the pixel's best albedo; the
-    cost is r^2 / (1 + r^2) in units of three times the smaller sigma of the two. Pixels that look into a hole of the
-    scan at either pose say nothing. The scatter of the differences is taken from their patches' median deviation: two
-    poses of a nearly symmetric object differ in few patches, and those are the evidence, not the scatter.
+    Each lit sample is compared with what the scan predicts at the pixel's best albedo, and samples where the scan turns
+    from the light with darkness; the cost is r^2 / (1 + r^2) in units of three times the smaller sigma of the two. The
+    scatter of the differences is taken from their patches' median deviation: two poses of a nearly symmetric object
+    differ in few patches, and those are the evidence, not the scatter. The outline's share that has no edge in the
+    photographs is held against a pose, too, in units of `OUTLINE_CHANCE`.
+
+    A pixel that looks into a hole of the scan says nothing; but a pose may hide in a hole what it does not explain. So
+    poses are compared twice, on the pixels that both explain and with holes at `UNSEEN`: both must agree.
     """
     sigma = min(one.shading_sigma, two.shading_sigma)
     first, second = one.pixel_costs(sigma), two.pixel_costs(sigma)
     known = np.isfinite(first) & np.isfinite(second)
-    if not known.any():
-        return Contest((1.0, 1.0), 0.0)
     size = float(np.ptp(one.samples.pixels, axis=0).max()) + 1
-    cell = (one.samples.pixels[known] / (size / BLOCKS)).astype(np.int64)
+    cell = (one.samples.pixels / (size / BLOCKS)).astype(np.int64)
     _, block = np.unique(cell[:, 1] * 100_000 + cell[:, 0], return_inverse=True)
-    sums = np.bincount(block, second[known] - first[known])
-    spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / known.sum()
+    filled = tuple(np.where(np.isfinite(cost), cost, UNSEEN) for cost in (first, second))
     beyond = two.beyond_mask - one.beyond_mask
-    gain = float(sums.sum()) / known.sum() + beyond
-    costs = (float(first[known].mean()) + one.beyond_mask, float(second[known].mean()) + two.beyond_mask)
-    return Contest(costs, float(gain / np.hypot(spread, CHANCE)))
+    outline = (one.fit().outline_share - two.fit().outline_share) / OUTLINE_CHANCE
+    both = [
+        outline + _deviations(difference, block, beyond)
+        for difference in (np.where(known, second - first, 0.0), filled[1] - filled[0])
+    ]
+    costs = (float(filled[0].mean()) + one.beyond_mask, float(filled[1].mean()) + two.beyond_mask)
+    agree = both[0] * both[1] > 0
+    return Contest(costs, float(np.sign(sum(both)) * (min(np.abs(both)) if agree else 1e-3)))
+
+
+def _deviations(difference: Array, block: NDArray, beyond: float) -> float:
+    sums = np.bincount(block, difference)
+    spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / len(difference)
+    return (float(difference.mean()) + beyond) / float(np.hypot(spread, CHANCE))
