@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from align.embree import RayCaster
+from align.motion import nudge
 from align.register import register
 from align.truth import ground_truth
+from fixtures.mesh_shapes import scan_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.lights import Lights
@@ -195,3 +197,33 @@ def test_the_ray_caster_travels_to_other_processes(world):
     there = pickle.loads(pickle.dumps(caster)).look(world.camera, world.pose, pixels)
     assert here.hit.any()
     assert (here.face == there.face).all()
+
+
+def test_a_noisy_scan_seen_through_its_hole(bumpy, rotations, build):
+    """Noise of 0.05 mm, and the hole where it stood on the scanner's table toward the camera.
+
+    The inside, seen through the hole, was taken for surface: the pose came out tens of degrees wrong, without a word.
+    """
+    world = build(bumpy, rotations[1])
+    scan = scan_of(
+        bumpy,
+        np.random.default_rng(10_011),
+        faces=15_000,
+        noise_mm=0.05,
+        unscanned=-world.pose.rotation[2],
+    )
+    seen_inside = RayCaster(scan).look(world.camera, world.pose, world.camera.grid().reshape(-1, 2))
+    assert (seen_inside.hit & ~seen_inside.front).sum() > 0.08 * seen_inside.hit.sum()
+    found = run(world, mesh=scan)
+    px, deg = apart(world, found.pose)
+    assert px < 0.25
+    assert deg < 0.5
+    assert not found.ambiguous
+
+
+def test_a_start_is_refined_and_nothing_else_is_looked_for(world, monkeypatch):
+    monkeypatch.setattr("align.search.find_starts", None)
+    beside = nudge(world.pose, [0.03, -0.02, 0.04, 2.0, -1.0, 3.0], world.pose.apply(world.mesh.center_mm))
+    px, deg = apart(world, run(world, start=beside).pose)
+    assert px < 0.1
+    assert deg < 0.15
