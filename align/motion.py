@@ -5,6 +5,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from scene.camera import Camera
+from scene.mesh import Mesh
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
@@ -57,3 +59,11 @@ def looking_along(directions: NDArray) -> Array:
     x: Array = np.cross(helper, z)
     x /= np.linalg.norm(x, axis=-1, keepdims=True)
     return np.stack([x, np.cross(z, x), z], -2)
+
+
+def apart_px(mesh: Mesh, camera: Camera, a: Pose, b: Pose) -> float:
+    """Return the rms distance, in pixels, between the images of the scan at two poses."""
+    points = mesh.vertices[:: max(1, len(mesh.vertices) // 500)]
+    apart = np.linalg.norm(a.apply(points) - b.apply(points), axis=1)
+    scale = 1.0 if camera.is_orthographic else max(-float(a.apply(mesh.center_mm)[2]), 1e-9)
+    return float(np.sqrt(np.mean(apart**2)) * camera.fx / scale)

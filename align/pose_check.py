@@ -7,11 +7,10 @@ from numpy.typing import NDArray
 
 from align.embree import RayCaster
 from align.final import FinalEvidence
-from align.motion import nudge
+from align.finish import refine
+from align.motion import apart_px, nudge
 from align.picture import bright_picture
-from align.refine import descend
 from align.rough import small_steps
-from align.search import apart_px
 from align.shading import take_samples
 from align.smooth_normals import smooth_normals
 from scene.camera import Camera
@@ -134,7 +133,7 @@ def check_pose(
         start = _beside(mesh, camera, pose, generator)
         there = evidence.renewed(start, reach_px=4 * reach)
         before.append(_residuals(there))
-        end, last = _refined(there, reach)
+        end, last = refine(there, rounds=8, reach_px=4 * reach)
         after.append(_residuals(last))
         started.append(apart_px(mesh, camera, pose, start))
         returned.append(apart_px(mesh, camera, pose, end))
@@ -178,16 +177,6 @@ def _beside(mesh: Mesh, camera: Camera, pose: Pose, generator: np.random.Generat
     side = small_steps(mesh, camera, pose, step_px=START_PX)[3]
     twist[3:5] = side * toward / np.linalg.norm(toward)
     return nudge(pose, twist, pose.apply(mesh.center_mm))
-
-
-def _refined(evidence: FinalEvidence, reach_px: float) -> tuple[Pose, FinalEvidence]:
-    """Refine as the registration does in its last rounds, the edges looked for ever closer by."""
-    mesh, pose = evidence.caster.mesh, evidence.pose
-    for halvings in range(-1, 5):
-        scales = small_steps(mesh, evidence.camera, pose, step_px=0.5)
-        pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(mesh.center_mm), scales, steps=6)
-        evidence = evidence.renewed(pose, reach_px=max(2.5, reach_px / 2**halvings))
-    return pose, evidence
 
 
 def _residuals(evidence: FinalEvidence) -> Residuals:

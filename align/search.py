@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 from align.contest import Contest, compare_poses
 from align.embree import RayCaster
 from align.final import FinalEvidence
+from align.finish import refine
+from align.motion import apart_px
 from align.picture import bright_picture
-from align.refine import descend, settle
+from align.refine import descend
 from align.rough import RoughEvidence, small_steps
 from align.shading import take_samples
 from align.smooth_normals import smooth_normals
@@ -32,8 +34,6 @@ ROUGH_SIZE = 500
 """Pixels across the object, at most, until the frames themselves are asked."""
 FINALISTS = 3
 """Of these, how many are refined on the frames."""
-SETTLED_PX = 0.01
-"""A round that moves the scan's image by less is the last."""
 APART_PX = 5.0
 """Poses that differ by less are one."""
 STEPS = STARTS + FINALISTS + 2
@@ -155,14 +155,6 @@ def _distinct(
     return kept
 
 
-def apart_px(mesh: Mesh, camera: Camera, a: Pose, b: Pose) -> float:
-    """Return the rms distance, in pixels, between the images of the scan at two poses."""
-    points = mesh.vertices[:: max(1, len(mesh.vertices) // 500)]
-    apart = np.linalg.norm(a.apply(points) - b.apply(points), axis=1)
-    scale = 1.0 if camera.is_orthographic else max(-float(a.apply(mesh.center_mm)[2]), 1e-9)
-    return float(np.sqrt(np.mean(apart**2)) * camera.fx / scale)
-
-
 def _finish(
     caster: RayCaster,
     camera: Camera,
@@ -181,15 +173,4 @@ def _finish(
     # The rough pose may be a pixel of the shrunken picture off.
     reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
     evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=reach)
-    pivot = caster.mesh.center_mm
-    for index in range(rounds):
-        scales = small_steps(caster.mesh, camera, pose, step_px=0.5)
-        before = pose
-        if index == 0:
-            pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(pivot), scales, steps=6)
-        else:
-            pose, _ = settle(evidence.terms, pose, lambda p: p.apply(pivot), scales, steps=4)
-        evidence = evidence.renewed(pose, reach_px=max(2.5, reach / 2 ** (index + 1)))
-        if index and apart_px(caster.mesh, camera, before, pose) < SETTLED_PX:
-            break
-    return pose, evidence
+    return refine(evidence, rounds=rounds, reach_px=reach)

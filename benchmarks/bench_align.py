@@ -3,9 +3,9 @@
     .venv/bin/python -m benchmarks.bench_align [ROW ...] [--quick] [--write]
 
 Rows: found (every shape, random orientations, small pictures), full (every shape at 1200 x 800 with 16 frames: pose,
-ground truth, sigma), wrong (every second shape; scans that must be refused), speed (one session on its own). Without names all of them.
-Results are kept in out/bench_align.json, so that rows can be run one by one; `--write` puts the tables of what is
-there into the document.
+ground truth, sigma), wrong (every second shape; scans that must be refused), speed (one session on its own). Results
+are kept in out/bench_align.json, so that rows can be run one by one; without names nothing is run, and `--write` puts
+the tables of what is there into the document.
 """
 
 import argparse

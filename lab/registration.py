@@ -17,8 +17,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     """Register the scan and write pose, truth, mask and lights."""
     from align.appearance import outline, shading
     from align.mask import scan_mask
+    from align.motion import apart_px
     from align.register import Registration, register
-    from align.search import apart_px
     from align.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from align.unknown_scale import register_unknown_scale
