@@ -28,6 +28,8 @@ from scene.pose import Pose
 
 STARTS = 16
 """Orientations that are refined at low resolution; the right one is nearly always among the first five."""
+CLOSE = 1.8
+"""Poses whose rough cost is higher than the best one's by more than this are none; right ones were within 1.4."""
 SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
 ROUGH_SIZE = 500
@@ -76,7 +78,8 @@ def search(
     count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
     picture = bright_picture(frames, mask, lights=lights)
     finalists = []
-    for done, (pose, _) in enumerate(rough[:FINALISTS]):
+    near = [pose for pose, cost in rough[:FINALISTS] if cost < CLOSE * rough[0][1]]
+    for done, pose in enumerate(near):
         finalists.append(
             _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 6, cells=160, rounds=3)
         )
