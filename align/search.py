@@ -29,7 +29,7 @@ from scene.pose import Pose
 STARTS = 16
 """Orientations that are refined at low resolution; the right one is nearly always among the first five."""
 CLOSE = 1.8
-"""Poses whose rough cost is higher than the best one's by more than this are none; right ones were within 1.4."""
+"""A pose whose rough cost is more times the best one's does not win; right ones were within 1.4."""
 SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
 ROUGH_SIZE = 500
@@ -78,14 +78,15 @@ def search(
     count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
     picture = bright_picture(frames, mask, lights=lights)
     finalists = []
-    near = [pose for pose, cost in rough[:FINALISTS] if cost < CLOSE * rough[0][1]]
-    for done, pose in enumerate(near):
+    for done, (pose, _) in enumerate(rough[:FINALISTS]):
         finalists.append(
             _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 6, cells=160, rounds=3)
         )
         tell(2 + STARTS + done, STEPS)
     best = 0
-    for challenger in range(1, len(finalists)):
+    # Others cannot win, but as rivals they can still cast doubt.
+    eligible = sum(cost < CLOSE * rough[0][1] for _, cost in rough[:FINALISTS])
+    for challenger in range(1, eligible):
         if compare_poses(finalists[best][1], finalists[challenger][1]).deviations < 0:
             best = challenger
     rivals = [
