@@ -61,13 +61,14 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
     cell = (one.samples.pixels / (size / BLOCKS)).astype(np.int64)
     _, block = np.unique(cell[:, 1] * 100_000 + cell[:, 0], return_inverse=True)
     filled = tuple(np.where(np.isfinite(cost), cost, UNSEEN) for cost in (first, second))
-    beyond = two.beyond_mask - one.beyond_mask
+    outside = [evidence.rim.beyond(evidence.mask) for evidence in (one, two)]
+    beyond = outside[1] - outside[0]
     outline = (one.fit().outline_share - two.fit().outline_share) / OUTLINE_CHANCE
     both = [
         outline + _deviations(difference, block, beyond)
         for difference in (np.where(known, second - first, 0.0), filled[1] - filled[0])
     ]
-    costs = (float(filled[0].mean()) + one.beyond_mask, float(filled[1].mean()) + two.beyond_mask)
+    costs = (float(filled[0].mean()) + outside[0], float(filled[1].mean()) + outside[1])
     agree = both[0] * both[1] > 0
     return Contest(costs, float(np.sign(sum(both)) * (min(np.abs(both)) if agree else 1e-3)))
 

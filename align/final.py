@@ -115,31 +115,38 @@ class FinalEvidence:
         reach_px: float,
     ) -> "FinalEvidence":
         """Take the evidence about `pose`; the outline is looked for within `reach_px`."""
-        distance = signed_distance(mask)
+        v, u = np.nonzero(mask)
+        block_px = max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16)
+        probes = Probes.of(camera, samples.pixels, step_px=1.0)
+        fixed = (caster, camera, lights, mask, signed_distance(mask), picture, samples, probes, cells, block_px)
+        return cls._about(fixed, pose, reach_px)
+
+    def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
+        """Return the evidence taken again about `pose`."""
+        fixed = (
+            self.caster, self.camera, self.lights, self.mask, self.distance, self.picture, self.samples, self.probes,
+            self.cells, self.block_px,
+        )  # fmt: skip
+        return self._about(fixed, pose, reach_px)
+
+    @classmethod
+    def _about(cls, fixed: tuple, pose: Pose, reach_px: float) -> "FinalEvidence":
+        """Return the evidence about a pose; `fixed` are the fields that do not depend on it."""
+        caster, camera, lights, mask, distance, picture, samples, probes, cells, block_px = fixed
         rim = find_rim(caster, camera, pose, cells=cells)
         offset = locate_edges(picture, rim.pixels, rim.outward, reach_px=reach_px)
         at = rim.pixels + np.nan_to_num(offset)[:, None] * rim.outward
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
         seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < max(4.0, 0.7 * reach_px))
-
-        probes = Probes.of(camera, samples.pixels, step_px=1.0)
         points, normals = probes.surface(caster, pose)
         shadows = find_shadows(caster, lights, pose, points, normals)
         used = choose(samples, normals, _vectors(lights, points), shadows)
-        v, u = np.nonzero(mask)
+        on_scan = pose.inverse().apply(rim.points[seen])
         here = cls(
-            caster, camera, lights, mask, distance, picture, samples, probes, cells,
-            max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16), pose,
-            rim, pose.inverse().apply(rim.points[seen]), at[seen], rim.outward[seen], used,
+            caster, camera, lights, mask, distance, picture, samples, probes, cells, block_px, pose,
+            rim, on_scan, at[seen], rim.outward[seen], used,
         )  # fmt: skip
         return here._weighed(np.where(seen, offset, np.nan))
-
-    def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
-        """Return the evidence taken again about `pose`."""
-        return FinalEvidence.of(
-            self.caster, self.camera, self.lights, self.mask, self.picture, self.samples, pose,
-            cells=self.cells, reach_px=reach_px,
-        )  # fmt: skip
 
     def _weighed(self, offset: Array) -> "FinalEvidence":
         """Return the evidence with robust scales, the terms' weights and information; `offset` (all rim points), px."""
@@ -246,16 +253,6 @@ class FinalEvidence:
         cost[self.used.sum(0) < FEWEST] = np.nan
         cost[missed] = 1.0
         return cost
-
-    @property
-    def beyond_mask(self) -> float:
-        """The silhouette's area outside the mask, in areas of the mask."""
-        rim, (height, width) = self.rim, self.mask.shape
-        rows, columns = np.nonzero(rim.raster)
-        v, u = rim.corner[1] + rim.step * rows, rim.corner[0] + rim.step * columns
-        inside = (v >= 0) & (v < height) & (u >= 0) & (u < width)
-        outside = (~self.mask[v[inside], u[inside]]).sum() + (~inside).sum()
-        return float(outside * rim.step**2 / max(self.mask.sum(), 1))
 
     def _blocks(self, pixels: NDArray) -> NDArray[np.int64]:
         cell = (pixels / self.block_px).astype(np.int64)

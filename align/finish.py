@@ -37,7 +37,7 @@ def refine(evidence: FinalEvidence, *, rounds: int, reach_px: float) -> tuple[Po
         if index == 0:
             pose, _, _ = descend(evidence.terms, pose, lambda p: p.apply(mesh.center_mm), scales, steps=6)
         else:
-            pose, _ = settle(evidence.terms, pose, lambda p: p.apply(mesh.center_mm), scales, steps=4)
+            pose = settle(evidence.terms, pose, lambda p: p.apply(mesh.center_mm), scales, steps=4)
         evidence = evidence.renewed(pose, reach_px=max(NEAREST_PX, reach_px / 2 ** (index + 1)))
         if index and apart_px(mesh, camera, before, pose) < SETTLED_PX:
             break

@@ -79,12 +79,7 @@ def descend(
     cost = sum(term.cost for term in terms)
     damping = 1e-2
     for _ in range(steps):
-        hessian, slope = np.zeros((6, 6)), np.zeros(6)
-        for term in terms:
-            h, g = term.normal_equations()
-            hessian, slope = hessian + h, slope + g
-        # In units of the scales, so that millimetres and radians damp alike.
-        hessian, slope = hessian * scales * scales[:, None], slope * scales
+        hessian, slope = _equations(terms, scales)
         ridge = damping * np.diag(hessian) + 1e-9 * np.trace(hessian)
         step = -np.linalg.lstsq(hessian + np.diag(ridge), slope, rcond=None)[0]
         step *= min(1.0, 10 / max(float(np.abs(step).max()), 1e-12))
@@ -104,34 +99,30 @@ def descend(
     return pose, cost, terms
 
 
-def settle(
-    evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], scales: NDArray, *, steps: int
-) -> tuple[Pose, float]:
-    """Take Gauss-Newton's steps from `pose`, near the end of the descent, until they are small.
+def settle(evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], scales: NDArray, *, steps: int) -> Pose:
+    """Return the pose where Gauss-Newton's steps from `pose`, near the end of the descent, have become small.
 
     Near the end the cost's own ripples (a ray crosses an edge of the mesh, a sample its shadow's border) are larger
     than what is left to gain, and to ask for a lower cost is to stop at the first ripple. The slope is an average
     over many pixels: the place where it vanishes is well defined.
-
-    Returns
-    -------
-    pose : Pose
-    last : float
-        The last step's greatest component, in units of `scales`.
     """
-    last = np.inf
     for _ in range(steps):
-        hessian, slope = np.zeros((6, 6)), np.zeros(6)
-        for term in evaluate(pose):
-            h, g = term.normal_equations()
-            hessian, slope = hessian + h, slope + g
-        hessian, slope = hessian * scales * scales[:, None], slope * scales
+        hessian, slope = _equations(evaluate(pose), scales)
         step = -np.linalg.lstsq(hessian + 1e-9 * np.trace(hessian) * np.eye(6), slope, rcond=None)[0]
         last = float(np.abs(step).max())
         pose = nudge(pose, step * scales * min(1.0, 3 / max(last, 1e-12)), pivot_of(pose))
         if last < 0.004:
             break
-    return pose, last
+    return pose
+
+
+def _equations(terms: Sequence[Term], scales: NDArray) -> tuple[Array, Array]:
+    """Return the terms' normal equations, in units of the scales, so that millimetres and radians damp alike."""
+    hessian, slope = np.zeros((6, 6)), np.zeros(6)
+    for term in terms:
+        h, g = term.normal_equations()
+        hessian, slope = hessian + h, slope + g
+    return hessian * scales * scales[:, None], slope * scales
 
 
 def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:

@@ -41,16 +41,25 @@ class Rim:
 
     def overlap(self, mask: NDArray[np.bool_]) -> float:
         """Return intersection over union with a mask, on the raster."""
+        window = self._window(mask)
+        # What of the mask the raster does not reach counts as missed.
+        area = max(mask.sum() / self.step**2, window.sum())
+        both = (window & self.raster).sum()
+        return float(both / (area + self.raster.sum() - both))
+
+    def beyond(self, mask: NDArray[np.bool_]) -> float:
+        """Return the silhouette's area outside a mask, in areas of the mask."""
+        return float((self.raster & ~self._window(mask)).sum() * self.step**2 / max(mask.sum(), 1))
+
+    def _window(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the mask on the raster; False outside the picture."""
         height, width = mask.shape
         v = self.corner[1] + self.step * np.arange(self.raster.shape[0])
         u = self.corner[0] + self.step * np.arange(self.raster.shape[1])
         inside_v, inside_u = (v >= 0) & (v < height), (u >= 0) & (u < width)
         window = np.zeros(self.raster.shape, bool)
         window[np.ix_(inside_v, inside_u)] = mask[np.ix_(v[inside_v], u[inside_u])]
-        # What of the mask the raster does not reach counts as missed.
-        area = max(mask.sum() / self.step**2, window.sum())
-        both = (window & self.raster).sum()
-        return float(both / (area + self.raster.sum() - both))
+        return window
 
 
 def outline_jacobian(camera: Camera, points: NDArray, outward: NDArray, pivot: NDArray) -> Array:

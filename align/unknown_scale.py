@@ -21,7 +21,13 @@ Register = Callable[[Mesh, Pose | None], Registration]
 
 
 def register_unknown_scale(
-    mesh: Mesh, camera: Camera, lights: Lights, mask: NDArray[np.bool_], register: Register
+    mesh: Mesh,
+    camera: Camera,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    register: Register,
+    *,
+    start: Pose | None = None,
 ) -> tuple[Mesh, Registration, float]:
     """Register a scan whose unit is not known.
 
@@ -37,6 +43,8 @@ def register_unknown_scale(
         The object.
     register : callable
         (mesh in mm, start or None) -> Registration.
+    start : Pose, optional
+        camera_from_scan in the file's unit, as picks give it.
 
     Returns
     -------
@@ -56,21 +64,29 @@ def register_unknown_scale(
             "in the scan: scan_ball_diameter_mm under [object]."
         )
     distance = -float(lights.reference_point_mm[2])
-    rows, columns = np.nonzero(mask)
-    extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
-    # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
-    scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)
-    first = register(_scaled(mesh, scale), None)
+    if start is None:
+        rows, columns = np.nonzero(mask)
+        extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
+        # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
+        scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)
+        first = register(_scaled(mesh, scale), None)
+    else:
+        scale = distance / -float(start.apply(mesh.center_mm)[2])
+        first = register(_scaled(mesh, scale), scaled_pose(start, scale))
     middle = first.pose.apply(scale * mesh.center_mm)
     nearer = distance / -float(middle[2])
     scale *= nearer
-    start = Pose.from_rotation_translation(first.pose.rotation, nearer * first.pose.translation)
-    found = register(_scaled(mesh, scale), start)
+    found = register(_scaled(mesh, scale), scaled_pose(first.pose, nearer))
     said = (
         f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, which puts the object at the "
         f"distance that the lights were calibrated about, {distance:.4g} mm. Normals hardly depend on it; lengths do."
     )
     return _scaled(mesh, scale), replace(found, warnings=(*found.warnings, said)), scale
+
+
+def scaled_pose(pose: Pose, scale: float) -> Pose:
+    """Return camera_from_scan when all lengths are multiplied by `scale`."""
+    return Pose.from_rotation_translation(pose.rotation, scale * pose.translation)
 
 
 def _scaled(mesh: Mesh, scale: float) -> Mesh:

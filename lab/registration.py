@@ -21,7 +21,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.register import Registration, register
     from align.smooth_normals import smooth_normals
     from align.truth import ground_truth
-    from align.unknown_scale import register_unknown_scale
+    from align.unknown_scale import register_unknown_scale, scaled_pose
     from compare.registration import write_pictures
     from solve.solve import solve
 
@@ -41,7 +41,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
             )  # fmt: skip
 
         if job.scan_scale_unknown:
-            mesh, found, scale = register_unknown_scale(mesh, camera, lights, mask, run)
+            mesh, found, scale = register_unknown_scale(mesh, camera, lights, mask, run, start=start)
         else:
             found = run(mesh, start)
     truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, at_vertices=smooth)
@@ -76,7 +76,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     }
     warnings = [*found.warnings, *final_mask.warnings]
     if picked is not None:
-        away = apart_px(mesh, camera, picked.pose, found.pose)
+        away = apart_px(mesh, camera, scaled_pose(picked.pose, scale or 1.0), found.pose)
         result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
         warnings += picked.warnings
         # Some pixels of each pick's error, drawn out over the part of the scan that has none.

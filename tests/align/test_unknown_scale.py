@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from align.motion import apart_px, nudge
 from align.register import register
-from align.unknown_scale import register_unknown_scale
+from align.unknown_scale import register_unknown_scale, scaled_pose
 from scene.camera import Camera
 from scene.errors import AlignError
 
@@ -27,6 +28,21 @@ def test_the_scale_comes_out_of_the_distance(world):
         )
         assert np.sqrt(np.mean((gap**2).sum(1))) < 0.15
         assert any("unit" in warning for warning in found.warnings)
+
+
+def test_picks_in_the_files_unit_start_it(world, monkeypatch):
+    """They were left aside, and then held against the pose in millimetres as if they lay far off."""
+    monkeypatch.setattr("align.search.find_starts", None)
+    small = replace(world.mesh, vertices=world.mesh.vertices / 25.4)
+
+    def run(mesh, start):
+        return register(mesh, world.camera, world.frames, world.lights, world.mask, world.normals, start=start)
+
+    beside = nudge(world.pose, [0.02, -0.02, 0.03, 1.0, -1.0, 2.0], world.pose.apply(world.mesh.center_mm))
+    picked = scaled_pose(beside, 1 / 25.4)
+    mesh, found, scale = register_unknown_scale(small, world.camera, world.lights, world.mask, run, start=picked)
+    assert scale == pytest.approx(25.4, rel=1e-2)
+    assert apart_px(mesh, world.camera, scaled_pose(picked, scale), found.pose) < 5
 
 
 def test_an_orthographic_camera_cannot_tell(world):
