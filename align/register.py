@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from align.final import Fit
 from align.search import Found, search
+from align.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -115,7 +116,11 @@ def register(
         scan, a wrong unit.
     """
     _check_input(camera, frames, lights, mask, normals)
-    found = search(mesh, camera, frames, lights, mask, normals, start=start, executor=executor, progress=progress)
+    if at_vertices is None:
+        at_vertices = smooth_normals(mesh)[0]
+    found = search(
+        mesh, camera, frames, lights, mask, normals, at_vertices, start=start, executor=executor, progress=progress
+    )
     pose, evidence = found.pose, found.evidence
     _check_distance(mesh, camera, lights, pose)
     fit = evidence.fit()
@@ -131,7 +136,11 @@ def register(
     }
     warnings = []
     if fit.misfit > POOR_MISFIT:
-        _refuse_mirrored(mesh, fit, lambda other: search(other, camera, frames, lights, mask, normals))
+
+        def search_for(other: Mesh, its_normals: Array) -> Found:
+            return search(other, camera, frames, lights, mask, normals, its_normals)
+
+        _refuse_mirrored(mesh, at_vertices, fit, search_for)
         if fit.misfit > WORST_MISFIT:
             raise AlignError(
                 f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
@@ -207,9 +216,10 @@ def _check_distance(mesh: Mesh, camera: Camera, lights: Lights, pose: Pose) -> N
         )
 
 
-def _refuse_mirrored(mesh: Mesh, fit: Fit, search_for: Callable[[Mesh], Found]) -> None:
-    flipped = replace(mesh, vertices=mesh.vertices * [-1.0, 1.0, 1.0], faces=mesh.faces[:, [0, 2, 1]])
-    mirrored = search_for(flipped).evidence.fit()
+def _refuse_mirrored(mesh: Mesh, at_vertices: Array, fit: Fit, search_for: Callable[[Mesh, Array], Found]) -> None:
+    mirror = np.array([-1.0, 1.0, 1.0])
+    flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
+    mirrored = search_for(flipped, at_vertices * mirror).evidence.fit()
     if mirrored.misfit < 0.5 * fit.misfit:
         raise AlignError(
             f"scan: it fits mirrored only: {fit.words}; of its mirror image, {mirrored.words}. One axis of the scan "

@@ -17,7 +17,6 @@ from align.picture import bright_picture
 from align.refine import descend
 from align.rough import RoughEvidence, small_steps
 from align.shading import take_samples
-from align.smooth_normals import smooth_normals
 from align.start import Start, find_starts
 from scene.camera import Camera
 from scene.frames import Frames
@@ -59,16 +58,18 @@ def search(
     lights: Lights,
     mask: NDArray[np.bool_],
     normals: NDArray,
+    at_vertices: NDArray,
     *,
     start: Pose | None = None,
-    at_vertices: NDArray | None = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Found:
-    """Return the pose that explains the photographs best, whether well or not; see `align.register.register`."""
+    """Return the pose that explains the photographs best, whether well or not; see `align.register.register`.
+
+    `at_vertices` (V, 3): the scan's normals without its noise, which turns its own by degrees, more than a pose does.
+    """
     tell = progress or (lambda done, total: None)
-    # A scan's noise turns its own normals by degrees: more than a pose does.
-    caster = RayCaster(mesh, smooth_normals(mesh)[0] if at_vertices is None else at_vertices)
+    caster = RayCaster(mesh, at_vertices)
     small = _shrunken(camera, mask, normals)
     starts = find_starts(caster, *small, count=STARTS) if start is None else [Start(start, 1.0)]
     tell(1, STEPS)
