@@ -72,7 +72,8 @@ def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray,
     """Return (N, P): the scan stands between the point and the light."""
     back = pose.inverse()
     lift = 2e-3 * caster.mesh.radius_mm
-    known = np.isfinite(points).all(1)
+    # The inside, seen through a hole, has points but no normals; a ray of NaN would try every triangle.
+    known = np.isfinite(points).all(1) & np.isfinite(normals).all(1)
     start = back.apply(points[known] + lift * normals[known])
     out = np.zeros((len(lights), len(points)), bool)
     for index in range(len(lights)):
