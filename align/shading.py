@@ -50,18 +50,10 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     u, v = u[pick], v[pick]
     values = np.zeros((len(frames), len(u)), np.float32)
     clipped = np.zeros((len(frames), len(u)), bool)
-    left, right = int(u.min()), int(u.max()) + 1
     weight = (1 / lights.intensities / 3).astype(np.float32)
-    for band in frames.bands(64 << 20):
-        first, last = np.searchsorted(v, [band.start, band.stop])
-        if first == last:
-            continue
-        at = (v[first:last] - band.start, u[first:last] - left)
-        columns = slice(left, right)
-        for index in range(len(frames)):
-            pixels = frames.read(band, [index], columns=columns)[0]
-            values[index, first:last] = pixels[at] @ weight[index]
-            clipped[index, first:last] = frames.saturated(band, [index], columns=columns)[0][at]
+    for index in range(len(frames)):
+        pixels, clipped[index] = frames.read_pixels(index, v, u)
+        values[index] = pixels @ weight[index]
     scale = np.sqrt(np.mean(np.where(clipped, 0, values) ** 2, axis=0)).astype(np.float64)
     floor = 0.05 * np.median(scale)
     usable = ~clipped & (values > 0.1 * scale)

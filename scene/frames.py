@@ -118,10 +118,7 @@ class Frames:
         margin = 1 if self.is_mosaic else 0
         top, edge = max(first - margin, 0), max(left - margin, 0)
         codes = self.codes[frames, top : last + margin, edge : right + margin]
-        limit = self.saturation
-        if codes.dtype == np.uint16:
-            limit = min(round(limit * (WHITE - PEDESTAL)) + PEDESTAL, 65535)
-        clipped = np.any(codes >= limit, axis=-1)
+        clipped = np.any(codes >= self._limit, axis=-1)
         if margin:
             spread = clipped.copy()
             spread[:, 1:] |= clipped[:, :-1]
@@ -130,6 +127,30 @@ class Frames:
             clipped[:, :, 1:] |= spread[:, :, :-1]
             clipped[:, :, :-1] |= spread[:, :, 1:]
         return clipped[:, first - top :, left - edge :][:, : last - first, : right - left]
+
+    def read_pixels(self, index: int, v: NDArray, u: NDArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return pixels (P, 3) of one frame at rows v (P,) and columns u (P,), as `read`, and whether `saturated` (P,).
+
+        Only these pixels are decoded: for samples spread over a large picture.
+        """
+        linear = decode(self.codes[index, v, u])
+        linear *= np.float32(self.gain[index])
+        if self.ambient is not None:
+            linear -= decode(self.ambient[v, u])
+        clipped = np.zeros(len(v), bool)
+        margin = 1 if self.is_mosaic else 0
+        for down in range(-margin, margin + 1):
+            for right in range(-margin, margin + 1):
+                beside = np.clip(v + down, 0, self.height - 1), np.clip(u + right, 0, self.width - 1)
+                clipped |= np.any(self.codes[index][beside] >= self._limit, axis=-1)
+        return linear, clipped
+
+    @property
+    def _limit(self) -> float:
+        """The code from which a sample is clipped."""
+        if self.codes.dtype != np.uint16:
+            return self.saturation
+        return min(round(self.saturation * (WHITE - PEDESTAL)) + PEDESTAL, 65535)
 
     def bands(self, budget_bytes: int = 256 << 20) -> Iterator[slice]:
         """Yield row slices whose float32 pixels, over all frames, fit the budget."""

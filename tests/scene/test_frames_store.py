@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import pickle
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -54,6 +55,18 @@ def test_clipped_samples_spread_over_the_reach_of_interpolation(images):
     assert mosaic.saturated()[1, 3:6, 4:7].all()
     for rows, columns in [(slice(3, 4), slice(6, 9)), (slice(5, 9), slice(0, 5)), (slice(0, 9), slice(0, 11))]:
         np.testing.assert_array_equal(mosaic.saturated(rows, columns=columns), mosaic.saturated()[:, rows, columns])
+
+
+@pytest.mark.parametrize("is_mosaic", [False, True])
+def test_single_pixels_are_those_of_the_whole(images, is_mosaic):
+    frames = Frames.from_linear(tuple("abcd"), images + 0.3 * (images > 0.97), ambient=images[0] * 0.1)
+    frames = replace(frames, gain=np.array([1.0, 2, 4, 0.5]), is_mosaic=is_mosaic)
+    v, u = np.mgrid[0:9, 0:11].reshape(2, -1)
+    for index in range(4):
+        linear, clipped = frames.read_pixels(index, v, u)
+        np.testing.assert_array_equal(linear, frames.frame(index)[v, u])
+        np.testing.assert_array_equal(clipped, frames.saturated()[index][v, u])
+        assert 0 < clipped.sum() < 99
 
 
 def test_bands_cover_every_row_once_within_the_budget(images):
