@@ -1,6 +1,9 @@
 """The backdrop: one smooth surface, and the pixels that contradict it."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,8 @@ LEAST_AGREEING = 0.55
 """Share of the other lit frames that agree with one's albedo, at least, where the backdrop is seen."""
 BORDER = 0.15
 """Share of the image, at each side, where the backdrop is looked for at first."""
+FITTED = 20_000
+"""Pixels, at least, to which a frame's model is fitted, where there are so many."""
 
 
 @dataclass(frozen=True)
@@ -58,40 +63,30 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
     then to all that agreed. A backdrop pixel may be darker in some frames (cast shadow) but not brighter;
     one that never looks like lit backdrop is dark object.
     """
-    count, height, width = stack.shape
+    height, width = stack.shape[1:]
     v, u = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     edge = (np.abs(u) > 1 - 2 * BORDER) | (np.abs(v) > 1 - 2 * BORDER)
     member = edge & ~ignore
     # Eight-bit black is constant, and still no surface: what is under a percent of the scene's bright parts is noise.
     step = np.abs(np.diff(stack[:, member], axis=1))
     noise = max(float(np.median(step)), 0.01 * float(np.percentile(stack, 99)), 1e-6)
-    bright = lit = backdrop = np.zeros((height, width), np.float32)
+    bright = lit = np.zeros((height, width), np.float32)
     models = np.zeros(stack.shape, np.float32)
     relative = 1.0
     # Few terms reach from the border into the middle without swinging; more once the middle is known.
     for degree in (2, 2, 3, 4):
-        basis = np.stack([u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)], -1)
-        bright, lit = np.zeros((height, width), np.float32), np.zeros((height, width), np.float32)
-        backdrop = np.zeros((height, width), np.float32)
-        spread = []
-        for index in range(count):
-            model = np.maximum(basis @ _robust_fit(basis[member], stack[index][member], noise), 0)
-            models[index] = model
-            backdrop += (model / count).astype(np.float32)
-            tolerance = np.hypot(3 * noise, 3 * TEXTURE * model)
-            excess = stack[index] - model
-            bright += excess > tolerance
-            agrees = np.abs(excess) <= tolerance
-            lit += agrees
-            spread.append(np.std((excess / np.maximum(model, noise))[agrees & member]))
-        bright, lit = bright / count, lit / count
-        relative = float(np.mean(spread))
+        terms = [u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)]
+        compare = partial(_compare_frame, np.stack(terms, -1), member, noise)
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            models, brighter, agrees, misses = zip(*pool.map(compare, stack), strict=True)
+        bright, lit = (np.stack(frames).mean(0, dtype=np.float32) for frames in (brighter, agrees))
+        models, relative = np.stack(models), float(np.mean(misses))
         member = (bright < 0.15) & (lit > 0.4) & ~ignore
-        if member.sum() < 10 * basis.shape[-1]:
+        if member.sum() < 10 * len(terms):
             break
     likely = (bright > 0.35) | ((lit < 0.2) & (bright > 0.05)) | (lit < 0.05)
     likely |= _other_shape(stack, models, noise)
-    return Contradiction(bright, lit, likely & ~ignore, backdrop, relative)
+    return Contradiction(bright, lit, likely & ~ignore, np.asarray(models.mean(0)), relative)
 
 
 def _other_shape(stack: NDArray[np.float32], models: NDArray[np.float32], noise: float) -> NDArray[np.bool_]:
@@ -117,10 +112,24 @@ def _other_shape(stack: NDArray[np.float32], models: NDArray[np.float32], noise:
     return (enough >= FEWEST_VOTES) & (most - 1 < LEAST_AGREEING * (enough - 1))
 
 
+def _compare_frame(
+    basis: NDArray, member: NDArray[np.bool_], noise: float, frame: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], float]:
+    """Fit the backdrop's model to one frame; return it, where the frame is brighter, where it agrees, and its rms."""
+    chosen = np.flatnonzero(member)
+    chosen = chosen[:: max(1, len(chosen) // FITTED)]
+    solution = _robust_fit(basis.reshape(-1, basis.shape[-1])[chosen], frame.ravel()[chosen], noise)
+    model = np.maximum(basis @ solution, 0).astype(np.float32)
+    tolerance = np.hypot(np.float32(3 * noise), 3 * TEXTURE * model)
+    excess = frame - model
+    agrees = np.abs(excess) <= tolerance
+    seen = agrees & member
+    return model, excess > tolerance, agrees, float(np.std(excess[seen] / np.maximum(model[seen], noise)))
+
+
 def _robust_fit(basis: NDArray, values: NDArray, noise: float) -> NDArray[np.float64]:
     """Return coefficients by reweighted least squares that shadows below and objects above do not pull."""
-    step = max(1, len(values) // 20000)
-    basis, values = basis[::step], values[::step].astype(np.float64)
+    values = values.astype(np.float64)
     # The brighter half at first: shadows are many, and go one way.
     weight = (values > np.median(values)).astype(np.float64) + 0.2
     solution = np.zeros(basis.shape[1])
