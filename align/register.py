@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.final import Fit
+from align.focal import LongerFocal, register_longer
 from align.search import Found, search
 from align.smooth_normals import smooth_normals
 from scene.camera import Camera
@@ -44,7 +45,7 @@ class Registration:
         orthographic camera does not tell depth: it is left out there.
     covariance : (6, 6) float64
         Of the twist (rotation vector in radians about `pivot_mm`, translation in mm), camera axes; see
-        `align.motion.nudge`.
+        `align.motion.nudge`. Where the focal length is not known, its part (`longer`) is in it, and in both sigmas.
     pivot_mm : (3,) float64
         The scan's middle, camera frame.
     evidence : dict
@@ -52,10 +53,13 @@ class Registration:
         fit the photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as
         one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of
         outline and shading: the variance is inflated by it); of the best pose and the next, where there is one: cost,
-        second_cost, second_deviations (see `align.contest`), second_angle_deg.
+        second_cost, second_deviations (see `align.contest`), second_angle_deg; where the focal length is not known:
+        focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one sigma of it).
     warnings : tuple of str
     ambiguous : bool
         Another pose explains the photographs as well, within chance: a symmetric object.
+    longer : LongerFocal or None
+        The same with a focal length one sigma longer; None where the focal length is known.
     """
 
     pose: Pose
@@ -67,6 +71,7 @@ class Registration:
     evidence: dict[str, float]
     warnings: tuple[str, ...] = ()
     ambiguous: bool = False
+    longer: LongerFocal | None = None
 
 
 def register(
@@ -165,7 +170,12 @@ def register(
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
-    covariance = evidence.covariance()
+    covariance, longer = evidence.covariance(), register_longer(evidence)
+    if longer is not None:
+        covariance = covariance + longer.covariance
+        facts["focal_sigma"] = camera.focal_sigma
+        facts["focal_turn_deg"] = float(np.degrees(np.linalg.norm(longer.twist[:3])))
+        facts["focal_shift_mm"] = float(np.linalg.norm(longer.twist[3:]))
     return Registration(
         pose,
         evidence.residual_px,
@@ -176,6 +186,7 @@ def register(
         facts,
         tuple(warnings),
         ambiguous,
+        longer,
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import Hits, RayCaster
+from align.focal import LongerFocal
 from align.motion import nudge
 from align.smooth_normals import smooth_normals
 from scene.camera import Camera
@@ -57,6 +58,7 @@ def ground_truth(
     camera: Camera,
     *,
     covariance: NDArray | None = None,
+    longer: LongerFocal | None = None,
     normals: Literal["smooth", "facet"] = "smooth",
     at_vertices: tuple[Array, Array] | None = None,
 ) -> Truth:
@@ -72,6 +74,8 @@ def ground_truth(
         Perspective or orthographic; distortion is honoured.
     covariance : (6, 6) float, optional
         Of the pose, as in `Registration.covariance`; without it, sigma is the scan's part alone.
+    longer : LongerFocal, optional
+        Of the same registration; with `covariance`.
     normals : {"smooth", "facet"}
         "smooth": the surface's, freed from the scan's noise, interpolated over the face. "facet": the
         triangle's own, as measured; sigma then says how far off that may be.
@@ -85,7 +89,9 @@ def ground_truth(
     Notes
     -----
     The pose's part of sigma is what the normal at the pixel changes by when the pose moves one sigma along each
-    axis of its covariance (so curvature counts, and the ray's new hit with it); the scan's part is that of
+    axis of its covariance (so curvature counts, and the ray's new hit with it). Over one sigma of a focal length that
+    is not known, pose and camera change together: either alone would shift the picture by pixels, and both hardly
+    change it. The scan's part is that of
     `smooth_normals`. Where the scan is finer than the pixels, normals are averaged over 3 x 3 places of the pixel.
     """
     caster = RayCaster(mesh)
@@ -119,7 +125,10 @@ def ground_truth(
         face = hits.face.reshape(shape)[inner][v, u]
         variance = hits.interpolate(mesh, square).reshape(shape)[inner][v, u]
         if covariance is not None:
-            variance = variance + _pose_variance(caster, corners, pose, camera, here, middle, covariance)
+            own = covariance if longer is None else covariance - longer.covariance
+            variance = variance + _pose_variance(caster, corners, pose, camera, here, middle, own)
+        if longer is not None:
+            variance = variance + _turned(caster, corners, longer.pose, longer.camera, here, middle)
         if normals == "facet":
             answer = pose.rotate(mesh.face_normals[face])
             variance = variance + angular_error_deg(answer, middle) ** 2
@@ -220,6 +229,13 @@ def _pose_variance(
         if value <= 0:
             continue
         moved = nudge(pose, axis * np.sqrt(value) / length, pivot)
-        after = unit(moved.rotate(caster.look(camera, moved, pixels).interpolate(mesh, at_vertices)))
-        total += np.nan_to_num(angular_error_deg(after, normals) ** 2)
+        total += _turned(caster, at_vertices, moved, camera, pixels, normals)
     return total
+
+
+def _turned(
+    caster: RayCaster, at_vertices: Array, pose: Pose, camera: Camera, pixels: NDArray, normals: Array
+) -> Array:
+    """Return (P,), degrees squared: by how much the normals at another pose, through another camera, differ."""
+    after = unit(pose.rotate(caster.look(camera, pose, pixels).interpolate(caster.mesh, at_vertices)))
+    return np.nan_to_num(angular_error_deg(after, normals) ** 2)

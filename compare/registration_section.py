@@ -146,6 +146,7 @@ def _facts(summary: Summary) -> str:
     facts = [
         ("outline residual", align.get("residual_px"), 2, "px"),
         ("pose, position ± (1 sigma)", align.get("sigma_mm"), 3, "mm"),
+        ("of it by the focal length, which is not known", fit.get("focal_shift_mm"), 1, "mm"),
         ("pose, rotation ± (1 sigma)", align.get("sigma_deg"), 3, "°"),
         ("ground-truth normals ± (median)", align.get("truth_sigma_deg_median"), 2, "°"),
         ("scan's normals to the photographs' (median)", fit.get("normals_deg"), 2, "°"),

@@ -44,7 +44,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
             mesh, found, scale = register_unknown_scale(mesh, camera, lights, mask, run, start=start)
         else:
             found = run(mesh, start)
-    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, at_vertices=smooth)
+    truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, longer=found.longer, at_vertices=smooth)
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(
         found.pose,
@@ -70,6 +70,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "residual_px": found.residual_px,
         "sigma_mm": found.sigma_mm,
         "sigma_deg": found.sigma_deg,
+        "focal_px": None if camera.is_orthographic else camera.fx,
+        "focal_sigma": camera.focal_sigma,
         "fit": found.evidence,
         "evidence": list(mesh.repairs),
         "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
