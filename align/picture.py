@@ -1,5 +1,9 @@
 """One picture out of the stack, in which outlines are sharp and shadows gone."""
 
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,16 +13,22 @@ from scene.lights import Lights
 
 def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
     """Return (F, H // factor, W // factor) float32, the channels' and blocks' means of every frame."""
-    height, width = frames.height // factor, frames.width // factor
-    out = np.empty((len(frames), height, width), np.float32)
-    step = max(1, (32 << 20) // (frames.width * 12 * factor))
-    for first in range(0, height, step):
-        last = min(first + step, height)
-        rows, columns = slice(first * factor, last * factor), slice(0, width * factor)
-        for index in range(len(frames)):
-            gray = frames.read(rows, [index], columns=columns)[0].mean(-1)
-            out[index, first:last] = gray.reshape(last - first, factor, width, factor).mean((1, 3))
-    return out
+    import cv2
+
+    size = frames.width // factor, frames.height // factor
+
+    def shrink(codes: NDArray) -> NDArray:
+        # What is linear may be averaged before it is decoded. OpenCV knows no float16.
+        codes = codes[: size[1] * factor, : size[0] * factor]
+        codes = codes if codes.dtype == np.uint16 else codes.astype(np.float32)
+        return np.asarray(cv2.resize(codes, size, interpolation=cv2.INTER_AREA))
+
+    small = replace(
+        frames,
+        codes=np.stack([shrink(codes) for codes in frames.codes]),
+        ambient=None if frames.ambient is None else shrink(frames.ambient),
+    )
+    return np.asarray(small.read().mean(-1))
 
 
 def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -40,9 +50,13 @@ def bright_picture(frames: Frames, near: NDArray[np.bool_], *, lights: Lights | 
     columns = slice(max(int(u.min()) - margin, 0), int(u.max()) + margin + 1)
     out = np.zeros(near.shape, np.float32)
     weight = np.full((len(frames), 3), 1 / 3) if lights is None else 1 / lights.intensities / 3
-    for band in frames.bands(64 << 20):
+
+    def fill(band: slice) -> None:
         rows = slice(max(band.start, int(v.min()) - margin), min(band.stop, int(v.max()) + margin + 1))
         if rows.start < rows.stop:
             gray = np.einsum("fhwc,fc->fhw", frames.read(rows, columns=columns), weight.astype(np.float32))
             out[rows, columns] = bright_mean(gray)
+
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        list(pool.map(fill, frames.bands(64 << 20)))
     return out
