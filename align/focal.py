@@ -15,8 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.final import FinalEvidence
-from align.finish import NEAREST_PX, refine
+from align.finish import NEAREST_PX
 from align.probes import Probes
+from align.refine import settle
+from align.rough import small_steps
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
@@ -26,7 +28,7 @@ Array = NDArray[np.float64]
 EXACT = 0.001
 """Relative sigma of a focal length up to which it is taken as exact: it moves the object's place by less than the
 registration's own uncertainty."""
-ROUNDS = 3
+ROUNDS = 2
 """Of the refinement; it starts within a pixel."""
 
 
@@ -72,19 +74,20 @@ def register_longer(evidence: FinalEvidence) -> LongerFocal | None:
     if camera.is_orthographic or camera.focal_sigma <= EXACT:
         return None
     ratio = 1 + camera.focal_sigma
-    pivot = evidence.pose.apply(evidence.caster.mesh.center_mm)
-    start = _receded(pivot, ratio) @ evidence.pose
-    longer = replace(
-        evidence,
-        camera=replace(camera, fx=camera.fx * ratio, fy=camera.fy * ratio),
-        lights=receded_lights(evidence.lights, ratio),
-    )
-    probes = Probes.of(longer.camera, evidence.samples.pixels, step_px=evidence.probes.step_px)
-    there = replace(longer, probes=probes).renewed(start, reach_px=NEAREST_PX)
-    pose, _ = refine(there, rounds=ROUNDS, reach_px=NEAREST_PX)
+    mesh = evidence.caster.mesh
+    pivot = evidence.pose.apply(mesh.center_mm)
+    pose = _receded(pivot, ratio) @ evidence.pose
+    camera = replace(camera, fx=camera.fx * ratio, fy=camera.fy * ratio)
+    lights = receded_lights(evidence.lights, ratio)
+    probes = Probes.of(camera, evidence.samples.pixels, step_px=evidence.probes.step_px)
+    there = replace(evidence, camera=camera, lights=lights, probes=probes)
+    for _ in range(ROUNDS):
+        there = there.renewed(pose, reach_px=NEAREST_PX)
+        scales = small_steps(mesh, camera, pose, step_px=0.5)
+        pose = settle(there.terms, pose, lambda p: p.apply(mesh.center_mm), scales, steps=4)
     turn = Rotation.from_matrix((pose @ evidence.pose.inverse()).rotation).as_rotvec()
-    shift = pose.apply(evidence.caster.mesh.center_mm) - pivot
-    return LongerFocal(longer.camera, pose, np.concatenate([turn, shift]))
+    shift = pose.apply(mesh.center_mm) - pivot
+    return LongerFocal(camera, pose, np.concatenate([turn, shift]))
 
 
 def receded_lights(lights: Lights, ratio: float) -> Lights:
