@@ -118,7 +118,8 @@ class Frames:
         margin = 1 if self.is_mosaic else 0
         top, edge = max(first - margin, 0), max(left - margin, 0)
         codes = self.codes[frames, top : last + margin, edge : right + margin]
-        clipped = np.any(codes >= self._limit, axis=-1)
+        red, green, blue = np.moveaxis(codes >= self._limit, -1, 0)
+        clipped = red | green | blue  # eight times faster than np.any over so short an axis
         if margin:
             spread = clipped.copy()
             spread[:, 1:] |= clipped[:, :-1]
@@ -133,16 +134,18 @@ class Frames:
 
         Only these pixels are decoded: for samples spread over a large picture.
         """
-        linear = decode(self.codes[index, v, u])
+        codes = self.codes[index].reshape(-1, 3)
+        linear = decode(np.take(codes, v * self.width + u, axis=0))
         linear *= np.float32(self.gain[index])
         if self.ambient is not None:
-            linear -= decode(self.ambient[v, u])
+            linear -= decode(np.take(self.ambient.reshape(-1, 3), v * self.width + u, axis=0))
         clipped = np.zeros(len(v), bool)
         margin = 1 if self.is_mosaic else 0
         for down in range(-margin, margin + 1):
             for right in range(-margin, margin + 1):
-                beside = np.clip(v + down, 0, self.height - 1), np.clip(u + right, 0, self.width - 1)
-                clipped |= np.any(self.codes[index][beside] >= self._limit, axis=-1)
+                row, column = np.clip(v + down, 0, self.height - 1), np.clip(u + right, 0, self.width - 1)
+                red, green, blue = (np.take(codes, row * self.width + column, axis=0) >= self._limit).T
+                clipped |= red | green | blue
         return linear, clipped
 
     @property
