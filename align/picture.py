@@ -1,6 +1,7 @@
 """One picture out of the stack, in which outlines are sharp and shadows gone."""
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -9,6 +10,9 @@ from numpy.typing import NDArray
 
 from scene.frames import Frames
 from scene.lights import Lights
+
+ACROSS = 500
+"""Pixels across the object, at least, at which normals are solved for the search."""
 
 
 def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
@@ -29,6 +33,34 @@ def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
         ambient=None if frames.ambient is None else shrink(frames.ambient),
     )
     return np.asarray(small.read().mean(-1))
+
+
+def sparse_normals(mask: NDArray[np.bool_], solve: Callable[[NDArray[np.bool_]], NDArray]) -> NDArray:
+    """Return normals (H, W, 3) under a mask, of a large object solved on every k-th pixel of every k-th row only.
+
+    A scan is placed with the object `ACROSS` pixels large; what more there is of normals would be averaged.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+    solve : callable
+        A mask (H, W) -> normals (H, W, 3), NaN where unknown.
+
+    Returns
+    -------
+    normals : (H, W, 3)
+        The k x k pixels about a solved one are given its normal.
+    """
+    step = max(1, int(np.ptp(np.argwhere(mask), axis=0).max()) // ACROSS) if mask.any() else 1
+    if step == 1:
+        return solve(mask)
+    grid = [np.arange(step // 2, count, step) for count in mask.shape]
+    few = np.zeros_like(mask)
+    few[np.ix_(*grid)] = mask[np.ix_(*grid)]
+    nearest = [
+        at[np.minimum(np.arange(count) // step, len(at) - 1)] for at, count in zip(grid, mask.shape, strict=True)
+    ]
+    return solve(few)[np.ix_(*nearest)]
 
 
 def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:

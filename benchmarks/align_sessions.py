@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from align.mask import find_object
+from align.picture import sparse_normals
 from align.register import Registration, register
 from align.truth import ground_truth
 from fixtures.mesh_scene import Scene, as_calibrated, random_rotation, random_scene
@@ -123,7 +124,8 @@ def prepared(made: Session) -> tuple[Lights, NDArray[np.bool_], NDArray]:
     rows, columns = np.nonzero(mask)
     depth = float(made.lights.reference_point_mm[2])
     lights = made.lights.seen_from(camera.points_at_depth(np.array([columns.mean(), rows.mean()]), depth))
-    return lights, mask, solve("iterative", made.frames, lights, camera, mask).normals
+    normals = sparse_normals(mask, lambda some: solve("iterative", made.frames, lights, camera, some).normals)
+    return lights, mask, normals
 
 
 def apart_px(made: Session, pose: Pose) -> float:

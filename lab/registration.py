@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.job import Job
 from lab.progress import progress_bar
@@ -18,6 +19,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.appearance import outline, shading
     from align.mask import scan_mask
     from align.motion import apart_px
+    from align.picture import sparse_normals
     from align.register import Registration, register
     from align.smooth_normals import smooth_normals
     from align.truth import ground_truth
@@ -29,14 +31,18 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     mesh = job.load_scan()
     picked = _picked(job, camera, mesh)
     mask, scale = rough_mask.mask, None
-    rough = solve("iterative", frames, lights, camera, mask, executor=job.executor)
+
+    def normals_of(some: NDArray[np.bool_]) -> NDArray:
+        return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
+
+    normals = sparse_normals(mask, normals_of)
     smooth = smooth_normals(mesh)
     start = picked.pose if picked else None
     with progress_bar("register") as progress:
 
         def run(scan: Mesh, begin: Pose | None) -> Registration:
             return register(
-                scan, camera, frames, lights, mask, rough.normals,
+                scan, camera, frames, lights, mask, normals,
                 start=begin, at_vertices=smooth[0], executor=job.executor, progress=progress,
             )  # fmt: skip
 

@@ -13,6 +13,8 @@ from scene.lights import Lights
 GRAY = np.array([0.2989, 0.5870, 0.1140])
 """Rec. 601 weights, as the published DiLiGenT figures use them [Shi2019]."""
 
+SPARSE = 0.15
+"""Share of a box's pixels under which they are read one by one."""
 _BAND_BYTES = 64 << 20
 
 
@@ -56,9 +58,15 @@ def read_samples(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[n
     inside = mask[:, box]
     color = np.empty((len(row), len(frames), 3), np.float32)
     valid = np.empty((len(row), len(frames)), bool)
+    # A mask with few pixels in its box costs less pixel by pixel.
+    sparse = len(row) < SPARSE * inside.size
     for index in range(len(frames)):
-        color[:, index] = frames.read(rows, [index], columns=box)[0][inside]
-        valid[:, index] = ~frames.saturated(rows, [index], columns=box)[0][inside]
+        if sparse:
+            color[:, index], clipped = frames.read_pixels(index, row + rows.start, column)
+        else:
+            color[:, index] = frames.read(rows, [index], columns=box)[0][inside]
+            clipped = frames.saturated(rows, [index], columns=box)[0][inside]
+        valid[:, index] = ~clipped
     weights = (GRAY / lights.intensities).astype(np.float32)
     gray = np.einsum("pfc,fc->pf", color, weights)
     pixels = np.stack([column, row + rows.start], -1)

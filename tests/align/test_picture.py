@@ -1,0 +1,36 @@
+"""Pictures and normals made smaller: what is left is still in its place."""
+
+import numpy as np
+
+from align.picture import ACROSS, sparse_normals
+
+
+def test_sparse_normals_are_those_of_the_pixel_nearby():
+    v, u = np.mgrid[0:1700, 0:1611]
+    mask = np.hypot(v - 800, u - 790) < 700
+    asked = []
+
+    def solve(some):
+        asked.append(some)
+        place = np.stack([u, v, u * 0], -1).astype(np.float32)
+        return np.where(some[..., None], place, np.nan)
+
+    normals = sparse_normals(mask, solve)
+    inside = np.hypot(v - 800, u - 790) < 698
+    # Solved on a fourth of them, given to each, from a pixel away and to no side more than to the other.
+    assert asked[0].sum() < 0.26 * mask.sum()
+    assert (asked[0] <= mask).all()
+    away = normals[inside][:, :2] - np.stack([u, v], -1)[inside]
+    assert np.abs(away).max() <= 1
+    assert np.abs(away.mean(0)).max() <= 0.51
+
+
+def test_normals_of_a_small_object_are_all_solved():
+    mask = np.zeros((40, 50), bool)
+    mask[3:30, 4:44] = True
+    given = np.random.default_rng(0).standard_normal((40, 50, 3))
+    assert ACROSS > 40
+    assert (
+        sparse_normals(mask, lambda some: np.where(some[..., None], given, np.nan))[mask].tolist()
+        == given[mask].tolist()
+    )
