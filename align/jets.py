@@ -9,6 +9,8 @@ import numba
 import numpy as np
 
 QUADRATIC, CUBIC = 6, 10
+OF_X, OF_Y = np.array([0, 1, 0, 2, 1, 0, 3, 2, 1, 0]), np.array([0, 0, 1, 0, 1, 2, 0, 1, 2, 3])
+"""Exponents of the monomials."""
 MOST = 1024
 """Vertices of one neighbourhood; more are not gathered."""
 
@@ -58,42 +60,41 @@ def tangents(normal, frame):  # pragma: no cover
     frame[2, 0], frame[2, 1], frame[2, 2] = x, y, z
 
 
-@numba.njit(nogil=True, cache=True)
-def local(j, i, radius, vertices, heights, frame, powers):  # pragma: no cover
-    """Fill `powers` (10,) with the monomials of vertex j over vertex i's tangent plane, in radii; return its height.
-
-    Where `heights` (V,) are given, they stand in for the surface's own.
-    """
-    x = y = z = 0.0
-    for axis in range(3):
-        away = (vertices[j, axis] - vertices[i, axis]) / radius
-        x += away * frame[0, axis]
-        y += away * frame[1, axis]
-        z += away * frame[2, axis]
-    powers[0], powers[1], powers[2] = 1.0, x, y
-    powers[3], powers[4], powers[5] = x * x, x * y, y * y
-    powers[6], powers[7], powers[8], powers[9] = x * x * x, x * x * y, x * y * y, y * y * y
-    return heights[j] / radius if len(heights) else z
-
-
 @numba.njit(nogil=True, cache=True, fastmath=True)
 def accumulate(i, found, count, radius, vertices, heights, frame, work):  # pragma: no cover
     """Sum the normal equations of the neighbourhood into `work`; return the heights' squares, summed.
 
-    work : (14, 10): normal matrix (rows 0-9, lower half), right-hand side (10), monomials (11), solutions (12, 13).
+    work : (14, 10): normal matrix (rows 0-9, lower half), right-hand side (10), solutions (12, 13).
+    Lengths are in radii. Where `heights` (V,) are given, they stand in for the surface's own over the tangent plane.
     All neighbours weigh the same: of all weights in the same circle these leave the least noise in the slope.
+    The matrix's 55 elements are but 28 different sums, of x^p y^q; they are summed once each.
     """
-    work[:11] = 0.0
-    powers = work[11]
+    moments, raised = np.zeros((7, 7)), np.zeros((4, 4))
     square = 0.0
     for k in range(count):
-        z = local(found[k], i, radius, vertices, heights, frame, powers)
+        j = found[k]
+        x = y = z = 0.0
+        for axis in range(3):
+            away = (vertices[j, axis] - vertices[i, axis]) / radius
+            x += away * frame[0, axis]
+            y += away * frame[1, axis]
+            z += away * frame[2, axis]
+        if len(heights):
+            z = heights[j] / radius
         square += z * z
-        for a in range(CUBIC):
-            once = powers[a]
-            work[10, a] += once * z
-            for b in range(a + 1):
-                work[a, b] += once * powers[b]
+        start = 1.0
+        for p in range(7):
+            power = start
+            for q in range(7 - p):
+                moments[p, q] += power
+                if p + q < 4:
+                    raised[p, q] += power * z
+                power *= y
+            start *= x
+    for a in range(CUBIC):
+        work[10, a] = raised[OF_X[a], OF_Y[a]]
+        for b in range(a + 1):
+            work[a, b] = moments[OF_X[a] + OF_X[b], OF_Y[a] + OF_Y[b]]
     return square
 
 
@@ -156,7 +157,7 @@ def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normal
 
     Fills, per vertex chosen: normals (K, 2, 3), variance (K, 2) in radians squared for noise of 1 mm (infinite
     where too few neighbours determine the fit), and rough (K, 2): the mean squared residual, mm^2.
-    `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `local`.
+    `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `accumulate`.
     """
     stamp = np.full(len(vertices), -1, np.int64)
     found = np.zeros(MOST, np.int64)
