@@ -231,7 +231,8 @@ def _refuse_mirrored(mesh: Mesh, at_vertices: Array, fit: Fit, search_for: Calla
     mirror = np.array([-1.0, 1.0, 1.0])
     flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
     mirrored = search_for(flipped, at_vertices * mirror).evidence.fit()
-    if mirrored.misfit < 0.5 * fit.misfit:
+    # A scan that is its own mirror image may have stopped beside its best pose: its normals fit as well as mirrored.
+    if mirrored.misfit < 0.5 * fit.misfit and mirrored.normals_deg < 0.9 * fit.normals_deg:
         raise AlignError(
             f"scan: it fits mirrored only: {fit.words}; of its mirror image, {mirrored.words}. One axis of the scan "
             "is reversed: export it again from the scanner's program, or negate one coordinate."

@@ -1,0 +1,34 @@
+"""When a scan is said to be mirrored."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from align.final import Fit
+from align.register import _refuse_mirrored
+from scene.errors import AlignError
+from scene.mesh import Mesh
+
+
+@pytest.fixture
+def ask():
+    """Return a question: a scan that fits so, its mirror image so."""
+    mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]))
+
+    def refuse(fit, mirrored):
+        found = SimpleNamespace(evidence=SimpleNamespace(fit=lambda: mirrored))
+        _refuse_mirrored(mesh, np.eye(3), fit, lambda other, normals: found)
+
+    return refuse
+
+
+def test_a_ball_is_not_called_mirrored(ask):
+    """Real figures, DiLiGenT's ball: it rolled until its open side showed; its mirror image rolled less."""
+    ask(Fit(0.957, 1.2, 0.86), Fit(0.961, 1.2, 0.98))
+
+
+def test_normals_tell_the_mirror_image(ask):
+    """Real figures, DiLiGenT's cat: a surface of its front, mirrored, has the cat's outline from behind."""
+    with pytest.raises(AlignError, match="mirrored only"):
+        ask(Fit(0.984, 90.0, 0.97), Fit(0.997, 5.7, 1.0))
