@@ -13,8 +13,8 @@ BLOCKS = 14
 """Patches across the object: residuals in one patch err together."""
 CHANCE = 0.002
 """Difference of the mean cost that the mask's own errors make."""
-UNSEEN = 0.5
-"""Cost of a pixel that looks into a hole of the scan: neither explained nor contradicted."""
+HIDDEN = 0.05
+"""What a pixel that looks into a hole of the scan is charged."""
 OUTLINE_CHANCE = 0.05
 """Difference of the outline's share without an edge that is chance."""
 
@@ -51,29 +51,20 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
     differ in few patches, and those are the evidence, not the scatter. The outline's share that has no edge in the
     photographs is held against a pose, too, in units of `OUTLINE_CHANCE`.
 
-    A pixel that looks into a hole of the scan says nothing; but a pose may hide in a hole what it does not explain. So
-    poses are compared twice, on the pixels that both explain and with holes at `UNSEEN`: both must agree.
+    A pixel that looks into a hole of the scan at either pose is not compared: where the hole lies does not tell how the
+    object stands. The pose whose hole it is is charged a little, since it may hide there what it does not explain.
     """
     sigma = min(one.shading_sigma, two.shading_sigma)
     first, second = one.pixel_costs(sigma), two.pixel_costs(sigma)
-    known = np.isfinite(first) & np.isfinite(second)
     size = float(np.ptp(one.samples.pixels, axis=0).max()) + 1
     cell = (one.samples.pixels / (size / BLOCKS)).astype(np.int64)
     _, block = np.unique(cell[:, 1] * 100_000 + cell[:, 0], return_inverse=True)
-    filled = tuple(np.where(np.isfinite(cost), cost, UNSEEN) for cost in (first, second))
     outside = [evidence.rim.beyond(evidence.mask) for evidence in (one, two)]
-    beyond = outside[1] - outside[0]
-    outline = (one.fit().outline_share - two.fit().outline_share) / OUTLINE_CHANCE
-    both = [
-        outline + _deviations(difference, block, beyond)
-        for difference in (np.where(known, second - first, 0.0), filled[1] - filled[0])
-    ]
-    costs = (float(filled[0].mean()) + outside[0], float(filled[1].mean()) + outside[1])
-    agree = both[0] * both[1] > 0
-    return Contest(costs, float(np.sign(sum(both)) * (min(np.abs(both)) if agree else 1e-3)))
-
-
-def _deviations(difference: Array, block: NDArray, beyond: float) -> float:
+    holes = [~np.isfinite(cost) for cost in (first, second)]
+    difference = np.where(holes[0] | holes[1], HIDDEN * (holes[1] * 1.0 - holes[0]), second - first)
     sums = np.bincount(block, difference)
     spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / len(difference)
-    return (float(difference.mean()) + beyond) / float(np.hypot(spread, CHANCE))
+    better = (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(spread, CHANCE))
+    better += (one.fit().outline_share - two.fit().outline_share) / OUTLINE_CHANCE
+    costs = [float(np.nanmean(cost)) + beyond for cost, beyond in zip((first, second), outside, strict=True)]
+    return Contest((costs[0], costs[1]), better)

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
+from align.limb import LimbPictures
 from align.probes import Probes
 from align.refine import Term, disagreement, information, robust_sigma
-from align.rim import Rim, find_rim, locate_edges, outline_jacobian, sample, signed_distance
+from align.rim import Rim, find_rim, outline_jacobian, sample, signed_distance
 from align.rough import small_steps
 from align.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, free_normals
 from scene.camera import Camera
@@ -18,8 +19,8 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.4, 0.3
-"""How far outside the steepest place of a blurred limb, which darkens, the outline lies; and how unsure that is."""
+EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
+"""How far outside the limb's edges, as the scan lets expect them, the outline lies; and how unsure that is."""
 UNMODELLED = 4.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
@@ -75,7 +76,7 @@ class FinalEvidence:
     lights: Lights
     mask: NDArray[np.bool_]
     distance: NDArray[np.float32]
-    picture: NDArray[np.float32]
+    limbs: LimbPictures
     samples: Samples
     probes: Probes
     cells: int
@@ -107,7 +108,7 @@ class FinalEvidence:
         camera: Camera,
         lights: Lights,
         mask: NDArray[np.bool_],
-        picture: NDArray[np.float32],
+        limbs: LimbPictures,
         samples: Samples,
         pose: Pose,
         *,
@@ -118,13 +119,13 @@ class FinalEvidence:
         v, u = np.nonzero(mask)
         block_px = max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16)
         probes = Probes.of(camera, samples.pixels, step_px=1.0)
-        fixed = (caster, camera, lights, mask, signed_distance(mask), picture, samples, probes, cells, block_px)
+        fixed = (caster, camera, lights, mask, signed_distance(mask), limbs, samples, probes, cells, block_px)
         return cls._about(fixed, pose, reach_px)
 
     def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
         """Return the evidence taken again about `pose`."""
         fixed = (
-            self.caster, self.camera, self.lights, self.mask, self.distance, self.picture, self.samples, self.probes,
+            self.caster, self.camera, self.lights, self.mask, self.distance, self.limbs, self.samples, self.probes,
             self.cells, self.block_px,
         )  # fmt: skip
         return self._about(fixed, pose, reach_px)
@@ -132,9 +133,10 @@ class FinalEvidence:
     @classmethod
     def _about(cls, fixed: tuple, pose: Pose, reach_px: float) -> "FinalEvidence":
         """Return the evidence about a pose; `fixed` are the fields that do not depend on it."""
-        caster, camera, lights, mask, distance, picture, samples, probes, cells, block_px = fixed
+        caster, camera, lights, mask, distance, limbs, samples, probes, cells, block_px = fixed
         rim = find_rim(caster, camera, pose, cells=cells)
-        offset = locate_edges(picture, rim.pixels, rim.outward, reach_px=reach_px)
+        offset = limbs.locate(rim.pixels, rim.outward, reach_px=reach_px)
+        offset -= limbs.expect(caster, camera, lights, pose, rim, offset)
         at = rim.pixels + np.nan_to_num(offset)[:, None] * rim.outward
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
         seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < max(4.0, 0.7 * reach_px))
@@ -143,7 +145,7 @@ class FinalEvidence:
         used = choose(samples, normals, _vectors(lights, points), shadows)
         on_scan = pose.inverse().apply(rim.points[seen])
         here = cls(
-            caster, camera, lights, mask, distance, picture, samples, probes, cells, block_px, pose,
+            caster, camera, lights, mask, distance, limbs, samples, probes, cells, block_px, pose,
             rim, on_scan, at[seen], rim.outward[seen], used,
         )  # fmt: skip
         return here._weighed(np.where(seen, offset, np.nan))
@@ -219,7 +221,7 @@ class FinalEvidence:
         error = angular_error_deg(free_normals(self.samples, self.used, _vectors(self.lights, points)), normals)
         size = float(np.ptp(np.argwhere(self.mask), axis=0).max()) + 1
         near = max(1.0, 0.005 * size)
-        offset = locate_edges(self.picture, self.rim.pixels, self.rim.outward, reach_px=max(6.0, 0.05 * size))
+        offset = self.limbs.locate(self.rim.pixels, self.rim.outward, reach_px=max(6.0, 0.05 * size))
         on_edge = np.abs(offset + self.bias_px) < near
         on_edge |= np.abs(sample(self.distance, self.rim.pixels)) < near + MASK_PX
         return Fit(

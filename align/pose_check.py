@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from align.embree import RayCaster
 from align.final import FinalEvidence
 from align.finish import refine
+from align.limb import LimbPictures
 from align.motion import apart_px, nudge
-from align.picture import bright_picture
 from align.rough import small_steps
 from align.shading import take_samples
 from align.smooth_normals import smooth_normals
@@ -122,10 +122,10 @@ def check_pose(
         Of the directions in which the starts lie.
     """
     samples = take_samples(frames, lights, mask, count=SAMPLES)
-    picture = bright_picture(frames, mask, lights=lights)
+    limbs = LimbPictures.of(frames, lights, mask)
     reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
     caster = RayCaster(mesh, smooth_normals(mesh)[0])
-    evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=CELLS, reach_px=reach)
+    evidence = FinalEvidence.of(caster, camera, lights, mask, limbs, samples, pose, cells=CELLS, reach_px=reach)
     along = _around(evidence, small_steps(mesh, camera, pose, step_px=1.0))
     generator = np.random.default_rng(seed)
     before, after, started, returned = [], [], [], []

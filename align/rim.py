@@ -1,4 +1,4 @@
-"""The silhouette: where the scan ends in the image, and where the photographs say that it ends."""
+"""The silhouette: where the scan ends in the image."""
 
 from dataclasses import dataclass
 
@@ -146,37 +146,3 @@ def sample(image: NDArray[np.float32], pixels: NDArray) -> Array:
     grid = grid.reshape(rows, width, 2)
     values = cv2.remap(image, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return values.ravel()[: len(flat)].reshape(np.shape(pixels)[:-1]).astype(np.float64)
-
-
-def locate_edges(image: NDArray[np.float32], pixels: NDArray, outward: NDArray, *, reach_px: float) -> Array:
-    """Return how far outside each pixel the image's edge lies (K,), px; NaN where there is none.
-
-    The edge is where the profile along `outward` is steepest, to a fraction of a pixel by a parabola through
-    the slope's peak. Not where it crosses half of the contrast: shading slopes inside the outline, and would
-    bend that level.
-    """
-    spacing = 0.25
-    blur = 0.8
-    half = int(np.ceil((reach_px + 2) / spacing))
-    s = spacing * np.arange(-half, half + 1)
-    profile = sample(image, pixels[:, None] + s[:, None] * outward[:, None])
-    kernel_at = spacing * np.arange(-int(3 * blur / spacing), int(3 * blur / spacing) + 1)
-    kernel = -kernel_at * np.exp(-0.5 * (kernel_at / blur) ** 2)
-    from scipy.ndimage import convolve1d
-
-    slope = convolve1d(profile, kernel, axis=1, mode="nearest")
-    inner = np.median(profile[:, s < -1.5], axis=1)
-    outer = np.median(profile[:, s > 1.5], axis=1)
-    contrast = np.abs(inner - outer)
-    # Falling outward where the object is brighter, rising where the backdrop is.
-    slope *= np.where(inner > outer, -1, 1)[:, None]
-    slope[:, np.abs(s) > reach_px] = -np.inf
-    peak = np.argmax(slope, axis=1)
-    row = np.arange(len(pixels))
-    found = (peak > 0) & (peak < len(s) - 1) & (contrast > 0.2 * np.maximum(inner, outer))
-    left, top, right = (slope[row, np.clip(peak + d, 0, len(s) - 1)] for d in (-1, 0, 1))
-    # A peak at the window's end is the flank of an edge that lies beyond it.
-    found &= np.isfinite(left) & np.isfinite(right) & (top > 0)
-    bend = np.where(found, left - 2 * top + right, -1.0)
-    shift = np.where(found, 0.5 * (left - right), 0.0) / np.where(bend < 0, bend, -1.0)
-    return np.where(found, s[peak] + spacing * np.clip(shift, -1, 1), np.nan)

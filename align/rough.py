@@ -15,8 +15,8 @@ from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
-UNKNOWN = 0.4
-"""Residual, in units of the loss, of a pixel that looks into a hole of the scan."""
+UNKNOWN = 0.15
+"""Residual, in units of the loss, of a pixel that looks into a hole of the scan: little more than of one explained."""
 
 
 def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Array:

@@ -12,8 +12,8 @@ from align.contest import Contest, compare_poses
 from align.embree import RayCaster
 from align.final import FinalEvidence
 from align.finish import refine
+from align.limb import LimbPictures
 from align.motion import apart_px
-from align.picture import bright_picture
 from align.refine import descend
 from align.rough import RoughEvidence, small_steps
 from align.shading import take_samples
@@ -77,11 +77,11 @@ def search(
 
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
-    picture = bright_picture(frames, mask, lights=lights)
+    limbs = LimbPictures.of(frames, lights, mask)
     finalists = []
     for done, (pose, _) in enumerate(rough[:FINALISTS]):
         finalists.append(
-            _finish(caster, camera, frames, lights, mask, picture, pose, count=count // 6, cells=160, rounds=3)
+            _finish(caster, camera, frames, lights, mask, limbs, pose, count=count // 6, cells=160, rounds=3)
         )
         tell(2 + STARTS + done, STEPS)
     best = 0
@@ -97,7 +97,7 @@ def search(
     ]
     rivals.sort(key=lambda rival: rival[1].deviations)
     pose, evidence = _finish(
-        caster, camera, frames, lights, mask, picture, finalists[best][0], count=count, cells=400, rounds=8
+        caster, camera, frames, lights, mask, limbs, finalists[best][0], count=count, cells=400, rounds=8
     )
     tell(STEPS, STEPS)
     return Found(pose, evidence, *(rivals[0] if rivals else (None, None)))
@@ -166,7 +166,7 @@ def _finish(
     frames: Frames,
     lights: Lights,
     mask: NDArray[np.bool_],
-    picture: NDArray[np.float32],
+    limbs: LimbPictures,
     pose: Pose,
     *,
     count: int,
@@ -177,5 +177,5 @@ def _finish(
     samples = take_samples(frames, lights, mask, count=count)
     # The rough pose may be a pixel of the shrunken picture off.
     reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
-    evidence = FinalEvidence.of(caster, camera, lights, mask, picture, samples, pose, cells=cells, reach_px=reach)
+    evidence = FinalEvidence.of(caster, camera, lights, mask, limbs, samples, pose, cells=cells, reach_px=reach)
     return refine(evidence, rounds=rounds, reach_px=reach)

@@ -6,8 +6,8 @@ import pytest
 from align.contest import compare_poses
 from align.embree import RayCaster
 from align.final import FinalEvidence
+from align.limb import LimbPictures
 from align.motion import nudge
-from align.picture import bright_picture
 from align.shading import take_samples
 
 
@@ -15,11 +15,11 @@ from align.shading import take_samples
 def evidence_at(world):
     caster = RayCaster(world.mesh)
     samples = take_samples(world.frames, world.lights, world.mask, count=1500)
-    picture = bright_picture(world.frames, world.mask, lights=world.lights)
+    limbs = LimbPictures.of(world.frames, world.lights, world.mask)
 
     def at(pose):
         return FinalEvidence.of(
-            caster, world.camera, world.lights, world.mask, picture, samples, pose, cells=100, reach_px=6.0
+            caster, world.camera, world.lights, world.mask, limbs, samples, pose, cells=100, reach_px=6.0
         )
 
     return at
