@@ -10,6 +10,7 @@ that leaves to be measured: `benchmarks/real_surfaces.py`, and the document.
 
 import argparse
 import json
+import subprocess
 import sys
 import time
 from dataclasses import asdict
@@ -175,6 +176,9 @@ def _picks() -> dict:
 
 def _run(rows: list[str]) -> dict:
     results = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    if rows:
+        commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True, cwd=ROOT)
+        results["commit"] = commit.stdout.strip()
     for row in rows:
         if row == "picks":
             results[row] = _picks()

@@ -7,7 +7,8 @@ INSIDE_95 = {"perspective": 12.592, "orthographic": 11.070}
 def tables(results: dict) -> str:
     """Return all tables whose rows are there."""
     made = {"right": _right, "wrong": _wrong, "picks": _picks}
-    return "\n".join(f"{table(results[row])}\n" for row, table in made.items() if row in results)
+    found = [f"{table(results[row])}\n" for row, table in made.items() if row in results]
+    return "\n".join([*found, f"(At {results['commit']}.)\n"])
 
 
 def _right(marks: list) -> str:
@@ -71,4 +72,4 @@ def _pair(values: list, digits: int = 2) -> str:
 
 def _short(text: str) -> str:
     """Return the first words of a message, up to its first colon after the field's name."""
-    return text.removeprefix("scan: ").split(":")[0].split(" (cost")[0]
+    return text.removeprefix("scan: ").split(":")[0].split(" (cost")[0].split(" in the photographs all round")[0]
