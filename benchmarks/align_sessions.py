@@ -5,9 +5,7 @@ and fixtures/mesh_shapes; lights are given with the errors that calibrating leav
 photographs, as `rgbn align` does.
 """
 
-import os
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -95,26 +93,6 @@ def with_fault(made: Session, name: str, fault: str) -> Session:
         used, inverse = np.unique(scan.faces[away], return_inverse=True)
         scan = Mesh(scan.vertices[used], inverse.reshape(-1, 3))
     return replace(made, scan=scan)
-
-
-def time_align(made: Session) -> dict:
-    """Return the seconds of each part of aligning a session, all cores, and the peak of the memory in GB."""
-    import resource
-
-    start = time.perf_counter()
-    lights, mask, normals = prepared(made)
-    ready = time.perf_counter()
-    with ProcessPoolExecutor(os.cpu_count()) as executor:
-        result = register(made.scan, made.scene.camera, made.frames, lights, mask, normals, executor=executor)
-    registered = time.perf_counter()
-    ground_truth(made.scan, result.pose, made.scene.camera, covariance=result.covariance)
-    done = time.perf_counter()
-    return {
-        "mask_and_normals": ready - start,
-        "register": registered - ready,
-        "truth": done - registered,
-        "gigabytes": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
-    }
 
 
 def prepared(made: Session) -> tuple[Lights, NDArray[np.bool_], NDArray]:

@@ -104,10 +104,17 @@ def _wrong(marks: dict) -> str:
 
 
 def _speed(marks: dict) -> str:
-    lines = ["| mask and normals, s | register, s | ground truth, s | all, s | peak, GB |", "|---|---|---|---|---|"]
-    parts = [marks[key] for key in ("mask_and_normals", "register", "truth")]
-    cells = [f"{value:.1f}" for value in (*parts, sum(parts), marks["gigabytes"])]
-    return "\n".join([*lines, "| " + " | ".join(cells) + " |"])
+    sizes = list(marks)
+    lines = [
+        "| seconds (on one core) | " + " | ".join(sizes) + " |",
+        "|---|" + "---|" * len(sizes),
+    ]
+    for stage in marks[sizes[0]]["stages"]:
+        spent = [marks[size]["stages"][stage] for size in sizes]
+        lines.append(f"| {stage} | " + " | ".join(f"{wall:.1f} ({cpu:.1f})" for wall, cpu in spent) + " |")
+    lines.append("| own memory, GB | " + " | ".join(f"{marks[size]['gigabytes']:.1f}" for size in sizes) + " |")
+    cores = marks[sizes[0]]["cores"]
+    return "\n".join([*lines, "", f"`rgbn align` after `calibrate`, {cores} cores; in brackets what one would need."])
 
 
 def _spread(values: Iterable[float]) -> str:

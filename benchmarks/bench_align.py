@@ -3,9 +3,10 @@
     .venv/bin/python -m benchmarks.bench_align [ROW ...] [--quick] [--write]
 
 Rows: found (every shape, random orientations, small pictures), full (every shape at 1200 x 800 with 16 frames: pose,
-ground truth, sigma), wrong (every third shape; scans that must be refused), speed (one session on its own). Results
-are kept in out/bench_align.json, so that rows can be run one by one; without names nothing is run, and `--write` puts
-the tables of what is there into the document.
+ground truth, sigma), wrong (every third shape; scans that must be refused), speed (one session of that size, and one of
+24 MP and 60 frames with a million faces, stage by stage; 9 GB of disk below out/ for a while). Results are kept in
+out/bench_align.json, so that rows can be run one by one; without names nothing is run, and `--write` puts the tables of
+what is there into the document.
 """
 
 import argparse
@@ -49,9 +50,9 @@ def _wrong(name: str, seed: int, fault: str) -> dict:
 
 
 def _speed() -> dict:
-    from benchmarks.align_sessions import session, time_align
+    from benchmarks.align_speed import time_sizes
 
-    return time_align(session("blob", 0, **FULL))
+    return time_sizes("relief", 0)
 
 
 def _tasks(rows: list[str], quick: bool) -> list[tuple]:
