@@ -139,6 +139,8 @@ def sample(image: NDArray[np.float32], pixels: NDArray) -> Array:
 
     # cv2.remap's maps may have at most 32767 rows or columns: fold the list.
     flat = np.asarray(pixels, np.float32).reshape(-1, 2)
+    if not len(flat):
+        return np.zeros(np.shape(pixels)[:-1])
     width = 4096
     rows = -(-len(flat) // width)
     grid = np.zeros((rows * width, 2), np.float32)
