@@ -87,7 +87,11 @@ def find_object(
         big = np.zeros(size, bool)
         blown = np.kron(border, np.ones((factor, factor), bool))
         big[: blown.shape[0], : blown.shape[1]] = blown
-        border = _sharpen(bright_picture(frames, big), big, balls, reach=2 * factor + 1)
+        reach = 2 * factor + 1
+        # Nothing farther off has a say: the blur's sigma is 1.5 reaches.
+        window = _window(big, margin=10 * reach)
+        border = np.zeros(size, bool)
+        border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
     rim = border[[0, -1]].sum() + border[:, [0, -1]].sum()
     if rim > 4:
@@ -113,9 +117,11 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
     """
     from scipy.ndimage import binary_dilation, binary_opening
 
+    shape, window = silhouette.shape, _window(silhouette | found.mask, margin=int(4 * tolerance_px))
+    silhouette, rough = silhouette[window], found.mask[window]
     radius = int(np.ceil(tolerance_px))
     disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= tolerance_px
-    extra = found.mask & ~silhouette
+    extra = rough & ~silhouette
     holes, _ = _pieces(~silhouette)
     outside = np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))
     in_holes = extra & ~np.isin(holes, outside)
@@ -128,13 +134,15 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
     share = (in_holes | beyond).sum() / max(mask.sum(), 1)
     if share > 0.02:
         warnings.append(f"mask: {100 * share:.0f} % of the object was not scanned: no ground truth there.")
-    missing = (silhouette & ~np.asarray(binary_dilation(found.mask, disc), bool)).sum() / max(silhouette.sum(), 1)
+    missing = (silhouette & ~np.asarray(binary_dilation(rough, disc), bool)).sum() / max(silhouette.sum(), 1)
     if missing > 0.02:
         warnings.append(
             f"mask: {100 * missing:.0f} % of the registered scan lies outside the mask that was {found.source}: "
             "something hides the object there, or the mask lacks it."
         )
-    return ObjectMask(mask, "scan", tuple(warnings))
+    whole = np.zeros(shape, bool)
+    whole[window] = mask
+    return ObjectMask(whole, "scan", tuple(warnings))
 
 
 def _blocks(mask: NDArray[np.bool_], factor: int, height: int, width: int) -> NDArray[np.bool_]:
@@ -249,6 +257,17 @@ def _blur(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
         image = np.asarray(cv2.resize(image, (width // step, height // step), interpolation=cv2.INTER_AREA), np.float32)
     image = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px / step), np.float32)
     return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _window(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask's box, grown by a margin."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    if not len(rows):
+        return np.s_[:, :]
+    return (
+        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
+        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+    )
 
 
 def _pieces(mask: NDArray) -> tuple[NDArray[np.int32], int]:
