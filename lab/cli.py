@@ -25,7 +25,7 @@ app = App(
 
 Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
 Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
-Method = Annotated[str, Parameter(help="Photometric-stereo methods, with commas: ls, iterative.")]
+Method = Annotated[str, Parameter(help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl.")]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 

@@ -8,6 +8,8 @@ import numpy as np
 
 SINGULAR = 1e-6
 """det / (trace / 3)^3 of the 3 x 3 normal matrix under which a pixel's lit lights lie in a plane."""
+SINGULAR_WEIGHTED = 1e-12
+"""The same where a few samples may outweigh the rest a thousandfold: what float64 still solves."""
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
@@ -61,6 +63,94 @@ def normal_equations(vectors, values, used):  # pragma: no cover
     if det <= SINGULAR * trace * trace * trace or trace <= 0.0:
         return 0.0, 0.0, 0.0, False
     return (ia * p + ib * q + ic * r) / det, (ib * p + id_ * q + ie * r) / det, (ic * p + ie * q + if_ * r) / det, True
+
+
+@numba.njit(nogil=True, cache=True)
+def light_vectors(point, directions, positions, reach, is_near, out):  # pragma: no cover
+    """Write the light vectors of every light at one point to `out` (F, 3)."""
+    for k in range(len(directions)):
+        out[k] = light_vector(k, point, directions, positions, reach, is_near)
+
+
+@numba.njit(nogil=True, cache=True)
+def lit_samples(values, valid, threshold, lit):  # pragma: no cover
+    """Write to `lit` (F,) what is no clipped and no shadowed sample; return how many.
+
+    Shadowed is what lies under `threshold` times the pixel's own 75th percentile (not its maximum, which
+    a highlight would lift). A pixel with fewer than four lit samples keeps all that are not clipped.
+    """
+    limit = threshold * np.sort(values)[int(0.75 * (len(values) - 1))]
+    count = 0
+    for k in range(len(values)):
+        lit[k] = valid[k] and values[k] > limit
+        count += lit[k]
+    if count < 4:
+        count = 0
+        for k in range(len(values)):
+            lit[k] = valid[k]
+            count += lit[k]
+    return count
+
+
+@numba.njit(nogil=True, cache=True)
+def weighted_sums(vectors, values, weights, sums):  # pragma: no cover
+    """Write the normal equations of min_b sum w (v . b - m)^2 to `sums` (9,): upper triangle, then right side."""
+    a = b = c = d = e = f = p = q = r = 0.0
+    for i in range(len(values)):
+        w = weights[i]
+        x, y, z, m = vectors[i, 0], vectors[i, 1], vectors[i, 2], values[i]
+        wx, wy, wz = w * x, w * y, w * z
+        a += wx * x
+        b += wx * y
+        c += wx * z
+        d += wy * y
+        e += wy * z
+        f += wz * z
+        p += wx * m
+        q += wy * m
+        r += wz * m
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = a, b, c, d, e, f
+    sums[6], sums[7], sums[8] = p, q, r
+
+
+@numba.njit(nogil=True, cache=True)
+def solve_sums(sums, singular):  # pragma: no cover
+    """Solve the normal equations of `weighted_sums`; return as `normal_equations`.
+
+    `singular` is `SINGULAR` where weights are alike, `SINGULAR_WEIGHTED` where they span decades.
+    """
+    a, b, c, d, e, f, p, q, r = sums
+    # Adjugate of the symmetric [[a b c] [b d e] [c e f]].
+    ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
+    id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * ia + b * ib + c * ic
+    trace = (a + d + f) / 3.0
+    if det <= singular * trace * trace * trace or trace <= 0.0:
+        return 0.0, 0.0, 0.0, False
+    return (ia * p + ib * q + ic * r) / det, (ib * p + id_ * q + ie * r) / det, (ic * p + ie * q + if_ * r) / det, True
+
+
+@numba.njit(nogil=True, cache=True)
+def agreeing_samples(vectors, values, among, lit, x, y, z, sigmas, floor, residual, out):  # pragma: no cover
+    """Write to `out` (F,) the lit samples within some robust sigmas of b = (x, y, z) and facing it; return how many.
+
+    sigma = max(1.4826 x median |m - v . b| over the samples `among`, floor). `residual` (F,) is room to work in.
+    """
+    size = 0
+    for k in range(len(values)):
+        if among[k]:
+            residual[size] = abs(values[k] - (vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z))
+            size += 1
+    if size == 0:
+        out[:] = False
+        return 0
+    limit = sigmas * max(1.4826 * np.median(residual[:size]), floor)
+    size = 0
+    for k in range(len(values)):
+        shade = vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z
+        out[k] = lit[k] and shade > 0.0 and abs(values[k] - shade) <= limit
+        size += out[k]
+    return size
 
 
 @numba.njit(nogil=True, cache=True)

@@ -18,7 +18,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
 
-METHODS = ("ls", "iterative")
+METHODS = ("ls", "iterative", "position", "l1", "sbl")
 """Calibrated methods, each a module of this folder with `SETTINGS` and `fit`."""
 
 

@@ -129,7 +129,8 @@ def test_laws_permutation_and_intensity(method, camera, albedo):
         lights.names, lights.directions, lights.intensities * factor, lights.positions_mm, lights.reference_point_mm
     )
     scaled = solve(method, float_frames(lights, images * factor[..., None, None]), stronger, camera, mask)
-    assert np.nanmax(angular_error_deg(scaled.normals, plain.normals)) < 1e-4
+    # Rounding may end an iteration one step sooner: then the two differ by its tolerance.
+    assert np.nanmax(angular_error_deg(scaled.normals, plain.normals)) < (1e-3 if method in ("l1", "sbl") else 1e-4)
     np.testing.assert_allclose(scaled.albedo[mask], plain.albedo[mask], rtol=1e-4)
 
 
@@ -159,8 +160,11 @@ def test_iterative_beats_least_squares_under_gloss_and_cast_shadow(camera, albed
     images[np.arange(24) % 6 == 0, 20:30] = 0
     frames = Frames.from_linear(lights.names, images)
     error = {
-        m: np.mean(angular_error_deg(solve(m, frames, lights, camera, mask).normals, normals)[mask]) for m in METHODS
+        m: np.mean(angular_error_deg(solve(m, frames, lights, camera, mask).normals, normals)[mask])
+        for m in ("ls", "iterative", "position", "l1", "sbl")
     }
+    for robust in ("position", "l1", "sbl"):
+        assert error[robust] < 0.6 * error["ls"]
     assert error["iterative"] < 1.0
     assert error["iterative"] < 0.25 * error["ls"]
 
