@@ -126,7 +126,9 @@ class LimbPictures:
         told = np.isfinite(expected)
         return np.where(told, expected, np.median(expected[told]) if told.any() else 0.0)
 
-    def _shading(self, caster: RayCaster, camera: Camera, lights: Lights, pose: Pose, rim: Rim, along: NDArray) -> Array:
+    def _shading(
+        self, caster: RayCaster, camera: Camera, lights: Lights, pose: Pose, rim: Rim, along: NDArray
+    ) -> Array:
         """Return (K, M), the scan's shading in each outline point's sector at places `along` its normal."""
         sector = _sector_of(rim.outward)
         out = np.full((len(sector), len(along)), np.nan)

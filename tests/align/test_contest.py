@@ -1,5 +1,7 @@
 """Two poses against the same photographs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,13 +15,12 @@ from align.shading import take_samples
 
 @pytest.fixture(scope="module")
 def evidence_at(world):
-    caster = RayCaster(world.mesh)
     samples = take_samples(world.frames, world.lights, world.mask, count=1500)
     limbs = LimbPictures.of(world.frames, world.lights, world.mask)
 
-    def at(pose):
+    def at(pose, mesh=world.mesh):
         return FinalEvidence.of(
-            caster, world.camera, world.lights, world.mask, limbs, samples, pose, cells=100, reach_px=6.0
+            RayCaster(mesh), world.camera, world.lights, world.mask, limbs, samples, pose, cells=100, reach_px=6.0
         )
 
     return at
@@ -40,3 +41,26 @@ def test_the_true_pose_wins_from_either_side(world, evidence_at):
 def test_a_pose_does_not_differ_from_itself(world, evidence_at):
     true = evidence_at(world.pose)
     assert abs(compare_poses(true, true).deviations) < 0.01
+
+
+def test_a_hole_in_view_does_not_speak_against_a_pose(world, evidence_at):
+    """A scan's hole lies where it stood, not where it fits badly: a wrong pose that shows none won by it."""
+    mesh = world.mesh
+    seen = world.pose.apply(mesh.vertices)
+    rim = world.pose.apply(mesh.center_mm)[2] + 0.8 * mesh.radius_mm
+    open_front = replace(mesh, faces=mesh.faces[~(seen[:, 2] > rim)[mesh.faces].any(1)])
+    turned = nudge(world.pose, [0, 0, np.radians(20), 0, 0, 0], world.pose.apply(mesh.center_mm))
+    true, other = evidence_at(world.pose, open_front), evidence_at(turned)
+    hole = ~np.isfinite(true.pixel_costs(0.05))
+    assert 0.02 < hole.mean() < 0.5
+    assert compare_poses(true, other).deviations > 4
+
+
+def test_a_scan_seen_from_its_open_side_explains_nothing(world, evidence_at):
+    seen = world.pose.apply(world.mesh.vertices)
+    front = (world.pose.rotate(world.mesh.vertex_normals) * seen).sum(1) < 0
+    back_only = replace(world.mesh, faces=world.mesh.faces[~front[world.mesh.faces].any(1)])
+    true, inside = evidence_at(world.pose), evidence_at(world.pose, back_only)
+    contest = compare_poses(true, inside)
+    assert contest.costs[1] >= 1
+    assert contest.costs[0] < 0.5

@@ -1,0 +1,51 @@
+"""The outline's edges: found, and expected from the scan."""
+
+import numpy as np
+import pytest
+
+from align.embree import RayCaster
+from align.limb import LimbPictures
+from align.motion import nudge
+from align.rim import find_rim
+
+
+@pytest.fixture(scope="module")
+def limbs(world):
+    return LimbPictures.of(world.frames, world.lights, world.mask)
+
+
+def offsets(world, limbs, pose):
+    caster = RayCaster(world.mesh)
+    rim = find_rim(caster, world.camera, pose, cells=200)
+    located = limbs.locate(rim.pixels, rim.outward, reach_px=4.0)
+    return rim, located, limbs.expect(caster, world.camera, world.lights, pose, rim, located)
+
+
+def test_a_limb_darkens_and_the_scan_says_how_much(world, limbs):
+    _, located, expected = offsets(world, limbs, world.pose)
+    known = np.isfinite(located)
+    assert known.mean() > 0.7
+    left = (located - expected)[known]
+    # The steepest place lies well inside the outline; what is expected of it does not.
+    assert np.median(located[known]) < -0.1
+    assert abs(np.median(left)) < 0.5 * abs(np.median(located[known]))
+    assert np.median(np.abs(left - np.median(left))) < np.median(np.abs(located[known] - np.median(located[known])))
+
+
+def test_an_edge_lies_outside_where_the_scan_is_too_far_in(world, limbs):
+    right = nudge(world.pose, [0, 0, 0, 1.0, 0, 0], world.pose.apply(world.mesh.center_mm))
+    rim, located, expected = offsets(world, limbs, right)
+    shift = world.camera.project(right.apply(world.mesh.center_mm)) - world.camera.project(
+        world.pose.apply(world.mesh.center_mm)
+    )
+    for side in (-1, 1):
+        here = side * rim.outward[:, 0] > 0.9
+        assert np.nanmedian((located - expected)[here]) == pytest.approx(-side * shift[0], abs=0.3)
+
+
+def test_each_sector_is_lit_from_its_own_side(world, limbs):
+    for sector, members in enumerate(limbs.members):
+        angle = 2 * np.pi * sector / len(limbs.members)
+        # Image v runs down, the camera's y up.
+        toward = world.lights.directions[:, 0] * np.cos(angle) - world.lights.directions[:, 1] * np.sin(angle)
+        assert toward[members].min() >= toward[~members].max()
