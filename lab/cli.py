@@ -25,7 +25,12 @@ app = App(
 
 Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
 Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
-Method = Annotated[str, Parameter(help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl.")]
+Method = Annotated[
+    str, Parameter(help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, rpca.")
+]
+Profile = Annotated[
+    str, Parameter(help="Settings of the methods: default, or seed, the plain reading of the benchmark.")
+]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
@@ -37,11 +42,12 @@ def process(
     *,
     out: Out = None,
     method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    run_session(session, "compare", out=out, method=method, json=json, scheduler=scheduler)
+    run_session(session, "compare", out=out, method=method, profile=profile, json=json, scheduler=scheduler)
 
 
 @app.command(sort_key=2)
@@ -109,23 +115,40 @@ def solve(
     *,
     out: Out = None,
     method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo."""
-    run_session(session, "solve", out=out, method=method, json=json, scheduler=scheduler)
+    run_session(session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler)
 
 
 @app.command(sort_key=7)
-def twin(session: Session, /, *, out: Out = None, method: Method = DEFAULT_METHODS, json: Json = False) -> None:
+def twin(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
+    json: Json = False,
+) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering."""
-    run_session(session, "twin", out=out, method=method, json=json)
+    run_session(session, "twin", out=out, method=method, profile=profile, json=json)
 
 
 @app.command(sort_key=8)
-def compare(session: Session, /, *, out: Out = None, method: Method = DEFAULT_METHODS, json: Json = False) -> None:
+def compare(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
+    json: Json = False,
+) -> None:
     """Compare real and synthetic with the truth, and write report.html."""
-    run_session(session, "compare", out=out, method=method, json=json)
+    run_session(session, "compare", out=out, method=method, profile=profile, json=json)
 
 
 @app.command(sort_key=9)

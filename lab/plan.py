@@ -33,8 +33,12 @@ def _object_inputs(job: Job) -> list[Any]:
     return [session.mask, *scan, session.normals, session.picks]
 
 
+def _methods(job: Job) -> list[Any]:
+    return [job.methods, job.profile]
+
+
 def _judged_by(job: Job) -> list[Any]:
-    return [job.methods, *([] if job.truth is None else [job.truth / "truth.json", job.truth / "truth.npz"])]
+    return [*_methods(job), *([] if job.truth is None else [job.truth / "truth.json", job.truth / "truth.npz"])]
 
 
 def _paths(job: Job, *names: str) -> list[Path]:
@@ -51,7 +55,7 @@ def _aligned(job: Job) -> list[Path]:
 
 
 def _solved(job: Job, *place: str) -> list[Path]:
-    kinds = (("normals", "npy"), ("normals", "png"), ("albedo", "npy"))
+    kinds = (("normals", "npy"), ("normals", "png"), ("albedo", "npy"), ("sigma", "npy"), ("condition", "npy"))
     return [job.store.path(*place, folder, f"{name}.{end}") for name in job.methods for folder, end in kinds]
 
 
@@ -62,7 +66,7 @@ def _rendered(job: Job) -> list[Path]:
 LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
 # `align` moves the lights to the object: what was exported before is of other lights.
 ALIGNED = ("pose.json", "mask.png", "normals/truth*", "align", "export")
-SOLVED = tuple(pattern for name in METHODS for pattern in (f"normals/{name}.*", f"albedo/{name}.*"))
+SOLVED = tuple(f"{folder}/{name}.*" for name in METHODS for folder in ("normals", "albedo", "sigma", "condition"))
 
 STEPS = {
     step.name: step
@@ -91,8 +95,8 @@ STEPS = {
             ("self_test.json", "self_test"),
         ),
         Step("align", steps.align, ("calibrate",), _object_inputs, _aligned, ALIGNED),
-        Step("solve", steps.solve, ("align",), lambda job: job.methods, _solved, SOLVED),
-        Step("twin", steps.twin, ("solve",), lambda job: job.methods, _rendered, ("twin",)),
+        Step("solve", steps.solve, ("align",), _methods, _solved, SOLVED),
+        Step("twin", steps.twin, ("solve",), _methods, _rendered, ("twin",)),
         Step("compare", steps.compare, ("twin",), _judged_by, lambda job: [], ("compare", "report.html")),
     )
 }

@@ -20,6 +20,7 @@ def open_job(
     *,
     out: Path | None = None,
     method: str = DEFAULT_METHODS,
+    profile: str = "default",
     scheduler: str | None = None,
     truth: Path | None = None,
 ) -> Iterator["Job"]:
@@ -32,6 +33,8 @@ def open_job(
         Output folder; out/NAME without.
     method : str
         Solvers, with commas.
+    profile : str
+        Of their settings: `default`, `seed`.
     scheduler : str, optional
         Address of a Dask scheduler.
     truth : Path, optional
@@ -40,13 +43,13 @@ def open_job(
     Raises
     ------
     SceneError
-        Unknown solver, an unreadable session, an output folder that is the session's own or in use.
+        Unknown solver or profile, an unreadable session, an output folder that is the session's own or in use.
     """
     from capture.session import load_session
     from lab.job import Job, locked
     from scene.store import Store
 
-    methods = _methods(method)
+    methods = _methods(method, profile)
     session = load_session(session_path)
     folder = out or Path("out") / session.name
     inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
@@ -56,7 +59,7 @@ def open_job(
             "another folder; one inside the session's is fine."
         )
     with locked(folder), _executor(scheduler) as executor:
-        yield Job(session, Store(folder), methods, executor, truth)
+        yield Job(session, Store(folder), methods, executor, truth, profile=profile)
 
 
 def run_session(
@@ -65,6 +68,7 @@ def run_session(
     *,
     out: Path | None = None,
     method: str = DEFAULT_METHODS,
+    profile: str = "default",
     json: bool = False,
     scheduler: str | None = None,
     truth: Path | None = None,
@@ -77,7 +81,7 @@ def run_session(
         The last step to run, a key of `lab.plan.STEPS`.
     json : bool
         Print the summary as JSON, not as a table.
-    session_path, out, method, scheduler, truth
+    session_path, out, method, profile, scheduler, truth
         As in `open_job`.
     """
     from lab.plan import STEPS
@@ -85,8 +89,13 @@ def run_session(
     from lab.summary import write_summary
     from lab.tell import tell
 
-    with open_job(session_path, out=out, method=method, scheduler=scheduler, truth=truth) as job:
-        arguments = {"up_to": wanted, "session": str(session_path), "methods": list(job.methods)}
+    with open_job(session_path, out=out, method=method, profile=profile, scheduler=scheduler, truth=truth) as job:
+        arguments = {
+            "up_to": wanted,
+            "session": str(session_path),
+            "methods": list(job.methods),
+            "profile": profile,
+        }
         job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
         if wanted == "compare":
@@ -100,8 +109,8 @@ def run_session(
         tell(summary)
 
 
-def _methods(text: str) -> tuple[str, ...]:
-    from solve.solve import METHODS
+def _methods(text: str, profile: str) -> tuple[str, ...]:
+    from solve.solve import METHODS, settings_of
 
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     unknown = [name for name in names if name not in METHODS]
@@ -109,6 +118,8 @@ def _methods(text: str) -> tuple[str, ...]:
         raise SceneError(
             f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
         )
+    for name in names:
+        settings_of(name, profile)
     return names
 
 

@@ -157,13 +157,25 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
     megapixels = int(mask.sum()) / 1e6
     for method in job.methods:
         with progress_bar(f"{label}: {method}") as progress:
-            estimate = run(method, frames, lights, camera, mask, executor=job.executor, progress=progress)
+            estimate = run(
+                method,
+                frames,
+                lights,
+                camera,
+                mask,
+                profile=job.profile,
+                executor=job.executor,
+                progress=progress,
+            )
         store.save_estimate(estimate)
         table[method] = {
             "seconds": estimate.seconds,
             "megapixels": megapixels,
             "frames": len(frames),
             "seconds_per_megapixel_image": estimate.seconds / (megapixels * len(frames)),
+            "sigma_deg_median": median_or_none(estimate.sigma_deg),
+            "condition_median": median_or_none(estimate.condition),
+            "profile": job.profile,
             "settings": estimate.settings,
             "warnings": estimate.warnings,
         }

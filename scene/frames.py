@@ -118,7 +118,7 @@ class Frames:
         margin = 1 if self.is_mosaic else 0
         top, edge = max(first - margin, 0), max(left - margin, 0)
         codes = self.codes[frames, top : last + margin, edge : right + margin]
-        red, green, blue = np.moveaxis(codes >= self._limit, -1, 0)
+        red, green, blue = np.moveaxis(codes >= self.limit, -1, 0)
         clipped = red | green | blue  # eight times faster than np.any over so short an axis
         if margin:
             spread = clipped.copy()
@@ -144,12 +144,12 @@ class Frames:
         for down in range(-margin, margin + 1):
             for right in range(-margin, margin + 1):
                 row, column = np.clip(v + down, 0, self.height - 1), np.clip(u + right, 0, self.width - 1)
-                red, green, blue = (np.take(codes, row * self.width + column, axis=0) >= self._limit).T
+                red, green, blue = (np.take(codes, row * self.width + column, axis=0) >= self.limit).T
                 clipped |= red | green | blue
         return linear, clipped
 
     @property
-    def _limit(self) -> float:
+    def limit(self) -> float:
         """The code from which a sample is clipped."""
         if self.codes.dtype != np.uint16:
             return self.saturation

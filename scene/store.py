@@ -198,6 +198,9 @@ class Store:
         name = estimate.method
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
         write_npy(self.path("albedo", f"{name}.npy"), estimate.albedo.astype(np.float32))
+        for folder, known in (("sigma", estimate.sigma_deg), ("condition", estimate.condition)):
+            if known is not None:
+                write_npy(self.path(folder, f"{name}.npy"), known.astype(np.float32))
         write_npy(self.path("normals", f"{name}.npy"), estimate.normals.astype(np.float32))
 
     def load_normals(self, name: str) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Compiled kernels: normal equations of one pixel, and the albedo given a normal.
+"""Compiled kernels of one pixel: which samples are lit, normal equations, which samples agree.
 
 float64 accumulation and a 3 x 3 closed form: no Python and no allocation per pixel.
 """
@@ -151,35 +151,3 @@ def agreeing_samples(vectors, values, among, lit, x, y, z, sigmas, floor, residu
         out[k] = lit[k] and shade > 0.0 and abs(values[k] - shade) <= limit
         size += out[k]
     return size
-
-
-@numba.njit(nogil=True, cache=True)
-def albedo_given_normal(
-    color, used, points, normals, directions, positions, reach, is_near, intensities
-):  # pragma: no cover
-    """Return (P, 3) float32, per channel sum(m s) / sum(s^2) over used samples, s = max(0, v . n).
-
-    m is the sample divided by its light's intensity, as in the fit of the normal: how strong a flash
-    was changes nothing.
-    """
-    pixels, lights = used.shape
-    albedo = np.full((pixels, 3), np.nan, np.float32)
-    for i in range(pixels):
-        if np.isnan(normals[i, 0]):
-            continue
-        top = np.zeros(3)
-        bottom = np.zeros(3)
-        for k in range(lights):
-            if not used[i, k]:
-                continue
-            x, y, z = light_vector(k, points[i], directions, positions, reach, is_near)
-            shade = x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2]
-            if shade <= 0.0:
-                continue
-            for channel in range(3):
-                top[channel] += color[i, k, channel] / intensities[k, channel] * shade
-                bottom[channel] += shade * shade
-        for channel in range(3):
-            if bottom[channel] > 0.0:
-                albedo[i, channel] = top[channel] / bottom[channel]
-    return albedo

@@ -5,11 +5,18 @@ import numpy as np
 
 from solve.kernels import light_vector, normal_equations
 
-SETTINGS = {"shadow_threshold": 0.02}
+SETTINGS = {"shadow_threshold": 0.02, "keep_clipped": False, "ceiling": np.inf}
 """Samples under this share of the stack's 99th percentile are taken as shadowed."""
 
+SEED_SETTINGS = {**SETTINGS, "keep_clipped": True}
+"""The plain reading: a constant shadow threshold, and not a word of clipped samples."""
 
-def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, shadow_threshold):
+PUBLISHED_SETTINGS = {"shadow_threshold": -np.inf, "keep_clipped": True, "ceiling": 1.0}
+"""What DiLiGenT's published figures for least squares are [Shi2019]: no threshold, and gray, once divided by the
+intensities that come with it, ends at 1 (`Lights` with those intensities as they are, not normalised)."""
+
+
+def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, shadow_threshold, keep_clipped, ceiling):
     """Fit b = albedo x normal to each pixel by linear least squares.
 
     Parameters
@@ -28,6 +35,10 @@ def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, sh
         99th percentile of the stack.
     shadow_threshold : float
         Share of `scale`; a constant, as the benchmark's text describes it [Berkiten2016].
+    keep_clipped : bool
+        Clipped samples count like any other.
+    ceiling : float
+        Gray ends here.
 
     Returns
     -------
@@ -42,6 +53,9 @@ def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, sh
     `iterative` where there is gloss or cast shadow: least squares has no defence against either
     but the threshold.
     """
+    if keep_clipped:
+        valid = np.ones_like(valid)
+    gray = np.minimum(gray, np.float32(ceiling)) if np.isfinite(ceiling) else gray
     return _fit(gray, valid, points, directions, positions, reach, is_near, shadow_threshold * scale)
 
 

@@ -1,4 +1,4 @@
-"""From the frames to what the solvers see: one row of gray samples a pixel, and where the light is."""
+"""From the frames to what the solvers see: the pixels of a band as the kernels read them, and where the light is."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -7,37 +7,89 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.frames import Frames
+from scene.frames import PEDESTAL, WHITE, Frames, decode
 from scene.lights import Lights
+from solve.decode import read_gray
 
 GRAY = np.array([0.2989, 0.5870, 0.1140])
 """Rec. 601 weights, as the published DiLiGenT figures use them [Shi2019]."""
 
-SPARSE = 0.15
-"""Share of a box's pixels under which they are read one by one."""
 _BAND_BYTES = 64 << 20
 
 
 @dataclass(frozen=True)
-class Samples:
-    """P pixels of one row band, pixel-major.
+class Band:
+    """The masked pixels of one row band, where they lie in the store.
 
     Parameters
     ----------
-    gray : (P, F) float32
-        Weighted over channels, each divided by its light's intensity.
-    color : (P, F, 3) float32
-        Linear RGB.
-    valid : (P, F) bool
-        Not clipped.
-    points : (P, 3) float64
-        Camera frame, mm: the pixels' rays at the depth of the lights' reference point.
+    codes : (F h w 3,) uint16 or float32
+        All of the store, or a copy of the band, flat; never a float copy of uint16.
+    shape : (F, h, w)
+        Of `codes`.
+    ambient : (h w 3,) float32
+        Linear; empty where there is none.
+    black : float32
+    unit : (F,) float32
+        linear = (code - black) * unit - ambient.
+    limit : as codes
+        The code from which a sample is clipped, and
+    margin : int
+        how many pixels around it are then not believed either.
+    runs : (R, 4) int64
+        Stretches of masked pixels in `codes`: row, column, how many, and the number of the first among the P.
     """
 
-    gray: NDArray[np.float32]
-    color: NDArray[np.float32]
-    valid: NDArray[np.bool_]
-    points: NDArray[np.float64]
+    codes: NDArray
+    shape: tuple[int, int, int]
+    ambient: NDArray[np.float32]
+    black: np.float32
+    unit: NDArray[np.float32]
+    limit: np.generic
+    margin: int
+    runs: NDArray[np.int64]
+
+    def gray(self, weights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return the samples (P, F), weighted over channels by `weights` (F, 3), and which are not clipped (P, F)."""
+        return read_gray(
+            self.codes, self.shape, self.ambient, self.black, self.unit, weights, self.limit, self.margin, self.runs
+        )
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Where the light comes from, as the kernels read it; `tuple(geometry)` is what a `fit` takes.
+
+    Parameters
+    ----------
+    directions, positions : (F, 3) float64
+    reach : (F,) float64
+        Squared distance from each light to the reference point.
+    is_near : bool
+    """
+
+    directions: NDArray[np.float64]
+    positions: NDArray[np.float64]
+    reach: NDArray[np.float64]
+    is_near: bool
+
+    @classmethod
+    def of(cls, lights: Lights) -> "Geometry":
+        """Return the geometry of calibrated lights."""
+        if lights.positions_mm is None:
+            return cls.distant(lights.directions)
+        positions = np.ascontiguousarray(lights.positions_mm)
+        reach = np.sum((positions - lights.reference_point_mm) ** 2, 1)
+        return cls(np.ascontiguousarray(lights.directions), positions, reach, True)
+
+    @classmethod
+    def distant(cls, vectors: NDArray[np.float64]) -> "Geometry":
+        """Return the geometry of distant lights (F, 3)."""
+        vectors = np.ascontiguousarray(vectors)
+        return cls(vectors, np.zeros_like(vectors), np.zeros(len(vectors)), False)
+
+    def __iter__(self) -> Iterator:
+        return iter((self.directions, self.positions, self.reach, self.is_near))
 
 
 def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:
@@ -51,26 +103,60 @@ def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:
             yield slice(int(start), int(stop))
 
 
-def read_samples(frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_], rows: slice) -> Samples:
-    """Return the samples of the pixels of a row band, in the order of its mask (h, W), read frame by frame."""
+def read_band(frames: Frames, mask: NDArray[np.bool_], rows: slice) -> Band:
+    """Return the pixels under the mask (h, W) of a row band, in its order."""
+    margin = 1 if frames.is_mosaic else 0
+    first, last = max(rows.start - margin, 0), min(rows.stop + margin, frames.height)
+    codes, shift = frames.codes, 0
+    if codes.dtype != np.uint16 or not codes.flags.c_contiguous:
+        codes, shift = codes[:, first:last], first
+    if codes.dtype == np.uint16:
+        codes, black, unit = np.ascontiguousarray(codes), np.float32(PEDESTAL), np.float32(1 / (WHITE - PEDESTAL))
+    else:
+        codes, black, unit = np.ascontiguousarray(codes, np.float32), np.float32(0), np.float32(1)
+    ambient = np.zeros(0, np.float32)
+    if frames.ambient is not None:
+        # As tall as the codes, so that one row number serves both; only the band's rows are touched.
+        whole = np.zeros(codes.shape[1:], np.float32)
+        whole[rows.start - shift : rows.stop - shift] = decode(frames.ambient[rows])
+        ambient = whole.reshape(-1)
+    flat = np.asarray(codes).reshape(-1)
+    # Memory maps are read-only; that all are spares compiling everything twice.
+    flat.flags.writeable = False
+    return Band(
+        flat,
+        codes.shape[:3],
+        ambient,
+        black,
+        unit * frames.gain.astype(np.float32),
+        codes.dtype.type(frames.limit),
+        margin,
+        _runs(mask, rows.start - shift),
+    )
+
+
+def _runs(mask: NDArray[np.bool_], first_row: int) -> NDArray[np.int64]:
+    """Return the stretches of the mask (h, W) as in `Band`, its first row being `first_row` of the codes."""
+    height, width = mask.shape
+    # A column of False behind each row ends a run there.
+    padded = np.zeros((height, width + 1), np.int8)
+    padded[:, :-1] = mask
+    steps = np.diff(padded.reshape(-1), prepend=np.int8(0))
+    starts, stops = np.flatnonzero(steps == 1), np.flatnonzero(steps == -1)
+    count = stops - starts
+    row, column = np.divmod(starts, width + 1)
+    return np.stack([row + first_row, column, count, np.cumsum(count) - count], -1).astype(np.int64)
+
+
+def points_of(camera: Camera, lights: Lights, mask: NDArray[np.bool_], rows: slice) -> NDArray[np.float64]:
+    """Return where the masked pixels' rays meet the depth of the lights' reference point, (P, 3), mm.
+
+    Zeros under distant lights: nobody looks.
+    """
     row, column = np.nonzero(mask)
-    box = slice(int(column.min()), int(column.max()) + 1)
-    inside = mask[:, box]
-    color = np.empty((len(row), len(frames), 3), np.float32)
-    valid = np.empty((len(row), len(frames)), bool)
-    # A mask with few pixels in its box costs less pixel by pixel.
-    sparse = len(row) < SPARSE * inside.size
-    for index in range(len(frames)):
-        if sparse:
-            color[:, index], clipped = frames.read_pixels(index, row + rows.start, column)
-        else:
-            color[:, index] = frames.read(rows, [index], columns=box)[0][inside]
-            clipped = frames.saturated(rows, [index], columns=box)[0][inside]
-        valid[:, index] = ~clipped
-    weights = (GRAY / lights.intensities).astype(np.float32)
-    gray = np.einsum("pfc,fc->pf", color, weights)
-    pixels = np.stack([column, row + rows.start], -1)
-    return Samples(gray, color, valid, camera.points_at_depth(pixels, lights.reference_point_mm[2]))
+    if lights.positions_mm is None:
+        return np.zeros((len(row), 3))
+    return camera.points_at_depth(np.stack([column, row + rows.start], -1), lights.reference_point_mm[2])
 
 
 def scale_of(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> float:

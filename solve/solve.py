@@ -3,10 +3,12 @@
 import importlib
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import nullcontext
 from itertools import islice
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +18,9 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.normals import unit
 
-METHODS = ("ls", "iterative", "position", "l1", "sbl")
-"""Calibrated methods, each a module of this folder with `SETTINGS` and `fit`."""
+METHODS = ("ls", "iterative", "position", "l1", "sbl", "rpca")
+"""Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`."""
 
 
 def solve(
@@ -29,6 +30,7 @@ def solve(
     camera: Camera,
     mask: NDArray[np.bool_],
     *,
+    profile: str = "default",
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:
@@ -43,6 +45,9 @@ def solve(
         Near lights are evaluated at each pixel's ray, at the depth of `lights.reference_point_mm`.
     camera : Camera
     mask : (H, W) bool
+    profile : str
+        `default`: what serves best. `seed`: the plain reading of the benchmark's text, where a method breaks as it
+        breaks there [Berkiten2016]. A method may have more: every NAME_SETTINGS of its module is one.
     executor : Executor, optional
         Runs the row bands. Default: threads, one a core (the kernels release the interpreter).
     progress : callable, optional
@@ -56,7 +61,7 @@ def solve(
     Raises
     ------
     SceneError
-        Unknown method, empty mask, sizes that differ.
+        Unknown method or profile, empty mask, sizes that differ.
     CalibrationError
         Fewer than three lights, or coplanar lights.
     """
@@ -68,93 +73,157 @@ def solve(
         )
     if not mask.any():
         raise SceneError("solve: the object's mask is empty. Give one under [object] mask in session.toml.")
-    lights.check()
+    module = importlib.import_module(f"solve.{method}")
+    settings = settings_of(method, profile)
+    if getattr(module, "CALIBRATED", True):
+        lights.check()
+    from solve.doubts import doubts
     from solve.samples import bands, scale_of
 
-    _compile(method, frames, lights, camera, mask)
+    said = module.doubts(lights.directions, **settings) if hasattr(module, "doubts") else ()
+    _compile(method, settings, frames, lights, camera, mask)
     start = time.perf_counter()
-    scale = scale_of(frames, lights, mask)
-    normals = np.full((*mask.shape, 3), np.nan, np.float32)
-    albedo = np.full((*mask.shape, 3), np.nan, np.float32)
-    samples = np.zeros(mask.shape, np.uint16)
     parts = list(bands(frames, mask))
-    workers = os.cpu_count() or 1
-    with nullcontext(executor) if executor else ThreadPoolExecutor(workers) as pool:
+    maps = _empty_maps(mask.shape)
+    work: Iterator[tuple[Callable, tuple]]
+    if getattr(module, "WHOLE", False):
+        found, gray, geometry = _fit_whole(module, settings, frames, lights, camera, mask, parts)
+        said += found.doubts
+        work = _judgements(frames, lights, camera, mask, parts, found, gray, geometry)
+    else:
+        scale = scale_of(frames, lights, mask)
+        work = ((_solve_band, (method, settings, frames, lights, camera, mask[rows], rows, scale)) for rows in parts)
+    dark = 0
+    with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         assert pool is not None
-        # A window of bands at a time: results that wait for their turn would add up to another set of maps.
-        waiting: set[Future] = set()
-        todo = iter(parts)
-        done = 0
-        try:
-            while True:
-                for rows in islice(todo, 2 * workers - len(waiting)):
-                    band = mask[rows]
-                    waiting.add(pool.submit(_solve_band, method, frames, lights, camera, band, rows, scale))
-                if not waiting:
-                    break
-                finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                while finished:
-                    rows, n, a, used = finished.pop().result()
-                    inside = mask[rows]
-                    normals[rows][inside], albedo[rows][inside], samples[rows][inside] = n, a, used
-                    done += 1
-                    if progress:
-                        progress(done, len(parts))
-        except BaseException:
-            for future in waiting:
-                future.cancel()
-            raise
-    settings = dict(importlib.import_module(f"solve.{method}").SETTINGS)
-    return Estimate(
-        method,
-        normals,
-        albedo,
-        samples,
-        time.perf_counter() - start,
-        settings,
-        _doubts(mask, normals, samples),
+        for done, (rows, values) in enumerate(_finished(pool, work), 1):
+            for place, value in zip(maps, values, strict=False):
+                place[rows][mask[rows]] = value
+            dark += int(np.count_nonzero(values[-1]))
+            if progress:
+                progress(done, len(parts))
+    normals, albedo, samples, condition, sigma_deg = maps
+    seconds = time.perf_counter() - start
+    said += doubts(mask, normals, samples, condition, dark)
+    return Estimate(method, normals, albedo, samples, seconds, settings, said, condition, sigma_deg)
+
+
+def settings_of(method: str, profile: str) -> dict[str, Any]:
+    """Return the settings of a method's profile.
+
+    Raises
+    ------
+    SceneError
+        The method has no such profile.
+    """
+    module = importlib.import_module(f"solve.{method}")
+    named = {"default": "SETTINGS"} | {
+        name.removesuffix("_SETTINGS").lower(): name for name in vars(module) if name.endswith("_SETTINGS")
+    }
+    if profile not in named:
+        raise SceneError(f"solve: {method} has no profile {profile!r}; there are {', '.join(named)}.")
+    return dict(getattr(module, named[profile]))
+
+
+def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
+    """Return normals, albedo, samples, condition and sigma with nothing known yet."""
+    return (
+        np.full((*shape, 3), np.nan, np.float32),
+        np.full((*shape, 3), np.nan, np.float32),
+        np.zeros(shape, np.uint16),
+        np.full(shape, np.nan, np.float32),
+        np.full(shape, np.nan, np.float32),
     )
 
 
-def _compile(method, frames, lights, camera, mask) -> None:
+def _compile(method, settings, frames, lights, camera, mask) -> None:
     """Solve one pixel, so that compiling the kernels does not count as the method's time."""
+    if getattr(importlib.import_module(f"solve.{method}"), "WHOLE", False):
+        return
     row, column = np.unravel_index(int(mask.argmax()), mask.shape)
     one = np.zeros((1, mask.shape[1]), bool)
     one[0, column] = True
-    _solve_band(method, frames, lights, camera, one, slice(int(row), int(row) + 1), 1.0)
+    _solve_band(method, settings, frames, lights, camera, one, slice(int(row), int(row) + 1), 1.0)
 
 
-def _solve_band(method, frames, lights, camera, mask, rows, scale):
-    """Return the rows, and normals, albedo and sample counts of the pixels of their mask (h, W), in its order."""
-    from solve.kernels import albedo_given_normal
-    from solve.samples import read_samples
+def _finished(pool: Executor, work: Iterator[tuple[Callable, tuple]]) -> Iterator[Any]:
+    """Run the calls and yield their results as they come.
+
+    A window of calls at a time: results that wait for their turn would add up to another set of maps.
+    """
+    waiting: set[Future] = set()
+    try:
+        while True:
+            for call, arguments in islice(work, 2 * (os.cpu_count() or 1) - len(waiting)):
+                waiting.add(pool.submit(call, *arguments))
+            if not waiting:
+                return
+            finished, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            while finished:
+                yield finished.pop().result()
+    except BaseException:
+        for future in waiting:
+            future.cancel()
+        raise
+
+
+def _solve_band(method, settings, frames, lights, camera, mask, rows, scale):
+    """Return the rows, and what `assess` returns of the pixels of their mask (h, W), in its order."""
+    from solve.samples import GRAY, Geometry, points_of, read_band
 
     module = importlib.import_module(f"solve.{method}")
-    part = read_samples(frames, lights, camera, mask, rows)
-    is_near = lights.positions_mm is not None
-    positions = lights.positions_mm if is_near else np.zeros_like(lights.directions)
-    reach = np.sum((positions - lights.reference_point_mm) ** 2, 1)
-    geometry = (lights.directions, positions, reach, is_near)
-    b, used = module.fit(part.gray, part.valid, part.points, *geometry, scale, **module.SETTINGS)
-    normals = unit(b)
-    albedo = albedo_given_normal(part.color, used, part.points, normals, *geometry, lights.intensities)
-    count = np.where(np.isfinite(normals[:, 0]), used.sum(1), 0)
-    return rows, normals.astype(np.float32), albedo, count.astype(np.uint16)
+    band = read_band(frames, mask, rows)
+    points, geometry = points_of(camera, lights, mask, rows), Geometry.of(lights)
+    gray, valid = band.gray((GRAY / lights.intensities).astype(np.float32))
+    b, used = module.fit(gray, valid, points, *geometry, scale, **settings)
+    return rows, _judge(band, gray, b, used, points, geometry, lights.intensities, scale)
 
 
-def _doubts(mask: NDArray[np.bool_], normals: NDArray, samples: NDArray) -> tuple[str, ...]:
-    """Say why the result should not be believed, before the error is known."""
-    inside = int(mask.sum())
-    unknown = np.count_nonzero(mask & ~np.isfinite(normals[..., 0])) / inside
-    few = np.count_nonzero(mask & (samples == 3)) / inside
-    away = np.count_nonzero(mask & (normals[..., 2] < 0)) / inside
-    doubts = []
-    if unknown > 0.01:
-        doubts.append(f"{unknown:.0%} of the object's pixels have no normal: their lit lights do not span space.")
-    if few > 0.05:
-        doubts.append(f"{few:.0%} of the object's pixels rest on three samples: nothing there checks the fit.")
-    if away > 0.02:
-        doubts.append(
-            f"{away:.0%} of the normals point away from the camera: light directions, mask or linearity are in doubt."
+def _judge(band, gray, b, used, points, geometry, intensities, scale):
+    """Return normals, albedo, samples, condition, sigma and darkness of the pixels of a band; see `assess`."""
+    from solve.assess import DARK, assess
+
+    store = (band.codes, band.shape, band.ambient, band.black, band.unit, band.runs)
+    return assess(*store, gray, b, used, points, *geometry, np.ascontiguousarray(intensities), DARK * scale)
+
+
+def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts):
+    """Fit a method that looks at all pixels at once; return its `Whole`, the samples, and the lights' geometry."""
+    from solve.samples import GRAY, Geometry, points_of, read_band
+
+    calibrated = getattr(module, "CALIBRATED", True)
+    weights = GRAY / lights.intensities if calibrated else np.broadcast_to(GRAY, lights.intensities.shape)
+    total, done = int(mask.sum()), 0
+    gray, valid = np.empty((total, len(frames)), np.float32), np.empty((total, len(frames)), bool)
+    for rows in parts:
+        some, good = read_band(frames, mask[rows], rows).gray(weights.astype(np.float32))
+        gray[done : done + len(some)], valid[done : done + len(some)] = some, good
+        done += len(some)
+    points = points_of(camera, lights, mask, slice(0, len(mask)))
+    geometry = Geometry.of(lights) if calibrated else None
+    found = module.fit_whole(gray, valid, points, None if geometry is None else tuple(geometry), mask, **settings)
+    return found, gray, geometry or Geometry.distant(found.lights)
+
+
+def _judgements(frames, lights, camera, mask, parts, found, gray, geometry):
+    """Yield the call that judges each band of a method that has fitted all pixels at once."""
+    from solve.whole import scale_of_samples
+
+    scale = scale_of_samples(gray, np.isfinite(gray))
+    intensities = lights.intensities if found.lights is None else np.ones_like(lights.intensities)
+    done = 0
+    for rows in parts:
+        some = slice(done, done + int(np.count_nonzero(mask[rows])))
+        done = some.stop
+        rest = (geometry, intensities, scale)
+        yield (
+            _judge_band,
+            (frames, lights, camera, mask[rows], rows, gray[some], found.b[some], found.used[some], *rest),
         )
-    return tuple(doubts)
+
+
+def _judge_band(frames, lights, camera, mask, rows, gray, b, used, geometry, intensities, scale):
+    from solve.samples import points_of, read_band
+
+    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows)
+    return rows, _judge(band, gray, np.nan_to_num(b), used, points, geometry, intensities, scale)

@@ -1,0 +1,141 @@
+"""What a fit is worth, pixel by pixel: albedo, condition number, sigma; the same for every method."""
+
+import numba
+import numpy as np
+
+from solve.decode import tile_at
+from solve.kernels import light_vector
+
+DARK = 0.02
+"""Samples under this share of the stack's 99th percentile are not lit: they cannot count among the three."""
+
+
+@numba.njit(nogil=True, cache=True)
+def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
+    """Return the condition number of light vectors, and the inverse of their normal matrix, from its upper triangle.
+
+    The matrix is the sum of v v^T: its eigenvalues are the squares of the singular values. In closed form
+    [Smith1961].
+    """
+    mean = (a + d + f) / 3.0
+    x, y, z = a - mean, d - mean, f - mean
+    spread = np.sqrt(max((x * x + y * y + z * z + 2.0 * (b * b + c * c + e * e)) / 6.0, 0.0))
+    ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
+    id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
+    det = a * ia + b * ib + c * ic
+    condition = 1.0
+    if spread > 1e-12 * mean:
+        centred = x * (y * z - e * e) - b * (b * z - c * e) + c * (b * e - c * y)
+        angle = np.arccos(min(1.0, max(-1.0, 0.5 * centred / (spread * spread * spread)))) / 3.0
+        most, middle = mean + 2.0 * spread * np.cos(angle), mean + 2.0 * spread * np.cos(angle - 2.0 * np.pi / 3.0)
+        # Not by the third cosine, which cancels; the product of the three is the determinant.
+        condition = np.sqrt(most / (det / (most * middle))) if det > 0.0 else np.inf
+    if det <= 0.0:
+        return np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    return condition, ia / det, ib / det, ic / det, id_ / det, ie / det, if_ / det
+
+
+@numba.njit(nogil=True, cache=True)
+def sigma_deg(length, normal, squares, count, ia, ib, ic, id_, ie, if_):  # pragma: no cover
+    """Return the standard deviation of a normal, degrees along one tangent axis; NaN where nothing checks the fit.
+
+    Parameters
+    ----------
+    length : float
+        Of b.
+    normal : (3,) float64
+    squares : float
+        Sum of the squared residuals.
+    count : int
+        Samples in the fit.
+    ia, ..., if_ : float
+        Upper triangle of the inverse of the normal matrix.
+
+    Notes
+    -----
+    cov b = s^2 (sum v v^T)^-1 with s^2 = squares / (count - 3); what of it lies across the normal, divided by
+    |b|: sigma^2 = (trace(cov b) - n^T cov b n) / (2 |b|^2). At most 90 degrees.
+    """
+    if count <= 3:
+        return np.nan
+    x, y, z = normal[0], normal[1], normal[2]
+    along = x * (ia * x + 2.0 * (ib * y + ic * z)) + y * (id_ * y + 2.0 * ie * z) + z * z * if_
+    across = max(ia + id_ + if_ - along, 0.0) * squares / (count - 3)
+    return min(np.degrees(np.sqrt(0.5 * across) / length), 90.0)
+
+
+@numba.njit(nogil=True, cache=True)
+def assess(
+    codes, shape, ambient, black, unit, runs, gray, b, used, points, directions, positions, reach, is_near,
+    intensities, dark,
+):  # pragma: no cover  # fmt: skip
+    """Judge the fits b (P, 3) to the samples `used` (P, F) bool.
+
+    Returns
+    -------
+    normals : (P, 3) float32
+        Unit; NaN where b is zero.
+    albedo : (P, 3) float32
+        Per channel sum(m s) / sum(s^2) over the used samples that face the light, s = v . n, m the sample
+        divided by its light's intensity, as in the fit of the normal: how strong a flash was changes nothing.
+    count : (P,) uint16
+        Used samples.
+    condition, sigma : (P,) float32
+        Condition number of the used light vectors; see `sigma_deg`.
+    is_dark : (P,) bool
+        Fewer than three used samples are lit.
+    """
+    pixels, lights = used.shape
+    normals = np.full((pixels, 3), np.nan, np.float32)
+    albedo = np.full((pixels, 3), np.nan, np.float32)
+    count = np.zeros(pixels, np.uint16)
+    condition = np.full(pixels, np.nan, np.float32)
+    sigma = np.full(pixels, np.nan, np.float32)
+    is_dark = np.zeros(pixels, np.bool_)
+    normal, top = np.empty(3), np.empty(3)
+    for run in range(len(runs)):
+        row, start, total, place = runs[run]
+        for i in range(place, place + total):
+            length = np.sqrt(b[i, 0] * b[i, 0] + b[i, 1] * b[i, 1] + b[i, 2] * b[i, 2])
+            if not length > 0.0:
+                continue
+            for axis in range(3):
+                normal[axis] = b[i, axis] / length
+            column = start + i - place
+            xx = xy = xz = yy = yz = zz = bottom = squares = 0.0
+            top[:] = 0.0
+            size = lit = 0
+            for k in range(lights):
+                if not used[i, k]:
+                    continue
+                x, y, z = light_vector(k, points[i], directions, positions, reach, is_near)
+                xx += x * x
+                xy += x * y
+                xz += x * z
+                yy += y * y
+                yz += y * z
+                zz += z * z
+                shade = x * normal[0] + y * normal[1] + z * normal[2]
+                gap = gray[i, k] - shade * length
+                squares += gap * gap
+                size += 1
+                lit += gray[i, k] > dark
+                if shade <= 0.0:
+                    continue
+                bottom += shade * shade
+                at, behind = tile_at(shape, k, row, column), tile_at(shape, 0, row, column)
+                for channel in range(3):
+                    value = (np.float32(codes[at + channel]) - black) * unit[k]
+                    if len(ambient):
+                        value -= ambient[behind + channel]
+                    top[channel] += value / intensities[k, channel] * shade
+            normals[i] = normal
+            count[i] = size
+            is_dark[i] = lit < 3
+            found, ia, ib, ic, id_, ie, if_ = condition_and_inverse(xx, xy, xz, yy, yz, zz)
+            condition[i] = found
+            sigma[i] = sigma_deg(length, normal, squares, size, ia, ib, ic, id_, ie, if_)
+            if bottom > 0.0:
+                for channel in range(3):
+                    albedo[i, channel] = top[channel] / bottom
+    return normals, albedo, count, condition, sigma, is_dark

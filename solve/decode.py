@@ -1,0 +1,112 @@
+"""Codes to gray samples, inside the kernels: a tile of pixels of one frame at a time, no float copy of the stack.
+
+A tile is a stretch of pixels in one row. Its loops run over memory in order: the compiler makes vectors of them.
+"""
+
+import numba
+import numpy as np
+
+TILE = 128
+"""Pixels a tile: its samples under a hundred lights, and the sums over them, stay in a core's own cache."""
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def tile_at(shape, frame, row, column):  # pragma: no cover
+    """Return where in the flat codes a pixel starts; `shape` is (frames, height, width)."""
+    return ((frame * shape[1] + row) * shape[2] + column) * 3
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def tile_gray(codes, at, count, black, red, green, blue, gray):  # pragma: no cover
+    """Write the weighted sum of the channels of `count` pixels from `at` on to `gray` (count,) float32.
+
+    The weights hold the frame's gain and the code of white. Unsigned indices: with signed ones numba looks for negative
+    ones, and the loop is five times slower.
+    """
+    pixels = codes[at : at + 3 * count]
+    for i in range(count):
+        j = np.uint64(3 * i)
+        gray[i] = (
+            (np.float32(pixels[j]) - black) * red
+            + (np.float32(pixels[j + np.uint64(1)]) - black) * green
+            + (np.float32(pixels[j + np.uint64(2)]) - black) * blue
+        )
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def tile_without_ambient(ambient, at, count, red, green, blue, gray):  # pragma: no cover
+    """Subtract the weighted ambient light (linear, flat) from `gray`."""
+    pixels = ambient[at : at + 3 * count]
+    for i in range(count):
+        j = np.uint64(3 * i)
+        gray[i] -= pixels[j] * red + pixels[j + np.uint64(1)] * green + pixels[j + np.uint64(2)] * blue
+
+
+@numba.njit(nogil=True, cache=True)
+def tile_clipped(codes, shape, frame, row, column, count, limit, margin, clipped):  # pragma: no cover
+    """Write to `clipped` (count,) whether a pixel, or one within `margin` of it, reaches `limit`; say whether any does.
+
+    `clipped` is written only where one does: most tiles have none, and finding that out costs a look at each code.
+    """
+    first, last = max(row - margin, 0), min(row + margin, shape[1] - 1)
+    left, right = max(column - margin, 0), min(column + count + margin, shape[2])
+    top = codes[tile_at(shape, frame, row, column)]
+    for line in range(first, last + 1):
+        at = tile_at(shape, frame, line, left)
+        pixels = codes[at : at + 3 * (right - left)]
+        for k in range(len(pixels)):
+            top = max(top, pixels[k])
+    if top < limit:
+        return False
+    clipped[:count] = False
+    for line in range(first, last + 1):
+        for x in range(left, right):
+            at = tile_at(shape, frame, line, x)
+            if max(codes[at], codes[at + 1], codes[at + 2]) >= limit:
+                for i in range(max(x - margin - column, 0), min(x + margin + 1 - column, count)):
+                    clipped[i] = True
+    return True
+
+
+@numba.njit(nogil=True, cache=True)
+def read_gray(codes, shape, ambient, black, unit, weights, limit, margin, runs):  # pragma: no cover
+    """Return the gray samples (P, F) float32 of runs of pixels, and whether each is not clipped (P, F) bool.
+
+    Parameters
+    ----------
+    codes : (F h w 3,) uint16 or float32
+    shape : (F, h, w)
+    ambient : (h w 3,) float32
+        Linear; empty where there is none.
+    black : float32
+    unit : (F,) float32
+        Linear value of one code.
+    weights : (F, 3) float32
+        Of linear values, for gray.
+    limit : as codes
+    margin : int
+    runs : (R, 4) int64
+        Row, column, how many, where they start among the P.
+    """
+    lights = shape[0]
+    pixels = runs[-1, 3] + runs[-1, 2]
+    gray = np.empty((pixels, lights), np.float32)
+    valid = np.ones((pixels, lights), np.bool_)
+    line = np.empty(TILE, np.float32)
+    clipped = np.empty(TILE, np.bool_)
+    for n in range(len(runs)):
+        row, start, total, place = runs[n]
+        for done in range(0, total, TILE):
+            count, column = min(TILE, total - done), start + done
+            for k in range(lights):
+                red, green, blue = weights[k]
+                at, u = tile_at(shape, k, row, column), unit[k]
+                tile_gray(codes, at, count, black, red * u, green * u, blue * u, line)
+                if len(ambient):
+                    tile_without_ambient(ambient, tile_at(shape, 0, row, column), count, red, green, blue, line)
+                for i in range(count):
+                    gray[place + done + i, k] = line[i]
+                if tile_clipped(codes, shape, k, row, column, count, limit, margin, clipped):
+                    for i in range(count):
+                        valid[place + done + i, k] = not clipped[i]
+    return gray, valid

@@ -1,0 +1,77 @@
+"""Profiles: the seed's plain readings fail where they are said to fail."""
+
+import numpy as np
+import pytest
+
+from scene.errors import SceneError
+from solve import iterative, ls
+from solve.solve import METHODS, settings_of
+
+COUNT = 16
+
+
+def cap():
+    """Sixteen lights around a cap, all in front of a normal of (0, 0, 1)."""
+    azimuth, z = np.arange(COUNT) * 2.4, np.linspace(0.6, 0.95, COUNT)
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
+
+
+def fitted(module, samples, valid=None, profile="default"):
+    directions = cap()
+    zero = np.zeros_like(directions)
+    valid = np.ones(samples.shape, bool) if valid is None else valid
+    settings = settings_of(module.__name__.removeprefix("solve."), profile)
+    b, used = module.fit(
+        samples.astype(np.float32),
+        valid,
+        np.zeros((len(samples), 3)),
+        directions,
+        zero,
+        zero[:, 0],
+        False,
+        1.0,
+        **settings,
+    )
+    return b / np.linalg.norm(b, axis=1, keepdims=True), used
+
+
+def away_deg(normals):
+    return np.degrees(np.arccos(np.clip(normals[:, 2], -1, 1)))
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_has_the_seeds_profile_with_the_same_names(method):
+    assert settings_of(method, "seed").keys() == settings_of(method, "default").keys()
+    with pytest.raises(SceneError, match=r"no profile 'x'; there are default, .*seed"):
+        settings_of(method, "x")
+
+
+def test_in_deep_shadow_unguarded_trimming_throws_the_good_samples_away():
+    """Ten of sixteen samples are in cast shadow: the default finds the six, the seed's reading trims them."""
+    samples = 0.5 * cap()[:, 2][None].repeat(COUNT, 0)
+    for i, row in enumerate(samples):
+        row[(np.arange(10) + i) % COUNT] = 0.002
+    normals, used = fitted(iterative, samples)
+    assert away_deg(normals).max() < 0.1
+    assert (used.sum(1) == 6).all()
+    assert np.median(away_deg(fitted(iterative, samples, profile="seed")[0])) > 5
+
+
+def test_the_seeds_least_squares_keeps_what_is_clipped():
+    samples = 1.5 * cap()[:, 2][None]
+    clipped = samples > 1
+    samples = np.minimum(samples, 1.0)
+    assert away_deg(fitted(ls, samples, ~clipped)[0])[0] < 1e-3
+    normals, used = fitted(ls, samples, ~clipped, "seed")
+    assert used.all()
+    assert away_deg(normals)[0] > 1
+
+
+def test_the_published_reading_takes_every_sample_and_ends_gray_at_one():
+    samples = 0.5 * cap()[:, 2][None] - 0.45
+    assert fitted(ls, samples, profile="published")[1].all()
+    bright, ceiled = np.full((1, COUNT), 3.0), np.ones((1, COUNT))
+    np.testing.assert_array_equal(
+        fitted(ls, bright, profile="published")[0], fitted(ls, ceiled, profile="published")[0]
+    )
