@@ -19,7 +19,7 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 
-METHODS = ("ls", "iterative", "position", "l1", "sbl", "rpca")
+METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca")
 """Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`."""
 
 
@@ -183,8 +183,9 @@ def _judge(band, gray, b, used, points, geometry, intensities, scale):
     """Return normals, albedo, samples, condition, sigma and darkness of the pixels of a band; see `assess`."""
     from solve.assess import DARK, assess
 
-    store = (band.codes, band.shape, band.ambient, band.black, band.unit, band.runs)
-    return assess(*store, gray, b, used, points, *geometry, np.ascontiguousarray(intensities), DARK * scale)
+    store: tuple = (band.codes, band.shape, band.ambient, band.black, band.unit, band.runs)
+    rest: tuple = (gray, b, used, points, *geometry, np.ascontiguousarray(intensities), DARK * scale)
+    return assess(*store, *rest)
 
 
 def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts):

@@ -169,7 +169,8 @@ def test_iterative_beats_least_squares_under_gloss_and_cast_shadow(camera, albed
     assert error["iterative"] < 0.25 * error["ls"]
 
 
-@pytest.mark.parametrize("method", METHODS)
+# `hsh` has no defence against the shadows that are in every pixel here; for its clipped samples see its own tests.
+@pytest.mark.parametrize("method", [method for method in METHODS if method != "hsh"])
 def test_clipped_samples_do_not_enter(method, camera, albedo):
     points, normals, mask = sphere(camera)
     lights = lights_around(16)

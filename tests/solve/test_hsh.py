@@ -1,0 +1,93 @@
+"""Hemispherical harmonics: orthonormal, exact on Lambertian samples by default, singular on a ring."""
+
+import numpy as np
+import pytest
+
+from solve import hsh
+
+
+def lights(count, low, high):
+    """Lights on a golden spiral between two heights, z."""
+    z, azimuth = np.linspace(low, high, count), np.arange(count) * 2.39996
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
+
+
+def fitted(samples, directions, settings, valid=None):
+    zero = np.zeros_like(directions)
+    valid = np.ones(samples.shape, bool) if valid is None else valid
+    values = samples.astype(np.float32)
+    return hsh.fit(values, valid, np.zeros((len(samples), 3)), directions, zero, zero[:, 0], False, 1.0, **settings)
+
+
+def away_deg(b, truth):
+    b = b / np.linalg.norm(b, axis=1, keepdims=True)
+    return np.degrees(np.arccos(np.clip(np.sum(b * truth, 1), -1, 1)))
+
+
+def normals_near_the_axis(count, seed=0):
+    n = np.stack([*np.random.default_rng(seed).uniform(-0.25, 0.25, (2, count)), np.ones(count)], -1)
+    return n / np.linalg.norm(n, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("order", [1, 2, 3])
+def test_the_basis_is_orthonormal_on_the_hemisphere(order):
+    """Gauss-Legendre in z, which is uniform on the sphere, times even azimuths."""
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    z, w = 0.5 * (nodes + 1), 0.5 * weights
+    azimuth = np.arange(32) * 2 * np.pi / 32
+    across = np.sqrt(1 - z**2)
+    x, y = across[:, None] * np.cos(azimuth), across[:, None] * np.sin(azimuth)
+    basis = hsh.harmonics(np.stack([x, y, np.broadcast_to(z[:, None], x.shape)], -1).reshape(-1, 3), order)
+    area = np.repeat(w, 32) * 2 * np.pi / 32
+    np.testing.assert_allclose(basis.T @ (area[:, None] * basis), np.eye((order + 1) ** 2), atol=1e-6)
+
+
+def test_lambertian_samples_are_exact_by_default_and_nearly_so_by_three_lights():
+    directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(100)
+    samples = 0.4 * normals @ directions.T
+    assert (samples > 0).all()
+    assert away_deg(fitted(samples, directions, hsh.SETTINGS)[0], normals).max() < 1e-4
+    plain = away_deg(fitted(samples, directions, hsh.SEED_SETTINGS)[0], normals)
+    assert 0.01 < plain.max() < 0.5
+
+
+def test_three_lights_see_the_shadow_at_45_degrees():
+    """A slope of 65 degrees is dark under the virtual light on the other side."""
+    directions = lights(96, 0.3, 0.98)
+    normal = np.array([[np.sin(np.radians(65.0)), 0.0, np.cos(np.radians(65.0))]])
+    samples = 0.4 * np.maximum(normal @ directions.T, 0)
+    assert away_deg(fitted(samples, directions, hsh.SEED_SETTINGS)[0], normal)[0] > 5
+
+
+def test_gloss_narrower_than_the_harmonics_is_smoothed_away_better_than_by_least_squares():
+    directions, normals = lights(96, 0.5, 0.98), normals_near_the_axis(100, 1)
+    half = directions + [0, 0, 1]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    samples = 0.4 * normals @ directions.T + 0.3 * np.clip(normals @ half.T, 0, 1) ** 400
+    plain = away_deg(samples @ np.linalg.pinv(directions).T, normals)
+    assert away_deg(fitted(samples, directions, hsh.SETTINGS)[0], normals).mean() < 1.05 * plain.mean()
+
+
+def test_clipped_samples_do_not_enter():
+    directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(20, 2)
+    samples = 0.4 * normals @ directions.T
+    valid = np.random.default_rng(0).random(samples.shape) > 0.2
+    b, used = fitted(np.where(valid, samples, 9.0), directions, hsh.SETTINGS, valid)
+    assert away_deg(b, normals).max() < 1e-4
+    np.testing.assert_array_equal(used, valid)
+
+
+@pytest.mark.parametrize("directions", [lights(24, 0.7, 0.7), lights(24, 0.96, 0.99), lights(8, 0.4, 0.98)])
+def test_a_ring_a_narrow_set_and_too_few_lights_are_said_to_be_singular(directions):
+    (said,) = hsh.doubts(directions, **hsh.SEED_SETTINGS)
+    assert "order 2 has 9 terms" in said
+    assert "not to be believed" in said
+    assert hsh.doubts(lights(48, 0.3, 0.98), **hsh.SEED_SETTINGS) == ()
+
+
+def test_on_a_ring_with_noise_the_seeds_reading_breaks_and_the_default_does_not():
+    directions, normals = lights(24, 0.75, 0.7500001), normals_near_the_axis(200, 3)
+    samples = 0.4 * normals @ directions.T + np.random.default_rng(4).normal(0, 0.002, (200, 24))
+    assert away_deg(fitted(samples, directions, hsh.SETTINGS)[0], normals).mean() < 1
+    assert away_deg(fitted(samples, directions, hsh.SEED_SETTINGS)[0], normals).mean() > 10
