@@ -26,7 +26,10 @@ app = App(
 Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
 Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
 Method = Annotated[
-    str, Parameter(help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca.")
+    str,
+    Parameter(
+        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated."
+    ),
 ]
 Profile = Annotated[
     str, Parameter(help="Settings of the methods: default, or seed, the plain reading of the benchmark.")

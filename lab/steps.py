@@ -179,6 +179,9 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
             "settings": estimate.settings,
             "warnings": estimate.warnings,
         }
+        if estimate.lights is not None:
+            found = estimate.lights
+            table[method] |= {"intensities": found.intensities, "intensity_sigma": found.intensity_sigma}
         warnings += [f"{method}: {text}" for text in estimate.warnings]
     return {"methods": table}, warnings
 

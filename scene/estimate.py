@@ -5,6 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.lights import Lights
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -32,6 +34,8 @@ class Estimate:
     sigma_deg : (H, W) float32 or None
         Standard deviation of the normal along one tangent axis, from the scatter of the residuals: noise that
         differs from sample to sample, not what all samples share. NaN where three samples or fewer were fitted.
+    lights : Lights or None
+        What the method itself found of the lights, where it does.
     """
 
     method: str
@@ -43,3 +47,4 @@ class Estimate:
     warnings: tuple[str, ...] = ()
     condition: NDArray[np.float32] | None = None
     sigma_deg: NDArray[np.float32] | None = None
+    lights: Lights | None = None

@@ -19,8 +19,11 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 
-METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca")
-"""Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`."""
+METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated")
+"""Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
+
+A module with `find_lights` corrects the lights first: fit, albedo and sigma are under those.
+"""
 
 
 def solve(
@@ -83,6 +86,10 @@ def solve(
     said = module.doubts(lights.directions, **settings) if hasattr(module, "doubts") else ()
     _compile(method, settings, frames, lights, camera, mask)
     start = time.perf_counter()
+    own_lights = None
+    if hasattr(module, "find_lights"):
+        own_lights, more = module.find_lights(frames, lights, camera, mask, **settings)
+        lights, said = own_lights, (*said, *more)
     parts = list(bands(frames, mask))
     maps = _empty_maps(mask.shape)
     work: Iterator[tuple[Callable, tuple]]
@@ -105,7 +112,7 @@ def solve(
     normals, albedo, samples, condition, sigma_deg = maps
     seconds = time.perf_counter() - start
     said += doubts(mask, normals, samples, condition, dark)
-    return Estimate(method, normals, albedo, samples, seconds, settings, said, condition, sigma_deg)
+    return Estimate(method, normals, albedo, samples, seconds, settings, said, condition, sigma_deg, own_lights)
 
 
 def settings_of(method: str, profile: str) -> dict[str, Any]:

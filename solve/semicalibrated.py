@@ -1,0 +1,183 @@
+"""Directions known, intensities not: they are found with the normals. For a flash that does not fire alike.
+
+First each flash's intensity, per channel, from some thousand pixels; then the normals band by band, by `iterative`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from solve import iterative
+from solve.intensities import GROUPS, Intensities, evidence, solve_intensities
+from solve.samples import GRAY
+
+SETTINGS = iterative.SETTINGS | {"pixels": 12_000, "rounds": 12}
+SEED_SETTINGS = SETTINGS
+"""The seed has no such method."""
+
+CONTRAST = 3.0
+"""The next best intensities must leave this many times the misfit of the best."""
+SIGMA = 0.1
+"""Relative standard deviation beyond which an intensity is not believed."""
+_FACING = 0.1
+"""Cosine under which a sample says more of the noise than of its flash."""
+_STANDS_STILL = 1e-4
+
+
+def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, pixels, rounds, **settings):
+    """Fit b = albedo x normal as `iterative` does; the lights are those of `find_lights`."""
+    return iterative.fit(gray, valid, points, directions, positions, reach, is_near, scale, **settings)
+
+
+def find_lights(
+    frames: Frames,
+    lights: Lights,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    *,
+    pixels: int,
+    rounds: int,
+    shadow_threshold: float,
+    outlier_sigmas: float,
+    noise_floor: float,
+    **settings,
+) -> tuple[Lights, tuple[str, ...]]:
+    """Return the lights with the intensities that the object itself tells.
+
+    Parameters
+    ----------
+    frames : Frames
+    lights : Lights
+        Directions (and positions) are taken as they are; intensities only where the object tells none.
+    camera : Camera
+    mask : (H, W) bool
+    pixels : int
+        At most; evenly spread over the mask.
+    rounds : int
+        At most; three to six are typical.
+    shadow_threshold, outlier_sigmas, noise_floor, settings
+        See `iterative.fit`.
+
+    Returns
+    -------
+    lights : Lights
+        Intensities on the scale of the given ones, and `intensity_sigma`: the scatter between ten parts of the object,
+        which knows nothing of what all parts share (a near flash over an object far from the reference depth:
+        its fall-off goes into the intensity).
+    doubts : tuple of str
+
+    Notes
+    -----
+    In turn: the intensities from the samples that obey Lambert's law, by one eigenvector (see `intensities`),
+    then which samples these are, by `iterative` on these intensities. There each frame's own median ratio of
+    sample to shading is divided out first: a flash whose intensity is still wrong would be an outlier
+    everywhere, and be believed never again.
+
+    The intensities that are given play no part in those that are found. From a plane, or with three lights, they
+    cannot be told: then the given ones stay, and a doubt says so. Nor can that of a light without which the rest
+    lie in one plane: it keeps what was given.
+    """
+    color, valid, points = _samples(frames, camera, mask, lights.reference_point_mm[2], pixels)
+    toward = np.ascontiguousarray(lights.toward(points).transpose(1, 0, 2))
+    groups = (np.arange(len(points)) * GROUPS) // len(points)
+    found = lights.intensities
+    used, parts = None, []
+    for _ in range(rounds):
+        gray = np.einsum("pfc,fc->pf", color, (GRAY / found).astype(np.float32))
+        scale = float(np.percentile(gray[valid], 99)) if valid.any() else 1.0
+        lit = valid & (gray > shadow_threshold * np.quantile(gray, 0.75, axis=1)[:, None])
+        if used is None:
+            used = lit
+        else:
+            options = {"shadow_threshold": shadow_threshold, "outlier_sigmas": outlier_sigmas} | settings
+            directions, positions, reach, is_near = _geometry(lights)
+            b, _ = iterative.fit(
+                gray, valid, points, directions, positions, reach, is_near, scale, noise_floor=noise_floor, **options
+            )
+            used = _lambertian(gray, lit, toward, b, outlier_sigmas, noise_floor * scale)
+        parts = evidence(color / found.astype(np.float32), used, toward, groups)
+        solved = [solve_intensities(part) for part in parts]
+        if min(part.relative.min() for part in solved) <= 0:
+            continue  # the next round believes other samples
+        now = found * np.stack([part.relative for part in solved], 1)
+        # The scale is a gauge: albedo stays comparable with the other methods'.
+        now /= np.exp(np.mean(np.log(now / lights.intensities), axis=0))
+        change, found = np.abs(now / found - 1).max(), now
+        if change < _STANDS_STILL:
+            break
+    return _believed(lights, found, [solve_intensities(part, with_sigma=True) for part in parts])
+
+
+def _believed(lights: Lights, found: NDArray, solved: list[Intensities]) -> tuple[Lights, tuple[str, ...]]:
+    """Return the found intensities, or the given ones, and why."""
+    sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
+    silent = ~np.isfinite(sigma)
+    if min(part.contrast for part in solved) < CONTRAST or not np.median(sigma[~silent]) < SIGMA:
+        said = (
+            "the intensities cannot be told from this object (it is too flat, or its lights too few or too alike): "
+            "those given are used, as by `iterative`."
+        )
+        return lights, (said,)
+    doubts = []
+    if silent.any():
+        # A frame that no pixel ties to the others keeps what was given, on the scale of those that are told.
+        factor = np.exp(np.mean(np.log(found[~silent] / lights.intensities[~silent]), axis=0))
+        found = np.where(silent[:, None], lights.intensities * factor, found)
+        doubts.append(f"nothing on the object tells the intensity of {_named(lights, silent)}: as given.")
+    if (vague := sigma > SIGMA).any():
+        doubts.append(
+            f"the intensity of {_named(lights, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
+        )
+    return replace(lights, intensities=found, intensity_sigma=sigma), tuple(doubts)
+
+
+def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
+    names = [name for name, wanted in zip(lights.names, which, strict=True) if wanted]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} others" if len(names) > 3 else "")
+
+
+def _samples(frames: Frames, camera: Camera, mask: NDArray[np.bool_], depth_mm: float, pixels: int):
+    """Return color (P, F, 3), valid (P, F) and points (P, 3) of pixels evenly spread over the mask."""
+    row, column = np.nonzero(mask)
+    chosen = np.unique(np.linspace(0, len(row) - 1, min(pixels, len(row))).astype(int))
+    row, column = row[chosen], column[chosen]
+    color = np.empty((len(row), len(frames), 3), np.float32)
+    valid = np.empty((len(row), len(frames)), bool)
+    for index in range(len(frames)):
+        color[:, index], clipped = frames.read_pixels(index, row, column)
+        valid[:, index] = ~clipped
+    return color, valid, camera.points_at_depth(np.stack([column, row], -1), depth_mm)
+
+
+def _geometry(lights: Lights) -> tuple:
+    """Return directions, positions, squared reach and is_near, as the kernels take them."""
+    if lights.positions_mm is None:
+        return lights.directions, np.zeros_like(lights.directions), np.zeros(len(lights)), False
+    reach = np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
+    return lights.directions, lights.positions_mm, reach, True
+
+
+def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
+    """Return the samples (P, F) that agree with b, each frame's median ratio to it divided out."""
+    shade = np.einsum("pfi,pi->pf", toward, b)
+    facing = lit & (shade > _FACING * np.linalg.norm(b, axis=1, keepdims=True))
+    shade = np.where(facing, shade, 1)
+    ratio = _medians((gray / shade).T, facing.T)
+    ratio = np.where(ratio > 0, ratio, 1)
+    size = np.linalg.norm(b, axis=1, keepdims=True)
+    residual = np.abs(gray / ratio - shade) / np.maximum(size, 1e-12)
+    # One spread for all pixels: one that is shadowed half the time would believe anything by its own.
+    spread = 1.4826 * np.median(residual[facing]) if facing.any() else 0.0
+    return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))
+
+
+def _medians(values: NDArray, where: NDArray[np.bool_]) -> NDArray:
+    """Return the lower median of each row (N, M) over the entries of `where`; 0 where there are none."""
+    ordered = np.sort(np.where(where, values, np.inf), axis=1)
+    count = where.sum(1)
+    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, 1)[:, 0]
+    return np.where(count > 0, middle, 0)

@@ -1,0 +1,165 @@
+"""Intensities from the object itself: exact where Lambert's law holds, robust where it does not, and doubted."""
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+from solve.semicalibrated import SETTINGS, find_lights
+from solve.solve import solve
+
+SIZE = 48
+
+
+@pytest.fixture
+def camera():
+    return Camera(SIZE, SIZE, 110.0, 110.0, 23.0, 24.5)
+
+
+def ball():
+    """Normals (H, W, 3) of a bumpy ball, its mask, and an albedo whose colour varies."""
+    v, u = (np.mgrid[:SIZE, :SIZE] - (SIZE - 1) / 2) / (0.46 * SIZE)
+    mask = u**2 + v**2 < 0.95
+    normals = np.stack([u + 0.1 * np.sin(9 * v), -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.01))], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return normals, mask, 0.3 + 0.12 * np.sin(np.stack([7 * u, 5 * v, 6 * (u + v)], -1))
+
+
+def lights_around(count, *, seed, near=False):
+    """Lights whose intensities differ threefold, channel by channel."""
+    rng = np.random.default_rng(seed)
+    zenith = np.radians(np.linspace(12, 50, count))
+    azimuth = 2.4 * np.arange(count) + rng.uniform(0, 6)
+    directions = np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
+    center = np.array([0.0, 0.0, -600.0])
+    positions = center + directions * rng.uniform(400, 900, (count, 1)) if near else None
+    names = tuple(f"flash_{i:03d}" for i in range(count))
+    return Lights(names, directions, rng.uniform(0.5, 1.5, (count, 3)), positions, center).normalised()
+
+
+def wrong(lights, share, seed=0):
+    """The same lights with each intensity off by a share, at random."""
+    factor = np.exp(share * np.random.default_rng(seed).standard_normal((len(lights), 3)))
+    return Lights(
+        lights.names, lights.directions, lights.intensities * factor, lights.positions_mm, lights.reference_point_mm
+    ).normalised()
+
+
+def photographs(lights, normals, albedo, camera):
+    points = camera.points_at_depth(camera.grid(), -600.0)
+    vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), SIZE, SIZE, 3, 3)
+    return albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0)
+
+
+def as_floats(lights, images):
+    return Frames(lights.names, images, np.ones(len(lights)), saturation=np.inf)
+
+
+@pytest.mark.parametrize("near", [False, True])
+@pytest.mark.parametrize("count", [5, 16])
+def test_exact_on_noiseless_lambertian_pixels_whatever_the_intensities(count, near, camera):
+    normals, mask, albedo = ball()
+    lights = lights_around(count, seed=10000 + count, near=near)
+    images = photographs(lights, normals, albedo, camera)
+    frames = as_floats(lights, images)
+    found, doubts = find_lights(frames, wrong(lights, 0.5), camera, mask, **SETTINGS)
+    assert not doubts
+    relative = found.intensities / found.intensities.mean(0)
+    np.testing.assert_allclose(relative, lights.intensities, rtol=1e-6)
+    lit = mask & (images > 0.05 * images.max((0, 3), keepdims=True)).all((0, 3))
+    estimate = solve("semicalibrated", frames, wrong(lights, 0.5), camera, mask)
+    assert angular_error_deg(estimate.normals, normals)[lit].max() < 1e-4
+    assert estimate.lights is not None
+    np.testing.assert_allclose(estimate.lights.intensities, found.intensities)
+
+
+def test_laws_order_and_strength_of_the_frames(camera):
+    """Permuting frames permutes intensities; a frame twice as bright has a flash twice as strong."""
+    normals, mask, albedo = ball()
+    lights = lights_around(9, seed=10021)
+    images = photographs(lights, normals, albedo, camera) + 0.002 * np.random.default_rng(10021).standard_normal(
+        (9, SIZE, SIZE, 3)
+    )
+    plain, _ = find_lights(as_floats(lights, images), lights, camera, mask, **SETTINGS)
+    order = np.random.default_rng(3).permutation(9)
+    mixed = Lights(tuple(lights.names[i] for i in order), lights.directions[order], lights.intensities[order])
+    permuted, _ = find_lights(as_floats(mixed, images[order]), mixed, camera, mask, **SETTINGS)
+    np.testing.assert_allclose(permuted.intensities, plain.intensities[order], rtol=1e-6)
+    factor = np.linspace(0.7, 1.6, 9)
+    brighter, _ = find_lights(as_floats(lights, images * factor[:, None, None, None]), lights, camera, mask, **SETTINGS)
+    ratio = brighter.intensities / plain.intensities / factor[:, None]
+    np.testing.assert_allclose(ratio / ratio[0], 1, rtol=2e-3)
+
+
+def glossy(lights, normals, mask, images, seed):
+    """Add gloss, a cast shadow that moves over the object, and noise."""
+    rng = np.random.default_rng(seed)
+    half = lights.directions + [0.0, 0.0, 1.0]
+    half /= np.linalg.norm(half, axis=1, keepdims=True)
+    shine = np.maximum(np.einsum("hwi,fi->fhw", normals, half), 0) ** 60
+    images = images + 0.3 * lights.intensities[:, None, None] * np.where(mask, shine, 0)[..., None]
+    for k in range(len(lights)):
+        row, column = rng.integers(6, SIZE - 18, 2)
+        images[k, row : row + 14, column : column + 12] *= 0.05
+    return np.maximum(images + 0.002 * rng.standard_normal(images.shape), 0)
+
+
+@pytest.mark.parametrize("seed", [10031, 10032, 10033])
+def test_it_does_not_care_what_is_given_and_loses_little_where_that_is_right(seed, camera):
+    normals, mask, albedo = ball()
+    lights = lights_around(14, seed=seed)
+    images = glossy(lights, normals, mask, photographs(lights, normals, albedo, camera), seed)
+    frames = Frames.from_linear(lights.names, 0.5 * images)
+
+    def error(method, given):
+        return float(np.median(angular_error_deg(solve(method, frames, given, camera, mask).normals, normals)[mask]))
+
+    right, off = error("iterative", lights), error("iterative", wrong(lights, 0.1, seed))
+    mine = error("semicalibrated", lights)
+    assert mine < 1.15 * right
+    assert mine < 0.6 * off
+    assert error("semicalibrated", wrong(lights, 0.3, seed)) == pytest.approx(mine, abs=0.02)
+    found, _ = find_lights(frames, wrong(lights, 0.3, seed), camera, mask, **SETTINGS)
+    relative = found.intensities / found.intensities.mean(0) / lights.intensities
+    assert np.abs(relative - 1).max() < 0.03
+    assert np.nanmax(found.intensity_sigma) < 0.03
+
+
+def test_a_plane_and_three_lights_tell_nothing(camera):
+    normals, mask, albedo = ball()
+    plane = np.broadcast_to([0.2, -0.1, np.sqrt(0.95)], normals.shape)
+    for lights, shape in ((lights_around(6, seed=10041), plane), (lights_around(3, seed=10042), normals)):
+        images = photographs(lights, shape, albedo, camera)
+        for noise in (0, 0.002):
+            images = images + noise * np.random.default_rng(10041).standard_normal(images.shape)
+            given = wrong(lights, 0.1)
+            found, doubts = find_lights(as_floats(lights, images), given, camera, mask, **SETTINGS)
+            assert "cannot be told" in doubts[0]
+            np.testing.assert_array_equal(found.intensities, given.intensities)
+
+
+def test_a_light_that_alone_leaves_the_plane_of_the_rest_keeps_its_intensity(camera):
+    normals, mask, albedo = ball()
+    angle = np.radians([-40, -15, 10, 35, 55])
+    fan = np.concatenate([np.stack([np.sin(angle), 0 * angle, np.cos(angle)], -1), [[0.1, 0.5, np.sqrt(0.74)]]])
+    six = lights_around(6, seed=10041)
+    lights = Lights(six.names, fan, six.intensities)
+    frames = as_floats(lights, photographs(lights, normals, albedo, camera))
+    given = wrong(lights, 0.1)
+    found, doubts = find_lights(frames, given, camera, mask, **SETTINGS)
+    assert "flash_005" in doubts[0]
+    told = found.intensities[:5] / lights.intensities[:5]
+    np.testing.assert_allclose(told / told[0], 1, rtol=1e-5)
+
+
+def test_a_flash_that_lights_no_pixel_keeps_what_is_given_and_is_named(camera):
+    normals, mask, albedo = ball()
+    lights = lights_around(10, seed=10051)
+    images = photographs(lights, normals, albedo, camera)
+    images[4] = 0
+    found, doubts = find_lights(as_floats(lights, images), lights, camera, mask, **SETTINGS)
+    assert "flash_004" in doubts[0]
+    np.testing.assert_allclose(found.intensities, lights.intensities, rtol=1e-5)
+    assert np.isnan(found.intensity_sigma[4])
