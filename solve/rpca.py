@@ -40,7 +40,9 @@ FEWEST_LIGHTS = 10
 COMMON_GLOSS = 0.3
 
 
-def fit_whole(gray, valid, points, lights, mask, *, shadow_threshold, sparsity, rank, outlier_share, tolerance, rounds):
+def fit_whole(
+    gray, valid, points, geometry, mask, *, shadow_threshold, sparsity, rank, outlier_share, tolerance, rounds
+):
     """Fit b = albedo x normal to the samples that a low-rank stack explains.
 
     Parameters
@@ -51,7 +53,8 @@ def fit_whole(gray, valid, points, lights, mask, *, shadow_threshold, sparsity, 
         Not clipped.
     points : (P, 3) float64
         Where the pixels are, mm, for near lights.
-    lights : Lights
+    geometry : tuple
+        The lights' directions, positions (F, 3), reach (F,) and is_near; see `solve.ls.fit`.
     mask : (H, W) bool
         Of P pixels.
     shadow_threshold : float or None
@@ -93,8 +96,9 @@ def fit_whole(gray, valid, points, lights, mask, *, shadow_threshold, sparsity, 
     options = {"tolerance": tolerance, "rounds": rounds}
     found = low_rank(data, there, weight, rank=rank, **options)
     doubts = []
-    if rank and lights.positions_mm is None:
-        basis = np.linalg.qr(lights.directions)[0]
+    directions, _, _, is_near = geometry
+    if rank and not is_near:
+        basis = np.linalg.qr(directions)[0]
         away = float(np.linalg.norm(found.right - basis @ (basis.T @ found.right), 2))
         if away > WRONG_SUBSPACE:
             doubts.append(
@@ -104,7 +108,7 @@ def fit_whole(gray, valid, points, lights, mask, *, shadow_threshold, sparsity, 
             found = low_rank(data, there, weight, rank=0, **options)
     if found.residual > tolerance:
         doubts.append(f"it did not converge in {rounds} rounds: |D - A - E| is {found.residual:.1g} of |D|.")
-    b, used = fit_to_low_rank(data, there, found.low, level, points, lights, outlier_share)
+    b, used = fit_to_low_rank(data, there, found.low, level, points, geometry, outlier_share)
     corrupted = 1 - np.count_nonzero(used) / max(np.count_nonzero(there), 1)
     if corrupted > COMMON_GLOSS:
         doubts.append(f"{corrupted:.0%} of the lit samples are taken as corrupted: sparse is what a few are.")
@@ -113,18 +117,15 @@ def fit_whole(gray, valid, points, lights, mask, *, shadow_threshold, sparsity, 
     return Whole(b * scale, used, tuple(doubts))
 
 
-def fit_to_low_rank(data, there, low, level, points, lights, outlier_share):
+def fit_to_low_rank(data, there, low, level, points, geometry, outlier_share):
     """Return b (P, 3) and the samples used (P, F); see `fit_whole` for the arguments."""
-    is_near = lights.positions_mm is not None
-    positions = lights.positions_mm if is_near else np.zeros_like(lights.directions)
-    reach = np.sum((positions - lights.reference_point_mm) ** 2, 1)
     if outlier_share is None:
         values, used = low, np.ones_like(there)
     else:
         values, used = data, there & (np.abs(data - low) <= outlier_share * level[:, None])
         few = used.sum(1) < 4
         used[few] = there[few]
-    return _fit(values, used, low, points, lights.directions, positions, reach, is_near)
+    return _fit(values, used, low, points, *geometry)
 
 
 @numba.njit(nogil=True, cache=True)

@@ -67,7 +67,11 @@ def run(gray, directions, mask, valid=None, lights=None, points=None, **settings
     valid = np.ones(gray.shape, bool) if valid is None else valid
     points = np.zeros((len(gray), 3)) if points is None else points
     lights = distant(directions) if lights is None else lights
-    return rpca.fit_whole(gray, valid, points, lights, mask, **{**rpca.SETTINGS, **settings})
+    near = lights.positions_mm is not None
+    positions = lights.positions_mm if near else np.zeros_like(directions)
+    reach = np.sum((positions - CENTER) ** 2, 1)
+    geometry = (lights.directions, positions, reach, near)
+    return rpca.fit_whole(gray, valid, points, geometry, mask, **{**rpca.SETTINGS, **settings})
 
 
 def error(b, normals):

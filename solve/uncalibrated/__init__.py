@@ -1,0 +1,1 @@
+"""Normals without knowing where the lights are."""

@@ -1,0 +1,141 @@
+"""What all uncalibrated methods begin with: pseudo-normals and pseudo-lights that leave three numbers open.
+
+M = B S' by a robust rank-3 factorisation, B then made integrable: what remains is the generalised bas-relief family
+[Belhumeur1999]. Memory: 8 bytes a sample beside the samples themselves.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from solve import iterative
+from solve.uncalibrated.integrability import integrable
+from solve.whole import scale_of_samples
+
+Array = NDArray[np.float64]
+
+ROUNDS = 4
+RANK_GAP = 2.0
+EIGEN_GAP = 0.1
+
+
+@dataclass(frozen=True)
+class Family:
+    """Pseudo-normals and lights up to a generalised bas-relief transform, with a convention for its three numbers.
+
+    Parameters
+    ----------
+    b : (P, 3) float64
+        Pseudo-normals times pseudo-albedo; the mean of the third component is positive.
+    lights : (F, 3) float64
+        gray = b @ lights.T where lit.
+    used : (P, F) bool
+        The samples that agree.
+    doubts : tuple of str
+    """
+
+    b: Array
+    lights: Array
+    used: NDArray[np.bool_]
+    doubts: tuple[str, ...]
+
+    def rendered(self) -> NDArray[np.float32]:
+        """Return the matte images (P, F), shadows at zero."""
+        return np.maximum(self.b.astype(np.float32) @ self.lights.T.astype(np.float32), 0)
+
+    def relief(self, mu: float, nu: float, depth: float) -> tuple[Array, Array]:
+        """Return b G (P, 3) and the lights (F, 3) that go with it, G = [[1, 0, 0], [0, 1, 0], [mu, nu, depth]].
+
+        depth < 0: with the sign changed too, so that the normals keep facing the camera.
+        """
+        matrix = np.array([[1, 0, 0], [0, 1, 0], [mu, nu, depth]], float)
+        sign = 1.0 if depth > 0 else -1.0
+        return sign * self.b @ matrix, sign * self.lights @ np.linalg.inv(matrix).T
+
+
+def family(
+    gray: NDArray, valid: NDArray[np.bool_], mask: NDArray[np.bool_], *, robust: bool, smooth_px: float
+) -> Family:
+    """Factorise the samples and make the pseudo-normals integrable.
+
+    Parameters
+    ----------
+    gray : (P, F) float32
+    valid : (P, F) bool
+        Not clipped.
+    mask : (H, W) bool
+        Of P pixels.
+    robust : bool
+        Drop shadows and highlights: each pixel's samples that disagree with the pseudo-lights. Otherwise
+        the plain singular value decomposition of all samples.
+    smooth_px : float
+        Standard deviation of the Gaussian under the derivatives.
+
+    Notes
+    -----
+    M ~ U S V' from the eigenvectors of M' M (F, F) [Hayakawa1994]. A pixel's fit to known lights knows no
+    difference between lights and any linear image of them: `solve.iterative` serves as it is, in turn with least
+    squares for the lights over the samples that it keeps.
+    """
+    doubts = []
+    moments = np.zeros((gray.shape[1],) * 2)
+    for start in range(0, len(gray), 4096):
+        some = gray[start : start + 4096].astype(np.float64)
+        moments += some.T @ some
+    square, vectors = np.linalg.eigh(moments)
+    singular = np.sqrt(np.maximum(square[::-1], 0))
+    rest = float(singular[3]) if len(singular) > 3 else 0.0
+    lights = np.ascontiguousarray(vectors[:, :-4:-1])
+    # The decomposition leaves three signs open.
+    lights *= np.sign((gray @ lights).sum(0))
+    if robust:
+        # The lights from every so many pixels; then each pixel by them.
+        some = slice(None, None, max(1, len(gray) // 8_000))
+        for _ in range(ROUNDS):
+            b, used = _robust_pixels(gray[some], valid[some], lights)
+            # Orthonormal, so that a pixel's lights look as spread as they can.
+            basis, triangle = np.linalg.qr(_lights(gray[some], used, b))
+            lights = np.ascontiguousarray(basis * np.where(np.diag(triangle) < 0, -1.0, 1.0))
+        b, used = _robust_pixels(gray, valid, lights)
+        # Of what was kept: the least dimension against a fourth one of noise.
+        singular = np.linalg.svd(b, compute_uv=False)
+        misfit = (gray[some] - b[some] @ lights.T)[used[some]]
+        rest = float(np.sqrt(len(gray) * np.mean(misfit**2))) if len(misfit) else 0.0
+    else:
+        b, used = gray @ lights, np.ones_like(valid)
+    if singular[2] < RANK_GAP * rest:
+        doubts.append(
+            f"the third singular value of the samples is only {singular[2] / rest:.1f} times the fourth, expected "
+            f"{RANK_GAP:g}: shadows, gloss or too few lights hide the surface's three dimensions."
+        )
+    known = np.linalg.norm(b, axis=1) > 0
+    matrix, gap = integrable(np.where(known[:, None], b, b.mean(0)), mask, smooth_px)
+    if gap > EIGEN_GAP:
+        doubts.append(
+            f"integrability hardly tells the surface from others (eigenvalues at a ratio of {gap:.2f}, expected under "
+            f"{EIGEN_GAP}): too flat, too small or too noisy."
+        )
+    b, lights = b @ matrix, np.asarray(lights @ np.linalg.inv(matrix).T, np.float64)
+    facing = float(np.mean(b[known, 2] > 0))
+    if facing < 0.5:
+        b, lights, facing = -b, -lights, 1 - facing
+    if facing < 0.97:
+        doubts.append(f"{1 - facing:.0%} of the pseudo-normals face away from the camera: this is no visible surface.")
+    return Family(b, lights, used, tuple(doubts))
+
+
+def _robust_pixels(gray: NDArray, valid: NDArray[np.bool_], lights: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return b (P, 3) and the samples that agree (P, F), the pseudo-lights being given."""
+    nowhere = np.zeros((len(lights), 3))
+    geometry = (np.zeros((len(gray), 3)), lights, nowhere, np.zeros(len(lights)), False)
+    return iterative.fit(gray, valid, *geometry, scale_of_samples(gray, valid), **iterative.SETTINGS)
+
+
+def _lights(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:
+    """Return the lights (F, 3) by least squares over the samples that are used."""
+    weight = used.T.astype(np.float64)
+    normal = (weight @ (b[:, :, None] * b[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
+    right = np.where(used, gray, 0).T.astype(np.float64) @ b
+    trace = np.trace(normal, axis1=1, axis2=2)
+    return np.linalg.solve(normal + (1e-9 * trace + 1e-30)[:, None, None] * np.eye(3), right[..., None])[..., 0]

@@ -1,0 +1,211 @@
+"""Uncalibrated methods on a matte object that the test made: whatever the start, the same normals."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+
+from scene.normals import angular_error_deg, unit
+from solve.uncalibrated import entropy, ldr, tv
+from solve.uncalibrated.front_end import family
+from solve.uncalibrated.tv import geometric_median
+
+METHODS = {"ldr": ldr, "entropy": entropy, "tv": tv}
+SIZE = 72
+
+
+def around(count, zenith_deg):
+    k = np.arange(count) + 0.5
+    z = 1 - k / count * (1 - np.cos(np.radians(zenith_deg)))
+    turn = np.pi * (1 + 5**0.5) * k
+    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], -1)
+
+
+def dome(size=SIZE):
+    """Normals (H, W, 3) and mask of an ellipsoid that stands free."""
+    v, u = np.mgrid[:size, :size]
+    x, y = 2.3 * (u - size / 2) / size, -2.3 * (v - size / 2) / size
+    height = np.sqrt(np.maximum(1 - x**2 - 1.3 * y**2, 1e-9))
+    mask = x**2 + 1.3 * y**2 < 0.93
+    return unit(np.stack([x, 1.3 * y, height], -1)), mask
+
+
+def photographs(normals, mask, directions, albedo=0.5, strength=1.0):
+    return (albedo * np.maximum(normals[mask] @ directions.T, 0) * strength).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    normals, mask = dome()
+    directions = around(40, 50)
+    return photographs(normals, mask, directions), normals[mask], directions, mask
+
+
+def run(name, gray, mask, **settings):
+    module = METHODS[name]
+    return module.fit_whole(gray, np.ones(gray.shape, bool), None, None, mask, **{**module.SETTINGS, **settings})
+
+
+def error(b, normals):
+    return angular_error_deg(unit(b), normals)
+
+
+def started_elsewhere(monkeypatch, module, mu, nu, depth):
+    """Make a method begin from another member of the family."""
+
+    def other(*arguments, **settings):
+        found = family(*arguments, **settings)
+        b, lights = found.relief(mu, nu, depth)
+        return replace(found, b=b, lights=lights)
+
+    monkeypatch.setattr(module, "family", other)
+
+
+@pytest.mark.parametrize("robust", [True, False])
+def test_pseudo_normals_are_the_true_ones_up_to_a_bas_relief_transform(scene, robust):
+    _, normals, _, mask = scene
+    directions = around(40, 15)
+    gray = photographs(dome()[0], mask, directions)
+    lit = (normals @ directions.T > 0.02).all(1)
+    found = family(gray, np.ones(gray.shape, bool), mask, robust=robust, smooth_px=1.0)
+    matrix = np.linalg.lstsq(found.b[lit], normals[lit], rcond=None)[0]
+    assert error(found.b @ matrix, normals)[lit].mean() < (0.01 if robust else 1)
+    matrix = matrix / matrix[0, 0]
+    # [1 0 0; 0 1 0; mu nu lambda], and mu, nu, lambda are anything.
+    np.testing.assert_allclose(matrix[:2], [[1, 0, 0], [0, 1, 0]], atol=0.03)
+    assert abs(matrix[2, 2]) > 0.1
+
+
+def test_every_member_of_the_family_gives_the_same_pictures_and_faces_the_camera(scene):
+    gray, _, _, mask = scene
+    found = family(gray, np.ones(gray.shape, bool), mask, robust=True, smooth_px=2.0)
+    for numbers in ((0.7, -0.4, 2.5), (-0.3, 0.2, -0.6)):
+        b, lights = found.relief(*numbers)
+        np.testing.assert_allclose(b @ lights.T, found.b @ found.lights.T, atol=1e-9)
+        assert (b[:, 2] > 0).mean() > 0.97
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_normals_and_lights_of_a_plain_object_are_found(name, scene):
+    gray, normals, directions, mask = scene
+    found = run(name, gray, mask)
+    assert error(found.b, normals).mean() < 0.5
+    assert angular_error_deg(unit(found.lights), directions).max() < 1
+    np.testing.assert_allclose(np.linalg.norm(found.lights, axis=1), 1, atol=0.02)
+    np.testing.assert_allclose(np.linalg.norm(found.b, axis=1).mean(), 0.5, rtol=0.02)
+    assert not found.doubts
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_plain_object_comes_out_convex_from_a_concave_start_and_a_seed_says_what_it_has(name, scene, monkeypatch):
+    gray, normals, directions, mask = scene
+    started_elsewhere(monkeypatch, METHODS[name], 0, 0, -1)
+    assert error(run(name, gray, mask).b, normals).mean() < 0.5
+    raw = run(name, gray, mask, sign="arbitrary")
+    monkeypatch.undo()
+    other = run(name, gray, mask, sign="arbitrary")
+    means = sorted(error(each.b, normals).mean() for each in (raw, other))
+    assert means[0] < 0.5
+    assert means[1] > 40
+    mirrored = max((raw, other), key=lambda each: error(each.b, normals).mean())
+    assert error(mirrored.b, normals * [-1, -1, 1]).mean() < 0.5
+    assert angular_error_deg(unit(mirrored.lights), directions * [-1, -1, 1]).max() < 1
+
+
+@pytest.mark.parametrize("start", [(0.5, -0.8, 0.4), (-1.5, 0.3, 3.0), (0.1, 0.9, -1.7)])
+@pytest.mark.parametrize("name", ["ldr", "tv"])
+def test_the_start_does_not_matter(name, start, scene, monkeypatch):
+    _, _, directions, mask = scene
+    rng = np.random.default_rng(20_010)
+    gray = photographs(dome()[0], mask, directions, strength=np.ones(40))
+    gray = (gray + rng.normal(0, 0.01, gray.shape)).astype(np.float32)
+    plain = run(name, gray, mask)
+    started_elsewhere(monkeypatch, METHODS[name], *start)
+    assert error(run(name, gray, mask).b, unit(plain.b)).max() < 1e-3
+
+
+def test_ldr_and_entropy_need_no_equal_intensities_and_tv_says_that_it_does(scene):
+    _, normals, directions, mask = scene
+    strength = np.random.default_rng(20_011).uniform(0.4, 1.6, len(directions))
+    gray = photographs(dome()[0], mask, directions, strength=strength)
+    for name in ("ldr", "entropy"):
+        found = run(name, gray, mask)
+        assert error(found.b, normals).mean() < 0.5
+        np.testing.assert_allclose(np.linalg.norm(found.lights, axis=1), strength / strength.mean(), rtol=0.02)
+    assert any("one intensity" in doubt for doubt in run("tv", gray, mask).doubts)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_permuting_frames_changes_nothing(name, scene):
+    gray, _, _, mask = scene
+    gray = gray + np.random.default_rng(20_012).normal(0, 0.005, gray.shape).astype(np.float32)
+    order = np.random.default_rng(20_013).permutation(gray.shape[1])
+    for sign in ("outline", "arbitrary"):
+        plain = run(name, gray, mask, sign=sign)
+        mixed = run(name, np.ascontiguousarray(gray[:, order]), mask, sign=sign)
+        assert error(mixed.b, unit(plain.b)).max() < 0.01
+        np.testing.assert_allclose(mixed.lights, plain.lights[order], atol=1e-4)
+
+
+def test_gloss_and_cast_shadow_are_cleaned_away(scene):
+    gray, normals, directions, mask = scene
+    half = unit(directions + [0, 0, 1.0])
+    spoilt = gray + 0.6 * np.maximum(normals @ half.T, 0) ** 150
+    spoilt[: len(gray) // 4, ::6] = 0
+    spoilt = spoilt.astype(np.float32)
+    for name in METHODS:
+        good, plain = (error(run(name, spoilt, mask, robust=each).b, normals).mean() for each in (True, False))
+        assert good < 1.5
+        assert plain > 2 * good
+
+
+def test_the_tilt_of_tv_is_the_geometric_median_of_the_slopes():
+    rng = np.random.default_rng(20_014)
+    points = rng.standard_cauchy((400, 2)) + [3, -2]
+    found = geometric_median(points)
+    truth = minimize(lambda c: np.linalg.norm(points - c, axis=1).sum(), [3, -2], method="Nelder-Mead", tol=1e-12).x
+    np.testing.assert_allclose(found, truth, atol=1e-5)
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    np.testing.assert_allclose(geometric_median(points @ turn + [5, 6]), found @ turn + [5, 6], atol=1e-8)
+
+
+def test_two_tones_are_what_entropy_is_for(scene):
+    _, normals, directions, mask = scene
+    v, u = np.mgrid[:SIZE, :SIZE]
+    albedo = np.where((u // 9 + v // 9) % 2, 0.3, 0.6)[mask][:, None]
+    gray = photographs(dome()[0], mask, directions, albedo)
+    found = run("entropy", gray, mask)
+    assert error(found.b, normals).mean() < 0.5
+    tones = np.linalg.norm(found.b, axis=1)
+    assert np.mean((abs(tones - 0.3) < 0.01) | (abs(tones - 0.6) < 0.01)) > 0.95
+
+
+def test_each_says_when_it_should_not_be_believed(scene):
+    gray, _, directions, mask = scene
+    v, u = np.mgrid[:SIZE, :SIZE]
+    smooth = photographs(dome()[0], mask, directions, (0.4 + 0.2 * np.sin(u / 3) * np.cos(v / 4))[mask][:, None])
+    assert any("texture" in doubt for doubt in run("ldr", smooth, mask).doubts)
+    assert any("flat" in doubt for doubt in run("entropy", smooth, mask).doubts)
+
+    flat = np.tile(directions @ [0.1, 0.2, 0.97], (len(gray), 1)).astype(np.float32)
+    flat += np.random.default_rng(20_015).normal(0, 0.004, flat.shape).astype(np.float32)
+    for name in METHODS:
+        assert any(
+            "third singular value" in doubt or "integrability" in doubt for doubt in run(name, flat, mask).doubts
+        )
+
+    all_of_it = np.zeros((SIZE, SIZE), bool)
+    all_of_it[24:48, 24:48] = True
+    crop = gray[all_of_it[mask]]
+    edge = run("tv", crop, np.ones((24, 24), bool))
+    assert any("outline is not in the picture" in doubt for doubt in edge.doubts)
+    inner = run("tv", crop, all_of_it)
+    assert any("no limb" in doubt or "uncertain" in doubt for doubt in inner.doubts)
+
+
+def test_fewer_than_three_crossings_are_said_not_guessed(scene):
+    gray, _, _, mask = scene
+    found = run("ldr", gray[:, :3], mask, most_maxima=2)
+    assert any("pairs of diffuse maxima" in doubt for doubt in found.doubts)
+    assert np.isfinite(found.b).all()
