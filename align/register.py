@@ -23,8 +23,10 @@ Array = NDArray[np.float64]
 
 WORST_MISFIT = 0.9
 """Above it the scan is refused. Right scans stay under 0.4 here, wrong and mirrored ones of like shape over 0.9."""
-POOR_MISFIT = 0.45
-"""Above it the pose is doubted, and the mirrored scan is tried."""
+MIRROR_MISFIT = 0.45
+"""Above it the mirrored scan is tried."""
+POOR_MISFIT = 0.7
+"""Above it the pose is doubted. Gloss and folds alone turned a real cat's normals to 0.6."""
 SURE = 4.0
 """A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
 
@@ -140,17 +142,18 @@ def register(
         "disagreement": evidence.disagreement,
     }
     warnings = []
-    if fit.misfit > POOR_MISFIT:
+    if fit.misfit > MIRROR_MISFIT:
 
         def search_for(other: Mesh, its_normals: Array) -> Found:
             return search(other, camera, frames, lights, mask, normals, its_normals)
 
         _refuse_mirrored(mesh, at_vertices, fit, search_for)
-        if fit.misfit > WORST_MISFIT:
-            raise AlignError(
-                f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
-                "side that the camera sees, and is the mask on the object?"
-            )
+    if fit.misfit > WORST_MISFIT:
+        raise AlignError(
+            f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
+            "side that the camera sees, and is the mask on the object?"
+        )
+    if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
     ambiguous = False
     if found.second is not None and found.contest is not None:
