@@ -28,7 +28,8 @@ Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME he
 Method = Annotated[
     str,
     Parameter(
-        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated."
+        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, "
+        "ldr, entropy, tv."
     ),
 ]
 Profile = Annotated[

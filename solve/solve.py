@@ -19,7 +19,10 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 
-METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated")
+UNCALIBRATED = ("ldr", "entropy", "tv")
+"""Each a module of solve/uncalibrated/: they know the lights' intensities, where those were calibrated, and no more."""
+
+METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated", *UNCALIBRATED)
 """Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
 
 A module with `find_lights` corrects the lights first: fit, albedo and sigma are under those.
@@ -76,7 +79,7 @@ def solve(
         )
     if not mask.any():
         raise SceneError("solve: the object's mask is empty. Give one under [object] mask in session.toml.")
-    module = importlib.import_module(f"solve.{method}")
+    module = _module(method)
     settings = settings_of(method, profile)
     if getattr(module, "CALIBRATED", True):
         lights.check()
@@ -96,6 +99,8 @@ def solve(
     if getattr(module, "WHOLE", False):
         found, gray, geometry = _fit_whole(module, settings, frames, lights, camera, mask, parts)
         said += found.doubts
+        if found.lights is not None:
+            own_lights = _own_lights(lights, found.lights)
         work = _judgements(frames, lights, camera, mask, parts, found, gray, geometry)
     else:
         scale = scale_of(frames, lights, mask)
@@ -123,13 +128,17 @@ def settings_of(method: str, profile: str) -> dict[str, Any]:
     SceneError
         The method has no such profile.
     """
-    module = importlib.import_module(f"solve.{method}")
+    module = _module(method)
     named = {"default": "SETTINGS"} | {
         name.removesuffix("_SETTINGS").lower(): name for name in vars(module) if name.endswith("_SETTINGS")
     }
     if profile not in named:
         raise SceneError(f"solve: {method} has no profile {profile!r}; there are {', '.join(named)}.")
     return dict(getattr(module, named[profile]))
+
+
+def _module(method: str) -> ModuleType:
+    return importlib.import_module(f"solve.{'uncalibrated.' if method in UNCALIBRATED else ''}{method}")
 
 
 def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
@@ -145,7 +154,7 @@ def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
 
 def _compile(method, settings, frames, lights, camera, mask) -> None:
     """Solve one pixel, so that compiling the kernels does not count as the method's time."""
-    if getattr(importlib.import_module(f"solve.{method}"), "WHOLE", False):
+    if getattr(_module(method), "WHOLE", False):
         return
     row, column = np.unravel_index(int(mask.argmax()), mask.shape)
     one = np.zeros((1, mask.shape[1]), bool)
@@ -178,7 +187,7 @@ def _solve_band(method, settings, frames, lights, camera, mask, rows, scale):
     """Return the rows, and what `assess` returns of the pixels of their mask (h, W), in its order."""
     from solve.samples import GRAY, Geometry, points_of, read_band
 
-    module = importlib.import_module(f"solve.{method}")
+    module = _module(method)
     band = read_band(frames, mask, rows)
     points, geometry = points_of(camera, lights, mask, rows), Geometry.of(lights)
     gray, valid = band.gray((GRAY / lights.intensities).astype(np.float32))
@@ -200,7 +209,7 @@ def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts
     from solve.samples import GRAY, Geometry, points_of, read_band
 
     calibrated = getattr(module, "CALIBRATED", True)
-    weights = GRAY / lights.intensities if calibrated else np.broadcast_to(GRAY, lights.intensities.shape)
+    weights = GRAY / lights.intensities
     total, done = int(mask.sum()), 0
     gray, valid = np.empty((total, len(frames)), np.float32), np.empty((total, len(frames)), bool)
     for rows in parts:
@@ -213,17 +222,22 @@ def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts
     return found, gray, geometry or Geometry.distant(found.lights)
 
 
+def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
+    """Return the lights that a method recovered: (F, 3), direction times what the calibrated intensities leave over."""
+    strength = np.linalg.norm(found, axis=1, keepdims=True)
+    return Lights(lights.names, found / strength, lights.intensities * strength).normalised()
+
+
 def _judgements(frames, lights, camera, mask, parts, found, gray, geometry):
     """Yield the call that judges each band of a method that has fitted all pixels at once."""
     from solve.whole import scale_of_samples
 
     scale = scale_of_samples(gray, np.isfinite(gray))
-    intensities = lights.intensities if found.lights is None else np.ones_like(lights.intensities)
     done = 0
     for rows in parts:
         some = slice(done, done + int(np.count_nonzero(mask[rows])))
         done = some.stop
-        rest = (geometry, intensities, scale)
+        rest = (geometry, lights.intensities, scale)
         yield (
             _judge_band,
             (frames, lights, camera, mask[rows], rows, gray[some], found.b[some], found.used[some], *rest),

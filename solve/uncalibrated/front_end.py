@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.errors import CalibrationError
 from solve import iterative
 from solve.uncalibrated.integrability import integrable
 from solve.whole import scale_of_samples
@@ -16,6 +17,7 @@ from solve.whole import scale_of_samples
 Array = NDArray[np.float64]
 
 ROUNDS = 4
+FEWEST_FRAMES = 4
 RANK_GAP = 2.0
 EIGEN_GAP = 0.1
 
@@ -72,12 +74,22 @@ def family(
     smooth_px : float
         Standard deviation of the Gaussian under the derivatives.
 
+    Raises
+    ------
+    CalibrationError
+        Fewer than four frames.
+
     Notes
     -----
     M ~ U S V' from the eigenvectors of M' M (F, F) [Hayakawa1994]. A pixel's fit to known lights knows no
     difference between lights and any linear image of them: `solve.iterative` serves as it is, in turn with least
     squares for the lights over the samples that it keeps.
     """
+    if gray.shape[1] < FEWEST_FRAMES:
+        raise CalibrationError(
+            f"uncalibrated methods: found {gray.shape[1]} frames, expected {FEWEST_FRAMES} or more, each lit from "
+            "another side. Shoot more flash frames, or calibrate the lights."
+        )
     doubts = []
     moments = np.zeros((gray.shape[1],) * 2)
     for start in range(0, len(gray), 4096):

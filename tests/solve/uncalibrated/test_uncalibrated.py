@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
 from solve.uncalibrated import entropy, ldr, tv
 from solve.uncalibrated.front_end import family
@@ -206,6 +207,12 @@ def test_each_says_when_it_should_not_be_believed(scene):
 
 def test_fewer_than_three_crossings_are_said_not_guessed(scene):
     gray, _, _, mask = scene
-    found = run("ldr", gray[:, :3], mask, most_maxima=2)
+    found = run("ldr", gray[:, :4], mask, most_maxima=2)
     assert any("pairs of diffuse maxima" in doubt for doubt in found.doubts)
     assert np.isfinite(found.b).all()
+
+
+def test_three_frames_are_too_few(scene):
+    gray, _, _, mask = scene
+    with pytest.raises(CalibrationError, match="found 3 frames"):
+        run("tv", gray[:, :3], mask)

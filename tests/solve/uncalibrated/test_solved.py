@@ -1,0 +1,37 @@
+"""Uncalibrated methods through the common door: a session's frames, and lights of which only the strength is read."""
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg, unit
+from solve.solve import UNCALIBRATED, solve
+
+
+@pytest.mark.parametrize("method", UNCALIBRATED)
+def test_normals_albedo_and_lights_whatever_the_directions_that_are_given(method):
+    size, count = 64, 24
+    k = np.arange(count) + 0.5
+    z = 1 - 0.4 * k / count
+    directions = np.stack([np.sqrt(1 - z**2) * np.cos(2.4 * k), np.sqrt(1 - z**2) * np.sin(2.4 * k), z], -1)
+    rng = np.random.default_rng(20_020)
+    intensities = rng.uniform(0.5, 1.5, (count, 3))
+    truth = Lights(tuple(f"f{i}" for i in range(count)), directions, intensities).normalised()
+    v, u = np.mgrid[:size, :size]
+    x, y = 2.3 * (u - size / 2) / size, -2.3 * (v - size / 2) / size
+    mask = x**2 + y**2 < 0.93
+    normals = unit(np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 1e-9))], -1))
+    shade = np.maximum(np.einsum("hwi,fi->fhw", normals, directions), 0) * mask
+    color = np.array([0.5, 0.3, 0.2])
+    images = shade[..., None] * color * truth.intensities[:, None, None]
+    frames = Frames(truth.names, images, np.ones(count), saturation=np.inf)
+    wrong = Lights(truth.names, unit(rng.normal(size=(count, 3)) + [0, 0, 1]), truth.intensities)
+    found = solve(method, frames, wrong, Camera(size, size, 100.0, 100.0, size / 2, size / 2), mask)
+    assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
+    np.testing.assert_allclose(np.median(found.albedo[mask], 0), color, rtol=0.02)
+    assert found.lights is not None
+    assert angular_error_deg(found.lights.directions, directions).max() < 1
+    np.testing.assert_allclose(found.lights.intensities, truth.intensities, rtol=0.03)
+    assert np.nanmedian(found.sigma_deg) < 0.5
