@@ -66,8 +66,8 @@ def find_lights(
     -------
     lights : Lights
         Intensities on the scale of the given ones, and `intensity_sigma`: the scatter between ten parts of the object,
-        which knows nothing of what all parts share (a near flash over an object far from the reference depth:
-        its fall-off goes into the intensity).
+        and of near lights what a visible surface before or behind the reference depth does to them, because it goes
+        into the intensities.
     doubts : tuple of str
 
     Notes
@@ -109,10 +109,24 @@ def find_lights(
         change, found = np.abs(now / found - 1).max(), now
         if change < _STANDS_STILL:
             break
-    return _believed(lights, found, [solve_intensities(part, with_sigma=True) for part in parts])
+    solved = [solve_intensities(part, with_sigma=True) for part in parts]
+    return _believed(lights, found, solved, _fall_off(lights, points))
 
 
-def _believed(lights: Lights, found: NDArray, solved: list[Intensities]) -> tuple[Lights, tuple[str, ...]]:
+def _fall_off(lights: Lights, points: NDArray) -> NDArray:
+    """Return what an unknown depth of the visible surface, as large as the object is wide, does to intensities (F,)."""
+    center = points.mean(0)
+    deep = np.sqrt(np.mean(np.sum((points[:, :2] - center[:2]) ** 2, 1)))
+    here, there = (
+        np.linalg.norm(lights.toward(place[None])[:, 0], axis=1) for place in (center, center + [0, 0, deep])
+    )
+    change = np.log(there / here)
+    return change - change.mean()
+
+
+def _believed(
+    lights: Lights, found: NDArray, solved: list[Intensities], shared: NDArray
+) -> tuple[Lights, tuple[str, ...]]:
     """Return the found intensities, or the given ones, and why."""
     sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
     silent = ~np.isfinite(sigma)
@@ -132,7 +146,7 @@ def _believed(lights: Lights, found: NDArray, solved: list[Intensities]) -> tupl
         doubts.append(
             f"the intensity of {_named(lights, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
         )
-    return replace(lights, intensities=found, intensity_sigma=sigma), tuple(doubts)
+    return replace(lights, intensities=found, intensity_sigma=np.hypot(sigma, shared)), tuple(doubts)
 
 
 def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
