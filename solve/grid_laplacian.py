@@ -1,0 +1,221 @@
+"""Weighted Laplace equations on the pixels' grid, solved by conjugate gradients and multigrid.
+
+The unknowns x minimise  sum over neighbours c_pq (x_q - x_p - t_pq)^2 + shift sum (x - x0)^2: an edge without
+weight is a cut. A coarser grid merges 2 x 2 pixels and adds up the weights between them, which keeps the form; two
+steps of conjugate gradients at every level make up for so plain a coarsening [Notay2008].
+"""
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_COARSEST = 300
+"""Unknowns that are solved for directly."""
+_WEIGHTS = (0.562, 1.390)
+"""Of Jacobi's steps: one over the roots of Chebyshev's polynomial on the rough part, 0.5 to 2, of the spectrum. What
+row-by-row sweeps would need one of takes two, but no pixel waits for its neighbour: seven times faster."""
+
+
+@dataclass(frozen=True)
+class _Level:
+    """All (H, W): edges, diagonal and one over it (0 where there is no unknown); the whole inverse at the coarsest."""
+
+    right: Array
+    down: Array
+    shift: Array
+    diagonal: Array
+    reciprocal: Array
+    inverse: Array | None = None
+
+
+def solve_grid(
+    right: Array, down: Array, shift: Array, rhs: Array, start: Array, *, tolerance: float, iterations: int = 200
+) -> tuple[Array, bool]:
+    """Solve (Laplacian + shift) x = rhs.
+
+    Parameters
+    ----------
+    right, down : (H, W) float64
+        Weight of the edge from each pixel to the next column, to the next row; the last column, row is 0.
+    shift : (H, W) float64
+        Above 0 on every pixel that is solved for, 0 elsewhere.
+    rhs, start : (H, W) float64
+    tolerance : float
+        Of the residual's length, as a share of the right side's.
+    iterations : int
+        At most.
+
+    Returns
+    -------
+    x : (H, W) float64
+    settled : bool
+        The tolerance was reached.
+    """
+    levels = _levels(right, down, shift)
+    top = levels[0]
+    x = start.copy()
+    residual = rhs - _applied(top, x)
+    goal = tolerance * float(np.linalg.norm(rhs))
+    step, before, slope = np.zeros_like(x), residual, 1.0
+    for count in range(iterations):
+        if float(np.linalg.norm(residual)) <= goal:
+            return x, True
+        z = _cycle(levels, 0, residual)
+        # Flexible conjugate gradients: a cycle is not the same linear map twice.
+        beta = _dot(z, residual - before) / slope if count else 0.0
+        step = z + beta * step
+        slope = _dot(z, residual)
+        image = _applied(top, step)
+        bend = _dot(step, image)
+        if not bend > 0.0:
+            break
+        length = _dot(step, residual) / bend
+        x += length * step
+        before = residual
+        residual = residual - length * image
+    return x, float(np.linalg.norm(residual)) <= goal
+
+
+def _levels(right: Array, down: Array, shift: Array) -> list[_Level]:
+    levels = [_level(right, down, shift)]
+    while np.prod(levels[-1].shift.shape) > _COARSEST:
+        levels.append(_level(*_coarser(levels[-1].right, levels[-1].down, levels[-1].shift)))
+    last = levels[-1]
+    height, width = last.shift.shape
+    matrix = np.diag(np.where(last.diagonal > 0, last.diagonal, 1.0).ravel())
+    at = np.arange(height * width).reshape(height, width)
+    for weight, a, b in ((last.right, at[:, :-1], at[:, 1:]), (last.down, at[:-1], at[1:])):
+        matrix[a, b] = matrix[b, a] = -weight[: a.shape[0], : a.shape[1]]
+    # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
+    values, vectors = np.linalg.eigh(matrix)
+    least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * values[-1])
+    inverse = (vectors / np.maximum(values, least)) @ vectors.T
+    levels[-1] = replace(last, inverse=inverse)
+    return levels
+
+
+def _cycle(levels: list[_Level], depth: int, rhs: Array) -> Array:
+    """Return an approximate solution: smooth, correct from the coarser grid, smooth."""
+    level = levels[depth]
+    if level.inverse is not None:
+        return (level.inverse @ rhs.ravel()).reshape(rhs.shape)
+    # Two steps of Jacobi's method from zero; the first needs no product.
+    x = _smoothed(level, rhs, (_WEIGHTS[0] * rhs) * level.reciprocal, _WEIGHTS[1:])
+    coarse = np.zeros_like(levels[depth + 1].shift)
+    _restrict(level.right, level.down, level.diagonal, rhs, x, coarse)
+    _prolong(_coarse_solution(levels, depth + 1, coarse), level.diagonal, x)
+    return _smoothed(level, rhs, x, _WEIGHTS)
+
+
+def _smoothed(level: _Level, rhs: Array, x: Array, weights: tuple[float, ...]) -> Array:
+    for weight in weights:
+        out = np.zeros_like(x)
+        _jacobi(level.right, level.down, level.diagonal, level.reciprocal, rhs, x, weight, out)
+        x = out
+    return x
+
+
+def _coarse_solution(levels: list[_Level], depth: int, rhs: Array) -> Array:
+    """Return one or two steps of conjugate gradients, each preconditioned by a cycle [Notay2008]."""
+    level = levels[depth]
+    first = _cycle(levels, depth, rhs)
+    if level.inverse is not None:
+        return first
+    image = _applied(level, first)
+    bend, slope = _dot(first, image), _dot(first, rhs)
+    if not bend > 0.0:
+        return first
+    left = rhs - (slope / bend) * image
+    if np.linalg.norm(left) <= 0.25 * np.linalg.norm(rhs):
+        return (slope / bend) * first
+    second = _cycle(levels, depth, left)
+    shared, slope_2 = _dot(second, image), _dot(second, left)
+    bend_2 = _dot(second, _applied(level, second)) - shared * shared / bend
+    if not bend_2 > 0.0:
+        return (slope / bend) * first
+    return (slope / bend - shared * slope_2 / (bend * bend_2)) * first + (slope_2 / bend_2) * second
+
+
+def _dot(a: Array, b: Array) -> float:
+    return float(np.vdot(a, b))
+
+
+def _level(right: Array, down: Array, shift: Array) -> _Level:
+    diagonal = shift + right + down
+    diagonal[:, 1:] += right[:, :-1]
+    diagonal[1:] += down[:-1]
+    reciprocal = np.divide(1.0, diagonal, out=np.zeros_like(diagonal), where=diagonal > 0)
+    return _Level(right, down, shift, diagonal, reciprocal)
+
+
+def _coarser(right: Array, down: Array, shift: Array) -> tuple[Array, Array, Array]:
+    """Merge 2 x 2 pixels: weights between two of them add up, those inside one fall away."""
+    height, width = shift.shape
+    even = ((0, height % 2), (0, width % 2))
+    right, down, shift = (np.pad(a, even) for a in (right, down, shift))
+    across = right[0::2, 1::2] + right[1::2, 1::2]
+    along = down[1::2, 0::2] + down[1::2, 1::2]
+    total = shift[0::2, 0::2] + shift[0::2, 1::2] + shift[1::2, 0::2] + shift[1::2, 1::2]
+    return np.ascontiguousarray(across), np.ascontiguousarray(along), np.ascontiguousarray(total)
+
+
+def _applied(level: _Level, x: Array) -> Array:
+    out = np.zeros_like(x)
+    _apply(level.right, level.down, level.diagonal, x, out)
+    return out
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def _neighbours(right, down, x, i, j, height, width):  # pragma: no cover
+    """Return the weighted sum of a pixel's neighbours."""
+    total = 0.0
+    if j + 1 < width:
+        total += right[i, j] * x[i, j + 1]
+    if j > 0:
+        total += right[i, j - 1] * x[i, j - 1]
+    if i + 1 < height:
+        total += down[i, j] * x[i + 1, j]
+    if i > 0:
+        total += down[i - 1, j] * x[i - 1, j]
+    return total
+
+
+@numba.njit(nogil=True, cache=True)
+def _apply(right, down, diagonal, x, out):  # pragma: no cover
+    height, width = x.shape
+    for i in range(height):
+        for j in range(width):
+            out[i, j] = diagonal[i, j] * x[i, j] - _neighbours(right, down, x, i, j, height, width)
+
+
+@numba.njit(nogil=True, cache=True)
+def _jacobi(right, down, diagonal, reciprocal, rhs, x, weight, out):  # pragma: no cover
+    """Write x + weight (rhs - A x) / diagonal to `out`."""
+    height, width = x.shape
+    for i in range(height):
+        for j in range(width):
+            gap = rhs[i, j] - diagonal[i, j] * x[i, j] + _neighbours(right, down, x, i, j, height, width)
+            out[i, j] = x[i, j] + weight * reciprocal[i, j] * gap
+
+
+@numba.njit(nogil=True, cache=True)
+def _restrict(right, down, diagonal, rhs, x, coarse):  # pragma: no cover
+    height, width = x.shape
+    for i in range(height):
+        for j in range(width):
+            if diagonal[i, j] > 0.0:
+                gap = rhs[i, j] - diagonal[i, j] * x[i, j] + _neighbours(right, down, x, i, j, height, width)
+                coarse[i // 2, j // 2] += gap
+
+
+@numba.njit(nogil=True, cache=True)
+def _prolong(coarse, diagonal, x):  # pragma: no cover
+    height, width = x.shape
+    for i in range(height):
+        for j in range(width):
+            if diagonal[i, j] > 0.0:
+                x[i, j] += coarse[i // 2, j // 2]

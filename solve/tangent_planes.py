@@ -1,0 +1,93 @@
+"""What the normals say of each pixel's neighbours: the steps of depth from one to the next by their tangent planes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+
+Array = NDArray[np.float64]
+
+_STEEPEST = 0.03
+"""Least cosine between normal and ray: a surface seen more edge-on than 88 degrees is taken as 88."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A pixel and the next in its row or column, all (h, w) at the first of the two, lengths in pixels.
+
+    `pair`: both count. `top`, `bottom` (2, h, w): numerator and denominator of the step to the next, for the
+    normal of the first, of the next. `weight`: squared cosine of the more edge-on one.
+    """
+
+    step: tuple[int, int]
+    pair: NDArray[np.bool_]
+    top: Array
+    bottom: Array
+    weight: Array
+    focal: float
+    is_orthographic: bool
+
+    def depth_step(self, first: Array | float, second: Array | float) -> Array:
+        """Return how much deeper the next one is by the weighted sum of the two normals, in pixels."""
+        top = first * self.top[0] + second * self.top[1]
+        bottom = first * self.bottom[0] + second * self.bottom[1]
+        return self.focal * (top / bottom if self.is_orthographic else np.log(top / bottom))
+
+    def next(self, values: NDArray) -> NDArray:
+        """Return each pixel's next one's value."""
+        return np.roll(values, (-self.step[0], -self.step[1]), (0, 1))
+
+    def last(self, values: NDArray) -> NDArray:
+        """Return the value of each pixel's last one."""
+        return np.roll(values, self.step, (0, 1))
+
+
+@dataclass(frozen=True)
+class Edges:
+    """All neighbours of a box of pixels: `inside` (h, w) which count, `cosine` (h, w) between normal and view."""
+
+    inside: NDArray[np.bool_]
+    cosine: Array
+    axes: tuple[Axis, Axis]
+
+    def gaps(self, axis: Axis, depth: Array) -> tuple[Array, Array]:
+        """Return how far the next lies off the first's tangent plane, and the first off the next's, in pixels."""
+        gap = np.where(axis.pair, axis.next(depth) - depth, 0.0)
+        forth, back = gap - axis.depth_step(1.0, 0.0), gap - axis.depth_step(0.0, 1.0)
+        return np.abs(self.cosine * forth), np.abs(axis.next(self.cosine) * back)
+
+
+def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tuple[slice, slice]) -> Edges:
+    """Return the edges of the pixels `inside` (h, w) a box (rows, columns) with unit normals (h, w, 3)."""
+    focal = np.sqrt(camera.fx * camera.fy)
+    base, rays = camera.rays(camera.grid(box[0])[:, box[1]])
+    cosine = -np.sum(normals * rays, -1)
+    least = max(_STEEPEST, 3 / focal) if not camera.is_orthographic else _STEEPEST
+    steep = inside & (cosine < least)
+    flat = normals + cosine[..., None] * rays
+    length = np.linalg.norm(flat, axis=-1, keepdims=True)
+    flat = np.sqrt(1 - least**2) * flat / np.where(length > 0, length, 1) - least * rays
+    normals = np.where(steep[..., None], flat, normals)
+    cosine = np.where(inside, np.maximum(cosine, least), 1.0)
+    rays = rays / -rays[..., 2:]
+    axes = []
+    for step in ((0, 1), (1, 0)):
+
+        def shifted(values: NDArray, step: tuple[int, int] = step) -> NDArray:
+            return np.roll(values, (-step[0], -step[1]), (0, 1))
+
+        pair = inside & shifted(inside)
+        pair[tuple(-1 if along else slice(None) for along in step)] = False
+        both = np.stack([normals, shifted(normals)])
+        if camera.is_orthographic:
+            # Depth is -z, as in perspective.
+            top, bottom = np.sum(both * (shifted(base) - base), -1), both[..., 2]
+        else:
+            top, bottom = -np.sum(both * rays, -1), -np.sum(both * shifted(rays), -1)
+        # Where there is no pair: a step of nothing.
+        top, bottom = np.where(pair, top, 0.0 if camera.is_orthographic else 1.0), np.where(pair, bottom, 1.0)
+        weight = np.where(pair, np.minimum(cosine, shifted(cosine)) ** 2, 0.0)
+        axes.append(Axis(step, pair, top, bottom, weight, float(focal), camera.is_orthographic))
+    return Edges(inside, cosine, (axes[0], axes[1]))

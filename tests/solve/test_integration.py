@@ -1,0 +1,152 @@
+"""Integration against surfaces that the test made: exact where it should be, torn where it must be."""
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from solve.grid_laplacian import solve_grid
+from solve.integration import integrate
+
+SIZE = 60
+PERSPECTIVE = Camera(SIZE, SIZE, 110.0, 110.0, 27.0, 33.5, (-0.06, 0.02, 0.001, -0.002, 0.0))
+ORTHOGRAPHIC = Camera(SIZE, SIZE, 2.0, 2.0, 27.0, 33.5, projection="orthographic")
+
+
+def plane(camera, normal, z_mm=-600.0):
+    """Points of the plane through (0, 0, z) and its unit normal."""
+    normal = np.asarray(normal, float) / np.linalg.norm(normal)
+    base, rays = camera.rays(camera.grid())
+    along = ((np.array([0, 0, z_mm]) - base) @ normal) / (rays @ normal)
+    return base + rays * along[..., None], np.broadcast_to(normal, base.shape)
+
+
+def ball(camera, radius_mm):
+    base, rays = camera.rays(camera.grid())
+    center = np.array([0.0, 0.0, -600.0])
+    half = np.sum((base - center) * rays, -1)
+    square = half**2 - np.sum((base - center) ** 2, -1) + radius_mm**2
+    mask = square > (0.2 * radius_mm) ** 2
+    points = base + rays * (-half - np.sqrt(np.where(mask, square, 0)))[..., None]
+    return points, (points - center) / radius_mm, mask
+
+
+def median_z(points, mask):
+    return float(np.median(points[mask][:, 2]))
+
+
+@pytest.mark.parametrize("camera", [PERSPECTIVE, ORTHOGRAPHIC], ids=["perspective", "orthographic"])
+@pytest.mark.parametrize("normal", [(0.5, 0, 1), (-0.5, 0, 1), (0, 0.5, 1), (0, -0.5, 1), (0.7, -0.4, 1)])
+def test_a_plane_is_exact_whichever_way_it_leans(camera, normal):
+    points, normals = plane(camera, normal)
+    mask = np.ones((SIZE, SIZE), bool)
+    mask[10:20, 25:35] = False
+    surface = integrate(normals, mask, camera, z_mm=median_z(points, mask))
+    assert surface.settled
+    np.testing.assert_allclose(surface.z_mm[mask], points[mask][:, 2], atol=1e-3)
+    np.testing.assert_allclose(surface.points_mm(camera)[mask], points[mask], atol=1e-3)
+    assert np.isnan(surface.z_mm[~mask]).all()
+    assert surface.torn_share() == 0
+
+
+@pytest.mark.parametrize(("camera", "radius_mm", "atol"), [(PERSPECTIVE, 90.0, 1e-2), (ORTHOGRAPHIC, 11.0, 1e-3)])
+def test_a_ball_is_exact_to_its_limb_and_weighing_the_sides_spoils_only_the_limb(camera, radius_mm, atol):
+    points, normals, mask = ball(camera, radius_mm)
+    z_mm = median_z(points, mask)
+    plain = integrate(normals, mask, camera, z_mm=z_mm, sharpness=0.0)
+    np.testing.assert_allclose(plain.z_mm[mask], points[mask][:, 2], atol=atol)
+    weighed = integrate(normals, mask, camera, z_mm=z_mm).z_mm - points[..., 2]
+    inner = mask & (normals[..., 2] > 0.7)
+    assert np.abs(weighed[inner]).max() < 1e-3 * radius_mm
+    assert np.abs(weighed[mask]).max() < 1e-2 * radius_mm
+
+
+def flap():
+    """A plate whose right half is bent away from a hinge on: beside it the depth jumps, more and more."""
+    flat, up = plane(PERSPECTIVE, (0, 0, 1))
+    bent, lean = plane(PERSPECTIVE, (0, 0.5, 1))
+    turn = (np.arange(SIZE) > SIZE // 2)[None] & (flat[..., 1] > 0)
+    return np.where(turn[..., None], bent, flat), np.where(turn[..., None], lean, up), turn
+
+
+def test_an_edge_of_depth_is_torn_and_its_sides_stay_what_they_are():
+    points, normals, turn = flap()
+    mask = np.ones((SIZE, SIZE), bool)
+    z_mm = median_z(points, mask)
+    jump = np.ptp(points[..., 2])
+    sharp = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).z_mm - points[..., 2]
+    smooth = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm, sharpness=0).z_mm - points[..., 2]
+    assert np.abs(smooth).max() > 0.2 * jump
+    assert np.abs(sharp).max() < 0.05 * jump
+    gap = integrate(normals, mask, PERSPECTIVE, z_mm=z_mm).gap_right
+    torn = np.isfinite(gap) & (gap > 2)
+    assert set(np.nonzero(torn)[1]) == {SIZE // 2}
+    assert torn.sum() > 0.6 * turn[:, -1].sum()
+
+
+def test_a_step_keeps_its_height_free():
+    """Two level plates: no normal tells the step; a hint does, and moves nothing else."""
+    _, normals = plane(PERSPECTIVE, (0, 0, 1))
+    left = np.zeros((SIZE, SIZE), bool)
+    left[:, : SIZE // 2] = True
+    z_mm = np.where(left, -600.0, -640.0)
+    mask = np.ones((SIZE, SIZE), bool)
+    noisy = z_mm + 5.0 * np.random.default_rng(0).standard_normal(z_mm.shape)
+    surface = integrate(
+        normals, mask, PERSPECTIVE, z_mm=-620.0, hint_mm=noisy, hint_weight=np.full(z_mm.shape, 0.02), rounds=100
+    )
+    assert abs(np.median(surface.z_mm[left]) + 600) < 1.5
+    assert abs(np.median(surface.z_mm[~left]) + 640) < 1.5
+    # A plate's relief is the hint's noise, much reduced.
+    assert np.std(surface.z_mm[:, 5 : SIZE // 2 - 5]) < 0.2 * 5.0
+
+
+def test_parts_that_do_not_touch_get_the_median_each_and_gaps_are_left_out():
+    points, normals = plane(ORTHOGRAPHIC, (0.2, 0.1, 1))
+    mask = np.ones((SIZE, SIZE), bool)
+    mask[:, 30] = False
+    normals = normals.copy()
+    normals[5, 5] = np.nan
+    surface = integrate(normals, mask, ORTHOGRAPHIC, z_mm=-600.0)
+    assert np.isnan(surface.z_mm[5, 5])
+    assert abs(np.nanmedian(surface.z_mm[:, :30]) + 600) < 1e-6
+    assert abs(np.nanmedian(surface.z_mm[:, 31:]) + 600) < 1e-6
+    slope = np.diff(surface.z_mm, axis=1)[:, 8:28]
+    np.testing.assert_allclose(slope, np.diff(points[..., 2], axis=1)[:, 8:28], atol=1e-4)
+
+
+def test_normals_that_face_away_are_taken_as_edge_on():
+    _, normals, mask = ball(PERSPECTIVE, 90.0)
+    normals = normals.copy()
+    normals[mask & (normals[..., 2] < 0.4)] *= [1, 1, -1]
+    surface = integrate(normals, mask, PERSPECTIVE, z_mm=-550.0)
+    assert np.isfinite(surface.z_mm[mask]).all()
+
+
+def test_faults_are_named():
+    normals = np.full((SIZE, SIZE, 3), np.nan)
+    with pytest.raises(SceneError, match="no pixel"):
+        integrate(normals, np.ones((SIZE, SIZE), bool), PERSPECTIVE, z_mm=-600.0)
+    normals[:] = [0, 0, 1]
+    with pytest.raises(SceneError, match="in front of the camera"):
+        integrate(normals, np.ones((SIZE, SIZE), bool), PERSPECTIVE, z_mm=0.0)
+
+
+def test_the_grid_solver_solves_its_equations_with_uneven_weights_and_cuts():
+    rng = np.random.default_rng(0)
+    right, down = rng.uniform(0.01, 1, (2, 70, 51))
+    right[:, 20] = 1e-20
+    right[:, -1], down[-1] = 0, 0
+    shift = np.full((70, 51), 1e-9)
+    x = rng.standard_normal((70, 51)).cumsum(0)
+    rhs = shift * x
+    for weight, axis in ((right[:, :-1], 1), (down[:-1], 0)):
+        flow = weight * np.diff(x, axis=axis)
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (1, 1)
+        rhs -= np.diff(np.pad(flow, pad), axis=axis)
+    found, settled = solve_grid(right, down, shift, rhs, np.zeros_like(x), tolerance=1e-10)
+    assert settled
+    gap = found - x
+    for side in (gap[:, :21], gap[:, 21:]):
+        assert np.ptp(side) < 1e-6
