@@ -29,8 +29,8 @@ class Whole:
 
 
 def scale_of_samples(gray: NDArray, valid: NDArray[np.bool_]) -> float:
-    """Return the 99th percentile of the samples (P, F) that are not clipped, from at most some 20,000 pixels."""
-    step = max(1, len(gray) // 20_000)
+    """Return the 99th percentile of the samples (P, F) that are not clipped, from at most some 5,000 pixels."""
+    step = max(1, len(gray) // 5_000)
     values = gray[::step][valid[::step]]
     scale = float(np.percentile(values, 99)) if len(values) else 0.0
     return scale if scale > 0 else 1.0

@@ -4,6 +4,8 @@ M = B S' by a robust rank-3 factorisation, B then made integrable: what remains 
 [Belhumeur1999]. Memory: 8 bytes a sample beside the samples themselves.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +20,7 @@ Array = NDArray[np.float64]
 
 ROUNDS = 4
 FEWEST_FRAMES = 4
+_CHUNK = 2048
 RANK_GAP = 2.0
 EIGEN_GAP = 0.1
 
@@ -103,13 +106,14 @@ def family(
     lights *= np.sign((gray @ lights).sum(0))
     if robust:
         # The lights from every so many pixels; then each pixel by them.
-        some = slice(None, None, max(1, len(gray) // 8_000))
+        some = slice(None, None, max(1, len(gray) // 5_000))
+        scale = scale_of_samples(gray, valid)
         for _ in range(ROUNDS):
-            b, used = _robust_pixels(gray[some], valid[some], lights)
+            b, used = _robust_pixels(gray[some], valid[some], lights, scale)
             # Orthonormal, so that a pixel's lights look as spread as they can.
             basis, triangle = np.linalg.qr(_lights(gray[some], used, b))
             lights = np.ascontiguousarray(basis * np.where(np.diag(triangle) < 0, -1.0, 1.0))
-        b, used = _robust_pixels(gray, valid, lights)
+        b, used = _robust_pixels(gray, valid, lights, scale)
         # Of what was kept: the least dimension against a fourth one of noise.
         singular = np.linalg.svd(b, compute_uv=False)
         misfit = (gray[some] - b[some] @ lights.T)[used[some]]
@@ -137,11 +141,21 @@ def family(
     return Family(b, lights, used, tuple(doubts))
 
 
-def _robust_pixels(gray: NDArray, valid: NDArray[np.bool_], lights: Array) -> tuple[Array, NDArray[np.bool_]]:
+def _robust_pixels(
+    gray: NDArray, valid: NDArray[np.bool_], lights: Array, scale: float
+) -> tuple[Array, NDArray[np.bool_]]:
     """Return b (P, 3) and the samples that agree (P, F), the pseudo-lights being given."""
     nowhere = np.zeros((len(lights), 3))
-    geometry = (np.zeros((len(gray), 3)), lights, nowhere, np.zeros(len(lights)), False)
-    return iterative.fit(gray, valid, *geometry, scale_of_samples(gray, valid), **iterative.SETTINGS)
+
+    def each(start: int) -> tuple[Array, NDArray[np.bool_]]:
+        part = slice(start, start + _CHUNK)
+        points = np.zeros((len(gray[part]), 3))
+        geometry = (lights, nowhere, np.zeros(len(lights)), False)
+        return iterative.fit(gray[part], valid[part], points, *geometry, scale, **iterative.SETTINGS)
+
+    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
+        b, used = zip(*pool.map(each, range(0, len(gray), _CHUNK)), strict=True)
+    return np.concatenate(b), np.concatenate(used)
 
 
 def _lights(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:

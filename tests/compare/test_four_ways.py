@@ -1,0 +1,61 @@
+"""Raw, best sign, oracle relief, oracle linear: what each forgives, and what none does."""
+
+import numpy as np
+import pytest
+
+from compare.four_ways import MIRROR, four_ways
+from scene.normals import unit
+
+RELIEF = np.array([[1, 0, 0], [0, 1, 0], [0.4, -0.3, 1.7]])
+LINEAR = np.array([[1, 0.5, 0.2], [-0.3, 0.8, 0.1], [0.1, -0.2, 1.2]])
+
+
+@pytest.fixture
+def truth():
+    v, u = np.mgrid[-1:1:40j, -1:1:40j]
+    normals = unit(np.stack([u, -v, np.sqrt(np.maximum(1 - u**2 - v**2, 0.05))], -1))
+    normals[u**2 + v**2 > 0.95] = np.nan
+    return normals
+
+
+def ways(normals, truth, mask=None):
+    found = four_ways(normals, truth, np.ones(truth.shape[:2], bool) if mask is None else mask)
+    return np.array([found.raw_deg, found.best_sign_deg, found.oracle_relief_deg, found.oracle_linear_deg])
+
+
+def test_each_way_forgives_its_own_ambiguity_and_no_more(truth):
+    np.testing.assert_allclose(ways(truth, truth), 0, atol=1e-6)
+    raw, sign, _, _ = ways(truth * MIRROR, truth)
+    assert raw > 60
+    assert sign < 1e-6
+    mirrored_relief = unit(truth @ RELIEF) * MIRROR
+    raw, sign, relief, _ = ways(mirrored_relief, truth)
+    assert raw > sign > 5
+    assert relief < 0.01
+    raw, sign, relief, linear = ways(unit(truth @ LINEAR), truth)
+    assert relief > 3
+    assert linear < 0.01
+
+
+def test_they_fall_in_their_order_on_whatever_is_given(truth):
+    rng = np.random.default_rng(20_030)
+    for _ in range(4):
+        errors = ways(unit(truth @ rng.normal(size=(3, 3)) + rng.normal(0, 0.3, truth.shape)), truth)
+        assert (np.diff(errors) <= 1e-9).all()
+
+
+def test_an_angle_is_not_folded_and_a_few_wrong_pixels_do_not_steer(truth):
+    assert ways(-truth, truth)[0] == pytest.approx(180)
+    spoilt = truth.copy()
+    spoilt[18:22, 18:22] = [0.0, 0.6, -0.8]
+    np.testing.assert_allclose(ways(spoilt, truth), ways(spoilt, truth)[0], rtol=0.05)
+    clean = np.ones(truth.shape[:2], bool)
+    clean[18:22, 18:22] = False
+    np.testing.assert_allclose(ways(spoilt, truth, clean), 0, atol=1e-6)
+
+
+def test_the_method_that_took_the_other_sign_is_named_and_nothing_is_nothing(truth):
+    mask = np.ones(truth.shape[:2], bool)
+    assert four_ways(truth * MIRROR, truth, mask).mirrored
+    assert not four_ways(truth, truth, mask).mirrored
+    assert np.isnan(ways(truth, truth, ~mask)).all()
