@@ -180,7 +180,7 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
             "warnings": estimate.warnings,
         }
         if estimate.lights is not None:
-            found = estimate.lights
+            found = estimate.lights.seen_from(lights.reference_point_mm)
             table[method] |= {"intensities": found.intensities, "intensity_sigma": found.intensity_sigma}
         warnings += [f"{method}: {text}" for text in estimate.warnings]
     return {"methods": table}, warnings

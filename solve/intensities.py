@@ -49,11 +49,14 @@ class Intensities:
         only their noise. NaN where nothing is told.
     contrast : float
         The misfit of the next best intensities over that of the best: 1 where they cannot be told apart.
+    misfit : float
+        What no normal explains, mean square over the samples' mean square.
     """
 
     relative: Array
     sigma: Array
     contrast: float
+    misfit: float
 
 
 def evidence(values: NDArray, used: NDArray[np.bool_], toward: Array, groups: NDArray[np.intp]) -> list[Evidence]:
@@ -145,21 +148,21 @@ def solve_intensities(found: Evidence, *, with_sigma: bool = False) -> Intensiti
     told = noise > _LEAST_EVIDENCE
     relative, sigma = np.ones(len(noise)), np.full(len(noise), np.nan)
     if np.count_nonzero(told) < 4:
-        return Intensities(relative, sigma, 1.0)
+        return Intensities(relative, sigma, 1.0, 1.0)
     misfit, noise = found.misfit[:, told][:, :, told], found.noise[:, told]
     best, values = _least(misfit.sum(0), noise.sum(0))
     relative[told] = best
     contrast = values[1] / max(values[0], _ROUNDING) if (best > 0).all() else 1.0
     if not with_sigma:
         sigma[told] = 0.0
-        return Intensities(relative, sigma, float(contrast))
+        return Intensities(relative, sigma, float(contrast), float(values[0]))
     parts = [
         _least(misfit.sum(0) - less, np.maximum(noise.sum(0) - fewer, 1e-6))[0]
         for less, fewer in zip(misfit, noise, strict=True)
     ]
     with np.errstate(invalid="ignore"):
         sigma[told] = np.sqrt((GROUPS - 1) / GROUPS * ((np.stack(parts) / best - 1) ** 2).sum(0))
-    return Intensities(relative, sigma, float(contrast))
+    return Intensities(relative, sigma, float(contrast), float(values[0]))
 
 
 def _least(misfit: Array, noise: Array) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from solve import iterative
 from solve.intensities import GROUPS, Intensities, evidence, solve_intensities
-from solve.samples import GRAY
+from solve.samples import GRAY, Geometry
 
 SETTINGS = iterative.SETTINGS | {"pixels": 12_000, "rounds": 12}
 SEED_SETTINGS = SETTINGS
@@ -26,6 +26,8 @@ SIGMA = 0.1
 _FACING = 0.1
 """Cosine under which a sample says more of the noise than of its flash."""
 _STANDS_STILL = 1e-4
+_WORTH_MOVING = 0.02
+"""Of a step of depth."""
 
 
 def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, pixels, rounds, **settings):
@@ -65,9 +67,9 @@ def find_lights(
     Returns
     -------
     lights : Lights
-        Intensities on the scale of the given ones, and `intensity_sigma`: the scatter between ten parts of the object,
-        and of near lights what a visible surface before or behind the reference depth does to them, because it goes
-        into the intensities.
+        Intensities on the scale of the given ones, at the reference point; of near lights it is moved to the depth
+        of the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the
+        object, and what that depth's own error does.
     doubts : tuple of str
 
     Notes
@@ -81,25 +83,22 @@ def find_lights(
     cannot be told: then the given ones stay, and a doubt says so. Nor can that of a light without which the rest
     lie in one plane: it keeps what was given.
     """
-    color, valid, points = _samples(frames, camera, mask, lights.reference_point_mm[2], pixels)
-    toward = np.ascontiguousarray(lights.toward(points).transpose(1, 0, 2))
-    groups = (np.arange(len(points)) * GROUPS) // len(points)
-    found = lights.intensities
-    used, parts = None, []
-    for _ in range(rounds):
+    color, valid, pixel = _samples(frames, mask, pixels)
+    groups = (np.arange(len(pixel)) * GROUPS) // len(pixel)
+    options = {"shadow_threshold": shadow_threshold, "outlier_sigmas": outlier_sigmas} | settings
+    found, here, used, parts = lights.intensities, lights, None, []
+    for turn in range(rounds):
         gray = np.einsum("pfc,fc->pf", color, (GRAY / found).astype(np.float32))
         scale = float(np.percentile(gray[valid], 99)) if valid.any() else 1.0
         lit = valid & (gray > shadow_threshold * np.quantile(gray, 0.75, axis=1)[:, None])
+        points, toward = _seen(here, camera, pixel)
         if used is None:
             used = lit
         else:
-            options = {"shadow_threshold": shadow_threshold, "outlier_sigmas": outlier_sigmas} | settings
-            directions, positions, reach, is_near = _geometry(lights)
-            b, _ = iterative.fit(
-                gray, valid, points, directions, positions, reach, is_near, scale, noise_floor=noise_floor, **options
-            )
+            b, _ = iterative.fit(gray, valid, points, *Geometry.of(here), scale, noise_floor=noise_floor, **options)
             used = _lambertian(gray, lit, toward, b, outlier_sigmas, noise_floor * scale)
-        parts = evidence(color / found.astype(np.float32), used, toward, groups)
+        divided = color / found.astype(np.float32)
+        parts = evidence(divided, used, toward, groups)
         solved = [solve_intensities(part) for part in parts]
         if min(part.relative.min() for part in solved) <= 0:
             continue  # the next round believes other samples
@@ -107,27 +106,62 @@ def find_lights(
         # The scale is a gauge: albedo stays comparable with the other methods'.
         now /= np.exp(np.mean(np.log(now / lights.intensities), axis=0))
         change, found = np.abs(now / found - 1).max(), now
-        if change < _STANDS_STILL:
+        there = here
+        if turn and lights.positions_mm is not None:
+            there = _at_better_depth(here, camera, pixel, 0.5 * _width(points), (divided, used, groups), solved)
+        if change < _STANDS_STILL and there is here:
             break
+        here = there
     solved = [solve_intensities(part, with_sigma=True) for part in parts]
-    return _believed(lights, found, solved, _fall_off(lights, points))
+    points, _ = _seen(here, camera, pixel)
+    return _believed(lights, replace(here, intensities=found), solved, _fall_off(here, points))
+
+
+def _at_better_depth(lights: Lights, camera: Camera, pixel, step: float, samples: tuple, solved) -> Lights:
+    """Return near lights seen from the depth, some `step` (mm) away at most, that leaves less misfit; or themselves."""
+
+    def misfit(depth: float) -> float:
+        divided, used, groups = samples
+        _, toward = _seen(_at_depth(lights, depth), camera, pixel)
+        return sum(solve_intensities(part).misfit for part in evidence(divided, used, toward, groups))
+
+    depth = float(lights.reference_point_mm[2])
+    before, now, after = misfit(depth - step), sum(part.misfit for part in solved), misfit(depth + step)
+    bend = before - 2 * now + after
+    move = 0.5 * (before - after) / bend if bend > 0 else np.sign(before - after)
+    target = depth + step * float(np.clip(move, -1, 1))
+    # Not for the noise's sake, and not by a parabola that is none.
+    if abs(move) < _WORTH_MOVING or misfit(target) >= now:
+        return lights
+    return _at_depth(lights, target)
+
+
+def _at_depth(lights: Lights, depth: float) -> Lights:
+    """Return near lights with another depth of the reference point, mm."""
+    assert lights.positions_mm is not None
+    point = np.array([*lights.reference_point_mm[:2], depth])
+    arm = lights.positions_mm - point
+    return replace(lights, reference_point_mm=point, directions=arm / np.linalg.norm(arm, axis=1, keepdims=True))
+
+
+def _width(points: NDArray) -> float:
+    """Return how far points (P, 3) lie from their middle across the view, rms, mm."""
+    return float(np.sqrt(np.mean(np.sum((points[:, :2] - points[:, :2].mean(0)) ** 2, 1))))
 
 
 def _fall_off(lights: Lights, points: NDArray) -> NDArray:
-    """Return what an unknown depth of the visible surface, as large as the object is wide, does to intensities (F,)."""
+    """Return what the depth's own error does to the intensities (F,), relative: a quarter of the object's width."""
     center = points.mean(0)
-    deep = np.sqrt(np.mean(np.sum((points[:, :2] - center[:2]) ** 2, 1)))
-    here, there = (
-        np.linalg.norm(lights.toward(place[None])[:, 0], axis=1) for place in (center, center + [0, 0, deep])
-    )
+    nearer = center + [0, 0, 0.25 * _width(points)]
+    here, there = (np.linalg.norm(lights.toward(place[None])[:, 0], axis=1) for place in (center, nearer))
     change = np.log(there / here)
     return change - change.mean()
 
 
 def _believed(
-    lights: Lights, found: NDArray, solved: list[Intensities], shared: NDArray
+    given: Lights, lights: Lights, solved: list[Intensities], shared: NDArray
 ) -> tuple[Lights, tuple[str, ...]]:
-    """Return the found intensities, or the given ones, and why."""
+    """Return the found lights, or the given ones, and why."""
     sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
     silent = ~np.isfinite(sigma)
     if min(part.contrast for part in solved) < CONTRAST or not np.median(sigma[~silent]) < SIGMA:
@@ -135,16 +169,16 @@ def _believed(
             "the intensities cannot be told from this object (it is too flat, or its lights too few or too alike): "
             "those given are used, as by `iterative`."
         )
-        return lights, (said,)
-    doubts = []
+        return given, (said,)
+    found, doubts = lights.intensities, []
     if silent.any():
         # A frame that no pixel ties to the others keeps what was given, on the scale of those that are told.
-        factor = np.exp(np.mean(np.log(found[~silent] / lights.intensities[~silent]), axis=0))
-        found = np.where(silent[:, None], lights.intensities * factor, found)
-        doubts.append(f"nothing on the object tells the intensity of {_named(lights, silent)}: as given.")
+        factor = np.exp(np.mean(np.log(found[~silent] / given.intensities[~silent]), axis=0))
+        found = np.where(silent[:, None], given.intensities * factor, found)
+        doubts.append(f"nothing on the object tells the intensity of {_named(given, silent)}: as given.")
     if (vague := sigma > SIGMA).any():
         doubts.append(
-            f"the intensity of {_named(lights, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
+            f"the intensity of {_named(given, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
         )
     return replace(lights, intensities=found, intensity_sigma=np.hypot(sigma, shared)), tuple(doubts)
 
@@ -154,8 +188,8 @@ def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} others" if len(names) > 3 else "")
 
 
-def _samples(frames: Frames, camera: Camera, mask: NDArray[np.bool_], depth_mm: float, pixels: int):
-    """Return color (P, F, 3), valid (P, F) and points (P, 3) of pixels evenly spread over the mask."""
+def _samples(frames: Frames, mask: NDArray[np.bool_], pixels: int):
+    """Return color (P, F, 3), valid (P, F) and (u, v) (P, 2) of pixels evenly spread over the mask."""
     row, column = np.nonzero(mask)
     chosen = np.unique(np.linspace(0, len(row) - 1, min(pixels, len(row))).astype(int))
     row, column = row[chosen], column[chosen]
@@ -164,15 +198,13 @@ def _samples(frames: Frames, camera: Camera, mask: NDArray[np.bool_], depth_mm: 
     for index in range(len(frames)):
         color[:, index], clipped = frames.read_pixels(index, row, column)
         valid[:, index] = ~clipped
-    return color, valid, camera.points_at_depth(np.stack([column, row], -1), depth_mm)
+    return color, valid, np.stack([column, row], -1)
 
 
-def _geometry(lights: Lights) -> tuple:
-    """Return directions, positions, squared reach and is_near, as the kernels take them."""
-    if lights.positions_mm is None:
-        return lights.directions, np.zeros_like(lights.directions), np.zeros(len(lights)), False
-    reach = np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, 1)
-    return lights.directions, lights.positions_mm, reach, True
+def _seen(lights: Lights, camera: Camera, pixel: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the pixels' points (P, 3) at the reference depth, and the lights as seen from there (P, F, 3)."""
+    points = camera.points_at_depth(pixel, lights.reference_point_mm[2])
+    return points, np.ascontiguousarray(lights.toward(points).transpose(1, 0, 2))
 
 
 def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:

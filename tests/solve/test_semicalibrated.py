@@ -47,8 +47,8 @@ def wrong(lights, share, seed=0):
     ).normalised()
 
 
-def photographs(lights, normals, albedo, camera):
-    points = camera.points_at_depth(camera.grid(), -600.0)
+def photographs(lights, normals, albedo, camera, depth=-600.0):
+    points = camera.points_at_depth(camera.grid(), depth)
     vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), SIZE, SIZE, 3, 3)
     return albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0)
 
@@ -125,6 +125,20 @@ def test_it_does_not_care_what_is_given_and_loses_little_where_that_is_right(see
     relative = found.intensities / found.intensities.mean(0) / lights.intensities
     assert np.abs(relative - 1).max() < 0.03
     assert np.nanmax(found.intensity_sigma) < 0.03
+
+
+def test_near_lights_over_a_surface_before_the_reference_depth(camera):
+    """Fall-off and intensity would be confounded: the depth is found too, and beats right intensities without it."""
+    normals, mask, albedo = ball()
+    lights = lights_around(12, seed=10061, near=True)
+    frames = Frames.from_linear(lights.names, 0.5 * photographs(lights, normals, albedo, camera, depth=-550.0))
+    found, _ = find_lights(frames, wrong(lights, 0.2), camera, mask, **SETTINGS)
+    assert found.reference_point_mm[2] == pytest.approx(-550, abs=5)
+    relative = found.seen_from([0, 0, -600]).intensities / lights.intensities
+    assert np.abs(relative - 1).max() < 0.01
+    without = np.median(angular_error_deg(solve("iterative", frames, lights, camera, mask).normals, normals)[mask])
+    mine = solve("semicalibrated", frames, wrong(lights, 0.2), camera, mask)
+    assert np.median(angular_error_deg(mine.normals, normals)[mask]) < 0.2 * without
 
 
 def test_a_plane_and_three_lights_tell_nothing(camera):
