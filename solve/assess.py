@@ -36,14 +36,15 @@ def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def sigma_deg(length, normal, squares, count, ia, ib, ic, id_, ie, if_):  # pragma: no cover
+def sigma_deg(length, x, y, z, squares, count, ia, ib, ic, id_, ie, if_):  # pragma: no cover
     """Return the standard deviation of a normal, degrees along one tangent axis; NaN where nothing checks the fit.
 
     Parameters
     ----------
     length : float
         Of b.
-    normal : (3,) float64
+    x, y, z : float
+        The normal.
     squares : float
         Sum of the squared residuals.
     count : int
@@ -58,7 +59,6 @@ def sigma_deg(length, normal, squares, count, ia, ib, ic, id_, ie, if_):  # prag
     """
     if count <= 3:
         return np.nan
-    x, y, z = normal[0], normal[1], normal[2]
     along = x * (ia * x + 2.0 * (ib * y + ic * z)) + y * (id_ * y + 2.0 * ie * z) + z * z * if_
     across = max(ia + id_ + if_ - along, 0.0) * squares / (count - 3)
     return min(np.degrees(np.sqrt(0.5 * across) / length), 90.0)
@@ -134,7 +134,7 @@ def assess(
             is_dark[i] = lit < 3
             found, ia, ib, ic, id_, ie, if_ = condition_and_inverse(xx, xy, xz, yy, yz, zz)
             condition[i] = found
-            sigma[i] = sigma_deg(length, normal, squares, size, ia, ib, ic, id_, ie, if_)
+            sigma[i] = sigma_deg(length, normal[0], normal[1], normal[2], squares, size, ia, ib, ic, id_, ie, if_)
             if bottom > 0.0:
                 for channel in range(3):
                     albedo[i, channel] = top[channel] / bottom

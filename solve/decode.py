@@ -6,7 +6,7 @@ A tile is a stretch of pixels in one row. Its loops run over memory in order: th
 import numba
 import numpy as np
 
-TILE = 128
+TILE = 256
 """Pixels a tile: its samples under a hundred lights, and the sums over them, stay in a core's own cache."""
 
 
@@ -16,7 +16,7 @@ def tile_at(shape, frame, row, column):  # pragma: no cover
     return ((frame * shape[1] + row) * shape[2] + column) * 3
 
 
-@numba.njit(nogil=True, cache=True, inline="always")
+@numba.njit(nogil=True, cache=True)
 def tile_gray(codes, at, count, black, red, green, blue, gray):  # pragma: no cover
     """Write the weighted sum of the channels of `count` pixels from `at` on to `gray` (count,) float32.
 
@@ -33,7 +33,7 @@ def tile_gray(codes, at, count, black, red, green, blue, gray):  # pragma: no co
         )
 
 
-@numba.njit(nogil=True, cache=True, inline="always")
+@numba.njit(nogil=True, cache=True)
 def tile_without_ambient(ambient, at, count, red, green, blue, gray):  # pragma: no cover
     """Subtract the weighted ambient light (linear, flat) from `gray`."""
     pixels = ambient[at : at + 3 * count]

