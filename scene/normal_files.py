@@ -1,0 +1,98 @@
+"""Normal maps in the files of other programs."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.errors import SceneError
+
+SUFFIXES = (".mat", ".txt", ".npy", ".png")
+
+
+def read_normal_map(path: Path, height: int, width: int) -> NDArray:
+    """Read a map of vectors as it is written: neither their length nor their axes are looked at.
+
+    Parameters
+    ----------
+    path : Path
+        .mat (`Normal_gt`, `Normal_est` or the only H x W x 3 array; MATLAB 5 to 7.3), .txt (H * W rows of 3, row by
+        row), .npy (H, W, 3), or .png of 8 or 16 bits, RGB = (n + 1) / 2.
+    height, width : int
+        What is expected.
+
+    Returns
+    -------
+    values : (H, W, 3) float
+
+    Raises
+    ------
+    SceneError
+        The file cannot be read, or has another size.
+    """
+    readers = {".mat": _read_mat, ".txt": _read_text, ".npy": _read_npy, ".png": _read_png}
+    suffix = path.suffix.lower()
+    if suffix not in readers:
+        raise SceneError(f"{path}: cannot read normals with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
+    try:
+        values = readers[suffix](path, height, width)
+    except SceneError:
+        raise
+    except Exception as error:
+        # scipy and h5py raise whatever they stumble over; all of it means a damaged file.
+        raise SceneError(f"{path}: cannot be read as a normal map ({error}).") from error
+    if values.shape != (height, width, 3):
+        raise SceneError(
+            f"{path}: found an array of {' x '.join(map(str, values.shape))}, expected {height} x {width} x 3, "
+            "the size of the frames."
+        )
+    return values
+
+
+def _read_mat(path: Path, height: int, width: int) -> NDArray:
+    import h5py
+    import scipy.io
+
+    if h5py.is_hdf5(path):
+        with h5py.File(path) as file:
+            # MATLAB 7.3 stores columns first: the axes come out reversed.
+            arrays = {name: np.asarray(item).T for name, item in file.items() if isinstance(item, h5py.Dataset)}
+    else:
+        arrays = {name: item for name, item in scipy.io.loadmat(path).items() if isinstance(item, np.ndarray)}
+    maps = {name: item for name, item in arrays.items() if item.ndim == 3 and item.shape[2] == 3}
+    for name in ("Normal_gt", "Normal_est"):
+        if name in maps:
+            return maps[name]
+    if len(maps) != 1:
+        found = ", ".join(f"{name} {item.shape}" for name, item in arrays.items()) or "nothing"
+        raise SceneError(f"{path}: expected `Normal_gt` or one H x W x 3 array, found {found}.")
+    return next(iter(maps.values()))
+
+
+def _read_text(path: Path, height: int, width: int) -> NDArray:
+    table = np.loadtxt(path, ndmin=2)
+    if table.shape != (height * width, 3):
+        raise SceneError(
+            f"{path}: found {table.shape[0]} rows of {table.shape[1]} numbers, expected {height * width} rows "
+            f"of 3 ({height} x {width} pixels, row by row)."
+        )
+    return table.reshape(height, width, 3)
+
+
+def _read_npy(path: Path, height: int, width: int) -> NDArray:
+    return np.load(path, allow_pickle=False)
+
+
+def _read_png(path: Path, height: int, width: int) -> NDArray:
+    import cv2
+
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    if image is None or image.ndim != 3 or image.shape[2] < 3:
+        raise ValueError("no RGB image of 8 or 16 bits")
+    code = image[..., 2::-1].astype(np.float64)
+    normals = code / (65535 if image.dtype == np.uint16 else 255) * 2 - 1
+    if image.shape[2] == 4:
+        normals[image[..., 3] == 0] = 0
+    # Outside the object such maps are black, or the middle gray of a zero vector.
+    normals[(code == 0).all(-1)] = 0
+    return normals
