@@ -117,8 +117,8 @@ class Camera:
         x, y = self._distort(x, y)
         return np.stack([self.cx + self.fx * x, self.cy + self.fy * y], -1)
 
-    def points_at_depth(self, pixels: ArrayLike, z_mm: float) -> Array:
-        """Return the points (..., 3), mm, where the pixels' rays meet the plane z = `z_mm`."""
+    def points_at_depth(self, pixels: ArrayLike, z_mm: float | Array) -> Array:
+        """Return the points (..., 3), mm, where the pixels' rays meet the plane z = `z_mm`; (..., 1), one for each."""
         origins, directions = self.rays(pixels)
         return origins + directions * ((z_mm - origins[..., 2:]) / directions[..., 2:])
 

@@ -36,6 +36,8 @@ class Estimate:
         differs from sample to sample, not what all samples share. NaN where three samples or fewer were fitted.
     lights : Lights or None
         What the method itself found of the lights, where it does.
+    z_mm : (H, W) float64 or None
+        Depth, camera frame, of methods that find it; NaN outside the mask.
     """
 
     method: str
@@ -48,3 +50,4 @@ class Estimate:
     condition: NDArray[np.float32] | None = None
     sigma_deg: NDArray[np.float32] | None = None
     lights: Lights | None = None
+    z_mm: NDArray[np.float64] | None = None

@@ -55,7 +55,6 @@ class Band:
             self.codes, self.shape, self.ambient, self.black, self.unit, weights, self.limit, self.margin, self.runs
         )
 
-
     def only(self, chosen: NDArray[np.bool_]) -> "Band":
         """Return the band of some of its P pixels."""
         row, start, _, first = self.runs.T
@@ -158,15 +157,18 @@ def _runs(mask: NDArray[np.bool_], first_row: int) -> NDArray[np.int64]:
     return np.stack([row + first_row, column, count, np.cumsum(count) - count], -1).astype(np.int64)
 
 
-def points_of(camera: Camera, lights: Lights, mask: NDArray[np.bool_], rows: slice) -> NDArray[np.float64]:
-    """Return where the masked pixels' rays meet the depth of the lights' reference point, (P, 3), mm.
+def points_of(
+    camera: Camera, lights: Lights, mask: NDArray[np.bool_], rows: slice, z_mm: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Return where the masked pixels are, (P, 3), mm: on their rays at the depth `z_mm` (h, W).
 
-    Zeros under distant lights: nobody looks.
+    Without it, where the rays meet the depth of the lights' reference point. Zeros under distant lights: nobody looks.
     """
     row, column = np.nonzero(mask)
     if lights.positions_mm is None:
         return np.zeros((len(row), 3))
-    return camera.points_at_depth(np.stack([column, row + rows.start], -1), lights.reference_point_mm[2])
+    depth = lights.reference_point_mm[2] if z_mm is None else z_mm[mask][:, None]
+    return camera.points_at_depth(np.stack([column, row + rows.start], -1), depth)
 
 
 def scale_of(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> float:

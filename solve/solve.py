@@ -22,10 +22,11 @@ from scene.lights import Lights
 UNCALIBRATED = ("ldr", "entropy", "tv")
 """Each a module of solve/uncalibrated/: they know the lights' intensities, where those were calibrated, and no more."""
 
-METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated", *UNCALIBRATED)
+METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated", "near", *UNCALIBRATED)
 """Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
 
-A module with `find_lights` corrects the lights first: fit, albedo and sigma are under those.
+A module with `find_lights` corrects the lights first: fit, albedo and sigma are under those. One with `find_depth`
+finds each pixel's depth first: they are there.
 """
 
 
@@ -93,6 +94,10 @@ def solve(
     if hasattr(module, "find_lights"):
         own_lights, more = module.find_lights(frames, lights, camera, mask, **settings)
         lights, said = own_lights, (*said, *more)
+    z_mm = None
+    if hasattr(module, "find_depth"):
+        z_mm, more = module.find_depth(frames, lights, camera, mask, **settings)
+        said = (*said, *more)
     parts = list(bands(frames, mask))
     maps = _empty_maps(mask.shape)
     work: Iterator[tuple[Callable, tuple]]
@@ -104,7 +109,9 @@ def solve(
         work = _judgements(frames, lights, camera, mask, parts, found, gray, geometry)
     else:
         scale = scale_of(frames, lights, mask)
-        work = ((_solve_band, (method, settings, frames, lights, camera, mask[rows], rows, scale)) for rows in parts)
+        task = (method, settings, frames, lights, camera)
+        depth = {} if z_mm is None else {rows.start: z_mm[rows] for rows in parts}
+        work = ((_solve_band, (*task, mask[rows], rows, scale, depth.get(rows.start))) for rows in parts)
     dark = 0
     with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         assert pool is not None
@@ -117,7 +124,7 @@ def solve(
     normals, albedo, samples, condition, sigma_deg = maps
     seconds = time.perf_counter() - start
     said += doubts(mask, normals, samples, condition, dark)
-    return Estimate(method, normals, albedo, samples, seconds, settings, said, condition, sigma_deg, own_lights)
+    return Estimate(method, normals, albedo, samples, seconds, settings, said, condition, sigma_deg, own_lights, z_mm)
 
 
 def settings_of(method: str, profile: str) -> dict[str, Any]:
@@ -183,12 +190,12 @@ def _finished(pool: Executor, work: Iterator[tuple[Callable, tuple]]) -> Iterato
         raise
 
 
-def _solve_band(method, settings, frames, lights, camera, mask, rows, scale):
+def _solve_band(method, settings, frames, lights, camera, mask, rows, scale, z_mm=None):
     """Return the rows, and what `assess` returns of the pixels of their mask (h, W), in its order."""
     from solve.samples import points_of, read_band
 
     module = _module(method)
-    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows)
+    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows, z_mm)
     streamed = module.stream(band, lights, scale, **settings) if hasattr(module, "stream") else None
     if streamed is None:
         return rows, _fit_and_judge(module, settings, band, points, lights, scale)

@@ -1,0 +1,140 @@
+"""Near lights and depth in turn, on balls whose normals and depth the test made."""
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+from solve.depth_evidence import depth_evidence
+from solve.samples import Geometry
+from solve.solve import solve
+
+SIZE = 64
+CAMERAS = {
+    "perspective": Camera(SIZE, SIZE, 150.0, 150.0, 29.0, 33.5, (-0.06, 0.02, 0.0, 0.0, 0.0)),
+    "orthographic": Camera(SIZE, SIZE, 0.4, 0.4, 29.0, 33.5, projection="orthographic"),
+}
+
+
+def ball(camera, z_mm=-560.0, radius_mm=80.0):
+    base, rays = camera.rays(camera.grid())
+    center = np.array([15.0, -10.0, z_mm])
+    half = np.sum((base - center) * rays, -1)
+    square = half**2 - np.sum((base - center) ** 2, -1) + radius_mm**2
+    mask = square > (0.4 * radius_mm) ** 2
+    points = base + rays * (-half - np.sqrt(np.where(mask, square, 0)))[..., None]
+    return points, (points - center) / radius_mm, mask
+
+
+def lights_at(distance_mm, reference, count=14):
+    turn, zenith = np.arange(count) * 2.4, np.radians(np.linspace(14, 50, count))
+    toward = np.stack([np.sin(zenith) * np.cos(turn), np.sin(zenith) * np.sin(turn), np.cos(zenith)], -1)
+    positions = reference + toward * (distance_mm * np.linspace(0.8, 1.2, count)[:, None])
+    intensities = np.linspace(0.7, 1.3, count)[:, None] * [0.9, 1.0, 1.1]
+    names = tuple(f"flash_{i:03d}" for i in range(count))
+    return Lights(names, toward, intensities, positions, np.asarray(reference, float)).normalised()
+
+
+def photographs(points, normals, mask, lights, *, noise=0.0):
+    vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), *mask.shape, 3, 3)
+    v, u = np.mgrid[:SIZE, :SIZE]
+    albedo = 0.3 + 0.1 * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1))
+    images = np.where(mask[..., None], albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0), 0)
+    images += noise * np.random.default_rng(1).standard_normal(images.shape)
+    return Frames(lights.names, images, np.ones(len(lights)), saturation=np.inf)
+
+
+@pytest.mark.parametrize("projection", CAMERAS)
+def test_depth_and_normals_are_found_from_a_reference_that_is_centimetres_off(projection):
+    camera = CAMERAS[projection]
+    points, normals, mask = ball(camera)
+    lights = lights_at(600.0, [15.0, -10.0, -560.0])
+    frames = photographs(points, normals, mask, lights, noise=0.001)
+    near, plain = (solve(method, frames, lights, camera, mask) for method in ("near", "iterative"))
+    error = {one.method: np.median(angular_error_deg(one.normals, normals)[mask]) for one in (near, plain)}
+    assert error["iterative"] > 1.0
+    assert error["near"] < 0.2
+    assert near.z_mm is not None
+    gap = (near.z_mm - points[..., 2])[mask]
+    assert abs(np.median(gap)) < 1.0
+    assert np.percentile(np.abs(gap), 90) < 2.0
+    assert np.isnan(near.z_mm[~mask]).all()
+    assert not near.warnings
+    assert plain.z_mm is None
+
+
+def test_two_parts_at_different_depths_find_their_places():
+    """Half of the ball stands 40 mm nearer to the camera: normals alone cannot tell."""
+    camera = CAMERAS["perspective"]
+    points, normals, mask = ball(camera)
+    front = ball(camera, z_mm=-520.0)
+    left = np.arange(SIZE) < 34
+    points = np.where(left[None, :, None], front[0], points)
+    normals = np.where(left[None, :, None], front[1], normals)
+    mask = np.where(left, front[2], mask)
+    mask[:, 34] = False
+    lights = lights_at(600.0, [15.0, -10.0, -560.0])
+    found = solve("near", photographs(points, normals, mask, lights, noise=0.001), lights, camera, mask)
+    gap = found.z_mm - points[..., 2]
+    assert abs(np.nanmedian(gap[:, :34])) < 1.5
+    assert abs(np.nanmedian(gap[:, 35:])) < 1.5
+
+
+def test_lights_without_positions_are_said_and_are_iterative():
+    camera = CAMERAS["perspective"]
+    points, normals, mask = ball(camera)
+    lights = lights_at(600.0, [15.0, -10.0, -560.0])
+    frames = photographs(points, normals, mask, lights)
+    far = Lights(lights.names, lights.directions, lights.intensities)
+    near, plain = (solve(method, frames, far, camera, mask) for method in ("near", "iterative"))
+    np.testing.assert_array_equal(near.normals, plain.normals)
+    assert any("no positions" in text for text in near.warnings)
+    assert near.z_mm is None
+
+
+def test_lights_that_are_all_but_distant_make_it_no_worse():
+    camera = CAMERAS["perspective"]
+    points, normals, mask = ball(camera)
+    lights = lights_at(60_000.0, [15.0, -10.0, -560.0])
+    frames = photographs(points, normals, mask, lights, noise=0.003)
+    near, plain = (solve(method, frames, lights, camera, mask) for method in ("near", "iterative"))
+    error = [np.median(angular_error_deg(one.normals, normals)[mask]) for one in (near, plain)]
+    assert error[0] < 1.02 * error[1]
+    assert any("tell the object's distance" in text for text in near.warnings)
+
+
+def test_a_depth_that_does_not_come_to_rest_is_said(monkeypatch):
+    camera = CAMERAS["perspective"]
+    points, normals, mask = ball(camera)
+    lights = lights_at(600.0, [15.0, -10.0, -560.0])
+    monkeypatch.setattr("solve.near.SETTINGS", __import__("solve.near", fromlist=["x"]).SETTINGS | {"rounds": 0})
+    estimate = solve("near", photographs(points, normals, mask, lights), lights, camera, mask)
+    assert any("did not come to rest" in text for text in estimate.warnings)
+
+
+def test_the_evidence_is_the_derivative_of_the_fit():
+    """Against refitting beside the place: the sum of squares is lowest at slope / information."""
+    rng = np.random.default_rng(3)
+    lights = lights_at(500.0, [0.0, 0.0, -500.0])
+    geometry = Geometry.of(lights)
+    true = np.array([[20.0, -30.0, -480.0]])
+    b = np.array([[0.1, -0.2, 0.5]])
+
+    def vectors(point):
+        return lights.toward(point)[:, 0]
+
+    gray = (vectors(true) @ b[0])[None].astype(np.float32)
+    used = np.ones(gray.shape, bool)
+
+    def fitted(t):
+        place = true * np.exp(t)
+        return place, np.linalg.lstsq(vectors(place), gray[0].astype(float), rcond=None)
+
+    for t in (0.002, -0.002, rng.uniform(-0.002, 0.002)):
+        place, (found, squares, *_) = fitted(t)
+        slope, information, left, count = depth_evidence(gray, found[None], used, place, place, *geometry)
+        assert count[0] == gray.shape[1]
+        np.testing.assert_allclose(left, squares, rtol=1e-3)
+        np.testing.assert_allclose(slope / information, -t, rtol=0.02)
