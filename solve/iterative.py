@@ -3,7 +3,8 @@
 import numba
 import numpy as np
 
-from solve.kernels import light_vector, normal_equations
+from solve.kernels import SINGULAR, light_vector, solve_sums, weighted_sums
+from solve.selection import NO_KEY, keys_of, median, smallest_key, value_of
 
 SETTINGS = {
     "shadow_threshold": 0.05,
@@ -94,93 +95,104 @@ def fit(
 
 @numba.njit(nogil=True, cache=True)
 def _fit(
-    gray,
-    valid,
-    points,
-    directions,
-    positions,
-    reach,
-    is_near,
-    threshold,
-    highlights,
-    sigmas,
-    floor,
-    iterations,
+    gray, valid, points, directions, positions, reach, is_near, threshold, highlights, sigmas, floor, iterations,
     support,
-):  # pragma: no cover
+):  # pragma: no cover  # fmt: skip
     pixels, lights = gray.shape
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
-    vectors = np.empty((lights, 3))
-    lit = np.empty(lights, np.bool_)
-    now = np.empty(lights, np.bool_)
-    residual = np.empty(lights)
+    # By component: the loops over lights then run over memory in order.
+    vectors = np.ascontiguousarray(directions.T)
+    lit, now, before = np.empty(lights), np.empty(lights), np.empty(lights)
+    residual, keys, room = np.empty(lights, np.float32), np.empty(lights, np.int32), np.empty(1, np.float32)
+    sums = np.empty(9)
     for i in range(pixels):
         values = gray[i]
-        ordered = np.sort(values)
-        limit = threshold * ordered[int(0.75 * (lights - 1))]
-        count = 0
-        for k in range(lights):
-            vectors[k] = light_vector(k, points[i], directions, positions, reach, is_near)
-            lit[k] = valid[i, k] and values[k] > limit
-            count += lit[k]
-        if count < 4:
-            count = 0
+        if is_near:
             for k in range(lights):
-                lit[k] = valid[i, k]
-                count += lit[k]
-        _without_brightest(values, lit, count, highlights, now)
-        x, y, z, well = normal_equations(vectors, values, now)
+                vectors[0, k], vectors[1, k], vectors[2, k] = light_vector(
+                    k, points[i], directions, positions, reach, is_near
+                )
+        keys_of(values, keys)
+        limit = threshold * value_of(smallest_key(keys, int(0.75 * (lights - 1))), room)
+        count = _choose(values, valid[i], limit, lit)
+        if count < 4:
+            count = _choose(values, valid[i], -np.inf, lit)
+        _without_brightest(lit, count, highlights, keys, now)
+        weighted_sums(vectors, values, now, sums)
+        x, y, z, well = solve_sums(sums, SINGULAR)
         if not well:
             now[:] = lit
-            x, y, z, well = normal_equations(vectors, values, now)
+            weighted_sums(vectors, values, now, sums)
+            x, y, z, well = solve_sums(sums, SINGULAR)
         if well:
             for _ in range(iterations):
-                size = 0
-                for k in range(lights):
-                    if now[k]:
-                        residual[size] = abs(values[k] - _shade(vectors[k], x, y, z))
-                        size += 1
-                sigma = max(1.4826 * np.median(residual[:size]), floor)
-                changed, size = False, 0
-                before = now.copy()
-                for k in range(lights):
-                    shade = _shade(vectors[k], x, y, z)
-                    keep = lit[k] and shade > 0.0 and abs(values[k] - shade) <= sigmas * sigma
-                    changed = changed or keep != before[k]
-                    now[k] = keep
-                    size += keep
+                count = _residuals(vectors, values, now, x, y, z, residual)
+                limit = sigmas * max(1.4826 * median(residual.view(np.int32), count, room), floor)
+                before[:] = now
+                size, changed = _agreeing(vectors, values, lit, before, x, y, z, limit, now)
                 if not changed:
                     break
-                p, q, r, well = normal_equations(vectors, values, now)
+                weighted_sums(vectors, values, now, sums)
+                p, q, r, well = solve_sums(sums, SINGULAR)
                 if size < support or not well:
                     now[:] = before
                     break
                 x, y, z = p, q, r
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
-        used[i] = now
+        for k in range(lights):
+            used[i, k] = now[k] > 0.0
     return b, used
 
 
-@numba.njit(nogil=True, cache=True, inline="always")
-def _shade(vector, x, y, z):  # pragma: no cover
-    return vector[0] * x + vector[1] * y + vector[2] * z
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _choose(values, valid, limit, out):  # pragma: no cover
+    """Write 1 to `out` where a sample is valid and above the limit, else 0; return how many."""
+    count = 0.0
+    for k in range(len(values)):
+        out[k] = np.float64(valid[k] & (values[k] > limit))
+        count += out[k]
+    return int(count)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _residuals(vectors, values, now, x, y, z, out):  # pragma: no cover
+    """Write |m - v . b| of the samples in use to `out`, and NaN, whose key is last, of the others; return how many."""
+    u, v, w = vectors[0], vectors[1], vectors[2]
+    bits = out.view(np.int32)
+    count = 0.0
+    for k in range(len(values)):
+        out[k] = np.float32(abs(np.float64(values[k]) - (u[k] * x + v[k] * y + w[k] * z)))
+        count += now[k]
+    for k in range(len(values)):
+        bits[k] = bits[k] if now[k] > 0.0 else NO_KEY
+    return int(count)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _agreeing(vectors, values, lit, before, x, y, z, limit, out):  # pragma: no cover
+    """Write 1 to `out` where a lit sample is within the limit of b and faces it; say how many, and if one changed."""
+    u, v, w = vectors[0], vectors[1], vectors[2]
+    size = changed = 0.0
+    for k in range(len(values)):
+        shade = u[k] * x + v[k] * y + w[k] * z
+        keep = np.float64((shade > 0.0) & (abs(np.float64(values[k]) - shade) <= limit)) * lit[k]
+        out[k] = keep
+        size += keep
+        changed += abs(keep - before[k])
+    return int(size), changed > 0.0
 
 
 @numba.njit(nogil=True, cache=True)
-def _without_brightest(values, lit, count, share, out):  # pragma: no cover
-    """Write `lit` less its brightest share to `out`; all of it when fewer than six would remain."""
+def _without_brightest(lit, count, share, keys, out):  # pragma: no cover
+    """Write `lit` less its brightest share to `out`; all of it when fewer than six would remain. `keys` are spoilt."""
     out[:] = lit
     drop = int(share * count)
     if count - drop < 6 or drop == 0:
         return
-    chosen = np.empty(count, values.dtype)
-    size = 0
-    for k in range(len(values)):
-        if lit[k]:
-            chosen[size] = values[k]
-            size += 1
-    limit = np.sort(chosen)[count - drop]
-    for k in range(len(values)):
-        if out[k] and values[k] >= limit:
-            out[k] = False
+    for k in range(len(keys)):
+        keys[k] = keys[k] if lit[k] > 0.0 else NO_KEY
+    limit = smallest_key(keys, count - drop)
+    for k in range(len(keys)):
+        if keys[k] >= limit:
+            out[k] = 0.0

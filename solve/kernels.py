@@ -92,23 +92,26 @@ def lit_samples(values, valid, threshold, lit):  # pragma: no cover
     return count
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
 def weighted_sums(vectors, values, weights, sums):  # pragma: no cover
-    """Write the normal equations of min_b sum w (v . b - m)^2 to `sums` (9,): upper triangle, then right side."""
+    """Write the normal equations of min_b sum w (v . b - m)^2 to `sums` (9,): upper triangle, then right side.
+
+    `vectors` are (3, F), by component, and the order of summation is left to the compiler: it makes vectors of it.
+    """
+    u, v, w = vectors[0], vectors[1], vectors[2]
     a = b = c = d = e = f = p = q = r = 0.0
-    for i in range(len(values)):
-        w = weights[i]
-        x, y, z, m = vectors[i, 0], vectors[i, 1], vectors[i, 2], values[i]
-        wx, wy, wz = w * x, w * y, w * z
-        a += wx * x
-        b += wx * y
-        c += wx * z
-        d += wy * y
-        e += wy * z
-        f += wz * z
-        p += wx * m
-        q += wy * m
-        r += wz * m
+    for k in range(len(values)):
+        m = np.float64(values[k])
+        x, y, z = weights[k] * u[k], weights[k] * v[k], weights[k] * w[k]
+        a += x * u[k]
+        b += x * v[k]
+        c += x * w[k]
+        d += y * v[k]
+        e += y * w[k]
+        f += z * w[k]
+        p += x * m
+        q += y * m
+        r += z * m
     sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = a, b, c, d, e, f
     sums[6], sums[7], sums[8] = p, q, r
 

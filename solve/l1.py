@@ -100,25 +100,25 @@ def _fit(
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
     vectors = np.empty((lights, 3))
+    columns = np.empty((3, lights))
     lit = np.empty(lights, np.bool_)
-    weights = np.empty(lights)
+    counts, weights = np.empty(lights), np.empty(lights)
     residual = np.empty(lights)
     sums = np.empty(9)
     for i in range(pixels):
         values = gray[i]
         light_vectors(points[i], directions, positions, reach, is_near, vectors)
+        columns[:] = vectors.T
         lit_samples(values, valid[i], threshold, lit)
         for k in range(lights):
-            weights[k] = 1.0 if lit[k] else 0.0
-        weighted_sums(vectors, values, weights, sums)
+            counts[k] = 1.0 if lit[k] else 0.0
+        weighted_sums(columns, values, counts, sums)
         x, y, z, well = solve_sums(sums, SINGULAR)
         if not well:
             continue
         for _ in range(iterations):
-            for k in range(lights):
-                gap = abs(values[k] - (vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z))
-                weights[k] = 1.0 / max(gap, least) if lit[k] else 0.0
-            weighted_sums(vectors, values, weights, sums)
+            _reweigh(columns, values, counts, x, y, z, least, weights)
+            weighted_sums(columns, values, weights, sums)
             p, q, r, well = solve_sums(sums, SINGULAR_WEIGHTED)
             if not well:
                 break
@@ -129,3 +129,12 @@ def _fit(
         agreeing_samples(vectors, values, lit, lit, x, y, z, sigmas, floor, residual, used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
     return b, used
+
+
+@numba.njit(nogil=True, cache=True)
+def _reweigh(columns, values, counts, x, y, z, least, weights):  # pragma: no cover
+    """Write 1 / |residual| of what counts."""
+    u, v, w = columns[0], columns[1], columns[2]
+    for k in range(len(values)):
+        gap = abs(np.float64(values[k]) - (u[k] * x + v[k] * y + w[k] * z))
+        weights[k] = counts[k] / max(gap, least)

@@ -119,24 +119,26 @@ def _fit(
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
     vectors = np.empty((lights, 3))
+    columns = np.empty((3, lights))
     values = np.empty(lights)
     lit = np.empty(lights, np.bool_)
-    weights = np.empty(lights)
+    counts, weights = np.empty(lights), np.empty(lights)
     residual = np.empty(lights)
     sums = np.empty(9)
     for i in range(pixels):
         light_vectors(points[i], directions, positions, reach, is_near, vectors)
+        columns[:] = vectors.T
         lit_samples(gray[i], valid[i], threshold, lit)
         for k in range(lights):
             values[k] = gray[i, k] * unit
-            weights[k] = 1.0 if lit[k] else 0.0
-        weighted_sums(vectors, values, weights, sums)
+            counts[k] = 1.0 if lit[k] else 0.0
+        weighted_sums(columns, values, counts, sums)
         x, y, z, well = solve_sums(sums, SINGULAR)
         if not well:
             continue
         for _ in range(iterations):
-            _reweigh(vectors, values, lit, x, y, z, sums, prior, least, weights)
-            weighted_sums(vectors, values, weights, sums)
+            _reweigh(columns, values, counts, x, y, z, sums, prior, least, weights)
+            weighted_sums(columns, values, weights, sums)
             p, q, r, well = solve_sums(sums, SINGULAR_WEIGHTED)
             if not well:
                 break
@@ -151,15 +153,15 @@ def _fit(
 
 
 @numba.njit(nogil=True, cache=True)
-def _reweigh(vectors, values, lit, x, y, z, sums, prior, least, weights):  # pragma: no cover
+def _reweigh(columns, values, counts, x, y, z, sums, prior, least, weights):  # pragma: no cover
     """Write 1 / g of every sample, from b and from the sums of the weights before."""
     a, d, f = sums[0] + prior, sums[3] + prior, sums[5] + prior
     b, c, e = sums[1], sums[2], sums[4]
     ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
     id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * ia + b * ib + c * ic
+    scale = 1.0 / (a * ia + b * ib + c * ic)
     for k in range(len(values)):
-        u, v, w = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+        u, v, w = columns[0, k], columns[1, k], columns[2, k]
         gap = values[k] - (u * x + v * y + w * z)
-        spread = (u * (ia * u + 2.0 * (ib * v + ic * w)) + v * (id_ * v + 2.0 * ie * w) + w * w * if_) / det
-        weights[k] = 1.0 / max(gap * gap + spread, least) if lit[k] else 0.0
+        spread = (u * (ia * u + 2.0 * (ib * v + ic * w)) + v * (id_ * v + 2.0 * ie * w) + w * w * if_) * scale
+        weights[k] = counts[k] / max(gap * gap + spread, least)
