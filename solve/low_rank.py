@@ -24,8 +24,6 @@ class LowRank:
     ----------
     low : (P, F) float64
         The low-rank part A, the gaps filled in.
-    corrupted : (P, F) bool
-        Where the sparse part is not zero.
     right : (F, rank) float64
         The right singular vectors of A, orthonormal.
     rounds : int
@@ -34,7 +32,6 @@ class LowRank:
     """
 
     low: Array
-    corrupted: NDArray[np.bool_]
     right: Array
     rounds: int
     residual: float
@@ -69,16 +66,16 @@ def low_rank(
     threshold and c its clip to +- lambda / mu, the next X is A + c, or A where there is no sample.
     """
     pixels, frames = data.shape
-    known = np.where(there, data, 0).astype(np.float64)
-    length = float(np.linalg.norm(known))
+    known = np.where(there, data, data.dtype.type(0))
+    state = known.astype(np.float64)
+    gram = state.T @ state
+    length = float(np.sqrt(np.trace(gram)))
     if length == 0:
-        empty = np.zeros((pixels, frames))
-        return LowRank(empty, np.zeros_like(there), np.zeros((frames, 0)), 0, 0.0)
-    largest = float(np.sqrt(np.linalg.eigvalsh(known.T @ known)[-1]))
+        return LowRank(state, np.zeros((frames, 0)), 0, 0.0)
+    largest = float(np.sqrt(np.linalg.eigvalsh(gram)[-1]))
     strength = 1.25 / largest
     limit = strength * 1e7
-    state = known / (max(largest, float(np.abs(known).max()) / weight) * strength)
-    corrupted = np.zeros((pixels, frames), bool)
+    state /= max(largest, max(float(known.max()), -float(known.min())) / weight) * strength
     right, factor = np.zeros((frames, 0)), np.zeros(0)
     before = strength
     residual = np.inf
@@ -87,7 +84,7 @@ def low_rank(
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
 
         def each(part: slice) -> tuple[Array, float]:
-            return _pass(known[part], there[part], state[part], corrupted[part], first, second, *levels)
+            return _pass(known[part], there[part], state[part], first, second, *levels)
 
         for turn in range(1, rounds + 1):  # noqa: B007
             first, second = _factors(right, factor)
@@ -104,7 +101,7 @@ def low_rank(
             _project(state[part], first, second)
 
         list(pool.map(finish, chunks))
-    return LowRank(state, corrupted, right, turn, residual)
+    return LowRank(state, right, turn, residual)
 
 
 def _threshold(gram: Array, strength: float, rank: int) -> tuple[Array, Array]:
@@ -123,7 +120,7 @@ def _factors(right: Array, factor: Array) -> tuple[Array, Array]:
 
 
 @numba.njit(nogil=True, cache=True)
-def _pass(known, there, state, corrupted, first, second, ratio, limit):  # pragma: no cover
+def _pass(known, there, state, first, second, ratio, limit):  # pragma: no cover
     """Write the next X over the last one; return X' X, and the sum of (D - A - E)^2 over what is known.
 
     In blocks so small that the linear algebra library starts no threads of its own: ours are enough.
@@ -137,18 +134,31 @@ def _pass(known, there, state, corrupted, first, second, ratio, limit):  # pragm
         stop = min(start + step, pixels)
         x = state[start:stop]
         low = np.dot(np.dot(x, first), second)
-        for i in range(start, stop):
-            for k in range(frames):
-                a = low[i - start, k]
-                dual = ratio * (state[i, k] - a) if there[i, k] else 0.0
-                argument = known[i, k] - a + dual if there[i, k] else 0.0
-                clipped = min(max(argument, -limit), limit)
-                corrupted[i, k] = clipped != argument
-                state[i, k] = a + clipped
-                square += (clipped - dual) ** 2
+        square += _shrink(
+            known[start:stop].ravel(),
+            there[start:stop].ravel(),
+            low.ravel(),
+            x.ravel(),
+            ratio,
+            limit,
+        )
         np.dot(x.T, x, part)
         gram += part
     return gram, square
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc", "contract", "nnan", "nsz"})
+def _shrink(known, there, low, state, ratio, limit):  # pragma: no cover
+    """Write the next X; sums in any order and no branches, so that the loop becomes vector instructions."""
+    square = 0.0
+    for k in range(len(known)):
+        a, present = low[k], np.float64(there[k])
+        dual = ratio * (state[k] - a) * present
+        # What is not there is 0 in `known`, and must be 0 in the argument.
+        clipped = min(max(known[k] - a * present + dual, -limit), limit)
+        state[k] = a + clipped
+        square += (clipped - dual) ** 2
+    return square
 
 
 @numba.njit(nogil=True, cache=True)

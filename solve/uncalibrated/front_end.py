@@ -164,4 +164,6 @@ def _lights(gray: NDArray, used: NDArray[np.bool_], b: Array) -> Array:
     normal = (weight @ (b[:, :, None] * b[:, None, :]).reshape(-1, 9)).reshape(-1, 3, 3)
     right = np.where(used, gray, 0).T.astype(np.float64) @ b
     trace = np.trace(normal, axis1=1, axis2=2)
-    return np.linalg.solve(normal + (1e-9 * trace + 1e-30)[:, None, None] * np.eye(3), right[..., None])[..., 0]
+    ridge = (1e-9 * trace + 1e-30)[:, None, None] * np.eye(3)
+    solution: Array = np.linalg.solve(normal + ridge, right[..., None])[..., 0]
+    return solution
