@@ -120,10 +120,19 @@ def solve(
     out: Out = None,
     method: Method = DEFAULT_METHODS,
     profile: Profile = "default",
+    mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
-    """Recover normals and albedo by photometric stereo."""
+    """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
+    if mesh:
+        from lab.plan import STEPS
+        from lab.surface import check_name, write_surface
+
+        check_name(mesh)
+        with open_job(session, out=out, method=method, profile=profile, scheduler=scheduler) as job:
+            job.run(STEPS, "solve")
+            write_surface(job, mesh)
     run_session(session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler)
 
 

@@ -66,7 +66,9 @@ def _rendered(job: Job) -> list[Path]:
 LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
 # `align` moves the lights to the object: what was exported before is of other lights.
 ALIGNED = ("pose.json", "mask.png", "normals/truth*", "align", "export")
-SOLVED = tuple(f"{folder}/{name}.*" for name in METHODS for folder in ("normals", "albedo", "sigma", "condition"))
+SOLVED = tuple(
+    f"{folder}/{name}.*" for name in METHODS for folder in ("normals", "albedo", "sigma", "condition", "depth")
+)
 
 STEPS = {
     step.name: step

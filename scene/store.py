@@ -198,7 +198,8 @@ class Store:
         name = estimate.method
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
         write_npy(self.path("albedo", f"{name}.npy"), estimate.albedo.astype(np.float32))
-        for folder, known in (("sigma", estimate.sigma_deg), ("condition", estimate.condition)):
+        maps = (("sigma", estimate.sigma_deg), ("condition", estimate.condition), ("depth", estimate.z_mm))
+        for folder, known in maps:
             if known is not None:
                 write_npy(self.path(folder, f"{name}.npy"), known.astype(np.float32))
         write_npy(self.path("normals", f"{name}.npy"), estimate.normals.astype(np.float32))

@@ -158,6 +158,15 @@ def integrate(
     return _surface(edges, depth, inside, camera, box, anchor, count, settled)
 
 
+def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> Surface:
+    """Return a depth (H, W) that is already known as a surface, torn where its normals (H, W, 3) do not carry it."""
+    inside = np.isfinite(z_mm) & np.isfinite(normals).all(-1)
+    box = (slice(0, inside.shape[0]), slice(0, inside.shape[1]))
+    edges = edges_of(np.where(inside[..., None], normals, 0.0), inside, camera, box)
+    depth = np.where(inside, _unknown(np.where(inside, z_mm, -1.0), camera), 0.0)
+    return _surface(edges, depth, inside, camera, box, None, 0, True)
+
+
 def _even(edges: Edges) -> Opinions:
     """Return, per axis, the share of the first pixel and of the next in their edge: a half each."""
     return [(0.5 * axis.pair, 0.5 * axis.pair) for axis in edges.axes]

@@ -200,7 +200,8 @@ class _Task:
             points = points_of(self.camera, self.lights, inside, rows, z_mm[rows])
             geometry: tuple = tuple(Geometry.of(self.lights))
             gray, valid = read_band(self.frames, inside, rows).gray((GRAY / self.lights.intensities).astype(np.float32))
-            b, used = iterative.fit(gray, valid, points, *geometry, self.scale, **self.settings)
+            samples: tuple = (gray, valid, points, *geometry, self.scale)
+            b, used = iterative.fit(*samples, **self.settings)
             way = points
             if self.camera.is_orthographic:
                 way = np.broadcast_to([0.0, 0.0, -1.0], points.shape).copy()
