@@ -13,6 +13,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from solve import iterative
 from solve.intensities import GROUPS, Intensities, evidence, solve_intensities
+from solve.medians import row_medians
 from solve.samples import GRAY, Geometry
 
 SETTINGS = iterative.SETTINGS | {"pixels": 12_000, "rounds": 12}
@@ -212,18 +213,10 @@ def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
     shade = np.einsum("pfi,pi->pf", toward, b)
     facing = lit & (shade > _FACING * np.linalg.norm(b, axis=1, keepdims=True))
     shade = np.where(facing, shade, 1)
-    ratio = _medians((gray / shade).T, facing.T)
+    ratio = row_medians((gray / shade).T, facing.T)
     ratio = np.where(ratio > 0, ratio, 1)
     size = np.linalg.norm(b, axis=1, keepdims=True)
     residual = np.abs(gray / ratio - shade) / np.maximum(size, 1e-12)
     # One spread for all pixels: one that is shadowed half the time would believe anything by its own.
     spread = 1.4826 * np.median(residual[facing]) if facing.any() else 0.0
     return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))
-
-
-def _medians(values: NDArray, where: NDArray[np.bool_]) -> NDArray:
-    """Return the lower median of each row (N, M) over the entries of `where`; 0 where there are none."""
-    ordered = np.sort(np.where(where, values, np.inf), axis=1)
-    count = where.sum(1)
-    middle = np.take_along_axis(ordered, np.maximum(count - 1, 0)[:, None] // 2, 1)[:, 0]
-    return np.where(count > 0, middle, 0)

@@ -38,6 +38,7 @@ def solve(
     mask: NDArray[np.bool_],
     *,
     profile: str = "default",
+    module: Any = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:
@@ -55,6 +56,8 @@ def solve(
     profile : str
         `default`: what serves best. `seed`: the plain reading of the benchmark's text, where a method breaks as it
         breaks there [Berkiten2016]. A method may have more: every NAME_SETTINGS of its module is one.
+    module : optional
+        What fits, when it is no method of ours: has WHOLE, SETTINGS and `fit_whole`; see `solve.given`.
     executor : Executor, optional
         Runs the row bands. Default: threads, one a core (the kernels release the interpreter).
     progress : callable, optional
@@ -72,7 +75,7 @@ def solve(
     CalibrationError
         Fewer than three lights, or coplanar lights.
     """
-    if method not in METHODS:
+    if module is None and method not in METHODS:
         raise SceneError(f"solve: unknown method {method!r}; there are {', '.join(METHODS)}.")
     if mask.shape != (frames.height, frames.width):
         raise SceneError(
@@ -80,15 +83,16 @@ def solve(
         )
     if not mask.any():
         raise SceneError("solve: the object's mask is empty. Give one under [object] mask in session.toml.")
-    module = _module(method)
-    settings = settings_of(method, profile)
+    settings = settings_of(method, profile) if module is None else dict(module.SETTINGS)
+    module = module or _module(method)
     if getattr(module, "CALIBRATED", True):
         lights.check()
     from solve.doubts import doubts
     from solve.samples import bands, scale_of
 
     said = module.doubts(lights.directions, **settings) if hasattr(module, "doubts") else ()
-    _compile(method, settings, frames, lights, camera, mask)
+    if not getattr(module, "WHOLE", False):
+        _compile(method, settings, frames, lights, camera, mask)
     start = time.perf_counter()
     own_lights = None
     if hasattr(module, "find_lights"):
@@ -161,8 +165,6 @@ def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
 
 def _compile(method, settings, frames, lights, camera, mask) -> None:
     """Solve one pixel, so that compiling the kernels does not count as the method's time."""
-    if getattr(_module(method), "WHOLE", False):
-        return
     row, column = np.unravel_index(int(mask.argmax()), mask.shape)
     one = np.zeros((1, mask.shape[1]), bool)
     one[0, column] = True

@@ -1,0 +1,183 @@
+"""A program that finds normals: a stand-in that reads what it is given and writes least squares, in every bad way."""
+
+import shlex
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+from solve.axes import AXES, Axes
+from solve.external import External
+from solve.given import solve_external
+
+HEIGHT, WIDTH = 52, 72
+
+STAND_IN = """
+import subprocess, sys, time
+from pathlib import Path
+import cv2, numpy as np, scipy.io
+data, out, manner = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
+print("loading weights", file=sys.stderr)
+assert {path.name for path in data.iterdir()} >= {"filenames.txt", "mask.png"}
+assert not any("gt" in path.name or "truth" in path.name for path in data.iterdir())
+names = (data / "filenames.txt").read_text().split()
+lights = np.loadtxt(data / "light_directions.txt")
+strength = np.loadtxt(data / "light_intensities.txt")
+images = np.stack([cv2.imread(str(data / name), -1)[..., ::-1] for name in names]) / 65535
+mask = cv2.imread(str(data / "mask.png"), 0) > 127
+gray = (images / strength[:, None, None]).mean(-1)
+normals = np.einsum("if,fhw->hwi", np.linalg.pinv(lights), gray)
+normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
+normals[~mask] = 0
+if manner == "crash":
+    raise RuntimeError("CUDA out of memory")
+if manner == "slow":
+    late = f"import time, pathlib; time.sleep(3); pathlib.Path({str(out / 'late')!r}).touch()"
+    subprocess.Popen([sys.executable, "-c", late])
+    time.sleep(60)
+if manner == "nan":
+    normals[:] = np.nan
+if manner == "part":
+    normals[: len(normals) // 2] = np.nan
+if manner == "size":
+    normals = normals[:-1]
+if manner == "elsewhere":
+    normals = np.roll(normals, 20, axis=(0, 1))
+if manner == "random":
+    normals = np.random.default_rng(0).standard_normal(normals.shape)
+if manner == "nothing":
+    sys.exit(0)
+if manner == "opencv":
+    normals = normals * [1, -1, -1]
+if manner == "swapped":
+    normals = normals[..., [2, 0, 1]] * [-1, 1, 1]
+if manner == "mat":
+    scipy.io.savemat(out / "result.mat", {"Normal_est": normals, "seconds": 3.0})
+elif manner == "png":
+    cv2.imwrite(str(out / "normal.png"), np.round((normals[..., ::-1] + 1) / 2 * 65535).astype(np.uint16))
+    cv2.imwrite(str(out / "albedo.png"), images[0])
+else:
+    np.save(out / "normals.npy", 3 * normals if manner == "lengths" else normals)
+"""
+
+
+@pytest.fixture
+def scene():
+    """A ball off the middle of the frame, with albedo of a varying colour, under lights of unlike strength."""
+    v, u = np.mgrid[:HEIGHT, :WIDTH].astype(float)
+    x, y = (u - 44) / 20, -(v - 22) / 20
+    mask = x**2 + y**2 < 0.8
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0.05))], -1)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    angle, zenith = 2.4 * np.arange(9), np.radians(np.linspace(8, 26, 9))
+    toward = np.stack([np.sin(zenith) * np.cos(angle), np.sin(zenith) * np.sin(angle), np.cos(zenith)], -1)
+    rng = np.random.default_rng(10071)
+    lights = Lights(tuple(f"flash_{k}" for k in range(9)), toward, rng.uniform(0.6, 1.4, (9, 3))).normalised()
+    albedo = 0.3 + 0.1 * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1))
+    shade = np.maximum(np.einsum("hwi,fi->fhw", normals, lights.directions), 0) * mask
+    images = albedo * shade[..., None] * lights.intensities[:, None, None]
+    return Frames.from_linear(lights.names, images), lights, Camera(WIDTH, HEIGHT, 150.0, 150.0, 36, 26), mask, normals
+
+
+@pytest.fixture
+def run(scene, tmp_path):
+    script = tmp_path / "stand in.py"
+    script.write_text(STAND_IN)
+
+    def start(manner, timeout_s=30.0):
+        command = f"{shlex.quote(sys.executable)} {shlex.quote(str(script))} {{data}} {{out}} {shlex.quote(manner)}"
+        frames, lights, camera, mask, _ = scene
+        external = External.parse(f"StandIn={command}", timeout_s)
+        return solve_external(external, frames, lights, camera, mask, tmp_path / "external" / "StandIn")
+
+    return start
+
+
+@pytest.mark.parametrize(
+    ("manner", "axes"),
+    [
+        ("plain", "(x, y, z)"),
+        ("lengths", "(x, y, z)"),
+        ("mat", "(x, y, z)"),
+        ("png", "(x, y, z)"),
+        ("opencv", "(x, -y, -z)"),
+        ("swapped", "(y, z, -x)"),
+    ],
+)
+def test_normals_come_back_in_the_camera_frame_whatever_the_programs_axes(manner, axes, run, scene, tmp_path):
+    *_, mask, normals = scene
+    estimate = run(manner)
+    assert estimate.settings["axes"] == axes
+    assert not estimate.warnings
+    assert angular_error_deg(estimate.normals, normals)[mask].max() < 0.05
+    assert np.isnan(estimate.normals[~mask]).all()
+    assert estimate.method == "StandIn"
+    assert (estimate.samples[mask] >= 6).all()
+    frames, lights, *_ = scene
+    shade = np.einsum("hwi,fi->fhw", normals, lights.directions)[..., None] * lights.intensities[:, None, None]
+    np.testing.assert_allclose((estimate.albedo * shade[0])[mask], frames.frame(0)[mask], rtol=0.01)
+    assert not (tmp_path / "external" / "StandIn" / "data").exists()
+
+
+def test_a_missing_half_is_unknown_and_said(run, scene):
+    mask = scene[3]
+    estimate = run("part")
+    known = np.isfinite(estimate.normals[..., 0])
+    assert 0.3 < known.sum() / mask.sum() < 0.7
+    assert any("no normal" in text for text in estimate.warnings)
+
+
+@pytest.mark.parametrize(
+    ("manner", "words"),
+    [
+        ("crash", ["exit code 1", "CUDA out of memory", "stderr.txt"]),
+        ("nan", ["no pixel", "data"]),
+        ("size", ["found an array", "expected"]),
+        ("nothing", ["left nothing", "normals.npy"]),
+        ("random", ["do not explain"]),
+        ("elsewhere", ["do not explain", "of another object"]),
+    ],
+)
+def test_each_failure_is_one_message(manner, words, run):
+    with pytest.raises(SceneError) as error:
+        run(manner)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_a_program_that_takes_too_long_is_ended_with_all_that_it_started(run, tmp_path):
+    start = time.monotonic()
+    with pytest.raises(SceneError, match=r"stopped after 2 s(.|\n)*loading weights"):
+        run("slow", timeout_s=2)
+    assert time.monotonic() - start < 20
+    time.sleep(3.5)
+    assert not (tmp_path / "external" / "StandIn" / "out" / "late").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("lino=run {data} {out}", "capital"),
+        ("=run {data} {out}", "NAME=COMMAND"),
+        ("LINO=run {data}", "{out} missing"),
+        ("LINO=run '{data} {out}", "cannot be read"),
+        ("LINO=no_such_program {data} {out}", "cannot be started"),
+    ],
+)
+def test_what_is_wrong_with_a_command_is_said(text, words, scene, tmp_path):
+    frames, lights, camera, mask, _ = scene
+    with pytest.raises(SceneError, match=words):
+        solve_external(External.parse(text, 5), frames, lights, camera, mask, tmp_path / "x")
+
+
+def test_the_48_axes_are_all_and_name_themselves():
+    assert len({str(Axes(matrix)) for matrix in AXES}) == 48
+    assert str(Axes(AXES[0])) == "(x, y, z)"
+    for matrix in AXES:
+        np.testing.assert_array_equal(matrix @ matrix.T, np.eye(3))
