@@ -6,6 +6,8 @@ float64 accumulation and a 3 x 3 closed form: no Python and no allocation per pi
 import numba
 import numpy as np
 
+from solve.selection import NO_KEY, keys_of, median, smallest_key, value_of
+
 SINGULAR = 1e-6
 """det / (trace / 3)^3 of the 3 x 3 normal matrix under which a pixel's lit lights lie in a plane."""
 SINGULAR_WEIGHTED = 1e-12
@@ -79,7 +81,9 @@ def lit_samples(values, valid, threshold, lit):  # pragma: no cover
     Shadowed is what lies under `threshold` times the pixel's own 75th percentile (not its maximum, which
     a highlight would lift). A pixel with fewer than four lit samples keeps all that are not clipped.
     """
-    limit = threshold * np.sort(values)[int(0.75 * (len(values) - 1))]
+    keys, room = np.empty(len(values), np.int32), np.empty(1, np.float32)
+    keys_of(values, keys)
+    limit = threshold * value_of(smallest_key(keys, int(0.75 * (len(values) - 1))), room)
     count = 0
     for k in range(len(values)):
         lit[k] = valid[k] and values[k] > limit
@@ -137,17 +141,20 @@ def solve_sums(sums, singular):  # pragma: no cover
 def agreeing_samples(vectors, values, among, lit, x, y, z, sigmas, floor, residual, out):  # pragma: no cover
     """Write to `out` (F,) the lit samples within some robust sigmas of b = (x, y, z) and facing it; return how many.
 
-    sigma = max(1.4826 x median |m - v . b| over the samples `among`, floor). `residual` (F,) is room to work in.
+    sigma = max(1.4826 x median |m - v . b| over the samples `among`, floor). `residual` (F,)
+    float32 is room to work in.
     """
     size = 0
     for k in range(len(values)):
-        if among[k]:
-            residual[size] = abs(values[k] - (vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z))
-            size += 1
+        residual[k] = abs(values[k] - (vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z))
+        size += among[k]
     if size == 0:
         out[:] = False
         return 0
-    limit = sigmas * max(1.4826 * np.median(residual[:size]), floor)
+    keys = residual.view(np.int32)
+    for k in range(len(values)):
+        keys[k] = keys[k] if among[k] else NO_KEY
+    limit = sigmas * max(1.4826 * median(keys, size, np.empty(1, np.float32)), floor)
     size = 0
     for k in range(len(values)):
         shade = vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z

@@ -103,7 +103,7 @@ def _fit(
     columns = np.empty((3, lights))
     lit = np.empty(lights, np.bool_)
     counts, weights = np.empty(lights), np.empty(lights)
-    residual = np.empty(lights)
+    residual = np.empty(lights, np.float32)
     sums = np.empty(9)
     for i in range(pixels):
         values = gray[i]
@@ -131,7 +131,7 @@ def _fit(
     return b, used
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, fastmath={"contract", "arcp", "nnan"})
 def _reweigh(columns, values, counts, x, y, z, least, weights):  # pragma: no cover
     """Write 1 / |residual| of what counts."""
     u, v, w = columns[0], columns[1], columns[2]

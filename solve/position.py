@@ -4,6 +4,7 @@ import numba
 import numpy as np
 
 from solve.kernels import light_vectors, lit_samples, normal_equations
+from solve.selection import NO_KEY, keys_of, smallest_key
 
 SETTINGS = {"shadow_threshold": 0.05, "low": 0.2, "high": 0.8}
 """Ranked are the samples that are lit at all: an attached shadow takes no place in the band."""
@@ -50,22 +51,20 @@ def _fit(gray, valid, points, directions, positions, reach, is_near, threshold, 
     used = np.zeros((pixels, lights), np.bool_)
     vectors = np.empty((lights, 3))
     lit = np.empty(lights, np.bool_)
-    ranked = np.empty(lights, gray.dtype)
+    keys = np.empty(lights, np.int32)
     for i in range(pixels):
         values = gray[i]
         light_vectors(points[i], directions, positions, reach, is_near, vectors)
         count = lit_samples(values, valid[i], threshold, lit)
-        size = 0
-        for k in range(lights):
-            if lit[k]:
-                ranked[size] = values[k]
-                size += 1
         if count == 0:
             continue
-        ordered = np.sort(ranked[:size])
-        first, last = int(np.floor(low * count)), max(int(np.ceil(high * count)) - 1, 0)
+        keys_of(values, keys)
         for k in range(lights):
-            used[i, k] = lit[k] and ordered[first] <= values[k] <= ordered[last]
+            keys[k] = keys[k] if lit[k] else NO_KEY
+        first = smallest_key(keys, int(np.floor(low * count)))
+        last = smallest_key(keys, max(int(np.ceil(high * count)) - 1, 0))
+        for k in range(lights):
+            used[i, k] = first <= keys[k] <= last
         x, y, z, well = normal_equations(vectors, values, used[i])
         if not well:
             used[i] = lit

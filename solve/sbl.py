@@ -123,7 +123,7 @@ def _fit(
     values = np.empty(lights)
     lit = np.empty(lights, np.bool_)
     counts, weights = np.empty(lights), np.empty(lights)
-    residual = np.empty(lights)
+    residual = np.empty(lights, np.float32)
     sums = np.empty(9)
     for i in range(pixels):
         light_vectors(points[i], directions, positions, reach, is_near, vectors)
@@ -152,7 +152,7 @@ def _fit(
     return b, used
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, fastmath={"contract", "arcp", "nnan"})
 def _reweigh(columns, values, counts, x, y, z, sums, prior, least, weights):  # pragma: no cover
     """Write 1 / g of every sample, from b and from the sums of the weights before."""
     a, d, f = sums[0] + prior, sums[3] + prior, sums[5] + prior
@@ -160,8 +160,9 @@ def _reweigh(columns, values, counts, x, y, z, sums, prior, least, weights):  # 
     ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
     id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
     scale = 1.0 / (a * ia + b * ib + c * ic)
+    first, second, third = columns[0], columns[1], columns[2]
     for k in range(len(values)):
-        u, v, w = columns[0, k], columns[1, k], columns[2, k]
+        u, v, w = first[k], second[k], third[k]
         gap = values[k] - (u * x + v * y + w * z)
         spread = (u * (ia * u + 2.0 * (ib * v + ic * w)) + v * (id_ * v + 2.0 * ie * w) + w * w * if_) * scale
         weights[k] = counts[k] / max(gap * gap + spread, least)
