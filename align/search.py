@@ -25,8 +25,9 @@ from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
 
-STARTS = 16
-"""Orientations that are refined at low resolution; the right one is nearly always among the first five."""
+STARTS = 24
+"""Orientations that are refined at low resolution; the right one is nearly always among the first five, but of a gear
+with eight teeth sixteen are nearly right."""
 CLOSE = 1.8
 """A pose whose rough cost is more times the best one's does not win; right ones were within 1.4."""
 SAMPLES = 150_000
@@ -34,10 +35,10 @@ SAMPLES = 150_000
 ROUGH_SIZE = 500
 """Pixels across the object, at most, until the frames themselves are asked."""
 FINALISTS = 3
-"""Of these, how many are refined on the frames."""
+"""Of these, how many are refined on the frames; more, up to three times as many, where others' costs are as close."""
 APART_PX = 5.0
 """Poses that differ by less are one."""
-STEPS = STARTS + FINALISTS + 2
+STEPS = STARTS + 3 * FINALISTS + 2
 """What `progress` counts to."""
 
 
@@ -79,14 +80,14 @@ def search(
     count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
     limbs = LimbPictures.of(frames, lights, mask)
     finalists = []
-    for done, (pose, _) in enumerate(rough[:FINALISTS]):
+    eligible = sum(cost < CLOSE * rough[0][1] for _, cost in rough)
+    for done, (pose, _) in enumerate(rough[: max(FINALISTS, eligible)]):
         finalists.append(
             _finish(caster, camera, frames, lights, mask, limbs, pose, count=count // 6, cells=160, rounds=3)
         )
         tell(2 + STARTS + done, STEPS)
     best = 0
     # Others cannot win, but as rivals they can still cast doubt.
-    eligible = sum(cost < CLOSE * rough[0][1] for _, cost in rough[:FINALISTS])
     for challenger in range(1, eligible):
         if compare_poses(finalists[best][1], finalists[challenger][1]).deviations < 0:
             best = challenger
@@ -134,7 +135,7 @@ def _refine_roughly(
         tell(done + 1)
     found = _distinct(caster.mesh, camera, found, spacing_px=coarse.step_px)
     run = partial(_descend_roughly, caster, fine, 8)
-    found = list((executor.map if executor else map)(run, [pose for pose, _ in found[: 2 * FINALISTS]]))
+    found = list((executor.map if executor else map)(run, [pose for pose, _ in found[: 3 * FINALISTS]]))
     return _distinct(caster.mesh, camera, found, spacing_px=2 * fine.step_px)
 
 
