@@ -6,7 +6,7 @@ A tile is a stretch of pixels in one row. Its loops run over memory in order: th
 import numba
 import numpy as np
 
-TILE = 256
+TILE = 512
 """Pixels a tile: its samples under a hundred lights, and the sums over them, stay in a core's own cache."""
 
 

@@ -60,8 +60,11 @@ class Band:
         row, start, _, first = self.runs.T
         place = np.flatnonzero(chosen)
         run = np.searchsorted(first, place, side="right") - 1
-        alone = np.ones_like(place)
-        runs = np.stack([row[run], start[run] + place - first[run], alone, np.cumsum(alone) - 1], -1)
+        # Neighbours stay together: a run costs as much as some ten pixels.
+        begins = np.flatnonzero((np.diff(place, prepend=-2) != 1) | (np.diff(run, prepend=-1) != 0))
+        count = np.diff(begins, append=len(place))
+        place, run = place[begins], run[begins]
+        runs = np.stack([row[run], start[run] + place - first[run], count, begins], -1)
         return replace(self, runs=runs.astype(np.int64))
 
 

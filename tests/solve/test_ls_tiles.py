@@ -9,7 +9,7 @@ from scene.lights import Lights
 from solve import ls
 from solve.solve import solve
 
-COUNT, HEIGHT, WIDTH = 23, 30, 300
+COUNT, HEIGHT, WIDTH = 23, 20, 600
 
 
 def ball(seed=0):
