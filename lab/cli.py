@@ -28,13 +28,23 @@ Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME he
 Method = Annotated[
     str,
     Parameter(
-        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, "
+        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, near, "
         "ldr, entropy, tv."
     ),
 ]
 Profile = Annotated[
     str, Parameter(help="Settings of the methods: default, or seed, the plain reading of the benchmark.")
 ]
+External = Annotated[
+    list[str] | None,
+    Parameter(
+        help="Another program as a method, NAME=COMMAND: it reads {data}, the photographs in the DiLiGenT layout, and "
+        "writes a normal map into {out}. May be given again. See docs/learned-methods.md.",
+        negative="",
+        consume_multiple=False,
+    ),
+]
+ExternalTimeout = Annotated[float, Parameter(help="Seconds after which such a program is ended.")]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
@@ -47,11 +57,16 @@ def process(
     out: Out = None,
     method: Method = DEFAULT_METHODS,
     profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    run_session(session, "compare", out=out, method=method, profile=profile, json=json, scheduler=scheduler)
+    others = (external or [], external_timeout_s)
+    run_session(
+        session, "compare", out=out, method=method, profile=profile, json=json, scheduler=scheduler, external=others
+    )
 
 
 @app.command(sort_key=2)
@@ -120,6 +135,8 @@ def solve(
     out: Out = None,
     method: Method = DEFAULT_METHODS,
     profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
     json: Json = False,
@@ -133,7 +150,10 @@ def solve(
         with open_job(session, out=out, method=method, profile=profile, scheduler=scheduler) as job:
             job.run(STEPS, "solve")
             write_surface(job, mesh)
-    run_session(session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler)
+    others = (external or [], external_timeout_s)
+    run_session(
+        session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler, external=others
+    )
 
 
 @app.command(sort_key=7)
@@ -144,10 +164,13 @@ def twin(
     out: Out = None,
     method: Method = DEFAULT_METHODS,
     profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
     json: Json = False,
 ) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering."""
-    run_session(session, "twin", out=out, method=method, profile=profile, json=json)
+    others = (external or [], external_timeout_s)
+    run_session(session, "twin", out=out, method=method, profile=profile, json=json, external=others)
 
 
 @app.command(sort_key=8)
@@ -158,10 +181,13 @@ def compare(
     out: Out = None,
     method: Method = DEFAULT_METHODS,
     profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
     json: Json = False,
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html."""
-    run_session(session, "compare", out=out, method=method, profile=profile, json=json)
+    others = (external or [], external_timeout_s)
+    run_session(session, "compare", out=out, method=method, profile=profile, json=json, external=others)
 
 
 @app.command(sort_key=9)

@@ -64,8 +64,8 @@ class Step:
 class Job:
     """A session, its output folder, and how to run.
 
-    `session` is capture's Session; `methods` the solvers asked for, `profile` that of their settings; `executor`
-    what fans out the work, None for threads here.
+    `session` is capture's Session; `methods` the solvers asked for, `profile` that of their settings, `externals` those
+    of them that are other programs, by name; `executor` what fans out the work, None for threads here.
     """
 
     session: Any
@@ -74,6 +74,7 @@ class Job:
     executor: Any = None
     truth: Path | None = None
     profile: str = "default"
+    externals: dict[str, Any] = field(default_factory=dict)
     done: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -34,7 +34,7 @@ def _object_inputs(job: Job) -> list[Any]:
 
 
 def _methods(job: Job) -> list[Any]:
-    return [job.methods, job.profile]
+    return [job.methods, job.profile, *(program.command for program in job.externals.values())]
 
 
 def _judged_by(job: Job) -> list[Any]:
@@ -66,8 +66,10 @@ def _rendered(job: Job) -> list[Path]:
 LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
 # `align` moves the lights to the object: what was exported before is of other lights.
 ALIGNED = ("pose.json", "mask.png", "normals/truth*", "align", "export")
-SOLVED = tuple(
-    f"{folder}/{name}.*" for name in METHODS for folder in ("normals", "albedo", "sigma", "condition", "depth")
+# Other programs' names begin with a capital, ours do not.
+SOLVED = (
+    *(f"{folder}/{name}.*" for name in (*METHODS, "[A-Z]*") for folder in steps.MAPS),
+    "external",
 )
 
 STEPS = {

@@ -10,6 +10,7 @@ from scene.errors import SceneError
 
 if TYPE_CHECKING:
     from lab.job import Job
+    from solve.external import External
 
 DEFAULT_METHODS = "ls,iterative"
 
@@ -21,6 +22,7 @@ def open_job(
     out: Path | None = None,
     method: str = DEFAULT_METHODS,
     profile: str = "default",
+    external: tuple[list[str], float] = ([], 3600.0),
     scheduler: str | None = None,
     truth: Path | None = None,
 ) -> Iterator["Job"]:
@@ -35,6 +37,8 @@ def open_job(
         Solvers, with commas.
     profile : str
         Of their settings: `default`, `seed`.
+    external : tuple
+        Other programs as methods, each NAME=COMMAND, and the seconds that each may take.
     scheduler : str, optional
         Address of a Dask scheduler.
     truth : Path, optional
@@ -49,7 +53,7 @@ def open_job(
     from lab.job import Job, locked
     from scene.store import Store
 
-    methods = _methods(method, profile)
+    methods, externals = _methods(method, profile), _externals(*external)
     session = load_session(session_path)
     folder = out or Path("out") / session.name
     inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
@@ -59,7 +63,7 @@ def open_job(
             "another folder; one inside the session's is fine."
         )
     with locked(folder), _executor(scheduler) as executor:
-        yield Job(session, Store(folder), methods, executor, truth, profile=profile)
+        yield Job(session, Store(folder), (*methods, *externals), executor, truth, profile, externals)
 
 
 def run_session(
@@ -69,6 +73,7 @@ def run_session(
     out: Path | None = None,
     method: str = DEFAULT_METHODS,
     profile: str = "default",
+    external: tuple[list[str], float] = ([], 3600.0),
     json: bool = False,
     scheduler: str | None = None,
     truth: Path | None = None,
@@ -81,7 +86,7 @@ def run_session(
         The last step to run, a key of `lab.plan.STEPS`.
     json : bool
         Print the summary as JSON, not as a table.
-    session_path, out, method, profile, scheduler, truth
+    session_path, out, method, profile, external, scheduler, truth
         As in `open_job`.
     """
     from lab.plan import STEPS
@@ -89,12 +94,14 @@ def run_session(
     from lab.summary import write_summary
     from lab.tell import tell
 
-    with open_job(session_path, out=out, method=method, profile=profile, scheduler=scheduler, truth=truth) as job:
+    how = {"method": method, "profile": profile, "external": external, "scheduler": scheduler, "truth": truth}
+    with open_job(session_path, out=out, **how) as job:
         arguments = {
             "up_to": wanted,
             "session": str(session_path),
             "methods": list(job.methods),
             "profile": profile,
+            "external": {name: program.command for name, program in job.externals.items()},
         }
         job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
@@ -121,6 +128,19 @@ def _methods(text: str, profile: str) -> tuple[str, ...]:
     for name in names:
         settings_of(name, profile)
     return names
+
+
+def _externals(texts: list[str], timeout_s: float) -> "dict[str, External]":
+    """Return the other programs by name."""
+    from solve.external import External
+
+    found: dict[str, External] = {}
+    for text in texts:
+        program = External.parse(text, timeout_s)
+        if program.name in found:
+            raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
+        found[program.name] = program
+    return found
 
 
 @contextmanager

@@ -15,6 +15,9 @@ from scene.lights import Lights
 from scene.spheres import Sphere
 from scene.store import Store
 
+MAPS = ("normals", "albedo", "sigma", "condition", "depth")
+"""Folders of what a method leaves."""
+
 
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
@@ -149,6 +152,7 @@ def solve(job: Job) -> Outcome:
 
 
 def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
+    from solve.given import solve_external
     from solve.solve import solve as run
 
     frames, camera = store.load_frames(), job.store.load_camera()
@@ -157,16 +161,12 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
     megapixels = int(mask.sum()) / 1e6
     for method in job.methods:
         with progress_bar(f"{label}: {method}") as progress:
-            estimate = run(
-                method,
-                frames,
-                lights,
-                camera,
-                mask,
-                profile=job.profile,
-                executor=job.executor,
-                progress=progress,
-            )
+            how = {"executor": job.executor, "progress": progress}
+            if method in job.externals:
+                folder = store.path("external", method)
+                estimate = solve_external(job.externals[method], frames, lights, camera, mask, folder, **how)
+            else:
+                estimate = run(method, frames, lights, camera, mask, profile=job.profile, **how)
         store.save_estimate(estimate)
         table[method] = {
             "seconds": estimate.seconds,
