@@ -28,8 +28,8 @@ Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME he
 Method = Annotated[
     str,
     Parameter(
-        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, near, "
-        "ldr, entropy, tv."
+        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, "
+        "near, ldr, entropy, tv."
     ),
 ]
 Profile = Annotated[
