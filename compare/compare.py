@@ -1,12 +1,14 @@
 """Every method's normals against the scan's, on the photographs and on their twin."""
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.facts import light_rows, method_names, read_optional, sphere_rows
+from compare.four_ways import UNCALIBRATED, four_ways
 from compare.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
 from compare.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
@@ -125,6 +127,8 @@ def _errors(
             )
             angle, median = _without_common_rotation(estimate, truth, error)
             row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
+            if name in UNCALIBRATED:
+                row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
             spread.append(float(np.nanquantile(error, 0.95)))
             write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
             written.add(f"error_{kind}_{name}.npy")

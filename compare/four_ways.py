@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]
+UNCALIBRATED = ("ldr", "entropy", "tv")
+"""The methods whose results are measured so."""
 MIRROR = np.array([-1.0, -1.0, 1.0])
 MOST_PIXELS = 4000
 """The oracles are fitted to every so many pixels, and measured on all."""
@@ -38,15 +40,15 @@ class FourWays:
     mirrored: bool
 
 
-def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_]) -> FourWays:
+def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) -> FourWays:
     """Measure a normal map against the truth in four ways.
 
     Parameters
     ----------
     normals, truth : (H, W, 3) float
         Unit, NaN where unknown.
-    mask : (H, W) bool
-        Pixels that count; those where either is unknown do not.
+    mask : (H, W) bool or None
+        Pixels that count, None for all; those where either is unknown do not.
 
     Returns
     -------
@@ -59,7 +61,9 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_]) -> Four
     albedo changes its length only. Both oracles minimise the sum of |unit(n T) - truth|, not of its square: a few
     wrong pixels do not steer them. An angle is never folded by |cos|.
     """
-    known = mask & np.isfinite(normals[..., 0]) & np.isfinite(truth[..., 0])
+    known = np.isfinite(normals[..., 0]) & np.isfinite(truth[..., 0])
+    if mask is not None:
+        known &= mask
     if not known.any():
         return FourWays(np.nan, np.nan, np.nan, np.nan, False)
     n, t = normals[known].astype(np.float64), truth[known].astype(np.float64)
@@ -93,7 +97,8 @@ def _square(numbers: Array) -> Array:
 
 
 def _least_squares(n: Array, truth: Array) -> Array:
-    return np.linalg.lstsq(n, truth, rcond=None)[0]
+    matrix: Array = np.asarray(np.linalg.lstsq(n, truth, rcond=None)[0], np.float64)
+    return matrix
 
 
 def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from compare.four_ways import MIRROR, four_ways
+from compare.four_ways import MIRROR, UNCALIBRATED, four_ways
 from scene.normals import unit
 
 RELIEF = np.array([[1, 0, 0], [0, 1, 0], [0.4, -0.3, 1.7]])
@@ -59,3 +59,9 @@ def test_the_method_that_took_the_other_sign_is_named_and_nothing_is_nothing(tru
     assert four_ways(truth * MIRROR, truth, mask).mirrored
     assert not four_ways(truth, truth, mask).mirrored
     assert np.isnan(ways(truth, truth, ~mask)).all()
+
+
+def test_the_summary_has_them_for_the_methods_without_lights():
+    from solve.solve import UNCALIBRATED as solved
+
+    assert solved == UNCALIBRATED
