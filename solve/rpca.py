@@ -1,6 +1,6 @@
 """Robust principal components: the stack is a low-rank matrix, sparsely corrupted, with shadows missing.
 
-Looks at all pixels at once. Memory: 23 bytes a sample beside the samples themselves, 1.1 GB for a megapixel under
+Looks at all pixels at once. Memory: some 20 bytes a sample beside the samples themselves, 1 GB for a megapixel under
 48 lights.
 """
 
