@@ -44,7 +44,7 @@ def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, or
 
     - by default P = A A+ keeps of the samples what is smooth, and b = argmin |P (m - L b)|^2: exact on
       Lambertian samples although no x = sin theta cos phi is among the harmonics. They all but hold it (P L is L to
-      a percent), so that this is all but least squares on every sample: on shadows and gloss no better than that;
+      two percent), so that this is all but least squares on every sample: on shadows and gloss no better than that;
     - with three virtual lights V, b = V^-1 H(V) A+ m: what the fit says is seen from 45 degrees. The harmonics'
       misfit to a cosine costs a tenth of a degree, a shadow at one of the three ten: the floor on any object.
 
