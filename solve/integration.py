@@ -9,6 +9,7 @@ from scipy.special import expit
 
 from scene.camera import Camera
 from scene.errors import SceneError
+from solve.coarse_start import every_second, finer
 from solve.grid_laplacian import solve_grid
 from solve.tangent_planes import Edges, edges_of
 
@@ -17,6 +18,12 @@ Array = NDArray[np.float64]
 Opinions = list[tuple[NDArray, NDArray]]
 """Per axis, how much the first pixel and the next believe in their edge, (h, w) each, 0 to 1."""
 
+_LARGE = 10_000
+"""Pixels from which on a start is found on every second one."""
+_FINER_ROUNDS = 15
+"""Rounds on a grid that starts from a coarser one, at most."""
+_STEPS = 20
+"""Of conjugate gradients in a round, at most: the next round goes on from there. The last one takes five times more."""
 _PULL = 1e-11
 """Weight that holds a part without any connection where it was, beside 1 of an edge that is seen head-on."""
 
@@ -129,6 +136,9 @@ def integrate(
         raise SceneError("integration: no pixel of the mask has a normal.")
     if not camera.is_orthographic and not z_mm < 0:
         raise SceneError(f"integration: the surface must stand in front of the camera, z < 0; found z = {z_mm:g} mm.")
+    if start is None and sharpness > 0 and np.count_nonzero(inside) > _LARGE:
+        start = _coarser(normals, inside, camera, z_mm, sharpness, rounds, tolerance, hint_mm, hint_weight)
+        rounds = min(rounds, _FINER_ROUNDS)
     rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     edges = edges_of(np.where(inside[..., None], normals, 0.0)[box], inside[box], camera, box)
@@ -156,6 +166,23 @@ def integrate(
     depth = _solved(edges, opinions, depth, target, pull, 1e-11)
     anchor = z_mm if hint_mm is None else None
     return _surface(edges, depth, inside, camera, box, anchor, count, settled)
+
+
+def _coarser(
+    normals: NDArray, inside: NDArray[np.bool_], camera: Camera, z_mm: float, sharpness: float, rounds: int,
+    tolerance: float, hint_mm: Array | None, hint_weight: Array | None,
+) -> Array | None:  # fmt: skip
+    """Return a start from every second pixel: tears that creep from pixel to pixel creep twice as fast there."""
+    some = (slice(None, None, 2), slice(None, None, 2))
+    if not inside[some].any():
+        return None
+    # Edges of a coarser grid weigh the same, and a pixel of it stands for four.
+    hint = None if hint_mm is None or hint_weight is None else (hint_mm[some], 4 * hint_weight[some])
+    coarse = integrate(
+        normals[some], inside[some], every_second(camera), z_mm=z_mm, sharpness=sharpness, rounds=rounds,
+        tolerance=tolerance, hint_mm=hint and hint[0], hint_weight=hint and hint[1],
+    )  # fmt: skip
+    return finer(coarse.z_mm, normals, camera)
 
 
 def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> Surface:
@@ -199,7 +226,8 @@ def _solved(
         flow = right_down[-1] * axis.depth_step(first, second)
         rhs += axis.last(flow) - flow
     start = np.where(edges.inside, depth - level, 0.0)
-    change, _ = solve_grid(right_down[0], right_down[1], pull, rhs, start, tolerance=tolerance)
+    steps = _STEPS if tolerance > 1e-8 else 5 * _STEPS
+    change, _ = solve_grid(right_down[0], right_down[1], pull, rhs, start, tolerance=tolerance, iterations=steps)
     return np.where(edges.inside, level + change, 0.0)
 
 
