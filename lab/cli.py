@@ -29,7 +29,7 @@ Method = Annotated[
     str,
     Parameter(
         help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, "
-        "near, ldr, entropy, tv."
+        "near, reflectance, ldr, entropy, tv."
     ),
 ]
 Profile = Annotated[

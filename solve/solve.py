@@ -22,11 +22,13 @@ from scene.lights import Lights
 UNCALIBRATED = ("ldr", "entropy", "tv")
 """Each a module of solve/uncalibrated/: they know the lights' intensities, where those were calibrated, and no more."""
 
-METHODS = ("ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated", "near", *UNCALIBRATED)
+METHODS = (
+    "ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated", "near", "reflectance", *UNCALIBRATED
+)  # fmt: skip
 """Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
 
-A module with `find_lights` corrects the lights first: fit, albedo and sigma are under those. One with `find_depth`
-finds each pixel's depth first: they are there.
+One with VIEWS is given the unit vectors toward the camera, too. A module with `find_lights` corrects the lights first:
+fit, albedo and sigma are under those. One with `find_depth` finds each pixel's depth first: they are there.
 """
 
 
@@ -248,6 +250,9 @@ def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts
         done += len(some)
     points = points_of(camera, lights, mask, slice(0, len(mask)))
     geometry = Geometry.of(lights) if calibrated else None
+    if getattr(module, "VIEWS", False):
+        row, column = np.nonzero(mask)
+        settings = {**settings, "views": -camera.rays(np.stack([column, row], -1))[1]}
     found = module.fit_whole(gray, valid, points, None if geometry is None else tuple(geometry), mask, **settings)
     return found, gray, geometry or Geometry.distant(found.lights)
 

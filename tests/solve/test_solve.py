@@ -124,15 +124,16 @@ def test_laws_permutation_and_intensity(method, camera, albedo):
         lights.reference_point_mm,
     )
     permuted = solve(method, float_frames(mixed, images[order]), mixed, camera, mask)
-    assert np.nanmax(angular_error_deg(permuted.normals, plain.normals)) < 1e-4
+    # Rounding may end an iteration one step sooner: then the two differ by its tolerance.
+    tolerance = 1e-3 if method in ("l1", "sbl", "reflectance") else 1e-4
+    assert np.nanmax(angular_error_deg(permuted.normals, plain.normals)) < tolerance
 
     factor = np.linspace(0.5, 2, len(lights))[:, None]
     stronger = Lights(
         lights.names, lights.directions, lights.intensities * factor, lights.positions_mm, lights.reference_point_mm
     )
     scaled = solve(method, float_frames(lights, images * factor[..., None, None]), stronger, camera, mask)
-    # Rounding may end an iteration one step sooner: then the two differ by its tolerance.
-    assert np.nanmax(angular_error_deg(scaled.normals, plain.normals)) < (1e-3 if method in ("l1", "sbl") else 1e-4)
+    assert np.nanmax(angular_error_deg(scaled.normals, plain.normals)) < tolerance
     np.testing.assert_allclose(scaled.albedo[mask], plain.albedo[mask], rtol=1e-4)
 
 

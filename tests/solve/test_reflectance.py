@@ -1,0 +1,105 @@
+"""One reflectance for the whole object, on balls and bumps of known normals whose reflection is not Lambert's."""
+
+import numpy as np
+import pytest
+
+from scene.normals import angular_error_deg, unit
+from solve import iterative, reflectance
+
+FRONT = np.array([0.0, 0.0, 1.0])
+
+
+def around(count, zenith_deg=55.0):
+    k = np.arange(count) + 0.5
+    z = 1 - k / count * (1 - np.cos(np.radians(zenith_deg)))
+    turn = np.pi * (1 + 5**0.5) * k
+    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], -1)
+
+
+def photographs(lobe, *, count=32, size=44, noise=0.001, seed=20_000):
+    """Samples (P, F), normals (P, 3) and directions (F, 3): a ball, f = lobe(cos theta_h, cos theta_d)."""
+    generator = np.random.default_rng(seed)
+    v, u = np.mgrid[:size, :size]
+    x, y = 2.1 * (u - size / 2 + 0.5) / size, -2.1 * (v - size / 2 + 0.5) / size
+    mask = x**2 + y**2 < 0.9
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], -1)[mask]
+    lights = around(count)
+    half = unit(lights + FRONT)
+    albedo = generator.uniform(0.2, 0.6, (len(normals), 1))
+    gray = albedo * np.maximum(normals @ lights.T, 0) * lobe(np.clip(normals @ half.T, 0, 1), half @ FRONT)
+    return (gray + noise * generator.standard_normal(gray.shape)).astype(np.float32), normals, lights
+
+
+def fit(gray, lights, **changes):
+    geometry = (lights, np.zeros_like(lights), np.ones(len(lights)), False)
+    points, views = np.zeros((len(gray), 3)), np.tile(FRONT, (len(gray), 1))
+    settings = reflectance.SETTINGS | changes
+    return reflectance.fit_whole(gray, np.ones(gray.shape, bool), points, geometry, None, views=views, **settings)
+
+
+def of_iterative(gray, lights):
+    geometry = (lights, np.zeros_like(lights), np.ones(len(lights)), False)
+    scale = float(np.percentile(gray, 99))
+    return iterative.fit(
+        gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), *geometry, scale, **iterative.SETTINGS
+    )[0]
+
+
+LOBES = {
+    "plastic": lambda h, d: 1 + 2 * h**60,
+    "satin": lambda h, d: 1 + 1.5 * h**8,
+    "back-scattering": lambda h, d: 0.7 + 0.5 * d**6 + 0 * h,
+}
+
+
+@pytest.mark.parametrize("name", LOBES)
+def test_normals_of_what_is_not_matte(name):
+    gray, normals, lights = photographs(LOBES[name])
+    found = angular_error_deg(unit(fit(gray, lights).b), normals)
+    before = angular_error_deg(unit(of_iterative(gray, lights)), normals)
+    assert found.mean() < 0.4 * before.mean()
+    assert np.median(found) < 0.2
+
+
+def test_a_matte_object_is_left_as_it_is():
+    gray, normals, lights = photographs(lambda h, d: 1 + 0 * h, noise=0.0)
+    found = fit(gray, lights)
+    assert angular_error_deg(unit(found.b), normals).max() < 1e-3
+    assert np.linalg.norm(found.b, axis=1) == pytest.approx(
+        np.linalg.norm(of_iterative(gray, lights), axis=1), rel=1e-3
+    )
+
+
+def test_the_order_of_frames_and_the_exposure_change_nothing():
+    gray, _, lights = photographs(LOBES["satin"])
+    first = fit(gray, lights).b
+    order = np.random.default_rng(20_001).permutation(len(lights))
+    other = fit(np.ascontiguousarray(gray[:, order]), lights[order]).b
+    assert angular_error_deg(unit(first), unit(other)).max() < 0.01
+    brighter = fit(4 * gray, lights).b
+    assert angular_error_deg(unit(first), unit(brighter)).max() < 0.01
+    assert np.linalg.norm(brighter, axis=1) == pytest.approx(4 * np.linalg.norm(first, axis=1), rel=1e-3)
+
+
+def test_a_table_learnt_from_some_pixels_serves_the_others():
+    gray, normals, lights = photographs(LOBES["satin"], size=60)
+    all_of_them = angular_error_deg(unit(fit(gray, lights).b), normals).mean()
+    some = angular_error_deg(unit(fit(gray, lights, pixels=400).b), normals).mean()
+    assert some < all_of_them + 0.15
+
+
+def test_a_view_from_the_side_is_not_one_from_the_front():
+    """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
+    gray, normals, lights = photographs(LOBES["satin"])
+    geometry = (lights, np.zeros_like(lights), np.ones(len(lights)), False)
+    views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
+    args = (gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), geometry, None)
+    wrong = reflectance.fit_whole(*args, views=views, **reflectance.SETTINGS)
+    right = fit(gray, lights)
+    error = [angular_error_deg(unit(found.b), normals).mean() for found in (wrong, right)]
+    assert error[1] < 0.1 * error[0]
+
+
+def test_too_few_pixels_say_so():
+    gray, _, lights = photographs(LOBES["satin"], size=10)
+    assert "too few pixels" in fit(gray, lights).doubts[0]
