@@ -29,7 +29,9 @@ STARTS = 24
 """Orientations that are refined at low resolution; the right one is nearly always among the first five, but of a gear
 with eight teeth sixteen are nearly right."""
 CLOSE = 1.8
-"""A pose whose rough cost is more times the best one's does not win; right ones were within 1.4."""
+"""A pose whose rough cost is more times the best one's must win by `CLEAR`; right ones are mostly within 1.4."""
+CLEAR = 4.0
+"""Standard deviations."""
 SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
 ROUGH_SIZE = 500
@@ -87,9 +89,9 @@ def search(
         )
         tell(2 + STARTS + done, STEPS)
     best = 0
-    # Others cannot win, but as rivals they can still cast doubt.
-    for challenger in range(1, eligible):
-        if compare_poses(finalists[best][1], finalists[challenger][1]).deviations < 0:
+    for challenger in range(1, len(finalists)):
+        needed = 0.0 if challenger < eligible else CLEAR
+        if compare_poses(finalists[best][1], finalists[challenger][1]).deviations < -needed:
             best = challenger
     rivals = [
         (pose, compare_poses(finalists[best][1], evidence))

@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from solve import iterative
+from solve import iterative, near
 from solve.reflectance_kernels import DIFFERENCE, HALF, SIZE, accumulate, back_substitute, refine
 from solve.whole import Whole, scale_of_samples
 
@@ -35,6 +35,13 @@ RIDGE = 1e-8
 CHUNK = 1024
 WORSE = 1.02
 """Where the table leaves more than this times what the matte model leaves unexplained, it has gone astray."""
+
+
+def find_depth(frames, lights, camera, mask, **_):
+    """Return what `solve.near.find_depth` does: near lights are taken as each pixel's own place sees them."""
+    if lights.positions_mm is None:
+        return None, ()
+    return near.find_depth(frames, lights, camera, mask, **near.SETTINGS)
 
 
 def fit_whole(

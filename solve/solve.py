@@ -108,11 +108,11 @@ def solve(
     maps = _empty_maps(mask.shape)
     work: Iterator[tuple[Callable, tuple]]
     if getattr(module, "WHOLE", False):
-        found, gray, geometry = _fit_whole(module, settings, frames, lights, camera, mask, parts)
+        found, gray, geometry = _fit_whole(module, settings, frames, lights, camera, mask, parts, z_mm)
         said += found.doubts
         if found.lights is not None:
             own_lights = _own_lights(lights, found.lights)
-        work = _judgements(frames, lights, camera, mask, parts, found, gray, geometry)
+        work = _judgements(frames, lights, camera, mask, parts, found, gray, geometry, z_mm)
     else:
         scale = scale_of(frames, lights, mask)
         task = (method, settings, frames, lights, camera)
@@ -236,7 +236,7 @@ def _judge(band, gray, b, used, points, geometry, intensities, scale):
     return assess(*store, *rest)
 
 
-def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts):
+def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts, z_mm):
     """Fit a method that looks at all pixels at once; return its `Whole`, the samples, and the lights' geometry."""
     from solve.samples import GRAY, Geometry, points_of, read_band
 
@@ -248,7 +248,7 @@ def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts
         some, good = read_band(frames, mask[rows], rows).gray(weights.astype(np.float32))
         gray[done : done + len(some)], valid[done : done + len(some)] = some, good
         done += len(some)
-    points = points_of(camera, lights, mask, slice(0, len(mask)))
+    points = points_of(camera, lights, mask, slice(0, len(mask)), z_mm)
     geometry = Geometry.of(lights) if calibrated else None
     if getattr(module, "VIEWS", False):
         row, column = np.nonzero(mask)
@@ -263,7 +263,7 @@ def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
     return Lights(lights.names, found / strength, lights.intensities * strength).normalised()
 
 
-def _judgements(frames, lights, camera, mask, parts, found, gray, geometry):
+def _judgements(frames, lights, camera, mask, parts, found, gray, geometry, z_mm):
     """Yield the call that judges each band of a method that has fitted all pixels at once."""
     from solve.whole import scale_of_samples
 
@@ -272,15 +272,15 @@ def _judgements(frames, lights, camera, mask, parts, found, gray, geometry):
     for rows in parts:
         some = slice(done, done + int(np.count_nonzero(mask[rows])))
         done = some.stop
-        rest = (geometry, lights.intensities, scale)
+        rest = (geometry, lights.intensities, scale, None if z_mm is None else z_mm[rows])
         yield (
             _judge_band,
             (frames, lights, camera, mask[rows], rows, gray[some], found.b[some], found.used[some], *rest),
         )
 
 
-def _judge_band(frames, lights, camera, mask, rows, gray, b, used, geometry, intensities, scale):
+def _judge_band(frames, lights, camera, mask, rows, gray, b, used, geometry, intensities, scale, z_mm):
     from solve.samples import points_of, read_band
 
-    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows)
+    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows, z_mm)
     return rows, _judge(band, gray, np.nan_to_num(b), used, points, geometry, intensities, scale)
