@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.frames import Frames
-from scene.lights import Lights
 
 ACROSS = 500
 """Pixels across the object, at least, at which normals are solved for the search."""
@@ -72,22 +71,17 @@ def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.partition(stack, len(stack) - keep, axis=0)[-keep:].mean(0)
 
 
-def bright_picture(frames: Frames, near: NDArray[np.bool_], *, lights: Lights | None = None) -> NDArray[np.float32]:
-    """Return (H, W) float32, `bright_mean` of the gray frames around the pixels of `near`; 0 elsewhere.
-
-    Given the lights, each frame is divided by its light's intensity first.
-    """
+def bright_picture(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return (H, W) float32, `bright_mean` of the gray frames around the pixels of `near`; 0 elsewhere."""
     v, u = np.nonzero(near)
     margin = 32
     columns = slice(max(int(u.min()) - margin, 0), int(u.max()) + margin + 1)
     out = np.zeros(near.shape, np.float32)
-    weight = np.full((len(frames), 3), 1 / 3) if lights is None else 1 / lights.intensities / 3
 
     def fill(band: slice) -> None:
         rows = slice(max(band.start, int(v.min()) - margin), min(band.stop, int(v.max()) + margin + 1))
         if rows.start < rows.stop:
-            gray = np.einsum("fhwc,fc->fhw", frames.read(rows, columns=columns), weight.astype(np.float32))
-            out[rows, columns] = bright_mean(gray)
+            out[rows, columns] = bright_mean(frames.read(rows, columns=columns).mean(-1))
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(fill, frames.bands(64 << 20)))
