@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
 """How far outside the limb's edges, as the scan lets expect them, the outline lies; and how unsure that is."""
-UNMODELLED = 4.0
+UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
 MASK_PX = 1.0
