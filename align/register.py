@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from align.final import Fit
 from align.focal import LongerFocal, register_longer
-from align.search import Found, search
+from align.search import FINALISTS, Found, search
 from align.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.errors import AlignError
@@ -145,7 +145,7 @@ def register(
     if fit.misfit > MIRROR_MISFIT:
 
         def search_for(other: Mesh, its_normals: Array) -> Found:
-            return search(other, camera, frames, lights, mask, normals, its_normals)
+            return search(other, camera, frames, lights, mask, normals, its_normals, most=FINALISTS)
 
         _refuse_mirrored(mesh, at_vertices, fit, search_for)
     if fit.misfit > WORST_MISFIT:

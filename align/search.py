@@ -64,12 +64,14 @@ def search(
     at_vertices: NDArray,
     *,
     start: Pose | None = None,
+    most: int = 3 * FINALISTS,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Found:
     """Return the pose that explains the photographs best, whether well or not; see `align.register.register`.
 
     `at_vertices` (V, 3): the scan's normals without its noise, which turns its own by degrees, more than a pose does.
+    `most`: how many poses are refined on the frames, at most.
     """
     tell = progress or (lambda done, total: None)
     caster = RayCaster(mesh, at_vertices)
@@ -83,7 +85,7 @@ def search(
     limbs = LimbPictures.of(frames, lights, mask)
     finalists = []
     eligible = sum(cost < CLOSE * rough[0][1] for _, cost in rough)
-    for done, (pose, _) in enumerate(rough[: max(FINALISTS, eligible)]):
+    for done, (pose, _) in enumerate(rough[: min(max(FINALISTS, eligible), most)]):
         finalists.append(
             _finish(caster, camera, frames, lights, mask, limbs, pose, count=count // 6, cells=160, rounds=3)
         )
