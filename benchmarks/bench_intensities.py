@@ -2,7 +2,8 @@
 
     .venv/bin/python -m benchmarks.bench_intensities [--write]
 
-Sessions of the test scenes with shadows, gloss and noise, seeds 10101 to 10108, seen while the near lights' depth was added; then DiLiGenT,
+Sessions of the test scenes with shadows, gloss and noise, seeds 10101 to 10108, seen while the near lights'
+depth was added; then DiLiGenT,
 where ../shared is, its intensities right and all taken as one.
 """
 
