@@ -65,7 +65,7 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
     sums = np.bincount(block, difference)
     spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / len(difference)
     better = (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(spread, CHANCE))
-    better += (one.fit().outline_share - two.fit().outline_share) / OUTLINE_CHANCE
+    better += (one.fit.outline_share - two.fit.outline_share) / OUTLINE_CHANCE
     # Of a scan seen from its open side alone, nothing is explained.
     seen = (cost[~hole] if not hole.all() else np.ones(1) for cost, hole in zip((first, second), holes, strict=True))
     costs = [float(cost.mean()) + beyond for cost, beyond in zip(seen, outside, strict=True)]

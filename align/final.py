@@ -1,6 +1,7 @@
 """What the photographs say about a pose, at full resolution: the outline's edges, and the shading of all frames."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -215,8 +216,9 @@ class FinalEvidence:
         shading = Term(residuals[self.used] / unit, slopes[self.used] / unit, blocks, self.weights[1])
         return [outline, shading, bias]
 
+    @cached_property
     def fit(self) -> Fit:
-        """Return how well the evidence's pose fits."""
+        """How well the evidence's pose fits; every comparison asks for it."""
         points, normals = self.probes.surface(self.caster, self.pose)
         error = angular_error_deg(free_normals(self.samples, self.used, _vectors(self.lights, points)), normals)
         size = float(np.ptp(np.argwhere(self.mask), axis=0).max()) + 1

@@ -180,4 +180,4 @@ def _beside(mesh: Mesh, camera: Camera, pose: Pose, generator: np.random.Generat
 
 
 def _residuals(evidence: FinalEvidence) -> Residuals:
-    return Residuals(evidence.residual_px, evidence.bias_px, evidence.shading_sigma, evidence.fit().normals_deg)
+    return Residuals(evidence.residual_px, evidence.bias_px, evidence.shading_sigma, evidence.fit.normals_deg)

@@ -130,7 +130,7 @@ def register(
     )
     pose, evidence = found.pose, found.evidence
     _check_distance(mesh, camera, lights, pose)
-    fit = evidence.fit()
+    fit = evidence.fit
     facts = {
         "overlap": fit.overlap,
         "normals_deg": fit.normals_deg,
@@ -233,7 +233,7 @@ def _check_distance(mesh: Mesh, camera: Camera, lights: Lights, pose: Pose) -> N
 def _refuse_mirrored(mesh: Mesh, at_vertices: Array, fit: Fit, search_for: Callable[[Mesh, Array], Found]) -> None:
     mirror = np.array([-1.0, 1.0, 1.0])
     flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
-    mirrored = search_for(flipped, at_vertices * mirror).evidence.fit()
+    mirrored = search_for(flipped, at_vertices * mirror).evidence.fit
     # A scan that is its own mirror image may have stopped beside its best pose: its normals fit as well as mirrored.
     if mirrored.misfit < 0.5 * fit.misfit and mirrored.normals_deg < 0.9 * fit.normals_deg:
         raise AlignError(

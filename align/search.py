@@ -82,13 +82,20 @@ def search(
 
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
+    # The rough pose may be a pixel of the shrunken picture off.
+    reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
     limbs = LimbPictures.of(frames, lights, mask)
-    finalists = []
+
+    def look(pose: Pose, count: int, cells: int) -> FinalEvidence:
+        samples = take_samples(frames, lights, mask, count=count)
+        return FinalEvidence.of(caster, camera, lights, mask, limbs, samples, pose, cells=cells, reach_px=reach)
+
+    finalists: list[tuple[Pose, FinalEvidence]] = []
     eligible = sum(cost < CLOSE * rough[0][1] for _, cost in rough)
+    few = look(rough[0][0], count // 6, 160)
     for done, (pose, _) in enumerate(rough[: min(max(FINALISTS, eligible), most)]):
-        finalists.append(
-            _finish(caster, camera, frames, lights, mask, limbs, pose, count=count // 6, cells=160, rounds=3)
-        )
+        # What the samples are does not depend on the pose: they are read once.
+        finalists.append(refine(few if done == 0 else few.renewed(pose, reach_px=reach), rounds=3, reach_px=reach))
         tell(2 + STARTS + done, STEPS)
     best = 0
     for challenger in range(1, len(finalists)):
@@ -101,9 +108,7 @@ def search(
         if index != best and apart_px(mesh, camera, finalists[best][0], pose) > APART_PX
     ]
     rivals.sort(key=lambda rival: rival[1].deviations)
-    pose, evidence = _finish(
-        caster, camera, frames, lights, mask, limbs, finalists[best][0], count=count, cells=400, rounds=8
-    )
+    pose, evidence = refine(look(finalists[best][0], count, 400), rounds=8, reach_px=reach)
     tell(STEPS, STEPS)
     return Found(pose, evidence, *(rivals[0] if rivals else (None, None)))
 
@@ -163,24 +168,3 @@ def _distinct(
         if all(apart_px(mesh, camera, pose, other) > 3 * spacing_px for other, _ in kept):
             kept.append((pose, cost))
     return kept
-
-
-def _finish(
-    caster: RayCaster,
-    camera: Camera,
-    frames: Frames,
-    lights: Lights,
-    mask: NDArray[np.bool_],
-    limbs: LimbPictures,
-    pose: Pose,
-    *,
-    count: int,
-    cells: int,
-    rounds: int,
-) -> tuple[Pose, FinalEvidence]:
-    """Refine on outline and shading; shadows, scales and weights are renewed each round."""
-    samples = take_samples(frames, lights, mask, count=count)
-    # The rough pose may be a pixel of the shrunken picture off.
-    reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
-    evidence = FinalEvidence.of(caster, camera, lights, mask, limbs, samples, pose, cells=cells, reach_px=reach)
-    return refine(evidence, rounds=rounds, reach_px=reach)

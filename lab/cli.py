@@ -142,15 +142,16 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
+    others = (external or [], external_timeout_s)
     if mesh:
         from lab.plan import STEPS
         from lab.surface import check_name, write_surface
 
         check_name(mesh)
-        with open_job(session, out=out, method=method, profile=profile, scheduler=scheduler) as job:
+        how = {"method": method, "profile": profile, "external": others, "scheduler": scheduler}
+        with open_job(session, out=out, **how) as job:
             job.run(STEPS, "solve")
             write_surface(job, mesh)
-    others = (external or [], external_timeout_s)
     run_session(
         session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler, external=others
     )

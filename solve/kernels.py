@@ -57,14 +57,7 @@ def normal_equations(vectors, values, used):  # pragma: no cover
             p += x * m
             q += y * m
             r += z * m
-    # Adjugate of the symmetric [[a b c] [b d e] [c e f]].
-    ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
-    id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * ia + b * ib + c * ic
-    trace = (a + d + f) / 3.0
-    if det <= SINGULAR * trace * trace * trace or trace <= 0.0:
-        return 0.0, 0.0, 0.0, False
-    return (ia * p + ib * q + ic * r) / det, (ib * p + id_ * q + ie * r) / det, (ic * p + ie * q + if_ * r) / det, True
+    return _solve_symmetric(a, b, c, d, e, f, p, q, r, SINGULAR)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -127,7 +120,12 @@ def solve_sums(sums, singular):  # pragma: no cover
     `singular` is `SINGULAR` where weights are alike, `SINGULAR_WEIGHTED` where they span decades.
     """
     a, b, c, d, e, f, p, q, r = sums
-    # Adjugate of the symmetric [[a b c] [b d e] [c e f]].
+    return _solve_symmetric(a, b, c, d, e, f, p, q, r, singular)
+
+
+@numba.njit(nogil=True, cache=True)
+def _solve_symmetric(a, b, c, d, e, f, p, q, r, singular):  # pragma: no cover
+    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; zeros and False where it is singular."""
     ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
     id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
     det = a * ia + b * ib + c * ic

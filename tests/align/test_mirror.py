@@ -17,7 +17,7 @@ def ask():
     mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]))
 
     def refuse(fit, mirrored):
-        found = SimpleNamespace(evidence=SimpleNamespace(fit=lambda: mirrored))
+        found = SimpleNamespace(evidence=SimpleNamespace(fit=mirrored))
         _refuse_mirrored(mesh, np.eye(3), fit, lambda other, normals: found)
 
     return refuse
