@@ -24,9 +24,10 @@ from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.store import Store
 from twin.depth import albedo_at_the_surface
+from twin.description import Sampling, TwinScene
 from twin.film import Film, film_for
 from twin.path_tracing import PathTracer
-from twin.surface import Surface, textured_surface
+from twin.surface import surface_scene, textured_surface
 from twin.variant import pick_variant
 from twin.visibility import inside
 
@@ -129,7 +130,6 @@ def render(
     if albedo_depth_mm is not None and lights.positions_mm is not None:
         albedo = albedo_at_the_surface(albedo, albedo_depth_mm, placed, camera, lights, film.rows, film.columns)
     surface = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
-    irradiance = np.pi * lights.intensities / surface.scale
     variant, note = pick_variant()
     warnings = list(surface.warnings)
     if variant == "scalar_rgb":
@@ -143,7 +143,8 @@ def render(
         affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
         samples_per_pixel = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
     samples_per_pixel = math.ceil(math.sqrt(samples_per_pixel)) ** 2
-    settings = (surface, film, lights, irradiance, samples_per_pixel, max_depth)
+    scene = surface_scene(surface, camera, lights, Sampling("mitsuba", samples_per_pixel, max_depth))
+    settings = (scene, film, samples_per_pixel)
     noise = _noise(settings) if executor is None else executor.submit(_noise, settings).result()
     if noise > 0.03:
         warnings.append(
@@ -163,12 +164,12 @@ def render(
     return Rendering(frames, variant, samples_per_pixel, max_depth, noise, seconds, tuple(warnings))
 
 
-_Settings = tuple[Surface, Film, Lights, NDArray[np.float64], int, int]
+_Settings = tuple[TwinScene, Film, int]
 
 
 def _images(settings: _Settings, executor: Executor | None) -> Iterator[tuple[int, NDArray[np.uint16]]]:
     """Yield (index, codes of the film's box) of every light, as they are done."""
-    count = len(settings[2])
+    count = len(settings[0].lights)
     if executor is None:
         yield from _render_share(settings, range(count))
         return
@@ -185,22 +186,22 @@ def _list_share(settings: _Settings, indices: range) -> list[tuple[int, NDArray[
 
 def _render_share(settings: _Settings, indices: range) -> Iterator[tuple[int, NDArray[np.uint16]]]:
     """Render some of the lights in this process. Idempotent: the samples are seeded by the light's index."""
-    surface, film, lights, irradiance, samples_per_pixel, max_depth = settings
+    scene, film, samples_per_pixel = settings
     variant, _ = pick_variant()
-    tracer = PathTracer(surface, film, lights, variant=variant, max_depth=max_depth)
+    tracer = PathTracer(scene, film, variant=variant)
     for index in indices:
-        yield index, encode(film.place(tracer.image(index, irradiance[index], samples_per_pixel)))
+        yield index, encode(film.place(tracer.image(index, samples_per_pixel)))
 
 
 def _noise(settings: _Settings) -> float:
     """Render the film's middle rows twice under the strongest light; see `Rendering.noise`."""
-    surface, film, lights, irradiance, samples_per_pixel, max_depth = settings
+    scene, film, samples_per_pixel = settings
     top, left, height, width = film.window
     strip = replace(film, window=(top + max(0, height // 2 - 24), left, min(48, height), width))
     variant, _ = pick_variant()
-    tracer = PathTracer(surface, strip, lights, variant=variant, max_depth=max_depth)
-    index = int(np.argmax(irradiance.sum(1)))
-    one, two = (tracer.image(index, irradiance[index], samples_per_pixel, seed=seed) for seed in (1, 2))
+    tracer = PathTracer(scene, strip, variant=variant)
+    index = int(np.argmax(scene.irradiance.sum(1)))
+    one, two = (tracer.image(index, samples_per_pixel, seed=seed) for seed in (1, 2))
     mean = (one + two) / 2
     lit = mean > 0.05 * mean.max()
     # Two renderings differ by twice the variance of one.

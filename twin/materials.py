@@ -1,0 +1,182 @@
+"""What the twin's objects are made of: plain numbers and textures, without a renderer."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Rgb = tuple[float, float, float]
+VERTEX = "vertex"
+"""A reflectance that is the mesh's own colour, vertex by vertex."""
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """A picture on a surface.
+
+    Parameters
+    ----------
+    values : (h, w, 3) or (h, w, 1) float32
+        Linear. The first row lies at texture coordinate t = 0 and t points down: t = (row + 0.5) / h.
+    wrap : {"repeat", "clamp"}
+        Beyond 0 to 1.
+    """
+
+    values: NDArray[np.float32]
+    wrap: Literal["repeat", "clamp"] = "repeat"
+
+    def at(self, texcoords: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Return the values (P, channels) at texture coordinates (P, 2), bilinear between the centres of the texels."""
+        height, width = self.values.shape[:2]
+        place = texcoords * [width, height] - 0.5
+        low = np.floor(place).astype(int)
+        part = (place - low).astype(np.float32)[..., None]
+        corners = {}
+        for right in (0, 1):
+            for down in (0, 1):
+                column, row = low[:, 0] + right, low[:, 1] + down
+                if self.wrap == "repeat":
+                    column, row = column % width, row % height
+                corners[down, right] = self.values[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
+        above, below = ((1 - part[:, 0]) * corners[k, 0] + part[:, 0] * corners[k, 1] for k in (0, 1))
+        return (1 - part[:, 1]) * above + part[:, 1] * below
+
+
+Reflectance = Rgb | Texture | Literal["vertex"]
+"""Of each channel, 0 to 1, linear."""
+
+
+@dataclass(frozen=True)
+class Subsurface:
+    """What lies below a surface that is partly open: a cloudy medium that light wanders through.
+
+    Parameters
+    ----------
+    mean_free_path_mm : float
+        How far light goes between two scatterings, on average (the transport mean free path of a real material: the
+        scattering here is even in all directions).
+    albedo : tuple of 3 float
+        Share of the light that goes on at a scattering, 0 to 1.
+    share : float
+        How much of the surface is open to the medium, 0 to 1. The rest reflects as if there were none.
+
+    Notes
+    -----
+    The boundary is a mixture: (1 - share) of the material's reflection, share of nothing at all, so that light passes
+    straight into a medium of the same refractive index. Energy is kept exactly. What it leaves out of a real boundary:
+    the refraction, and the gloss of the share that is open.
+    """
+
+    mean_free_path_mm: float
+    albedo: Rgb = (0.9, 0.9, 0.9)
+    share: float = 0.5
+
+
+@dataclass(frozen=True)
+class Diffuse:
+    """A matte surface: radiance = reflectance / pi * irradiance."""
+
+    reflectance: Reflectance
+    subsurface: Subsurface | None = None
+
+
+@dataclass(frozen=True)
+class RoughPlastic:
+    """A matte body under a clear rough coat [Walter2007].
+
+    Parameters
+    ----------
+    reflectance : Reflectance
+        Of the body.
+    roughness : float
+        alpha of the coat's facets, above 0. Everywhere in a scene description alpha of the GGX distribution.
+    specularity : float or Texture
+        Factor on the coat's reflectance; 1: what its index of refraction gives, 0: only the body.
+    index : float
+        Of refraction, of the coat.
+    """
+
+    reflectance: Reflectance
+    roughness: float = 0.1
+    specularity: float | Texture = 1.0
+    index: float = 1.49
+    subsurface: Subsurface | None = None
+
+
+@dataclass(frozen=True)
+class Conductor:
+    """A metal by name: Au, Cu, Al, Cr, Ag ... or "none", a perfect mirror; roughness 0 is polished."""
+
+    metal: str
+    roughness: float = 0.1
+
+
+@dataclass(frozen=True)
+class Principled:
+    """Disney's material [Burley2012], of whose numbers these are kept.
+
+    Parameters
+    ----------
+    reflectance : Reflectance
+        Its base colour.
+    roughness : float
+        alpha as everywhere here: the square of Disney's own roughness.
+    metallic : float
+        0 to 1.
+    specularity : float
+        Disney's specular, 0 to 1; 0.5 is an index of refraction of 1.5.
+    """
+
+    reflectance: Reflectance
+    roughness: float = 0.25
+    metallic: float = 0.0
+    specularity: float = 0.5
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measured reflectance, a .bsdf file of the RGL database [Dupuy2018]."""
+
+    file: Path
+
+
+Material = Diffuse | RoughPlastic | Conductor | Principled | Measured
+
+
+def seed_materials(
+    texture: Reflectance,
+    *,
+    reflectance: Rgb = (0.5, 0.5, 0.5),
+    roughness: float = 0.1,
+    mean_free_path_mm: float = 2.0,
+) -> dict[str, Material]:
+    """Return the eight materials that the benchmark compares, in its order.
+
+    Matte or glossy, plain or textured, solid or with scattering below the surface. The benchmark says eight and lists
+    seven; the one that makes the eight complete, `diffuse_texture_subsurface`, stands last. "Specular" is its rough
+    plastic.
+
+    Parameters
+    ----------
+    texture : Reflectance
+        Of the textured ones.
+    reflectance : tuple of 3 float
+        Of the plain ones.
+    roughness : float
+        Of the glossy ones.
+    mean_free_path_mm : float
+        Of those with scattering; a fiftieth of the object's size is a fair wax.
+    """
+    wax = Subsurface(mean_free_path_mm)
+    return {
+        "diffuse": Diffuse(reflectance),
+        "specular": RoughPlastic(reflectance, roughness),
+        "diffuse_subsurface": Diffuse(reflectance, wax),
+        "specular_subsurface": RoughPlastic(reflectance, roughness, subsurface=wax),
+        "specular_texture_subsurface": RoughPlastic(texture, roughness, subsurface=wax),
+        "diffuse_texture": Diffuse(texture),
+        "specular_texture": RoughPlastic(texture, roughness),
+        "diffuse_texture_subsurface": Diffuse(texture, wax),
+    }
