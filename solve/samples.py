@@ -185,5 +185,6 @@ def scale_of(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> float:
     weights = (GRAY / lights.intensities).astype(np.float32)
     for row in rows[:: max(1, min(step, len(rows) // 16))]:
         line = slice(int(row), int(row) + 1)
-        values.append(np.einsum("fpc,fc->fp", frames.read(line)[:, 0][:, mask[row]], weights).ravel())
+        if mask[row].any():
+            values.append(read_band(frames, mask[line], line).gray(weights)[0].ravel())
     return float(np.percentile(np.concatenate(values), 99))

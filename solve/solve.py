@@ -204,12 +204,14 @@ def _solve_band(method, settings, frames, lights, camera, mask, rows, scale, z_m
     from solve.samples import points_of, read_band
 
     module = _module(method)
-    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows, z_mm)
+    band = read_band(frames, mask, rows)
     streamed = module.stream(band, lights, scale, **settings) if hasattr(module, "stream") else None
     if streamed is None:
+        points = points_of(camera, lights, mask, rows, z_mm)
         return rows, _fit_and_judge(module, settings, band, points, lights, scale)
     *values, left = streamed
     if left.any():
+        points = points_of(camera, lights, mask, rows, z_mm)
         rest = _fit_and_judge(module, settings, band.only(left), points[left], lights, scale)
         for value, more in zip(values, rest, strict=False):
             value[left] = more

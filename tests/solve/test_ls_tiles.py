@@ -54,6 +54,8 @@ def test_both_ways_agree_on_every_map(seed, coverage, monkeypatch):
     monkeypatch.setattr(ls, "stream", lambda *_, **__: None)
     plain = solve("ls", frames, lights, camera, mask)
     np.testing.assert_array_equal(fast.samples, plain.samples)
+    facing = np.count_nonzero(plain.normals @ lights.directions.T > 0, axis=-1)
+    assert (facing < plain.samples).any(), "some keep a sample whose light is behind the normal"
     np.testing.assert_allclose(fast.normals, plain.normals, atol=1e-6)
     np.testing.assert_allclose(fast.albedo, plain.albedo, rtol=1e-5, atol=1e-6)
     np.testing.assert_allclose(fast.condition, plain.condition, rtol=1e-5)
