@@ -137,10 +137,15 @@ class TwinScene:
             object.__setattr__(self, "radii_mm", np.zeros(len(self.lights)))
 
     @property
+    def white(self) -> Array:
+        """(3,) pixel value of a matte surface of reflectance 1 that faces a light of intensity 1."""
+        value = self.lights.white_value
+        return np.ones(3) if value is None else value / WHITE_BALL_ALBEDO
+
+    @property
     def irradiance(self) -> Array:
         """(N, 3) of each light on a surface that faces it at the reference point."""
-        white = self.lights.white_value
-        return np.pi * self.lights.intensities * (1.0 if white is None else white / WHITE_BALL_ALBEDO)
+        return np.pi * self.lights.intensities * self.white
 
     @cached_property
     def points(self) -> Array:

@@ -37,7 +37,8 @@ def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
         raise RenderError(f"{path}: not found.")
     # A .ply with coordinates at the vertices keeps its vertices' order; one with coordinates at the faces' corners
     # must be taken apart.
-    apart = path.suffix.lower() != ".ply" or b"texcoord" in path.open("rb").read(4096)
+    with path.open("rb") as file:
+        apart = path.suffix.lower() != ".ply" or b"texcoord" in file.read(4096)
     try:
         loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=apart)
     except Exception as error:

@@ -48,11 +48,6 @@ class ObjectMesh:
         vertices = self.vertices @ linear.T + matrix[:3, 3]
         return ObjectMesh(vertices, faces, normals, self.texcoords, self.colours)
 
-    @property
-    def plain(self) -> Mesh:
-        """The triangles alone."""
-        return Mesh(self.vertices, self.faces)
-
 
 def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, colours: Array | None) -> ObjectMesh:
     """Return a mesh whose normals are those of its faces, weighted by area; vertices at one place share theirs."""
@@ -106,7 +101,8 @@ def built_in(name: str) -> ObjectMesh:
     texcoords = np.stack([s, t], -1).reshape(-1, 2)
     if name == "disc":
         texcoords = (points[:, :2] * [1, -1] + 1) / 2
-    return ObjectMesh(points, faces, normals, texcoords)
+    used, faces = np.unique(faces, return_inverse=True)
+    return ObjectMesh(points[used], faces.reshape(-1, 3), normals[used], texcoords[used])
 
 
 def _facets(rotations: Array, offset: float) -> ObjectMesh:

@@ -71,6 +71,33 @@ class Sight:
         front = np.sum(np.cross(b - a, c - a) * toward[self._faces[:, 0]], 1) > 0
         return seen | (front & free[self._faces].any(1))
 
+    def face_normals(self, face: NDArray[np.int64]) -> Array:
+        """Return (P, 3), the unit normals of faces (P,)."""
+        a, b, c = (self._vertices[self._faces[face, corner]] for corner in range(3))
+        cross = np.cross(b - a, c - a)
+        length = np.linalg.norm(cross, axis=1, keepdims=True)
+        return cross / np.where(length > 0, length, 1)
+
+    def hidden(self, points: Array, normals: Array, toward: Array, end: Array | None) -> NDArray[np.bool_]:
+        """Return (P,) whether something stands between points and a light.
+
+        Parameters
+        ----------
+        points, normals, toward : (P, 3) float64
+            On the mesh; of the face, on the side of the light; unit, toward the light.
+        end : (3,) float64 or None
+            Where a near light stands.
+        """
+        origins = points + 1e-4 * self._reach * (normals + toward)
+        far = np.full(len(points), np.inf)
+        if end is not None:
+            far = np.linalg.norm(end - origins, axis=1)
+            toward = (end - origins) / far[:, None]
+        rays = self._tensor(np.concatenate([origins - self._middle, toward], 1).astype(np.float32))
+        # One call for all needs one length: what is hit beyond a near light does not count.
+        distance = self._scene.cast_rays(rays)["t_hit"].numpy() if end is not None else None
+        return self._scene.test_occlusions(rays).numpy() if distance is None else distance < far
+
 
 def inside(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
     """Return (P,) whether points (P, 3) lie inside a mesh; False everywhere if it is not closed."""

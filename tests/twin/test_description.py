@@ -1,0 +1,307 @@
+"""The scene description's file: read, told what is wrong with it, written and read again."""
+
+import json
+from dataclasses import fields, replace
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from scene.errors import RenderError
+from scene.lights import Lights
+from scene.store import Store
+from twin.description import Environment, TwinObject, TwinScene
+from twin.description_file import read_scene
+from twin.description_writer import write_scene
+from twin.light_groups import direction
+from twin.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
+from twin.object_mesh import SHAPES, ObjectMesh, built_in, smooth
+
+HEAD = """
+[camera]
+width = 64
+height = 48
+fx = 100.0
+"""
+BALL = '[[objects]]\nshape = "sphere"\nscale = 40\ntranslate_mm = [-10, 0, -300]\nmaterial = "m"\n'
+MATTE = '[materials.m]\nkind = "diffuse"\nreflectance = 0.5\n'
+LIGHT = '[[lights]]\nkind = "distant"\ndirection = [0, 0, 1]\n'
+
+
+def read(folder, *texts):
+    (folder / "a.toml").write_text("\n".join(texts))
+    return read_scene(folder / "a.toml")
+
+
+def test_what_is_left_out_has_its_default(tmp_path):
+    scene = read(tmp_path, HEAD, BALL, MATTE, LIGHT)
+    camera = scene.camera
+    assert (camera.fx, camera.fy, camera.cx, camera.cy, camera.projection) == (100, 100, 31.5, 23.5, "perspective")
+    assert scene.materials == {"m": Diffuse((0.5, 0.5, 0.5))}
+    assert scene.lights.names == ("distant_000",)
+    assert np.allclose(scene.lights.reference_point_mm, [-10, 0, -300], atol=1e-2)
+    assert scene.environment.is_dark
+    assert (scene.name, scene.sampling.engine, scene.sampling.max_depth) == ("a", "auto", 3)
+
+
+def test_a_point_goes_through_scale_then_turns_about_x_y_z_then_place_then_matrix_then_pose(tmp_path):
+    pose = np.array([[0, -1.0, 0, 7], [1, 0, 0, 8], [0, 0, 1, -300], [0, 0, 0, 1]])
+    (tmp_path / "pose.json").write_text(json.dumps({"camera_from_scan": pose.tolist(), "mm_per_unit": 2.0}))
+    place = 'scale = [1, 2, 3]\nrotate_deg = [90, 90, 0]\ntranslate_mm = [10, 20, 30]\npose = "pose.json"\n'
+    place += "matrix = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]]\n"
+    scene = read(tmp_path, HEAD, '[[objects]]\nshape = "cube"\nmaterial = "m"\n' + place, MATTE, LIGHT)
+    # (1, 0, 0): turned about x it stays, about y it becomes -z. (0, 1, 0): scaled to 2, about x to z, about y to x.
+    for point, turned in (([1.0, 0, 0], [0, 0, -1]), ([0, 1.0, 0], [2, 0, 0]), ([0, 0, 1.0], [0, -3, 0])):
+        x, y, z = 2 * (np.array(turned) + [10, 20, 35])
+        assert np.allclose(scene.objects[0].matrix @ [*point, 1], [7 - y, 8 + x, z - 300, 1])
+
+
+def test_azimuth_counts_from_right_to_up_and_elevation_toward_the_viewer(tmp_path):
+    assert np.allclose(direction([0, 90, 180], [0, 0, 0]), [[1, 0, 0], [0, 1, 0], [-1, 0, 0]])
+    assert np.allclose(direction(35, 90), [0, 0, 1])
+    lights = read(
+        tmp_path, HEAD, BALL, MATTE, '[[lights]]\nkind = "distant"\nazimuth_deg = 90\nelevation_deg = 30\n'
+    ).lights
+    assert np.allclose(lights.directions, [[0, np.sqrt(0.75), 0.5]])
+    assert lights.positions_mm is None
+
+
+def test_groups_of_lights_stand_where_they_are_said_to(tmp_path):
+    groups = """
+    reference_point_mm = [1, 2, -300]
+    [[lights]]
+    kind = "ring"
+    name = "low"
+    count = 4
+    polar_deg = 60
+    start_deg = 90
+    distance_mm = 400
+    radius_mm = 20
+    intensity = [1, 0.5, 0.25]
+    [[lights]]
+    kind = "hemisphere"
+    rings = 2
+    around = 3
+    max_polar_deg = 60
+    distance_mm = 500
+    [[lights]]
+    kind = "point"
+    name = "key"
+    position_mm = [0, 0, 50]
+    """
+    reference, tables = groups.split("[[lights]]", 1)
+    scene = read(tmp_path, reference, HEAD, BALL, MATTE, "[[lights]]" + tables)
+    lights = scene.lights
+    assert lights.names == (*(f"low_00{i}" for i in range(4)), *(f"hemisphere_00{i}" for i in range(6)), "key")
+    assert np.allclose(scene.radii_mm, [20] * 4 + [0] * 7)
+    offsets = lights.positions_mm - [1, 2, -300]
+    assert np.allclose(np.linalg.norm(offsets, axis=1)[:10], [400] * 4 + [500] * 6)
+    assert np.allclose(offsets[0], [0, 400 * np.sqrt(0.75), 200])
+    assert np.allclose(offsets[1], [-400 * np.sqrt(0.75), 0, 200])
+    polar = np.degrees(np.arccos(lights.directions[4:10, 2]))
+    assert np.allclose(polar, [20] * 3 + [60] * 3)
+    assert np.allclose(lights.positions_mm[10], [0, 0, 50])
+    assert np.allclose(lights.intensities[:5], [[1, 0.5, 0.25]] * 4 + [[1, 1, 1]])
+
+
+def test_a_sessions_lights_come_with_the_brightness_of_its_white_ball(tmp_path):
+    near = np.array([[0.0, 0, 100], [90, 0, 0]])
+    reference = np.array([3.0, 4, -500])
+    toward = (near - reference) / np.linalg.norm(near - reference, axis=1, keepdims=True)
+    white = np.array([0.4, 0.5, 0.6])
+    given = Lights(("a", "b"), toward, np.array([[1.2] * 3, [0.8] * 3]), near, reference, white_value=white)
+    Store(tmp_path).save_lights(given)
+    scene = read(tmp_path, HEAD, BALL, MATTE, '[[lights]]\nkind = "session"\nfile = "lights.json"\n')
+    assert np.allclose(scene.irradiance, np.pi * given.intensities * white / 0.8)
+    assert np.allclose(scene.lights.reference_point_mm, reference)
+    assert scene.lights.names == ("a", "b")
+
+
+def test_every_fault_is_told_at_once_with_its_key(tmp_path):
+    text = HEAD.replace("fx", "focal").replace("64", "-64") + BALL.replace("scale = 40", "scale = 0")
+    text += (
+        MATTE.replace("diffuse", "velvet")
+        + '[materials.n]\nkind = "rough_plastic"\nreflectance = "red"\nroughness = 0\n'
+    )
+    text += (
+        '[[lights]]\nkind = "area"\nposition_mm = [0, 0, 0]\n[[lights]]\nkind = "ring"\ncount = 2\npolar_deg = 190\n'
+    )
+    text += '[sampling]\nengine = "best"\n'
+    with pytest.raises(RenderError) as caught:
+        read(tmp_path, text)
+    message = str(caught.value)
+    for line in (
+        "camera.focal: unknown key",
+        "camera.fx: missing",
+        "camera.width: found -64",
+        "objects[0]: found a table",
+        "materials.m.kind",
+        "materials.n.reflectance: found 'red'",
+        "materials.n.roughness: found 0",
+        'lights[0]: found a table with kind, position_mm; kind = "area" wants position_mm and radius_mm',
+        "lights[1].polar_deg: found 190",
+        "sampling.engine: found 'best'",
+    ):
+        assert line in message, (line, message)
+    assert "10 faults" in message
+
+
+def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
+    cv2.imwrite(str(tmp_path / "dark.png"), np.full((4, 4, 3), 90, np.uint8))
+    np.save(tmp_path / "sky.npy", np.full((2, 4, 1), np.nan))
+    (tmp_path / "bad.ply").write_text("ply\n")
+    text = (
+        HEAD
+        + BALL
+        + BALL.replace('shape = "sphere"', 'mesh = "none.stl"')
+        + BALL.replace('shape = "sphere"', 'mesh = "bad.ply"')
+    )
+    text += BALL.replace('"m"', '"x"')
+    text += (
+        '[materials.m]\nkind = "diffuse"\nreflectance = { file = "no.png" }\n[environment]\nmap = "sky.npy"\n' + LIGHT
+    )
+    with pytest.raises(RenderError) as caught:
+        read(tmp_path, text)
+    keys = ("objects[1].mesh", "objects[2].mesh", "materials.m.reflectance", "environment.map", "objects[3].material")
+    for line in (*keys, "none.stl: not found", "no.png: not found", "8 of 8 values", "found 'x'"):
+        assert line in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"material": Diffuse(Texture(np.ones((2, 2, 3), np.float32)))}, "no texture coordinates"),
+        ({"material": Diffuse("vertex")}, "has none"),
+        ({"material": RoughPlastic("vertex")}, "use principled"),
+        ({"material": Diffuse((1.2, 0.5, 0.5))}, "expected 0 to 1"),
+        ({"material": Conductor("Unobtainium")}, "Unobtainium"),
+        ({"material": Diffuse((0.5,) * 3, Subsurface(1.0)), "open": True}, "not closed"),
+        ({"lights": '[[lights]]\nkind = "point"\nposition_mm = [0, 0, -290]\n'}, "inside 'ball'"),
+        ({"lights": LIGHT + '[[lights]]\nkind = "point"\nposition_mm = [0, 0, 0]\n'}, "all must be of one sort"),
+        ({"lights": LIGHT.replace("kind", 'name = "a"\nkind') * 2}, "a occurs twice"),
+        ({"at": [900.0, 0, -300]}, "sees nothing"),
+    ],
+)
+def test_what_cannot_be_rendered_is_named(change, message, tmp_path):
+    shape = trimesh.creation.icosphere(2, 30)
+    faces = np.asarray(shape.faces)[: -5 if change.get("open") else None]
+    mesh = smooth(np.asarray(shape.vertices), faces, None, None)
+    lights = read(tmp_path, HEAD, BALL, MATTE, LIGHT)
+    matrix = np.eye(4)
+    matrix[:3, 3] = change.get("at", [0.0, 0, -300])
+    material = change.get("material", Diffuse((0.5, 0.5, 0.5)))
+    scene = TwinScene(lights.camera, (TwinObject("ball", mesh, "m", matrix),), {"m": material}, lights.lights)
+    write_scene(scene, tmp_path)
+    if "lights" in change:
+        text = (tmp_path / "scene.toml").read_text()
+        start, end = text.index("[[lights]]"), text.index("[sampling]")
+        (tmp_path / "scene.toml").write_text(text[:start] + change["lights"] + text[end:])
+    with pytest.raises(RenderError, match=message):
+        read_scene(tmp_path / "scene.toml")
+
+
+def same(one, two):
+    """Whether two values, dataclasses or mappings hold the same."""
+    if hasattr(one, "__dataclass_fields__"):
+        return type(one) is type(two) and all(same(getattr(one, f.name), getattr(two, f.name)) for f in fields(one))
+    if isinstance(one, dict):
+        return list(one) == list(two) and all(same(one[key], two[key]) for key in one)
+    if isinstance(one, tuple):
+        return len(one) == len(two) and all(map(same, one, two))
+    if isinstance(one, np.ndarray):
+        return one.shape == two.shape and np.allclose(one, two, rtol=1e-15, atol=1e-15, equal_nan=True)
+    return one == two
+
+
+def test_what_is_written_is_read_again_as_it_was(tmp_path):
+    rng = np.random.default_rng(10001)
+    base = read(
+        tmp_path, HEAD, BALL, MATTE, '[[lights]]\nkind = "ring"\ncount = 3\npolar_deg = 20\ndistance_mm = 300\n'
+    )
+    square = built_in("square")
+    coloured = ObjectMesh(square.vertices + rng.random((4, 3)), square.faces, None, None, rng.random((4, 3)))
+    at = np.eye(4)
+    at[:3] = [[3.1, 0.2, 0, 5], [0, 2.2, 0.1, 6], [0, 0.3, 1.7, -300]]
+    texture = Texture(rng.random((3, 5, 3)).astype(np.float32), "clamp")
+    (tmp_path / "gold.bsdf").write_bytes(b"measured")
+    materials = {
+        "a b": Diffuse(texture, Subsurface(1.5, (0.5, 0.6, 0.7), 0.25)),
+        "plastic": RoughPlastic((0.1, 0.2, 0.3), 0.05, Texture(rng.random((2, 2, 1)).astype(np.float32)), 1.6),
+        "copper": Conductor("Cu", 0.0),
+        "disney": Principled("vertex", 0.3, 0.5, 0.25),
+        "measured": Measured(tmp_path / "gold.bsdf"),
+    }
+    objects = (
+        TwinObject("one", built_in("sphere"), "a b", at),
+        TwinObject("two", coloured, "disney", at),
+        TwinObject("three", built_in("cone"), "measured", at),
+    )
+    sky = rng.random((4, 8, 3)).astype(np.float32)
+    given = replace(
+        base,
+        objects=objects,
+        materials=materials,
+        environment=Environment(sky, 0.7, 33.0, (0.1, 0.2, 0.3)),
+        radii_mm=np.array([0.0, 5.0, 7.5]),
+        lights=replace(base.lights, white_value=np.array([0.4, 0.8, 1.2])),
+        name='with "quotes"',
+    )
+    path = write_scene(given, tmp_path / "copy")
+    again = read_scene(path)
+    assert np.allclose(again.irradiance, given.irradiance, rtol=1e-14)
+    assert same(again.materials["measured"], Measured(tmp_path / "copy" / "textures" / "gold.bsdf"))
+    for scene in (given, again):
+        assert scene.lights.positions_mm is not None
+    common = [field.name for field in fields(TwinScene) if field.name not in ("lights", "materials", "camera")]
+    for name in common:
+        assert same(getattr(given, name), getattr(again, name)), name
+    assert same(
+        {key: value for key, value in given.materials.items() if key != "measured"},
+        {key: value for key, value in again.materials.items() if key != "measured"},
+    )
+    assert np.allclose(again.lights.positions_mm, given.lights.positions_mm, rtol=1e-14)
+    assert replace(again.camera, source="") == replace(given.camera, source="")
+    # And once more: from then on nothing changes.
+    assert write_scene(again, tmp_path / "third").read_text() == path.read_text()
+
+
+def test_pictures_are_linear_in_memory_whatever_they_are_on_disk(tmp_path):
+    coded = np.array([[[0, 128, 255], [255, 64, 0]]], np.uint8)
+    cv2.imwrite(str(tmp_path / "a.png"), coded[..., ::-1])
+    text = 'kind = "diffuse"\nreflectance = { file = "a.png"%s }\n'
+    for encoding, expected in (
+        ("", 0.2158605),
+        (', encoding = "srgb"', 0.2158605),
+        (', encoding = "linear"', 128 / 255),
+    ):
+        scene = read(tmp_path, HEAD, BALL, "[materials.m]\n" + text % encoding, LIGHT)
+        values = scene.materials["m"].reflectance.values
+        assert values.shape == (1, 2, 3)
+        assert np.allclose(values[0, 0], [0, expected, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_built_in_shapes_face_outward_and_their_pictures_stand_upright(name):
+    mesh = built_in(name)
+    corners = mesh.vertices[mesh.faces]
+    flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.linalg.norm(flat, axis=1) > 0).all()
+    assert (np.sum(flat * mesh.normals[mesh.faces].mean(1), 1) > 0).all()
+    outward = flat[:, 2] if name in ("square", "disc") else np.sum(flat * (corners.mean(1) - [0, 0, -1e-3]), 1)
+    assert (outward > 0).all()
+    # From outside, s grows to the right of t's downward: never mirrored.
+    s, t = (mesh.texcoords[mesh.faces][..., k] for k in (0, 1))
+    area = (s[:, 1] - s[:, 0]) * (t[:, 2] - t[:, 0]) - (s[:, 2] - s[:, 0]) * (t[:, 1] - t[:, 0])
+    assert (area < 1e-12).all()
+
+
+def test_an_obj_files_picture_stands_upright(tmp_path):
+    (tmp_path / "a.obj").write_text(
+        "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3\nf 1/1 3/3 4/4\n"
+    )
+    place = '[[objects]]\nmesh = "a.obj"\nscale = 30\ntranslate_mm = [0, 0, -300]\nmaterial = "m"\n'
+    mesh = read(tmp_path, HEAD, place, MATTE, LIGHT).objects[0].mesh
+    top_left = np.argmin(mesh.vertices[:, 0] - mesh.vertices[:, 1])
+    assert np.allclose(mesh.texcoords[top_left], [0, 0])
+    assert np.allclose(mesh.normals, [0, 0, 1])

@@ -1,0 +1,176 @@
+"""What a rendering ought to be solved to: normals, depth, material and shadows, by ray casting, without noise.
+
+The true maps of a scene description, pixel by pixel, where the pixel's centre looks.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.files import write_npy
+from twin.description import TwinScene
+from twin.materials import Conductor, Material, Measured, Principled, Texture
+from twin.visibility import Sight
+
+Array = NDArray[np.float64]
+Picture = NDArray[np.float32]
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTruth:
+    """Maps of the camera's full size; NaN (or -1, or no bit) where no object is seen.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        An object is seen.
+    object : (H, W) int16
+        Which of the scene's objects.
+    normals : (H, W, 3) float32
+        Unit, camera frame: those that the materials shade with, turned to the side that is seen.
+    z_mm : (H, W) float32
+        In the camera frame, negative before a perspective camera.
+    height_mm : (H, W) float32
+        z_mm above the lowest point seen.
+    albedo : (H, W, 3) float32
+        Matte reflectance; 0 for metals, NaN for measured materials. As pixel value under a light of intensity 1.
+    roughness, specularity : (H, W) float32
+        The material's parameters; matte: 1 and 0, metals: specularity 1, measured: NaN.
+    attached, cast : (H, W, ceil(N / 8)) uint8
+        One bit a light, light i in byte i // 8, bit i % 8: the surface faces away from it; it faces it, but something
+        stands between. Discs are taken by their middle.
+    """
+
+    mask: NDArray[np.bool_]
+    object: NDArray[np.int16]
+    normals: Picture
+    z_mm: Picture
+    height_mm: Picture
+    albedo: Picture
+    roughness: Picture
+    specularity: Picture
+    attached: NDArray[np.uint8]
+    cast: NDArray[np.uint8]
+
+
+def ground_truth(scene: TwinScene, *, progress: Callable[[int, int], None] | None = None) -> GroundTruth:
+    """Return the true maps of a scene.
+
+    Parameters
+    ----------
+    scene : TwinScene
+    progress : callable or None
+        Called with (rows done, rows in all).
+
+    Raises
+    ------
+    RenderError
+        The camera sees nothing.
+    """
+    film, camera, count = scene.film(), scene.camera, len(scene.lights)
+    shape = (camera.height, camera.width)
+    unknown = {"normals": 3, "z_mm": 0, "albedo": 3, "roughness": 0, "specularity": 0}
+    maps: dict[str, Any] = {
+        name: np.full((*shape, depth) if depth else shape, np.nan, np.float32) for name, depth in unknown.items()
+    }
+    maps["object"] = np.full(shape, -1, np.int16)
+    for name in ("attached", "cast"):
+        maps[name] = np.zeros((*shape, (count + 7) // 8), np.uint8)
+    meshes = [one.placed for one in scene.objects]
+    first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + first for mesh, first in zip(meshes, first_vertex, strict=False)])
+    sight = Sight(scene.points, faces, camera)
+    for band, face, weights, points in sight.rows(film.rows, film.columns):
+        rows, columns = np.nonzero(face >= 0)
+        at = (band.start + rows, film.columns.start + columns)
+        face, weights, points = face[rows, columns], weights[rows, columns], points[rows, columns]
+        which = np.searchsorted(first_face, face, "right") - 1
+        maps["object"][at] = which
+        maps["z_mm"][at] = points[:, 2]
+        flat = sight.face_normals(face)
+        normals = np.array(flat)
+        for number, mesh in enumerate(meshes):
+            mine = which == number
+            corners = mesh.faces[face[mine] - first_face[number]]
+            if mesh.normals is not None:
+                normals[mine] = _unit(_mixed(mesh.normals, corners, weights[mine]))
+            texcoords = None if mesh.texcoords is None else _mixed(mesh.texcoords, corners, weights[mine])
+            colours = None if mesh.colours is None else _mixed(mesh.colours, corners, weights[mine])
+            found = _appearance(scene.materials[scene.objects[number].material], texcoords, colours)
+            where = (at[0][mine], at[1][mine])
+            for name, values in zip(("albedo", "roughness", "specularity"), found, strict=True):
+                maps[name][where] = values * scene.white if name == "albedo" else values
+        _, rays = camera.rays(np.stack([at[1], at[0]], -1))
+        # What is seen from behind has its back for a front, as two-sided materials have.
+        side = np.where(np.sum(flat * rays, -1, keepdims=True) > 0, -1.0, 1.0)
+        flat, normals = side * flat, side * normals
+        maps["normals"][at] = normals
+        for name, bits in zip(("attached", "cast"), _shadows(scene, sight, points, normals, flat), strict=True):
+            maps[name][at] = np.packbits(bits, axis=1, bitorder="little")
+        if progress is not None:
+            progress(band.stop - film.rows.start, film.rows.stop - film.rows.start)
+    mask = maps["object"] >= 0
+    lowest = np.nanmin(maps["z_mm"]) if mask.any() else np.nan
+    return GroundTruth(mask=mask, height_mm=maps["z_mm"] - lowest, **maps)
+
+
+def lights_of(bits: NDArray[np.uint8], count: int) -> NDArray[np.bool_]:
+    """Return (N, H, W) bool of the N lights' bits (H, W, ceil(N / 8))."""
+    return np.moveaxis(np.unpackbits(bits, axis=-1, count=count, bitorder="little"), -1, 0).astype(bool)
+
+
+def save_ground_truth(truth: GroundTruth, folder: Path) -> None:
+    """Write every map as truth_NAME.npy; `truth_normals.npy` and so on."""
+    for field in fields(truth):
+        write_npy(folder / f"truth_{field.name}.npy", getattr(truth, field.name))
+
+
+def _mixed(values: Array, corners: NDArray[np.int64], weights: Array) -> Array:
+    return np.einsum("pc,pcx->px", weights, values[corners])
+
+
+def _unit(vectors: Array) -> Array:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1)
+
+
+def _appearance(material: Material, texcoords: Array | None, colours: Array | None) -> tuple[Any, Any, Any]:
+    """Return albedo, roughness and specularity: numbers, or one row a pixel."""
+    if isinstance(material, Measured):
+        return np.nan, np.nan, np.nan
+    if isinstance(material, Conductor):
+        return 0.0, material.roughness, 1.0
+
+    def value(given: Any) -> Any:
+        if isinstance(given, Texture):
+            assert texcoords is not None
+            return given.at(texcoords)
+        return colours if isinstance(given, str) else np.asarray(given, float)
+
+    albedo = value(material.reflectance)
+    if isinstance(material, Principled):
+        return albedo * (1 - material.metallic), material.roughness, material.specularity
+    specularity = value(getattr(material, "specularity", 0.0))
+    one_channel = specularity.mean(-1) if np.ndim(specularity) == 2 else specularity
+    return albedo, getattr(material, "roughness", 1.0), one_channel
+
+
+def _shadows(
+    scene: TwinScene, sight: Sight, points: Array, normals: Array, flat: Array
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return (P, N) attached and cast."""
+    attached = np.empty((len(points), len(scene.lights)), bool)
+    cast = np.zeros_like(attached)
+    toward = scene.lights.toward(points)
+    for index, vectors in enumerate(toward):
+        attached[:, index] = (np.sum(vectors * normals, 1) <= 0) | (np.sum(vectors * flat, 1) <= 0)
+        facing = ~attached[:, index]
+        positions = scene.lights.positions_mm
+        ends = None if positions is None else positions[index]
+        cast[facing, index] = sight.hidden(points[facing], flat[facing], _unit(vectors[facing]), ends)
+    return attached, cast
