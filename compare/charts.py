@@ -9,6 +9,7 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 """Told apart by colour-blind eyes too [Okabe2008]."""
 SCALE_TICKS_DEG = (30, 60, 90)
 """Angles from the camera's axis that the hemisphere names."""
+PANELS_ABREAST = 4
 CHANNELS = (("red", "#D55E00", "triangle-up"), ("green", "#009E73", "circle"), ("blue", "#0072B2", "triangle-down"))
 
 
@@ -207,76 +208,72 @@ def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> st
     )
 
 
-def error_histogram(compared: dict[str, Any]) -> str:
-    """Return the share of pixels by error: real full, twin dashed; the last bin holds all beyond the scale."""
-    import plotly.graph_objects as go
+def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
+    """Return a panel a method, all on one scale: the share of pixels by error, real filled, twin a line.
+
+    What lies beyond the scale would flatten the rest; it is written into the panel instead.
+    """
+    from plotly.subplots import make_subplots
 
     edges = np.array(compared["histogram_edges_deg"])
-    centres = np.append((edges[:-1] + edges[1:]) / 2, edges[-1] + (edges[1] - edges[0]) / 2)
-    figure = go.Figure()
-    for index, (name, row) in enumerate(compared["methods"].items()):
-        for kind, dash in (("real", "solid"), ("twin", "dot")):
-            counts = (row.get("histogram") or {}).get(kind)
-            if not counts:
+    found = {name: compared["methods"][name].get("histogram") or {} for name in names}
+    found = {name: kinds for name, kinds in found.items() if any(map(sum, kinds.values()))}
+    columns = min(PANELS_ABREAST, len(found))
+    rows = -(-len(found) // columns)
+    figure = make_subplots(
+        rows,
+        columns,
+        shared_xaxes=True,
+        shared_yaxes=True,
+        subplot_titles=[f"<b>{escape(name)}</b>" for name in found],
+        horizontal_spacing=0.02,
+        vertical_spacing=0.24 / rows,
+    )
+    top, named = 0.0, set()
+    for index, kinds in enumerate(found.values()):
+        place = {"row": index // columns + 1, "col": index % columns + 1}
+        beyond = []
+        for kind, counts in kinds.items():
+            if not sum(counts):
                 continue
+            share = 100 * np.array(counts) / sum(counts)
+            top = max(top, float(share[:-1].max()))
+            beyond.append(f"{kind} {share[-1]:.2g} %")
             figure.add_scatter(
-                x=centres.tolist(),
-                y=(100 * np.array(counts) / max(sum(counts), 1)).tolist(),
+                x=edges.tolist(),
+                y=[*share[:-1].tolist(), float(share[-2])],
                 mode="lines",
-                line={"shape": "hvh", "dash": dash, "color": COLOURS[index % len(COLOURS)], "width": 2},
-                name=f"{escape(name)}, {kind}",
+                line={"shape": "hv", "color": COLOURS[0] if kind == "real" else "#000", "width": 1.5},
+                fill="tozeroy" if kind == "real" else "none",
+                name="photographs" if kind == "real" else "twin",
+                legendgroup=kind,
+                showlegend=kind not in named,
                 hovertemplate="%{x:.2f}°: %{y:.2f} % of pixels<extra>%{fullData.name}</extra>",
+                **place,
             )
-    figure.update_xaxes(title=f"angular error (°); the last bin holds everything beyond {edges[-1]:g}°")
-    figure.update_yaxes(title="share of pixels (%)", rangemode="tozero")
-    return _html(figure, "error-histogram", "Histogram of the angular error of each method", height=360)
-
-
-def time_against_error(points: list[dict[str, Any]]) -> str:
-    """Return seconds per megapixel-image against median error, both axes logarithmic, Pareto front drawn.
-
-    `points`: method, kind (real or twin), seconds, median_deg.
-    """
-    import plotly.graph_objects as go
-
-    figure = go.Figure()
-    methods = list(dict.fromkeys(point["method"] for point in points))
-    for point in points:
-        colour = COLOURS[methods.index(point["method"]) % len(COLOURS)]
-        figure.add_scatter(
-            x=[point["seconds"]],
-            y=[point["median_deg"]],
-            mode="markers+text",
-            text=[escape(f"{point['method']}, {point['kind']}")],
-            # Real and twin of one method lie close together: their names keep apart.
-            textposition="top center" if point["kind"] == "real" else "bottom center",
-            cliponaxis=False,
-            showlegend=False,
-            marker={"size": 12, "color": colour, "symbol": "circle" if point["kind"] == "real" else "circle-open"},
-            hovertemplate="%{text}<br>%{x:.3g} s, %{y:.2f}°<extra></extra>",
+            named.add(kind)
+        figure.add_annotation(
+            text=f"beyond {edges[-1]:g}°:<br>{'<br>'.join(beyond)}",
+            x=0.98,
+            y=0.96,
+            xref="x domain",
+            yref="y domain",
+            xanchor="right",
+            yanchor="top",
+            align="right",
+            showarrow=False,
+            font={"size": 11, "color": "#444"},
+            **place,
         )
-    real = sorted((p for p in points if p["kind"] == "real"), key=lambda p: (p["seconds"], p["median_deg"]))
-    front: list[dict[str, Any]] = []
-    for point in real:
-        if not front or point["median_deg"] < front[-1]["median_deg"]:
-            front.append(point)
-    if len(front) > 1:
-        figure.add_scatter(
-            x=[p["seconds"] for p in front],
-            y=[p["median_deg"] for p in front],
-            mode="lines",
-            line={"shape": "hv", "color": "#999", "dash": "dot", "width": 1.5},
-            name="nothing here is both faster and better (real)",
-            hoverinfo="skip",
-        )
-    figure.update_xaxes(title="seconds per megapixel-image", type="log", **_decades([p["seconds"] for p in points]))
-    figure.update_yaxes(title="median angular error (°)", type="log", **_decades([p["median_deg"] for p in points]))
-    return _html(figure, "time-against-error", "Time against median angular error of each method", height=380)
-
-
-def _decades(values: list[float]) -> dict[str, Any]:
-    """Return a log axis with room around its points, at least half a decade, and ticks at 1, 2, 5."""
-    low, high = np.log10(min(values)), np.log10(max(values))
-    room = max(0.2, (0.7 - (high - low)) / 2)
-    ticks = [m * 10.0**e for e in range(int(np.floor(low)) - 1, int(np.ceil(high)) + 2) for m in (1, 2, 5)]
-    return {"range": [low - room, high + room], "tickvals": ticks, "ticktext": [f"{tick:g}" for tick in ticks]}
+    figure.update_xaxes(range=[0, float(edges[-1])])
+    figure.update_xaxes(title="angular error (°)", row=rows)
+    figure.update_yaxes(range=[0, 1.05 * top or 1])
+    figure.update_yaxes(title="pixels (%)", col=1)
+    height = 110 + 140 * rows
+    return _html(
+        figure,
+        "error-histograms",
+        "Histogram of the angular error of each method",
+        height=height,
+        legend_y=1 + 30 / height,
+    )

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.facts import light_rows, method_names, read_optional, sphere_rows
-from compare.four_ways import UNCALIBRATED, four_ways
+from compare.four_ways import four_ways, is_measured_so
 from compare.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
 from compare.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
@@ -43,10 +43,11 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         real and twin (`angular_statistics`, or None), coverage and twin_coverage (share of the true pixels that
         were answered), pearson, spearman, correlation_pixels, median_difference_deg (`error_correlation`),
         real/twin_rotation_deg (the turn common to all normals) and real/twin_median_unrotated_deg (the median error
-        once it is undone), histogram (pixels per bin, the last one: beyond the last edge);
-        histogram_edges_deg; error_scale_deg (the colour scale's end); between_methods: a, b, pixels and statistics of
-        the angle between each two methods on the real frames; lights, spheres, pose for the report; notes
-        (plain statements, such as that there is no truth); warnings.
+        once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
+        median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
+        last one: beyond the last edge); histogram_edges_deg; error_scale_deg (the colour scale's end);
+        between_methods: a, b, pixels and statistics of the angle between each two methods on the real frames; lights,
+        spheres, pose for the report; notes (plain statements, such as that there is no truth); warnings.
 
     Raises
     ------
@@ -81,6 +82,9 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "notes": notes,
         "warnings": warnings,
     }
+    for name, row in result["methods"].items():
+        apart = [pair["median_deg"] for pair in result["between_methods"] if name in (pair["a"], pair["b"])]
+        row["median_to_others_deg"] = float(np.median(apart)) if apart else None
     written: set[str] = set()
     if truth is None:
         # A plain statement: that there is no truth was warned of where it should have come from.
@@ -127,7 +131,7 @@ def _errors(
             )
             angle, median = _without_common_rotation(estimate, truth, error)
             row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
-            if name in UNCALIBRATED:
+            if is_measured_so(name):
                 row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
             spread.append(float(np.nanquantile(error, 0.95)))
             write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)

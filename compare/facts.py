@@ -9,6 +9,8 @@ from scene.store import Store
 
 METHOD_ORDER = ("ls", "rpca", "iterative", "hsh", "ldr", "entropy", "tv")
 """The seed's order; other methods follow by name."""
+UNCALIBRATED = ("ldr", "entropy", "tv")
+"""Methods that are not told the lights' directions."""
 
 
 def method_names(store: Store) -> list[str]:
@@ -18,6 +20,27 @@ def method_names(store: Store) -> list[str]:
     return sorted(
         names, key=lambda name: (METHOD_ORDER.index(name) if name in METHOD_ORDER else len(METHOD_ORDER), name)
     )
+
+
+def family(method: str) -> str:
+    """Return `calibrated`, `uncalibrated` or `external`: another program's name begins with a capital."""
+    if method[:1].isupper():
+        return "external"
+    return "uncalibrated" if method in UNCALIBRATED else "calibrated"
+
+
+def by_error(compared: dict[str, Any]) -> list[str]:
+    """Return the methods of a comparison, the smallest median error of the photographs first.
+
+    Those without an error follow in the order in which they are.
+    """
+
+    def median(name: str) -> float:
+        value = (methods[name].get("real") or {}).get("median_deg")
+        return np.inf if value is None else value
+
+    methods = compared.get("methods") or {}
+    return sorted(methods, key=median)
 
 
 def read_optional(store: Store, name: str) -> Any:

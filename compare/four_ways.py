@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.facts import UNCALIBRATED, family
 from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]
-UNCALIBRATED = ("ldr", "entropy", "tv")
-"""The methods whose results are measured so."""
+LOW_RANK = ("rpca", *UNCALIBRATED)
+"""They all start from a factorisation of the samples, which leaves a linear ambiguity to be settled."""
 MIRROR = np.array([-1.0, -1.0, 1.0])
 MOST_PIXELS = 4000
 """The oracles are fitted to every so many pixels, and measured on all."""
@@ -38,6 +39,14 @@ class FourWays:
     oracle_relief_deg: float
     oracle_linear_deg: float
     mirrored: bool
+
+
+def is_measured_so(method: str) -> bool:
+    """Tell whether a method's result is measured in four ways: those of `LOW_RANK`, and other programs.
+
+    Whether another program was told the lights' directions is not known here.
+    """
+    return method in LOW_RANK or family(method) == "external"
 
 
 def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) -> FourWays:
@@ -111,4 +120,5 @@ def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:
         # soft_l1 of the chord's length, not of its three components.
         return np.linalg.norm(chord, axis=1)
 
-    return np.asarray(least_squares(off, start, loss="soft_l1", f_scale=0.02, max_nfev=60).x)
+    # lsmr: decomposing tall matrices wakes all the linear algebra's threads, which then wait for each other.
+    return np.asarray(least_squares(off, start, loss="soft_l1", f_scale=0.02, max_nfev=60, tr_solver="lsmr").x)

@@ -6,14 +6,18 @@ from html import escape
 import numpy as np
 
 from compare import charts, pictures
+from compare.facts import by_error
 from compare.material import Material, Summary
 from compare.page import absent, is_number, number, picture, section
 from compare.pictures import Box, Exposure
 from compare.registration import raking_frame
+from compare.warned import doubts_of
 from scene.store import Store
 
 PHOTOGRAPH_WIDTH = 1000
 MAP_WIDTH = 440
+FEW_METHODS = 4
+"""With more, maps stand closer, and the twin's normals are folded away."""
 MAPS_PIXELS = 2_400_000
 """Of all maps together: noise does not compress, and the page is to stay below 15 megabytes."""
 
@@ -21,19 +25,21 @@ MAPS_PIXELS = 2_400_000
 def normals_section(material: Material) -> str:
     """Return the truth's and every method's normals as colours, with the ball to read them by."""
     names = material.methods
-    box, figures = _map_box(material), []
-    for place, name, words in [
-        ("normals", "truth", "ground truth"),
-        *(("normals", name, f"{name}, photographs") for name in names),
-        *(("twin/normals", name, f"{name}, twin") for name in names),
-    ]:
-        normals = material.map_of(place, name)
-        if normals is None:
-            continue
-        image = pictures.normal_picture(normals[box.rows, box.columns], _map_width(material, box))
-        caption = escape(words)
-        uri = pictures.data_uri(image, photograph=False)
-        figures.append(picture(uri, f"normals, {words}", caption, kind="map"))
+    box = _map_box(material)
+
+    def maps(place: str, rows: list[tuple[str, str]]) -> list[str]:
+        figures = []
+        for name, words in rows:
+            normals = material.map_of(place, name)
+            if normals is not None:
+                image = pictures.normal_picture(normals[box.rows, box.columns], _map_width(material, box))
+                uri = pictures.data_uri(image, photograph=False)
+                figures.append(picture(uri, f"normals, {words}", escape(words), kind="map"))
+        return figures
+
+    figures = maps("normals", [("truth", "ground truth"), *((name, f"{name}, photographs") for name in names)])
+    on_twin = maps("twin/normals", [(name, f"{name}, twin") for name in names])
+    figures += on_twin if len(names) <= FEW_METHODS else []
     if not figures:
         return section("normals", "Normals", absent("No normals are in this folder."))
     ball = picture(
@@ -45,7 +51,12 @@ def normals_section(material: Material) -> str:
     lead = "A pixel's colour is its normal's direction: find the same colour on the ball. Pale grey: unknown."
     if material.map_of("normals", "truth") is None:
         lead += " <b>There is no ground truth among them.</b>"
-    return section("normals", "Normals", f'<div class="gallery">{ball}{"".join(figures)}</div>', lead)
+    many = " many" if len(names) > FEW_METHODS else ""
+    body = f'<div class="gallery{many}">{ball}{"".join(figures)}</div>'
+    if many and on_twin:
+        folded = f'<div class="gallery many">{"".join(on_twin)}</div>'
+        body += f"<details><summary>The same methods on the twin</summary>{folded}</details>"
+    return section("normals", "Normals", body, lead)
 
 
 def _map_box(material: Material) -> Box:
@@ -75,7 +86,8 @@ def errors_section(material: Material, summary: Summary) -> str:
     box, rows = _map_box(material), []
     width = _map_width(material, box)
     any_twin = any(row.get("twin") for row in compared["methods"].values())
-    for name in compared.get("methods") or {}:
+    names = by_error(compared)
+    for name in names:
         row = compared["methods"][name]
         cells = []
         for kind, words in (("real", "photographs"), ("twin", "twin")):
@@ -100,12 +112,17 @@ def errors_section(material: Material, summary: Summary) -> str:
                 f"{number(row.get('correlation_pixels'))} pixels; median real − twin "
                 f"{number(row.get('median_difference_deg'), 2, '°')}.</p>"
             )
+        if doubts_of(summary, name):
+            alike = '<p class="alike"><a href="#verdict">It doubts itself</a>.</p>' + alike
         rows.append("".join(cells) + alike)
+    many = " many" if len(names) > FEW_METHODS else ""
     if any_twin:
-        shown = "".join(f'<div class="errors">{row}</div>' for row in rows)
+        pairs = "".join(f'<div class="errors">{row}</div>' for row in rows)
+        shown = f'<div class="error-pairs{many}">{pairs}</div>'
     else:
-        shown = f'<div class="errors">{"".join(rows)}</div>' + absent("No twin was solved: no map to lay beside these.")
-    body = colour_scale(end) + shown + charts.error_histogram(compared)
+        maps = "".join(f"<div>{row}</div>" for row in rows)
+        shown = f'<div class="errors{many}">{maps}</div>' + absent("No twin was solved: no map to lay beside these.")
+    body = colour_scale(end) + shown + charts.error_histograms(compared, names)
     lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; everything beyond has its last colour."
     return section("errors", "Where the errors are", body, lead)
 

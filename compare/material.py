@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare import pictures
-from compare.facts import light_rows, method_names, sphere_rows
+from compare.facts import by_error, light_rows, method_names, sphere_rows
 from compare.pictures import Box, Exposure
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -56,7 +56,7 @@ class Material:
             compared.get("lights") or light_rows(store),
             None if lights is None else lights.directions,
             compared.get("spheres") or sphere_rows(store),
-            list(compared["methods"]) if "methods" in compared else method_names(store),
+            by_error(compared) if "methods" in compared else method_names(store),
             mask,
         )
 

@@ -8,6 +8,9 @@ from typing import Any
 from compare import charts, galleries, maps, registration_section, sections
 from compare.material import Material
 from compare.page import is_number, number
+from compare.ranking import ranking_table
+from compare.speed_section import time_section
+from compare.statistics_section import statistics_section
 from compare.verdict import verdict
 from compare.warned import all_warnings
 from scene.files import write_text
@@ -24,7 +27,7 @@ CHAPTERS = (
     ("twin", "Twin"),
     ("errors", "Errors"),
     ("statistics", "Statistics"),
-    ("time", "Time"),
+    ("time", "Speed"),
     ("provenance", "Provenance"),
     ("how-to-read", "How to read"),
 )
@@ -52,7 +55,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     warnings = all_warnings(summary)
     name = str(summary.get("name") or store.folder.resolve().name)
     body = [
-        sections.verdict_box(verdict(summary), len(warnings)),
+        sections.verdict_box(verdict(summary), len(warnings), ranking_table(summary)),
         sections.truth_check_section(summary),
         sections.warnings_section(warnings),
         galleries.frames_section(material, summary),
@@ -62,10 +65,10 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         maps.normals_section(material),
         maps.twin_section(material, summary),
         maps.errors_section(material, summary),
-        sections.statistics_section(compared),
-        sections.time_section(summary),
+        statistics_section(compared),
+        time_section(summary),
         sections.provenance_section(summary),
-        sections.how_to_read_section(),
+        sections.how_to_read_section(compared),
     ]
     here = Path(__file__).parent
     page = Template((here / "report_template.html").read_text(encoding="utf-8")).substitute(

@@ -5,14 +5,12 @@ from html import escape
 from typing import Any
 
 from compare.page import is_number, number, percent, plain
+from compare.ranking import COVERAGE_BAR, level_of, ranking
 from compare.warned import warned_of
 
-MEDIAN_BARS_DEG = (5.0, 10.0)
-"""Median error up to which normals are called good, and beyond which not to be relied on."""
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 RESIDUAL_BARS_PX = (1.0, 3.0)
 CORRELATION_BARS = (0.3, 0.6)
-COVERAGE_BAR = 0.9
 TILT_BAR_DEG = 1.0
 
 
@@ -47,8 +45,7 @@ def verdict(summary: dict[str, Any]) -> list[Statement]:
     """
     compared = summary.get("compare") or {}
     statements = [
-        _normals(compared),
-        *_methods(summary, compared),
+        _normals(summary, compared),
         _truth(summary, compared),
         *_tilt(compared),
         _twin(summary, compared),
@@ -58,29 +55,26 @@ def verdict(summary: dict[str, Any]) -> list[Statement]:
     return [statement for statement in statements if statement is not None]
 
 
-def _level(value: Any, bars: tuple[float, float]) -> str:
-    if not is_number(value):
-        return "unknown"
-    return "good" if value <= bars[0] else "care" if value <= bars[1] else "bad"
-
-
 def _best(compared: dict[str, Any], kind: str) -> tuple[str, dict[str, Any]] | None:
     rows = [(name, row[kind]) for name, row in (compared.get("methods") or {}).items() if row.get(kind)]
     return min(rows, key=lambda row: row[1]["median_deg"], default=None)
 
 
-def _normals(compared: dict[str, Any]) -> Statement | None:
+def _normals(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None:
     methods = compared.get("methods") or {}
-    best = _best(compared, "real")
+    best = next((method for method in ranking(summary) if method.row.get("real")), None)
     if best is not None:
-        name, row = best
-        level = _level(row["median_deg"], MEDIAN_BARS_DEG)
+        row, coverage = best.row["real"], best.row.get("coverage")
         text = (
-            f"The best normals of the photographs are those of <b>{escape(name)}</b>: against the ground truth half of "
-            f"the {number(row['pixels'])} pixels are within {number(row['median_deg'], 1, '°')}, three quarters within "
-            f"{number(row['q3_deg'], 1, '°')}, and {percent(row['under_10_deg'])} within 10°."
+            f"The best normals of the photographs are those of <b>{escape(best.name)}</b>: against the ground truth "
+            f"half of the {number(row['pixels'])} pixels are within {number(row['median_deg'], 1, '°')}, three "
+            f"quarters within {number(row['q3_deg'], 1, '°')}, and {percent(row['under_10_deg'])} within 10°."
         )
-        return Statement("Normals", *_answered(methods[name], level, text))
+        if is_number(coverage) and coverage < COVERAGE_BAR:
+            text += f" It answers only {percent(coverage)} of the object; the rest is unknown."
+        if best.doubts:
+            text += f" It doubts itself: {escape(' '.join(best.doubts).replace('`', ''))}"
+        return Statement("Normals", best.level, text)
     if not methods:
         return Statement("Normals", "unknown", "No normals were computed in this folder.")
     if compared.get("has_truth"):
@@ -102,37 +96,6 @@ def _normals(compared: dict[str, Any]) -> Statement | None:
     return Statement("Normals", "unknown", text)
 
 
-def _answered(row: dict[str, Any], level: str, text: str) -> tuple[str, str]:
-    """Return level and text, lowered and longer where a method leaves much of the object unknown."""
-    coverage = row.get("coverage")
-    if is_number(coverage) and coverage < COVERAGE_BAR:
-        level = "care" if level == "good" else level
-        text += f" It answers only {percent(coverage)} of the object; the rest is unknown."
-    return level, text
-
-
-def _methods(summary: dict[str, Any], compared: dict[str, Any]) -> list[Statement]:
-    """Return a statement for each other method, and one for those that doubt themselves."""
-    out = []
-    best = _best(compared, "real")
-    for name, row in (compared.get("methods") or {}).items():
-        real = row.get("real")
-        if not real or (best is not None and name == best[0]):
-            continue
-        text = (
-            f"Median error {number(real['median_deg'], 1, '°')}, three quarters within "
-            f"{number(real['q3_deg'], 1, '°')}, {percent(real['under_10_deg'])} within 10°."
-        )
-        out.append(Statement(f"Normals of {name}", *_answered(row, _level(real["median_deg"], MEDIAN_BARS_DEG), text)))
-    doubting = [
-        name for name, row in ((summary.get("solve") or {}).get("methods") or {}).items() if (row or {}).get("warnings")
-    ]
-    if doubting:
-        names = ", ".join(map(escape, doubting))
-        out.append(Statement("Own doubts", "care", f"Warned of by the method itself: {names} (see Warnings)."))
-    return out
-
-
 def _truth(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None:
     align = summary.get("align") or compared.get("pose") or {}
     truth = compared.get("truth") or {}
@@ -141,12 +104,12 @@ def _truth(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | Non
     sigma, residual = truth.get("sigma_deg_median"), align.get("residual_px")
     parts, level = [], "unknown"
     if is_number(residual):
-        level = _level(residual, RESIDUAL_BARS_PX)
+        level = level_of(residual, RESIDUAL_BARS_PX)
         parts.append(f"the scan's outline fits the photographs to {number(residual, 2, 'px')}")
     if is_number(align.get("sigma_deg")):
         parts.append(f"its pose is known to {number(align['sigma_deg'], 2, '°')}")
     if is_number(sigma):
-        level = _level(sigma, (1.0, 3.0)) if level == "unknown" else level
+        level = level_of(sigma, (1.0, 3.0)) if level == "unknown" else level
         parts.append(f"its normals are uncertain by {number(sigma, 2, '°')} (median, one sigma)")
     if not parts:
         return Statement("Ground truth", "unknown", "Given, but nothing says how uncertain it is.")
@@ -231,7 +194,7 @@ def _lights(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | No
         text += f" Their directions are known to {number(sigma, 2, '°')} (median, one sigma along one axis)"
         text += f", their intensities to {percent(relative, 1)}." if is_number(relative) else "."
     flagged = [row["name"] for row in lights.get("frames") or [] if row.get("flags")]
-    level = _level(sigma, DIRECTION_SIGMA_BARS_DEG)
+    level = level_of(sigma, DIRECTION_SIGMA_BARS_DEG)
     if flagged:
         level = "care" if level == "good" else level
         text += f" Suspicious: {escape(', '.join(flagged[:8]))}{' …' if len(flagged) > 8 else ''}."

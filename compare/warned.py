@@ -26,3 +26,9 @@ def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
 def warned_of(summary: dict[str, Any], step: str) -> list[str]:
     """Return the warnings of one step: check, calibrate, align, solve, twin or compare."""
     return [text for named, text in all_warnings(summary) if named == step]
+
+
+def doubts_of(summary: dict[str, Any], method: str) -> list[str]:
+    """Return why a method says that its own result on the photographs should not be believed."""
+    row = ((summary.get("solve") or {}).get("methods") or {}).get(method) or {}
+    return [str(text).removeprefix(f"{method}: ") for text in row.get("warnings") or ()]

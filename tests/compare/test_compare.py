@@ -125,10 +125,11 @@ def test_without_truth_only_differences_are_told_and_no_error(store, write_norma
     write_normals(store, "iterative", tilted(truth, 6.0))
     result = compare(store)
     assert not result["has_truth"]
-    assert all(row == {"real": None, "twin": None} for row in result["methods"].values())
+    assert all(row["real"] is row["twin"] is None for row in result["methods"].values())
     (pair,) = result["between_methods"]
     assert (pair["a"], pair["b"]) == ("ls", "iterative")
     assert pair["median_deg"] == pytest.approx(6, abs=1e-3)
+    assert all(row["median_to_others_deg"] == pair["median_deg"] for row in result["methods"].values())
     assert any("no ground truth" in text and "not accuracy" in text for text in result["notes"])
     # The step that should have made the truth warns of it; said twice, one fact would look like two.
     assert result["warnings"] == []

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from compare.four_ways import MIRROR, UNCALIBRATED, four_ways
+from compare.facts import UNCALIBRATED, family
+from compare.four_ways import MIRROR, four_ways, is_measured_so
 from scene.normals import unit
 
 RELIEF = np.array([[1, 0, 0], [0, 1, 0], [0.4, -0.3, 1.7]])
@@ -65,3 +66,6 @@ def test_the_summary_has_them_for_the_methods_without_lights():
     from solve.solve import UNCALIBRATED as solved
 
     assert solved == UNCALIBRATED
+    assert all(is_measured_so(name) for name in (*solved, "rpca", "Learned"))
+    assert not any(is_measured_so(name) for name in ("ls", "near"))
+    assert [family(name) for name in ("tv", "ls", "Learned")] == ["uncalibrated", "calibrated", "external"]

@@ -104,7 +104,7 @@ def test_nothing_is_fetched(page):
 
 def test_the_chart_library_is_there_once(page):
     assert page.source.count("* plotly.js v") == 1
-    assert len([script for script in page.scripts if "Plotly.newPlot" in script and len(script) < 1e6]) == 6
+    assert len([script for script in page.scripts if "Plotly.newPlot" in script and len(script) < 1e6]) == 5
 
 
 def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
@@ -211,6 +211,80 @@ def test_statistics_on_the_page_are_those_of_the_comparison(page, session):
             assert f"median {row[kind]['median_deg']:.2f}°" in page.texts["errors"]
 
 
+def test_the_methods_are_ranked_on_top_with_what_they_doubt(page, session):
+    methods = session.summary["compare"]["methods"]
+    best, other = sorted(methods, key=lambda name: methods[name]["real"]["median_deg"])
+    top = page.texts["verdict"]
+    assert f"those of {best}" in top
+    assert top.index("All methods, against") < top.index(f"{best}take care") < top.index(f"{other}take care")
+    assert "3 pixels see fewer than four lit samples" in top
+    assert page.texts["errors"].count("It doubts itself") == 1
+    assert "least squares over the samples that are not in shadow" in page.texts["how-to-read"]
+
+
+@pytest.fixture(scope="module")
+def crowd(session, tmp_path_factory) -> tuple[Store, dict[str, Any]]:
+    """Return a session with eleven methods more: copies of one, turned a little; one of them knows nothing."""
+    store = Store(tmp_path_factory.mktemp("crowd") / "out")
+    shutil.copytree(session.store.folder, store.folder)
+    summary = copy.deepcopy(session.summary)
+    names = ("position", "l1", "sbl", "hsh", "rpca", "near", "ldr", "entropy", "tv", "Learned", "silent")
+    for number, name in enumerate(names):
+        angle = np.radians(2 + number)
+        turn = np.array([[1, 0, 0], [0, np.cos(angle), -np.sin(angle)], [0, np.sin(angle), np.cos(angle)]])
+        for place in ("normals", "twin/normals"):
+            normals = np.load(store.path(place, "ls.npy")) @ turn.T.astype(np.float32)
+            if name == "silent":
+                normals[:] = np.nan
+            np.save(store.path(place, f"{name}.npy"), normals)
+        summary["solve"]["methods"][name] = {**summary["solve"]["methods"]["ls"], "warnings": []}
+    summary["compare"] = compare(store)
+    return store, summary
+
+
+def test_many_methods_stay_readable(crowd):
+    _, summary = crowd
+    page = Page(write_report(*crowd))
+    assert_self_contained(page)
+    # The twin's normals are folded away, and so are the pairs: 13 methods make 78.
+    assert page.source.index("The same methods on the twin") < page.source.index("normals, tv, twin")
+    assert re.search(r"<details><summary>All statistics of each two methods", page.source)
+    (square,) = re.findall(r'<table class="square">.*?</table>', page.source, re.S)
+    assert square.count("<tr>") == 1 + 12
+    assert square.count('class="heat"') == 12 * 11
+    # Each name once in the chart; the one without an answer is named below, not dropped.
+    (chart,) = re.findall(r'<figure class="speed">(.*?)</figure>', page.source, re.S)
+    names = re.findall(r'<text class="name"[^>]*>([^<]*)</text>', chart)
+    assert sorted([*names, "silent"]) == sorted(summary["solve"]["methods"])
+    assert "silent: no normal where the truth is known" in page.texts["time"]
+    # One panel a method in the histograms.
+    (panels,) = (script for script in page.scripts if "chart-error-histograms" in script)
+    assert all(f"\\u003cb\\u003e{name}\\u003c" in panels for name in names)
+
+
+def test_the_four_ways_are_told_of_ambiguous_methods_and_only_raw_is_in_the_errors(crowd):
+    store, summary = crowd
+    methods = summary["compare"]["methods"]
+    assert {name for name in methods if "real_four_ways" in methods[name]} == {
+        "rpca",
+        "ldr",
+        "entropy",
+        "tv",
+        "Learned",
+    }
+    for name in ("rpca", "ldr", "entropy", "tv", "Learned"):
+        ways = methods[name]["real_four_ways"]
+        assert ways["raw_deg"] == pytest.approx(methods[name]["real"]["mean_deg"], rel=1e-3)
+        assert ways["oracle_linear_deg"] < ways["raw_deg"] - 0.5, "a common turn is linear"
+    text = Page(write_report(store, summary)).texts["statistics"]
+    part = text[text.index("What their ambiguity costs") :]
+    for name in ("rpca", "ldr", "entropy", "tv", "Learned"):
+        ways = methods[name]["twin_four_ways"]
+        keys = ("raw_deg", "best_sign_deg", "oracle_relief_deg", "oracle_linear_deg")
+        assert f"{name} twin{''.join(f'{ways[key]:.2f}' for key in keys)}right" in part
+    assert "ls twin" not in part
+
+
 def without(session, tmp_path, *paths: str) -> Store:
     store = Store(tmp_path / "part")
     shutil.copytree(session.store.folder, store.folder)
@@ -235,6 +309,8 @@ def without(session, tmp_path, *paths: str) -> Store:
         (("twin",), ("twin",), "statistics", "No twin"),
         (("normals", "twin"), (), "normals", "No normals"),
         ((), ("solve",), "time", "No method's time"),
+        (("normals/truth.npy",), (), "time", "ls, iterative: there is no ground truth"),
+        (("normals/truth.npy",), (), "verdict", "without truth no order of belief follows"),
         (("camera.json",), ("camera",), "balls", "Its camera or its place"),
     ],
 )
@@ -335,5 +411,5 @@ def test_a_browser_draws_every_chart_and_refuses_nothing(session, page, tmp_path
     )
     drawn = re.findall(r'id="(chart-[\w-]+)" class="[^"]*js-plotly-plot', done.stdout)
     assert set(drawn) == set(re.findall(r'<div id="(chart-[\w-]+)"', page.source))
-    assert len(drawn) == 6
+    assert len(drawn) == 5
     assert "CONSOLE" not in done.stderr, [line for line in done.stderr.splitlines() if "CONSOLE" in line]

@@ -5,7 +5,9 @@ from typing import Any
 
 import pytest
 
+from compare.method_words import WORDS
 from compare.page import number, percent, plain, round_number
+from compare.ranking import ranking, ranking_table
 from compare.verdict import verdict
 
 
@@ -129,9 +131,37 @@ def test_the_best_method_is_the_one_with_the_smallest_median():
     summary = summary_of(6.0, 6.0)
     summary["compare"]["methods"]["<i>tv"] = copy.deepcopy(summary_of(3.0, 3.0)["compare"]["methods"]["ls"])
     assert levels(summary)["Normals"] == "good"
-    assert levels(summary)["Normals of ls"] == "care"
+    assert [(method.name, method.level) for method in ranking(summary)] == [("<i>tv", "good"), ("ls", "care")]
     assert "<i>tv:" in text_of(summary, "Normals")
-    assert all("<i>" not in statement.html for statement in verdict(summary))
+    assert all("<i>" not in html for html in [ranking_table(summary), *(each.html for each in verdict(summary))])
+
+
+def test_a_method_that_doubts_itself_is_not_good_and_its_doubt_stands_beside_it():
+    summary = summary_of()
+    summary["solve"] = {"methods": {"ls": {"warnings": ["ls: three lights only"]}}}
+    assert levels(summary)["Normals"] == "care"
+    assert "three lights only" in text_of(summary, "Normals")
+    assert "three lights only" in ranking_table(summary)
+    summary["compare"]["methods"]["ls"]["real"]["median_deg"] = 30.0
+    assert levels(summary)["Normals"] == "bad"
+
+
+def test_the_truths_own_uncertainty_stands_over_the_ranking():
+    assert "0.30°: smaller differences are no ranking" in plain(ranking_table(summary_of()))
+
+
+def test_methods_without_an_error_come_last_in_their_order():
+    summary = summary_of()
+    summary["compare"]["methods"] = {"b": {"real": None}, "a": {}, **summary["compare"]["methods"]}
+    assert [method.name for method in ranking(summary)] == ["ls", "b", "a"]
+    assert ranking({}) == []
+    assert ranking_table({}) == ""
+
+
+def test_every_method_has_a_word_for_who_reads_the_page():
+    from solve.solve import METHODS
+
+    assert set(WORDS) == set(METHODS)
 
 
 def test_an_empty_summary_promises_nothing():
