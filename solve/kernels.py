@@ -99,7 +99,8 @@ def weighted_sums(vectors, values, weights, sums):  # pragma: no cover
     a = b = c = d = e = f = p = q = r = 0.0
     for k in range(len(values)):
         m = np.float64(values[k])
-        x, y, z = weights[k] * u[k], weights[k] * v[k], weights[k] * w[k]
+        weight = np.float64(weights[k])
+        x, y, z = weight * u[k], weight * v[k], weight * w[k]
         a += x * u[k]
         b += x * v[k]
         c += x * w[k]
@@ -111,6 +112,13 @@ def weighted_sums(vectors, values, weights, sums):  # pragma: no cover
         r += z * m
     sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = a, b, c, d, e, f
     sums[6], sums[7], sums[8] = p, q, r
+
+
+@numba.njit(nogil=True, cache=True)
+def move_residual(vectors, x, y, z, residual):  # pragma: no cover
+    """Take v . (x, y, z) from `residual` (F,) float32, reckoned in float64; `vectors` (F, 3)."""
+    for k in range(len(residual)):
+        residual[k] -= vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z
 
 
 @numba.njit(nogil=True, cache=True)
@@ -136,26 +144,34 @@ def _solve_symmetric(a, b, c, d, e, f, p, q, r, singular):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def agreeing_samples(vectors, values, among, lit, x, y, z, sigmas, floor, residual, out):  # pragma: no cover
-    """Write to `out` (F,) the lit samples within some robust sigmas of b = (x, y, z) and facing it; return how many.
+def agreeing_samples(columns, values, lit, x, y, z, sigmas, floor, residual, out):  # pragma: no cover
+    """Write to `out` (F,) the lit samples within some robust sigmas of b = (x, y, z) and facing it.
 
-    sigma = max(1.4826 x median |m - v . b| over the samples `among`, floor). `residual` (F,)
-    float32 is room to work in.
+    sigma = max(1.4826 x median |m - v . b| over the lit samples, floor). `columns` (3, F), `values`, `lit` (0 or 1)
+    and `residual` (F,), which is room to work in, are float32.
     """
-    size = 0
+    x, y, z = np.float32(x), np.float32(y), np.float32(z)
+    size = _lit_residuals(columns, values, lit, x, y, z, residual)
+    limit = (
+        sigmas * max(1.4826 * median(residual.view(np.int32), size, np.empty(1, np.float32)), floor) if size else 0.0
+    )
+    _within(columns, values, lit, x, y, z, np.float32(limit), out)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _lit_residuals(columns, values, lit, x, y, z, out):  # pragma: no cover
+    """Write |m - v . b| of the lit samples to `out`, and NaN, whose key is last, of the others; return how many."""
+    bits, size = out.view(np.int32), np.float32(0)
     for k in range(len(values)):
-        residual[k] = abs(values[k] - (vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z))
-        size += among[k]
-    if size == 0:
-        out[:] = False
-        return 0
-    keys = residual.view(np.int32)
+        out[k] = abs(values[k] - (columns[0, k] * x + columns[1, k] * y + columns[2, k] * z))
+        size += lit[k]
     for k in range(len(values)):
-        keys[k] = keys[k] if among[k] else NO_KEY
-    limit = sigmas * max(1.4826 * median(keys, size, np.empty(1, np.float32)), floor)
-    size = 0
+        bits[k] = bits[k] if lit[k] > 0 else NO_KEY
+    return int(size)
+
+
+@numba.njit(nogil=True, cache=True)
+def _within(columns, values, lit, x, y, z, limit, out):  # pragma: no cover
     for k in range(len(values)):
-        shade = vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z
-        out[k] = lit[k] and shade > 0.0 and abs(values[k] - shade) <= limit
-        size += out[k]
-    return size
+        shade = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
+        out[k] = (lit[k] > 0) & (shade > 0) & (abs(values[k] - shade) <= limit)

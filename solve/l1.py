@@ -9,6 +9,7 @@ from solve.kernels import (
     agreeing_samples,
     light_vectors,
     lit_samples,
+    move_residual,
     solve_sums,
     weighted_sums,
 )
@@ -99,42 +100,59 @@ def _fit(
     pixels, lights = gray.shape
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
-    vectors = np.empty((lights, 3))
-    columns = np.empty((3, lights))
+    vectors, columns = np.empty((lights, 3)), np.empty((3, lights), np.float32)
+    values = np.empty(lights, np.float32)
     lit = np.empty(lights, np.bool_)
-    counts, weights = np.empty(lights), np.empty(lights)
-    residual = np.empty(lights, np.float32)
+    counts, residual = np.empty(lights, np.float32), np.empty(lights, np.float32)
     sums = np.empty(9)
+    least = np.float32(least)
     for i in range(pixels):
-        values = gray[i]
-        light_vectors(points[i], directions, positions, reach, is_near, vectors)
-        columns[:] = vectors.T
+        if is_near or i == 0:
+            light_vectors(points[i], directions, positions, reach, is_near, vectors)
+            for k in range(lights):
+                columns[0, k], columns[1, k], columns[2, k] = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+        values[:] = gray[i]
         lit_samples(values, valid[i], threshold, lit)
         for k in range(lights):
-            counts[k] = 1.0 if lit[k] else 0.0
-        weighted_sums(columns, values, counts, sums)
+            counts[k], residual[k] = lit[k], values[k]
+        weighted_sums(columns, residual, counts, sums)
         x, y, z, well = solve_sums(sums, SINGULAR)
         if not well:
             continue
+        move_residual(vectors, x, y, z, residual)
+        p = q = r = 0.0
         for _ in range(iterations):
-            _reweigh(columns, values, counts, x, y, z, least, weights)
-            weighted_sums(columns, values, weights, sums)
+            _step(columns, counts, p, q, r, least, residual, sums)
             p, q, r, well = solve_sums(sums, SINGULAR_WEIGHTED)
             if not well:
                 break
-            moved = abs(p - x) + abs(q - y) + abs(r - z)
-            x, y, z = p, q, r
-            if moved < near:
+            x, y, z = x + p, y + q, z + r
+            if abs(p) + abs(q) + abs(r) < near:
                 break
-        agreeing_samples(vectors, values, lit, lit, x, y, z, sigmas, floor, residual, used[i])
+        agreeing_samples(columns, values, counts, x, y, z, sigmas, floor, residual, used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
     return b, used
 
 
-@numba.njit(nogil=True, cache=True, fastmath={"contract", "arcp", "nnan"})
-def _reweigh(columns, values, counts, x, y, z, least, weights):  # pragma: no cover
-    """Write 1 / |residual| of what counts."""
-    u, v, w = columns[0], columns[1], columns[2]
-    for k in range(len(values)):
-        gap = abs(np.float64(values[k]) - (u[k] * x + v[k] * y + w[k] * z))
-        weights[k] = counts[k] / max(gap, least)
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nnan", "nsz"})
+def _step(columns, counts, x, y, z, least, residual, sums):  # pragma: no cover
+    """Move the residuals by b's last step (x, y, z); write the normal equations of the next one to `sums` (9,)."""
+    x, y, z = np.float32(x), np.float32(y), np.float32(z)
+    a = b = c = d = e = f = p = q = r = np.float32(0)
+    for k in range(len(residual)):
+        u, v, w = columns[0, k], columns[1, k], columns[2, k]
+        gap = residual[k] - (u * x + v * y + w * z)
+        residual[k] = gap
+        weight = counts[k] / max(abs(gap), least)
+        gu, gv, gw = weight * u, weight * v, weight * w
+        a += gu * u
+        b += gu * v
+        c += gu * w
+        d += gv * v
+        e += gv * w
+        f += gw * w
+        p += gu * gap
+        q += gv * gap
+        r += gw * gap
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = a, b, c, d, e, f
+    sums[6], sums[7], sums[8] = p, q, r

@@ -9,6 +9,7 @@ from solve.kernels import (
     agreeing_samples,
     light_vectors,
     lit_samples,
+    move_residual,
     solve_sums,
     weighted_sums,
 )
@@ -118,51 +119,70 @@ def _fit(
     pixels, lights = gray.shape
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
-    vectors = np.empty((lights, 3))
-    columns = np.empty((3, lights))
-    values = np.empty(lights)
+    vectors, columns = np.empty((lights, 3)), np.empty((3, lights), np.float32)
+    values = np.empty(lights, np.float32)
     lit = np.empty(lights, np.bool_)
-    counts, weights = np.empty(lights), np.empty(lights)
-    residual = np.empty(lights, np.float32)
+    counts, residual = np.empty(lights, np.float32), np.empty(lights, np.float32)
     sums = np.empty(9)
     for i in range(pixels):
-        light_vectors(points[i], directions, positions, reach, is_near, vectors)
-        columns[:] = vectors.T
-        lit_samples(gray[i], valid[i], threshold, lit)
+        if is_near or i == 0:
+            light_vectors(points[i], directions, positions, reach, is_near, vectors)
+            for k in range(lights):
+                columns[0, k], columns[1, k], columns[2, k] = vectors[k, 0], vectors[k, 1], vectors[k, 2]
+        values[:] = gray[i]
+        lit_samples(values, valid[i], threshold, lit)
         for k in range(lights):
-            values[k] = gray[i, k] * unit
-            counts[k] = 1.0 if lit[k] else 0.0
-        weighted_sums(columns, values, counts, sums)
+            counts[k], residual[k] = lit[k], values[k] * unit
+        weighted_sums(columns, residual, counts, sums)
         x, y, z, well = solve_sums(sums, SINGULAR)
         if not well:
             continue
+        move_residual(vectors, x, y, z, residual)
+        p = q = r = 0.0
         for _ in range(iterations):
-            _reweigh(columns, values, counts, x, y, z, sums, prior, least, weights)
-            weighted_sums(columns, values, weights, sums)
+            _step(columns, counts, p, q, r, prior, least, residual, sums)
             p, q, r, well = solve_sums(sums, SINGULAR_WEIGHTED)
             if not well:
                 break
-            moved = abs(p - x) + abs(q - y) + abs(r - z)
-            x, y, z = p, q, r
-            if moved < near:
+            x, y, z = x + p, y + q, z + r
+            if abs(p) + abs(q) + abs(r) < near:
                 break
         x, y, z = x / unit, y / unit, z / unit
-        agreeing_samples(vectors, gray[i], lit, lit, x, y, z, sigmas, floor, residual, used[i])
+        agreeing_samples(columns, values, counts, x, y, z, sigmas, floor, residual, used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
     return b, used
 
 
-@numba.njit(nogil=True, cache=True, fastmath={"contract", "arcp", "nnan"})
-def _reweigh(columns, values, counts, x, y, z, sums, prior, least, weights):  # pragma: no cover
-    """Write 1 / g of every sample, from b and from the sums of the weights before."""
+@numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nnan", "nsz"})
+def _step(columns, counts, x, y, z, prior, least, residual, sums):  # pragma: no cover
+    """Move the residuals by b's last step (x, y, z); from them and the sums before, write those of the next step.
+
+    float32 does: an error in the matrix slows the steps down, it does not move the point where they end.
+    """
     a, d, f = sums[0] + prior, sums[3] + prior, sums[5] + prior
     b, c, e = sums[1], sums[2], sums[4]
     ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
     id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
     scale = 1.0 / (a * ia + b * ib + c * ic)
-    first, second, third = columns[0], columns[1], columns[2]
-    for k in range(len(values)):
-        u, v, w = first[k], second[k], third[k]
-        gap = values[k] - (u * x + v * y + w * z)
-        spread = (u * (ia * u + 2.0 * (ib * v + ic * w)) + v * (id_ * v + 2.0 * ie * w) + w * w * if_) * scale
-        weights[k] = counts[k] / max(gap * gap + spread, least)
+    aa, bb, cc = np.float32(ia * scale), np.float32(2.0 * ib * scale), np.float32(2.0 * ic * scale)
+    dd, ee, ff = np.float32(id_ * scale), np.float32(2.0 * ie * scale), np.float32(if_ * scale)
+    x, y, z, least = np.float32(x), np.float32(y), np.float32(z), np.float32(least)
+    xx = xy = xz = yy = yz = zz = mx = my = mz = np.float32(0)
+    for k in range(len(residual)):
+        u, v, w = columns[0, k], columns[1, k], columns[2, k]
+        gap = residual[k] - (u * x + v * y + w * z)
+        residual[k] = gap
+        spread = u * (aa * u + bb * v + cc * w) + v * (dd * v + ee * w) + w * w * ff
+        weight = counts[k] / max(gap * gap + spread, least)
+        gu, gv, gw = weight * u, weight * v, weight * w
+        xx += gu * u
+        xy += gu * v
+        xz += gu * w
+        yy += gv * v
+        yz += gv * w
+        zz += gw * w
+        mx += gu * gap
+        my += gv * gap
+        mz += gw * gap
+    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = xx, xy, xz, yy, yz, zz
+    sums[6], sums[7], sums[8] = mx, my, mz
