@@ -1,0 +1,212 @@
+"""The scene in Mitsuba: energy, conventions of textures and maps, and every material."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.lights import Lights
+from scene.normals import unit
+from twin.description import Environment, Sampling, TwinObject, TwinScene
+from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture, seed_materials
+from twin.object_mesh import built_in
+from twin.path_tracing import PathTracer
+from twin.variant import pick_variant
+
+pytestmark = pytest.mark.render
+
+MIDDLE = np.array([0.0, 0.0, -300.0])
+CAMERA = Camera(32, 32, 100.0, 100.0, 15.5, 15.5)
+FLAT = Camera(32, 32, 0.32, 0.32, 15.5, 15.5, projection="orthographic")
+GREY = Diffuse((0.5, 0.5, 0.5))
+
+
+def lights(*vectors, near=False, intensity=1.0, white=None):
+    vectors = np.array(vectors, float)
+    return Lights(
+        tuple(f"flash_{i}" for i in range(len(vectors))),
+        unit(vectors),
+        np.full((len(vectors), 3), intensity),
+        MIDDLE + vectors if near else None,
+        MIDDLE,
+        white_value=white,
+    )
+
+
+def one(shape, material, size=40.0, given=None, camera=CAMERA, **change):
+    matrix = np.diag([size, size, size, 1.0])
+    matrix[:3, 3] = MIDDLE
+    scene = TwinScene(
+        camera,
+        (TwinObject(shape, built_in(shape), "m", matrix),),
+        {"m": material},
+        lights([0, 0, 1]) if given is None else given,
+        sampling=Sampling("mitsuba", max_depth=2),
+    )
+    return replace(scene, **change)
+
+
+def image(scene, index=0, samples=16):
+    """Return the picture (H, W, 3), black where nothing is."""
+    film = scene.film()
+    out = np.zeros((scene.camera.height, scene.camera.width, 3))
+    tracer = PathTracer(scene, film, variant=pick_variant()[0])
+    out[film.rows, film.columns] = film.place(tracer.image(index, samples))
+    return out
+
+
+@pytest.mark.parametrize("reflectance", [(0.2, 0.5, 0.9), (1.0, 1.0, 1.0)])
+@pytest.mark.parametrize("camera", [CAMERA, FLAT], ids=["perspective", "orthographic"])
+def test_a_matte_surface_that_faces_a_light_of_intensity_1_has_its_reflectance_for_a_pixel_value(reflectance, camera):
+    white = np.array([0.4, 0.8, 1.0])
+    for given, expected in (
+        (lights([0, 0, 1]), 1.0),
+        (lights([0, 0, 1], intensity=0.5), 0.5),
+        (lights([0, 0, 1], white=white), white / 0.8),
+        (lights([np.sqrt(0.75), 0, 0.5]), 0.5),
+        (lights([0, 0, 250], near=True), 1.0),
+        (lights([0, 150, 200], near=True), 0.8),
+    ):
+        middle = image(one("square", Diffuse(reflectance), given=given, camera=camera))[15:17, 15:17].mean((0, 1))
+        assert np.allclose(middle, expected * np.array(reflectance), rtol=2e-3)
+
+
+def test_a_disc_of_light_gives_what_a_point_gives_where_its_intensity_holds():
+    """The irradiance of a disc that faces a surface, straight above, is pi L r^2 / (r^2 + d^2), exactly."""
+    for radius in (1.0, 60.0, 240.0):
+        scene = one("square", GREY, given=lights([0, 0, 240.0], near=True), radii_mm=np.array([radius]))
+        middle = image(scene, samples=1600)[15:17, 15:17]
+        assert np.allclose(middle, 0.5, rtol=0.02), radius
+
+
+def test_a_flash_that_is_changed_in_place_is_the_flash_itself():
+    vectors = [[100, 150, 200], [-150, 50, 220], [30, -180, 150.0]]
+    for near, radius in ((False, 0.0), (True, 0.0), (True, 30.0)):
+        three = one("sphere", GREY, given=lights(*vectors, near=near), radii_mm=np.full(3, radius))
+        tracer = PathTracer(three, three.film(), variant=pick_variant()[0])
+        for index in (2, 0):
+            alone = one("sphere", GREY, given=lights(vectors[index], near=near), radii_mm=np.full(1, radius))
+            expected = PathTracer(alone, alone.film(), variant=pick_variant()[0]).image(0, 64)
+            assert np.abs(tracer.image(index, 64) - expected).mean() < 0.03 * expected.mean()
+
+
+def test_first_rows_are_above_and_first_columns_left():
+    values = np.array([[[0.9, 0, 0], [0, 0.9, 0]], [[0, 0, 0.9], [0.9, 0.9, 0.9]]], np.float32)
+    picture = image(one("square", Diffuse(Texture(values, "clamp"))))
+    for row, column in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        # The middle of a quarter of the square, which spans 26.7 pixels.
+        found = picture[round(15.5 - 10 + 20 * row), round(15.5 - 10 + 20 * column)]
+        assert np.allclose(found, values[row, column], atol=0.02), (row, column)
+
+
+def test_a_convex_body_in_an_even_light_has_reflectance_times_radiance():
+    dark = lights([0, 0, 1], intensity=0.0)
+    inside = np.hypot(*(np.mgrid[:32, :32] - 15.5)) < 11
+    for environment in (
+        Environment(ambient=(0.3, 0.2, 0.1)),
+        Environment(np.full((4, 8, 3), 0.2, np.float32) * np.array([3, 2, 1], np.float32), 0.5),
+        Environment(np.full((4, 8, 3), 0.1, np.float32) * np.array([1, 1, 0], np.float32), 1.0, 70, (0.2, 0.1, 0.1)),
+    ):
+        picture = image(one("sphere", Diffuse((1, 0.5, 0.25)), given=dark, environment=environment), samples=256)
+        assert np.allclose(picture[inside].mean(0), np.array([0.3, 0.2, 0.1]) * [1, 0.5, 0.25], rtol=3e-3)
+        assert (picture[0] == 0).all(), "behind the objects the picture is black"
+
+
+@pytest.mark.parametrize(
+    ("row", "column", "rotate_deg", "brighter"),
+    [
+        (0, None, 0, "top"),
+        (-1, None, 0, "bottom"),
+        (None, 2, 0, "right"),
+        (None, 6, 0, "left"),
+        (None, 4, 90, "right"),
+        (None, 4, -90, "left"),
+        (None, 2, 180, "left"),
+    ],
+)
+def test_an_environment_map_shines_from_where_it_is_said_to(row, column, rotate_deg, brighter):
+    """Rows: up to down. The middle column is the viewer's side, the quarter to its left the camera's right (x)."""
+    sky = np.full((9, 9, 3), 1e-3, np.float32)
+    if row is not None:
+        sky[row] = 5.0
+    else:
+        sky[3:6, column] = 20.0
+    given = Environment(sky, 1.0, rotate_deg)
+    picture = image(one("sphere", GREY, given=lights([0, 0, 1], intensity=0.0), environment=given), samples=64)
+    halves = {"top": picture[:16], "bottom": picture[16:], "left": picture[:, :16], "right": picture[:, 16:]}
+    means = {name: half.mean() for name, half in halves.items()}
+    assert max(means, key=means.__getitem__) == brighter
+    opposite = {"top": "bottom", "bottom": "top", "left": "right", "right": "left"}[brighter]
+    assert means[brighter] > 2 * means[opposite]
+
+
+def test_the_eight_materials_are_rendered_and_no_two_alike():
+    rng = np.random.default_rng(10002)
+    texture = Texture(rng.uniform(0.1, 0.9, (8, 16, 3)).astype(np.float32))
+    materials = seed_materials(texture)
+    assert len(materials) == 8
+    pictures = {}
+    for name, material in materials.items():
+        scene = one("sphere", material, given=lights([0.3, 0.4, 0.8]))
+        tracer = PathTracer(scene, scene.film(), variant=pick_variant()[0])
+        pictures[name] = [tracer.image(0, 64, seed=seed) for seed in (1, 2)]
+        assert np.isfinite(pictures[name]).all()
+        assert np.mean(pictures[name]) > 0.05
+    for first in pictures:
+        for second in pictures:
+            # The product of two differences with noise of their own is what the pictures differ by, squared.
+            (a, b), (c, d) = pictures[first], pictures[second]
+            square = (a - c) * (b - d)
+            sigma = square.std() / np.sqrt(square.size)
+            if first < second:
+                assert square.mean() > max(5 * sigma, 0.005**2), (first, second)
+
+
+def test_scattering_below_the_surface_keeps_the_energy_and_softens_the_shading():
+    """A white furnace: what absorbs nothing, in an even light, cannot be told from the light."""
+    white = (1.0, 1.0, 1.0)
+    dark = lights([0, 0, 1], intensity=0.0)
+    furnace = Environment(ambient=white)
+    inside = np.hypot(*(np.mgrid[:32, :32] - 15.5)) < 9
+    for share in (0.5, 1.0):
+        # Short against the ball, so that no ray goes straight through: what it would see is hidden.
+        wax = Diffuse(white, Subsurface(8.0, white, share))
+        picture = image(one("sphere", wax, given=dark, environment=furnace), samples=256)
+        assert np.allclose(picture[inside].mean(), 1, rtol=0.015), share
+    side = lights([1, 0, 0.05])
+    soft, hard = (
+        image(one("sphere", Diffuse((0.8,) * 3, below), given=side), samples=256)
+        for below in (Subsurface(10.0, (0.98,) * 3, 0.9), None)
+    )
+    # Light comes round to the side that the flash does not reach.
+    assert hard[12:20, 4:14].max() < 0.03
+    assert soft[12:20, 4:14].mean() > 0.03
+
+
+def test_specularity_scales_the_coat_and_roughness_spreads_it():
+    def highlight(roughness, specularity):
+        scene = one("sphere", RoughPlastic((0.2,) * 3, roughness, specularity))
+        return image(scene, samples=64)[..., 1]
+
+    none, half, full = (highlight(0.2, s) for s in (0.0, 0.5, 1.0))
+    coat = full - none
+    assert coat.max() > 0.2
+    assert np.abs((half - none) - 0.5 * coat).mean() < 0.02 * np.abs(coat).mean()
+    sharp, blunt = (highlight(r, 1.0) - highlight(r, 0.0) for r in (0.15, 0.4))
+    assert sharp.max() > 3 * blunt.max()
+    assert (blunt > 0.5 * blunt.max()).sum() > 2 * (sharp > 0.5 * sharp.max()).sum()
+    pixels = Texture(np.array([[[0.0], [1.0]]], np.float32), "clamp")
+    split = one("square", RoughPlastic((0.2,) * 3, 0.5, pixels))
+    without, whole = (image(one("square", RoughPlastic((0.2,) * 3, 0.5, k)))[15, :, 1] for k in (0.0, 1.0))
+    row = image(split)[15, :, 1]
+    assert np.allclose(row[4:9], without[4:9], rtol=0.02)
+    assert np.allclose(row[23:28], whole[23:28], rtol=0.02)
+    assert (whole > 1.2 * without)[4:28].all()
+
+
+def test_a_metal_is_of_its_colour():
+    for metal, order in (("Au", (0, 1, 2)), ("Cu", (0, 1, 2)), ("none", None)):
+        r, g, b = image(one("sphere", Conductor(metal, 0.4)), samples=64).mean((0, 1))
+        assert min(r, g, b) > 0.02
+        assert (r > 1.1 * g > 1.1 * b) if order else np.allclose([r, g], b, rtol=1e-3)
