@@ -19,7 +19,10 @@ def check_name(path: Path) -> None:
 
 
 def write_surface(job: Job, path: Path) -> None:
-    """Write the mesh of the method that knows most of depth: `near` if it was run, else the first one.
+    """Write the surface of the first method that found its depth; where none did, the first one's, integrated.
+
+    Normals, albedo and depth are always one method's: a depth map is that which its method's normals were found
+    under, and where there is none the surface is what those normals integrate to.
 
     Raises
     ------
@@ -30,7 +33,7 @@ def write_surface(job: Job, path: Path) -> None:
     from solve.surface_mesh import mesh_of
 
     store = job.store
-    method = "near" if "near" in job.methods else job.methods[0]
+    method = next((name for name in job.methods if store.path("depth", f"{name}.npy").exists()), job.methods[0])
     normals, camera, lights = store.load_normals(method), store.load_camera(), store.load_lights()
     albedo = np.load(store.path("albedo", f"{method}.npy"))
     depth = store.path("depth", f"{method}.npy")
