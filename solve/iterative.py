@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from solve.kernels import SINGULAR, light_vector, solve_sums, weighted_sums
+from solve.kernels import SINGULAR, light_vector, residuals_of, solve_sums, weighted_sums
 from solve.selection import NO_KEY, keys_of, median, smallest_key, value_of
 
 SETTINGS = {
@@ -103,7 +103,8 @@ def _fit(
     used = np.zeros((pixels, lights), np.bool_)
     # By component: the loops over lights then run over memory in order.
     vectors = np.ascontiguousarray(directions.T)
-    lit, now, before = np.empty(lights), np.empty(lights), np.empty(lights)
+    columns = vectors.astype(np.float32)
+    lit, now, before = np.empty(lights, np.float32), np.empty(lights, np.float32), np.empty(lights, np.float32)
     residual, keys, room = np.empty(lights, np.float32), np.empty(lights, np.int32), np.empty(1, np.float32)
     sums = np.empty(9)
     for i in range(pixels):
@@ -113,6 +114,7 @@ def _fit(
                 vectors[0, k], vectors[1, k], vectors[2, k] = light_vector(
                     k, points[i], directions, positions, reach, is_near
                 )
+                columns[0, k], columns[1, k], columns[2, k] = vectors[0, k], vectors[1, k], vectors[2, k]
         keys_of(values, keys)
         limit = threshold * value_of(smallest_key(keys, int(0.75 * (lights - 1))), room)
         count = _choose(values, valid[i], limit, lit)
@@ -127,10 +129,10 @@ def _fit(
             x, y, z, well = solve_sums(sums, SINGULAR)
         if well:
             for _ in range(iterations):
-                count = _residuals(vectors, values, now, x, y, z, residual)
+                count = residuals_of(columns, values, now, np.float32(x), np.float32(y), np.float32(z), residual)
                 limit = sigmas * max(1.4826 * median(residual.view(np.int32), count, room), floor)
                 before[:] = now
-                size, changed = _agreeing(vectors, values, lit, before, x, y, z, limit, now)
+                size, changed = _agreeing(columns, values, lit, before, x, y, z, limit, now)
                 if not changed:
                     break
                 weighted_sums(vectors, values, now, sums)
@@ -148,39 +150,25 @@ def _fit(
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
 def _choose(values, valid, limit, out):  # pragma: no cover
     """Write 1 to `out` where a sample is valid and above the limit, else 0; return how many."""
-    count = 0.0
+    count = np.float32(0)
     for k in range(len(values)):
-        out[k] = np.float64(valid[k] & (values[k] > limit))
+        out[k] = np.float32(valid[k] & (values[k] > limit))
         count += out[k]
     return int(count)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _residuals(vectors, values, now, x, y, z, out):  # pragma: no cover
-    """Write |m - v . b| of the samples in use to `out`, and NaN, whose key is last, of the others; return how many."""
-    u, v, w = vectors[0], vectors[1], vectors[2]
-    bits = out.view(np.int32)
-    count = 0.0
-    for k in range(len(values)):
-        out[k] = np.float32(abs(np.float64(values[k]) - (u[k] * x + v[k] * y + w[k] * z)))
-        count += now[k]
-    for k in range(len(values)):
-        bits[k] = bits[k] if now[k] > 0.0 else NO_KEY
-    return int(count)
-
-
-@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _agreeing(vectors, values, lit, before, x, y, z, limit, out):  # pragma: no cover
+def _agreeing(columns, values, lit, before, x, y, z, limit, out):  # pragma: no cover
     """Write 1 to `out` where a lit sample is within the limit of b and faces it; say how many, and if one changed."""
-    u, v, w = vectors[0], vectors[1], vectors[2]
-    size = changed = 0.0
+    x, y, z, limit = np.float32(x), np.float32(y), np.float32(z), np.float32(limit)
+    size = changed = np.float32(0)
     for k in range(len(values)):
-        shade = u[k] * x + v[k] * y + w[k] * z
-        keep = np.float64((shade > 0.0) & (abs(np.float64(values[k]) - shade) <= limit)) * lit[k]
+        shade = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
+        keep = np.float32((shade > 0) & (abs(values[k] - shade) <= limit)) * lit[k]
         out[k] = keep
         size += keep
         changed += abs(keep - before[k])
-    return int(size), changed > 0.0
+    return int(size), changed > 0
 
 
 @numba.njit(nogil=True, cache=True)

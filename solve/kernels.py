@@ -151,7 +151,7 @@ def agreeing_samples(columns, values, lit, x, y, z, sigmas, floor, residual, out
     and `residual` (F,), which is room to work in, are float32.
     """
     x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    size = _lit_residuals(columns, values, lit, x, y, z, residual)
+    size = residuals_of(columns, values, lit, x, y, z, residual)
     limit = (
         sigmas * max(1.4826 * median(residual.view(np.int32), size, np.empty(1, np.float32)), floor) if size else 0.0
     )
@@ -159,8 +159,11 @@ def agreeing_samples(columns, values, lit, x, y, z, sigmas, floor, residual, out
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _lit_residuals(columns, values, lit, x, y, z, out):  # pragma: no cover
-    """Write |m - v . b| of the lit samples to `out`, and NaN, whose key is last, of the others; return how many."""
+def residuals_of(columns, values, lit, x, y, z, out):  # pragma: no cover
+    """Write |m - v . b| of the `lit` samples to `out`, and NaN, whose key is last, of the others; return how many.
+
+    All in float32: half the time, and closer than any sample is.
+    """
     bits, size = out.view(np.int32), np.float32(0)
     for k in range(len(values)):
         out[k] = abs(values[k] - (columns[0, k] * x + columns[1, k] * y + columns[2, k] * z))
