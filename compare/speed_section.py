@@ -22,7 +22,7 @@ def time_section(summary: Summary) -> str:
     for method, reason in missing:
         reasons.setdefault(reason, []).append(method)
     chart = f'<figure class="speed">{speed_chart(points)}</figure>' if points else ""
-    chart += "".join(absent(f"Not in a chart: {', '.join(names)}: {reason}.") for reason, names in reasons.items())
+    chart += "".join(absent(f"Not in the chart: {', '.join(names)}: {reason}.") for reason, names in reasons.items())
     errors = compared.get("methods") or {}
     names = [name for name in by_error(compared) if name in solved]
     rows, settings = [], []
@@ -43,8 +43,10 @@ def time_section(summary: Summary) -> str:
     head = ("method", "seconds", "s per megapixel-image", "seconds, twin", "median error, °", "median error, twin, °")
     listed = table(("method", "settings"), settings, kind="plain")
     folded = f"<details><summary>The settings they ran with</summary>{listed}</details>"
-    lead = (
-        "Left and low is better. A megapixel-image is one million pixels of one frame; wall time of this machine. "
-        "Methods above the dotted steps are beaten by another in both time and error, here; elsewhere they may not be."
-    )
+    lead = "A megapixel-image is one million pixels of one frame; seconds are wall time on the machine that solved."
+    if points:
+        lead += (
+            " Left and low is better. Methods above the dotted steps are beaten by another in both time and error; on "
+            "another object they may not be."
+        )
     return section("time", "Speed against accuracy", chart + table(head, rows, kind="numbers") + folded, lead)
