@@ -193,14 +193,24 @@ def compare(
 
 @app.command(sort_key=9)
 def export(
-    session: Session,
+    session: Annotated[
+        Path, Parameter(help="Session's folder; with --format mitsuba also a scene description, .toml.")
+    ],
     /,
     *,
-    format: Annotated[str, Parameter(help="alicevision, diligent, dome, lp or mat (near_ps).")],
+    format: Annotated[
+        str, Parameter(help="Lights: alicevision, diligent, dome, lp or mat (near_ps). The twin: mitsuba.")
+    ],
     out: Out = None,
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
-    """Write the lights, calibrated first if they are not yet, for another program into OUT/export."""
+    """Write the lights, or the twin's scene, for another program into OUT/export, after the steps that it needs."""
+    if format == "mitsuba":
+        from lab.scene_export import export_scene
+
+        paths, notes = export_scene(session, out)
+        _tell_export(paths[:1], notes)
+        return
     from calibrate.light_files.export import export_lights
     from lab.plan import STEPS
 
@@ -209,6 +219,10 @@ def export(
         store, files = job.store, tuple(path.name for path in job.session.flash)
         lights, camera = store.load_lights(), store.load_camera()
         paths, notes = export_lights(store.path("export"), format, lights, camera, files=files, sfm=sfm)
+    _tell_export(paths, notes)
+
+
+def _tell_export(paths: list[Path], notes: list[str]) -> None:
     for note in notes:
         say(f"note: {note}")
     for path in paths:

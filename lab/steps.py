@@ -197,7 +197,7 @@ def twin(job: Job) -> Outcome:
 
     mesh, camera, lights = job.load_scan(), store.load_camera(), store.load_lights()
     folder = Store(store.path("twin"))
-    albedo = np.load(store.path("albedo", f"{_material_method(job)}.npy"))
+    albedo = np.load(store.path("albedo", f"{material_method(job)}.npy"))
     with progress_bar("twin") as progress:
         rendered = render(
             mesh,
@@ -244,7 +244,7 @@ def _truth_check(job: Job) -> dict:
     return known_truth(job.store, job.truth, methods=job.methods, mesh=mesh)
 
 
-def _material_method(job: Job) -> str:
+def material_method(job: Job) -> str:
     """Return the method whose albedo becomes the twin's material: the one that gloss disturbs least."""
     return "iterative" if "iterative" in job.methods else job.methods[0]
 

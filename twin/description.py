@@ -83,11 +83,11 @@ class Sampling:
     ----------
     engine : {"auto", "direct", "many", "mitsuba"}
     samples : int or None
-        A pixel; None: as many as `error` asks for.
+        A pixel; None: left to the engine.
     max_depth : int
         2: direct light only; 3: one interreflection; and so on.
     error : float
-        Relative root-mean-square error that is aimed at where `samples` or `engine` are left open.
+        Relative root-mean-square error that is aimed at where the engine is "auto".
     """
 
     engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"

@@ -1,8 +1,8 @@
-"""The twin: the registered scan under the calibrated lights, before the session's camera.
+"""The twin: a scene, or the registered scan under the calibrated lights, before the session's camera.
 
-What is physical: the scan's shape with its cast shadows, near or distant lights, the measured albedo, light that goes
-from one part of the object to another. What is not (yet): gloss, the table and whatever else stands around, noise,
-lens blur.
+What is physical of a scan: its shape with its cast shadows, near or distant lights, the measured albedo, light that
+goes from one part of the object to another. What is not (yet): gloss, the table and whatever else stands around, noise,
+lens blur. A scene description may have the first two.
 """
 
 import math
@@ -16,20 +16,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.errors import RenderError
 from scene.files import create_array
 from scene.frames import PEDESTAL, Frames, encode
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.store import Store
-from twin.depth import albedo_at_the_surface
 from twin.description import Sampling, TwinScene
-from twin.film import Film, film_for
+from twin.film import Film
 from twin.path_tracing import PathTracer
-from twin.surface import surface_scene, textured_surface
+from twin.scan_scene import scan_scene
 from twin.variant import pick_variant
-from twin.visibility import inside
 
 SAMPLES_PER_FRAME = 1 << 24
 """Samples that a frame may cost unless more are asked for: seconds on two cores."""
@@ -121,17 +118,46 @@ def render(
     has the radiance rho / pi * E * cos = albedo * intensity * cos: the direct light's pixel values are the session's
     own, whatever the ball's true reflectance.
     """
+    scene, warnings = scan_scene(
+        mesh,
+        pose,
+        camera,
+        lights,
+        albedo,
+        albedo_depth_mm=albedo_depth_mm,
+        white_value=white_value,
+        sampling=Sampling("mitsuba", samples_per_pixel, max_depth),
+    )
+    rendered = render_scene(scene, executor=executor, progress=progress, store=store)
+    return replace(rendered, warnings=(*warnings, *rendered.warnings))
+
+
+def render_scene(
+    scene: TwinScene,
+    *,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    store: Store | None = None,
+) -> Rendering:
+    """Render any scene by stock Mitsuba, one frame for each light.
+
+    Parameters
+    ----------
+    scene : TwinScene
+        Its `sampling.samples` and `max_depth` hold, whatever its engine.
+    executor, progress, store
+        See `render`.
+
+    Raises
+    ------
+    RenderError
+        The camera sees nothing.
+    """
     started = time.perf_counter()
-    _check(mesh, camera, lights, albedo)
-    placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
-    film = film_for(camera, placed.vertices)
-    _check_lights_are_outside(placed, lights)
-    white = lights.white_value if white_value is None else white_value
-    if albedo_depth_mm is not None and lights.positions_mm is not None:
-        albedo = albedo_at_the_surface(albedo, albedo_depth_mm, placed, camera, lights, film.rows, film.columns)
-    surface = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
+    lights, camera, samples_per_pixel = scene.lights, scene.camera, scene.sampling.samples
+    film = scene.film()
     variant, note = pick_variant()
-    warnings = list(surface.warnings)
+    warnings = []
     if variant == "scalar_rgb":
         warnings.append(f"The twin was rendered by Mitsuba's slow variant: {note}")
     if film.pixels is not None:
@@ -143,7 +169,6 @@ def render(
         affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
         samples_per_pixel = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
     samples_per_pixel = math.ceil(math.sqrt(samples_per_pixel)) ** 2
-    scene = surface_scene(surface, camera, lights, Sampling("mitsuba", samples_per_pixel, max_depth))
     settings = (scene, film, samples_per_pixel)
     noise = _noise(settings) if executor is None else executor.submit(_noise, settings).result()
     if noise > 0.03:
@@ -161,7 +186,8 @@ def render(
         store.save_frames_header(frames)
         frames = store.load_frames()
     seconds = time.perf_counter() - started
-    return Rendering(frames, variant, samples_per_pixel, max_depth, noise, seconds, tuple(warnings))
+    depth = scene.sampling.max_depth
+    return Rendering(frames, variant, samples_per_pixel, depth, noise, seconds, tuple(warnings))
 
 
 _Settings = tuple[TwinScene, Film, int]
@@ -218,34 +244,3 @@ def _codes(store: Store | None, shape: tuple[int, ...]) -> Iterator[NDArray[np.u
         for frame in codes:
             frame[:] = PEDESTAL
         yield codes
-
-
-def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:
-    if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        raise RenderError(
-            f"the scan has {len(mesh.faces)} faces, and {np.count_nonzero(~np.isfinite(mesh.vertices))} of its "
-            "coordinates are not finite; nothing can be rendered. Load or export it again."
-        )
-    if albedo.shape != (camera.height, camera.width, 3):
-        raise RenderError(
-            f"the albedo is {' x '.join(map(str, albedo.shape))}, the camera {camera.height} x {camera.width} x 3. "
-            "Solve again with this camera's frames."
-        )
-    arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
-    for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
-        if not np.isfinite(row).all() or (row[3:6] < 0).any():
-            raise RenderError(
-                f"light {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers "
-                "and no negative intensity. Calibrate again, or leave the frame out with frames.skip."
-            )
-
-
-def _check_lights_are_outside(mesh: Mesh, lights: Lights) -> None:
-    if lights.positions_mm is None:
-        return
-    for name, position in zip(lights.names, lights.positions_mm, strict=True):
-        if inside(mesh, position[None])[0]:
-            raise RenderError(
-                f"light {name} at {np.round(position, 1)} mm lies inside the object ({mesh.radius_mm:.0f} mm about "
-                f"{np.round(mesh.center_mm, 1)}), and lights nothing. Check the balls' diameter_mm and scan_unit."
-            )

@@ -1,6 +1,6 @@
 """The measured albedo on the scan: the photographs' own pixels as a texture, at their full resolution."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -8,11 +8,8 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
-from scene.lights import Lights
 from scene.mesh import Mesh
-from twin.description import WHITE_BALL_ALBEDO, Sampling, TwinObject, TwinScene
-from twin.materials import Diffuse, Texture
-from twin.object_mesh import ObjectMesh
+from twin.description import WHITE_BALL_ALBEDO
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -118,21 +115,6 @@ def textured_surface(
         texture,
         scale,
         tuple(warnings),
-    )
-
-
-def surface_scene(surface: Surface, camera: Camera, lights: Lights, sampling: Sampling) -> TwinScene:
-    """Return the scene of a matte surface alone: what `rgbn twin` renders, exports and fits materials on.
-
-    The albedo's white value becomes the lights', so that pixel values are those that the albedo was measured in.
-    """
-    mesh = ObjectMesh(surface.vertices, surface.faces, surface.normals, surface.texcoords)
-    return TwinScene(
-        camera,
-        (TwinObject("object", mesh, "measured_albedo"),),
-        {"measured_albedo": Diffuse(Texture(surface.texture, "clamp"))},
-        replace(lights, white_value=WHITE_BALL_ALBEDO / surface.scale),
-        sampling=sampling,
     )
 
 

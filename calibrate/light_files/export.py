@@ -48,7 +48,7 @@ def export_lights(
         Unknown format, or one that cannot hold these lights.
     """
     if name not in FORMATS:
-        raise CalibrationError(f"--format {name}: unknown; there are {', '.join(FORMATS)}.")
+        raise CalibrationError(f"--format {name}: unknown; there are {', '.join(FORMATS)}, and mitsuba.")
     contents, notes = {
         "alicevision": _alicevision,
         "diligent": _diligent,

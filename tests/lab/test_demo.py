@@ -196,3 +196,32 @@ def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path)
     assert all((out / "align" / "meshlab" / name).is_file() for name in names)
     for name in ("photograph", "shaded", "outline", "outline_zoom", "checkerboard", "sigma"):
         assert (out / "align" / f"{name}.png").is_file()
+
+
+def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
+    """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
+    from scene.store import Store
+    from twin.picture_files import read_picture
+    from twin.variant import pick_variant
+
+    out = tmp_path / "out"
+    shutil.copytree(demo[0], out)
+    command = [*COMMAND, "export", str(FIXTURE), "--out", str(out), "--format", "mitsuba"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == str(out / "export" / "scene.xml")
+    assert "solve ..." not in run.stderr, "what is current is not done again"
+    frames, mask = Store(out / "twin").load_frames(), Store(out).load_mask()
+    index = 3
+    name = frames.names[index]
+    command = [str(Path(sys.executable).parent / "mitsuba"), "-m", pick_variant()[0], "-D", f"light={name}"]
+    command += ["-D", "samples=64", "-o", str(tmp_path / "a.exr"), str(out / "export" / "scene.xml")]
+    run = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ)
+    assert run.returncode == 0, run.stdout[-2000:] + run.stderr[-2000:]
+    stock = read_picture(tmp_path / "a.exr", "linear")
+    ours, other = frames.frame(index), frames.frame(index + 1)
+    inside = mask & (ours.min(-1) > 0.01)
+    assert inside.sum() > 1000
+    difference = np.abs(stock - ours)[inside].mean() / ours[inside].mean()
+    assert difference < 0.03
+    assert np.abs(stock - other)[inside].mean() / ours[inside].mean() > 5 * difference

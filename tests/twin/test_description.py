@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import fields, replace
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
 from twin.description import Environment, TwinObject, TwinScene
-from twin.description_file import read_scene
+from twin.description_file import TAGS, read_scene
 from twin.description_writer import write_scene
 from twin.light_groups import direction
 from twin.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
@@ -305,3 +306,15 @@ def test_an_obj_files_picture_stands_upright(tmp_path):
     top_left = np.argmin(mesh.vertices[:, 0] - mesh.vertices[:, 1])
     assert np.allclose(mesh.texcoords[top_left], [0, 0])
     assert np.allclose(mesh.normals, [0, 0, 1])
+
+
+def test_the_manuals_example_is_read(tmp_path):
+    manual = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text()
+    cv2.imwrite(str(tmp_path / "stripes.png"), np.full((4, 4, 3), 99, np.uint8))
+    scene = read(tmp_path, manual.split("```toml")[1].split("```")[0])
+    assert len(scene.lights) == 12
+    assert scene.materials["wax"].subsurface.share == 0.5
+    for table in ("camera", "objects", "environment", "lights", "sampling"):
+        assert f"[{table}]" in manual
+    for words in (SHAPES, TAGS):
+        assert all(f"`{word}`" in manual for word in words)

@@ -153,3 +153,41 @@ def test_the_maps_are_files(tmp_path):
     save_ground_truth(truth, tmp_path)
     assert np.array_equal(np.load(tmp_path / "truth_normals.npy"), truth.normals, equal_nan=True)
     assert len(list(tmp_path.iterdir())) == 10
+
+
+def test_normals_of_a_squeezed_and_turned_ball_are_an_ellipsoids():
+    rng = np.random.default_rng(10005)
+    linear = (
+        np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag([30.0, 50, 40]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    )
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = linear, MIDDLE
+    truth = ground_truth(scene(TwinObject("egg", built_in("sphere"), "m", matrix)))
+    points = CAMERA.rays(CAMERA.grid())[1]
+    points = points * (truth.z_mm / points[..., 2])[..., None]
+    inverse = np.linalg.inv(linear)
+    gradient = unit((points - MIDDLE) @ inverse.T @ inverse)
+    inside = truth.mask & (-np.sum(np.nan_to_num(gradient) * unit(points), -1) > 0.2)
+    assert inside.sum() > 800
+    assert angular_error_deg(truth.normals[inside], gradient[inside]).max() < 0.5
+
+
+def test_what_is_seen_from_behind_faces_the_viewer():
+    back = placed([20, 20, -20], MIDDLE)
+    back[:3, :3] = np.diag([-20.0, 20, -20])
+    given = lights([[0.3, 0, 1], [0.3, 0, -1]])
+    truth = ground_truth(scene(TwinObject("back", built_in("square"), "m", back), given=given))
+    assert np.allclose(truth.normals[truth.mask], [0, 0, 1], atol=1e-6)
+    attached = lights_of(truth.attached, 2)[:, truth.mask]
+    assert not attached[0].any()
+    assert attached[1].all()
+
+
+@pytest.mark.parametrize("wrap", ["clamp", "repeat"])
+def test_a_texture_is_linear_between_the_middles_of_its_texels(wrap):
+    rows, columns = np.mgrid[:4, :5]
+    texture = Texture((10 * rows + columns)[..., None].astype(np.float32), wrap)
+    s, t = np.random.default_rng(10006).uniform(0.15, 0.85, (2, 50))
+    assert np.allclose(texture.at(np.stack([s, t], 1))[:, 0], 10 * (4 * t - 0.5) + 5 * s - 0.5, atol=1e-4)
+    edge = texture.at(np.array([[0.0, 0.125], [0.5, 1.0], [1.5, 0.625]]))[:, 0]
+    assert np.allclose(edge, [0, 32, 24] if wrap == "clamp" else [2, 17, 22])

@@ -8,10 +8,12 @@ import pytest
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
+from scene.store import Store
 from twin.description import Environment, Sampling, TwinObject, TwinScene
 from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture, seed_materials
 from twin.object_mesh import built_in
 from twin.path_tracing import PathTracer
+from twin.render import render_scene
 from twin.variant import pick_variant
 
 pytestmark = pytest.mark.render
@@ -210,3 +212,16 @@ def test_a_metal_is_of_its_colour():
         r, g, b = image(one("sphere", Conductor(metal, 0.4)), samples=64).mean((0, 1))
         assert min(r, g, b) > 0.02
         assert (r > 1.1 * g > 1.1 * b) if order else np.allclose([r, g], b, rtol=1e-3)
+
+
+def test_a_scene_becomes_frames_like_a_session_whatever_the_lens(tmp_path):
+    lens = replace(CAMERA, distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    given = lights([100, 150, 200], [-150, 50, 220], near=True)
+    scene = one("sphere", GREY, given=given, camera=lens, sampling=Sampling("mitsuba", 16, 2))
+    rendered = render_scene(scene, store=Store(tmp_path))
+    assert rendered.frames.names == given.names
+    assert (rendered.samples_per_pixel, rendered.max_depth) == (16, 2)
+    assert any("resampled" in warning for warning in rendered.warnings)
+    for index in (0, 1):
+        assert np.abs(rendered.frames.frame(index) - image(scene, index)).max() < 2e-5
+    assert np.array_equal(Store(tmp_path).load_frames().codes, rendered.frames.codes)

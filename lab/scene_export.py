@@ -1,0 +1,74 @@
+"""`rgbn export --format mitsuba`: a session's twin, or a scene description, as files of Mitsuba's command line."""
+
+from pathlib import Path
+
+import numpy as np
+
+from lab.job import Job
+from lab.run import open_job
+from lab.steps import material_method
+from scene.errors import SceneError
+
+
+def export_scene(source: Path, out: Path | None) -> tuple[list[Path], list[str]]:
+    """Write scene.xml with all that it names into OUT/export.
+
+    Parameters
+    ----------
+    source : Path
+        A session's folder: the twin that `rgbn twin` renders, registered and solved first if it is not yet. Or a scene
+        description's .toml.
+    out : Path or None
+        Default: out/NAME.
+
+    Returns
+    -------
+    paths : list of Path
+        scene.xml first.
+    notes : list of str
+        How to render it, and what the files cannot say.
+
+    Raises
+    ------
+    SceneError
+        The scene cannot be rendered, or the session has no scan.
+    """
+    from twin.description_file import read_scene
+    from twin.mitsuba_files import write_mitsuba
+
+    if source.suffix == ".toml" and source.name != "session.toml":
+        scene = read_scene(source)
+        folder = (out or Path("out") / source.stem) / "export"
+        paths, notes = write_mitsuba(scene, folder)
+    else:
+        with open_job(source, out=out) as job:
+            scene, warnings = _session_scene(job)
+            paths, notes = write_mitsuba(scene, job.store.path("export"))
+            notes = [*warnings, *notes]
+    first = scene.lights.names[0]
+    command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {paths[0]}"
+    return paths, [*notes, f"{len(scene.lights)} lights, one at a time: {command}"]
+
+
+def _session_scene(job: Job):
+    from lab.plan import STEPS
+    from twin.description import Sampling
+    from twin.scan_scene import scan_scene
+
+    job.run(STEPS, "solve")
+    store = job.store
+    if not store.path("pose.json").exists():
+        raise SceneError(
+            f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." to '
+            "session.toml."
+        )
+    lights = store.load_lights()
+    return scan_scene(
+        job.load_scan(),
+        store.load_pose(),
+        store.load_camera(),
+        lights,
+        np.load(store.path("albedo", f"{material_method(job)}.npy")),
+        albedo_depth_mm=float(lights.reference_point_mm[2]),
+        sampling=Sampling("mitsuba"),
+    )
