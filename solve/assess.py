@@ -27,7 +27,10 @@ def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
     if spread > 1e-12 * mean:
         centred = x * (y * z - e * e) - b * (b * z - c * e) + c * (b * e - c * y)
         angle = np.arccos(min(1.0, max(-1.0, 0.5 * centred / (spread * spread * spread)))) / 3.0
-        most, middle = mean + 2.0 * spread * np.cos(angle), mean + 2.0 * spread * np.cos(angle - 2.0 * np.pi / 3.0)
+        first = np.cos(angle)
+        # cos(angle - 120 degrees) without another cosine: angle is at most 60 degrees.
+        second = 0.5 * (np.sqrt(max(3.0 * (1.0 - first * first), 0.0)) - first)
+        most, middle = mean + 2.0 * spread * first, mean + 2.0 * spread * second
         # Not by the third cosine, which cancels; the product of the three is the determinant.
         condition = np.sqrt(most / (det / (most * middle))) if det > 0.0 else np.inf
     if det <= 0.0:

@@ -17,26 +17,29 @@ from solve.tile_sums import (
     add_channel,
     add_squares,
     ask_for,
+    drop_clipped,
     flush,
-    keep_lit,
-    read_samples,
-    subtract_ambient,
+    read_ambient,
+    read_lit,
 )
 
 _u = np.uint64
 
 
 @numba.njit(nogil=True, cache=True)
-def _sum_tile(store, at, ahead, place, n, weights, vectors, cut, samples, bits, part, total):  # pragma: no cover
+def _sum_tile(
+    store, at, ahead, place, n, weights, vectors, cut, dark, clipped, samples, bits, part, total
+):  # pragma: no cover
     """Write the sums over the lights of the samples that are kept to `total`, and which are to `bits`.
 
     `at` is the tile's row and column, `ahead` those of the next one, `place` how many pixels that has.
     """
     codes, shape, ambient, black, unit, limit, margin = store
     lights = shape[0]
-    clipped = np.empty(TILE, np.bool_)
     total[:] = 0.0
     bits[:] = 0
+    if len(ambient):
+        read_ambient(ambient, tile_at(shape, 0, at[0], at[1]), n, dark)
     for first in range(0, lights, LIGHTS):
         for step in range(LIGHTS):
             k, place_of = first + step, step * SAMPLE_ROWS * TILE
@@ -46,16 +49,13 @@ def _sum_tile(store, at, ahead, place, n, weights, vectors, cut, samples, bits, 
                 continue
             start = tile_at(shape, k, ahead[0], ahead[1])
             ask_for(codes, start, start + 3 * (place // 2))
-            read_samples(codes, tile_at(shape, k, at[0], at[1]), n, black, samples, place_of)
-            if len(ambient):
-                behind = tile_at(shape, 0, at[0], at[1])
-                subtract_ambient(ambient, behind, n, np.float32(1) / unit[k], samples, place_of)
-            if tile_clipped(codes, shape, k, at[0], at[1], n, limit, margin, clipped):
-                for i in range(n):
-                    if clipped[i]:
-                        samples[place_of + i] = -np.inf
             bit = np.int32(1) << np.int32(k % WORD)
-            keep_lit(samples, place_of, n, weights[k, 0], weights[k, 1], weights[k, 2], cut, bit, bits, k // WORD)
+            read_lit(
+                codes, tile_at(shape, k, at[0], at[1]), n, black, dark, np.float32(1) / unit[k], weights[k, 0],
+                weights[k, 1], weights[k, 2], cut, bit, samples, place_of, bits, k // WORD,
+            )  # fmt: skip
+            if tile_clipped(codes, shape, k, at[0], at[1], n, limit, margin, clipped):
+                drop_clipped(clipped, n, bit, samples, place_of, bits, k // WORD)
         for channel in range(3):
             # Half of the next tile while reading, half while summing: more at a time than memory answers would wait.
             start = tile_at(shape, min(first + channel, lights - 1), ahead[0], ahead[1])
@@ -109,6 +109,7 @@ def fit_tiles(
             gray_weights[k, c] = weights[c] * factors[k, c]
             for axis in range(3):
                 vectors[k, c, axis] = factors[k, c] * directions[k, axis]
+    dark, clipped = np.zeros(3 * TILE, np.float32), np.empty(TILE, np.bool_)
     behind = np.empty(TILE, np.int32)
     samples = np.empty(LIGHTS * SAMPLE_ROWS * TILE, np.float32)
     part, total = np.zeros(SUM_ROWS * TILE, np.float32), np.empty(SUM_ROWS * TILE)
@@ -123,8 +124,8 @@ def fit_tiles(
                 following = min(run + 1, len(runs) - 1)
                 coming, ahead = (runs[following, 0], runs[following, 1]), min(TILE, runs[following, 2])
             _sum_tile(
-                store, (row, column), coming, ahead, n, gray_weights, vectors, np.float32(threshold), samples, bits,
-                part, total,
+                store, (row, column), coming, ahead, n, gray_weights, vectors, np.float32(threshold), dark,
+                clipped, samples, bits, part, total,
             )  # fmt: skip
             matrices(bits, directions, of_all, n, matrix)
             fit_and_judge(total, matrix, weights, n, result)

@@ -187,4 +187,4 @@ def scale_of(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> float:
         line = slice(int(row), int(row) + 1)
         if mask[row].any():
             values.append(read_band(frames, mask[line], line).gray(weights)[0].ravel())
-    return float(np.percentile(np.concatenate(values), 99))
+    return float(np.percentile(np.concatenate(values), 99, overwrite_input=True))

@@ -56,9 +56,9 @@ def matrices(bits, directions, of_all, n, out):  # pragma: no cover
             found, ia, ib, ic, id_, ie, if_ = condition_and_inverse(
                 sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
             )
-        out[i], out[TILE + i], out[2 * TILE + i], out[3 * TILE + i] = ia, ib, ic, id_
-        out[4 * TILE + i], out[5 * TILE + i], out[6 * TILE + i] = ie, if_, found
-        out[7 * TILE + i] = size if well else 0.0
+        out[_u(i)], out[_u(TILE + i)], out[_u(2 * TILE + i)], out[_u(3 * TILE + i)] = ia, ib, ic, id_
+        out[_u(4 * TILE + i)], out[_u(5 * TILE + i)], out[_u(6 * TILE + i)] = ie, if_, found
+        out[_u(7 * TILE + i)] = size if well else 0.0
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})

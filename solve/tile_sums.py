@@ -51,31 +51,27 @@ def ask_for(codes, start, stop):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def read_samples(codes, at, count, black, samples, place):  # pragma: no cover
-    """Write red, green and blue of a tile, less black, to the first three rows of `samples` from `place` on."""
+def read_ambient(ambient, at, count, out):  # pragma: no cover
+    """Write red, green and blue of a tile's ambient light to the three rows of `out`."""
     for i in range(count):
         j = _u(at + 3 * i)
-        samples[_u(place + i)] = np.float32(codes[j]) - black
-        samples[_u(place + TILE + i)] = np.float32(codes[j + _u(1)]) - black
-        samples[_u(place + 2 * TILE + i)] = np.float32(codes[j + _u(2)]) - black
+        out[_u(i)], out[_u(TILE + i)], out[_u(2 * TILE + i)] = ambient[j], ambient[j + _u(1)], ambient[j + _u(2)]
 
 
-@numba.njit(nogil=True, cache=True)
-def subtract_ambient(ambient, at, count, factor, samples, place):  # pragma: no cover
-    """Subtract the ambient light, times `factor`, from what `read_samples` wrote."""
-    for i in range(count):
-        j = _u(at + 3 * i)
-        samples[_u(place + i)] -= ambient[j] * factor
-        samples[_u(place + TILE + i)] -= ambient[j + _u(1)] * factor
-        samples[_u(place + 2 * TILE + i)] -= ambient[j + _u(2)] * factor
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def read_lit(
+    codes, at, count, black, ambient, factor, red, green, blue, threshold, bit, samples, place, bits, word
+):  # pragma: no cover
+    """Write red, green, blue (codes less black, less ambient light times `factor`) and gray to `samples`.
 
-
-@numba.njit(nogil=True, cache=True)
-def keep_lit(samples, place, count, red, green, blue, threshold, bit, bits, word):  # pragma: no cover
-    """Write gray to the fourth row; zero the samples not above the threshold, set the `bit` of the others."""
+    Zero where gray is not above the threshold; where it is, the `bit` of the pixel's word is set.
+    """
     none, no_bit = np.float32(0), np.int32(0)
     for i in range(count):
-        r, g, b = samples[_u(place + i)], samples[_u(place + TILE + i)], samples[_u(place + 2 * TILE + i)]
+        j = _u(at + 3 * i)
+        r = np.float32(codes[j]) - black - ambient[_u(i)] * factor
+        g = np.float32(codes[j + _u(1)]) - black - ambient[_u(TILE + i)] * factor
+        b = np.float32(codes[j + _u(2)]) - black - ambient[_u(2 * TILE + i)] * factor
         gray = r * red + g * green + b * blue
         lit = gray > threshold
         bits[_u(word * TILE + i)] |= bit if lit else no_bit
@@ -83,6 +79,16 @@ def keep_lit(samples, place, count, red, green, blue, threshold, bit, bits, word
         samples[_u(place + TILE + i)] = g if lit else none
         samples[_u(place + 2 * TILE + i)] = b if lit else none
         samples[_u(place + 3 * TILE + i)] = gray if lit else none
+
+
+@numba.njit(nogil=True, cache=True)
+def drop_clipped(clipped, count, bit, samples, place, bits, word):  # pragma: no cover
+    """Undo for the clipped pixels what `read_lit` did."""
+    for i in range(count):
+        if clipped[i]:
+            bits[word * TILE + i] &= ~bit
+            for row in range(SAMPLE_ROWS):
+                samples[place + row * TILE + i] = np.float32(0)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})
