@@ -1,0 +1,107 @@
+"""The engine `many`: one trip through the scene for all flashes of the stack.
+
+Direct light by the engine `direct`. Light that has met more than one surface: camera rays are sent on from the first
+surface and end in cells that know what they send back under every flash (twin/radiance_cells.py).
+"""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.lights import Lights
+from twin.cell_kernels import add_weighted
+from twin.film import Film
+from twin.flashes import Flashes, camera_rays, import_mitsuba, start_above
+from twin.radiance_cells import Hits, RadianceCells
+
+SAMPLES_PER_CALL = 1 << 21
+FIRST_LOOK = 1 << 19
+"""Paths all over the film that find the cells, before any picture is made."""
+
+
+class Indirect:
+    """Light that meets two surfaces or more on its way from a flash to the camera.
+
+    Parameters
+    ----------
+    scene, film, lights
+        As in `Direct`.
+    samples : int
+        Paths a pixel; rounded to what a jittered grid can hold.
+    max_depth : int
+        3: light meets two surfaces; 4: three; and so on.
+    seed : int
+    """
+
+    def __init__(
+        self, scene: Any, film: Film, lights: Lights, *, samples: int = 16, max_depth: int = 5, seed: int = 0
+    ) -> None:
+        self._mi = import_mitsuba()
+        self._scene, self._film, self._seed = scene, film, seed
+        self._count, self.samples = len(lights), self._sampler(samples).sample_count()
+        self._above = start_above(self._mi, scene)
+        self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
+        self._cells = RadianceCells(self._mi, scene, Flashes(self._mi, lights), bounces=max_depth - 3, seed=seed)
+        _, _, height, width = film.window
+        step = max(1, int(np.sqrt(height * width / FIRST_LOOK)))
+        rows, columns = np.mgrid[0:height:step, 0:width:step].reshape(2, -1)
+        looks = max(1, FIRST_LOOK // len(rows))
+        self._cells.cells(self._paths(rows, columns, looks, 0), self._pool)
+
+    def bands(self) -> Iterator[tuple[slice, NDArray[np.float32]]]:
+        """Yield (rows of the film's window, (F, rows, w, 3))."""
+        for first, height in self._film.bands(SAMPLES_PER_CALL, self.samples):
+            start = first - self._film.window[0]
+            yield slice(start, start + height), self._band(start, height)
+
+    def images(self) -> NDArray[np.float32]:
+        """Return (F, h, w, 3), linear, of the film's box."""
+        found = np.concatenate([block for _, block in self.bands()], 1)
+        return np.stack([self._film.place(image) for image in found])
+
+    def _band(self, start: int, height: int) -> NDArray[np.float32]:
+        width = self._film.window[3]
+        rows, columns = np.mgrid[start : start + height, 0:width].reshape(2, -1)
+        hits = self._paths(rows, columns, self.samples, start + 1)
+        cells = self._cells.cells(hits, self._pool)
+        out = np.zeros((len(rows), 3, self._count), np.float32)
+        owners = np.repeat(np.arange(len(rows), dtype=np.int32), self.samples)
+
+        def add(piece: slice) -> None:
+            samples = slice(piece.start * self.samples, piece.stop * self.samples)
+            own = owners[samples]
+            add_weighted(self._cells.radiance, cells[samples], hits.weights[samples], own, out)
+
+        step = 4096
+        list(self._pool.map(add, [slice(i, min(i + step, len(rows))) for i in range(0, len(rows), step)]))
+        out /= self.samples
+        return np.ascontiguousarray(out.reshape(height, width, 3, -1).transpose(3, 0, 1, 2))
+
+    def _sampler(self, samples: int) -> Any:
+        # What a jittered grid cannot hold is rounded up here, without Mitsuba's line on the terminal.
+        rows = int(np.sqrt(samples))
+        return self._mi.load_dict({"type": "multijitter", "sample_count": rows * -(-samples // rows)})
+
+    def _paths(self, rows: NDArray[np.intp], columns: NDArray[np.intp], samples: int, number: int) -> Hits:
+        """Return where `samples` rays from what each pixel sees end."""
+        import drjit as dr
+
+        mi = self._mi
+        top, left, _, _ = self._film.window
+        sampler = self._sampler(samples)
+        samples = sampler.sample_count()
+        sampler.set_samples_per_wavefront(samples)
+        # Mixed, not added up: neighbouring bands must not share samples.
+        seed = int(np.random.SeedSequence([self._seed, number]).generate_state(1)[0])
+        sampler.seed(seed, len(rows) * samples)
+        pixel = dr.arange(mi.UInt32, len(rows) * samples) // samples
+        within = sampler.next_2d()
+        x = dr.gather(mi.Float, mi.Float((columns + left).astype(np.float32)), pixel) + within.x - 0.5
+        y = dr.gather(mi.Float, mi.Float((rows + top).astype(np.float32)), pixel) + within.y - 0.5
+        ray = camera_rays(mi, self._film.rendered, x, y, self._above)
+        surface = self._scene.ray_intersect(ray, mi.RayFlags.All, True, True)
+        return self._cells.leave(surface, surface.is_valid(), sampler)

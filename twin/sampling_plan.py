@@ -1,0 +1,141 @@
+"""Where a picture needs more than one sample a pixel, and how many: from the picture itself, for each light apart."""
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+MOST_SAMPLES = 4096
+EDGE_ERROR = 0.37
+"""Of n samples of `Direct` in a pixel that a step of height 1 crosses anywhere, times n^(3/4); found by trying."""
+ACROSS_CORNERS = 0.25
+"""A step between diagonal neighbours alone cuts off no more than the pixel's corner."""
+
+
+@numba.njit(nogil=True, cache=True)
+def bends(images, scale, out):
+    """Fill `out` (F, h, w) with the greatest second difference, along rows, columns or diagonals, of any channel.
+
+    Parameters
+    ----------
+    images : (F, h, w, 3) float32
+    scale : (F,) float32
+        The frames' brightness: what the difference is divided by.
+
+    Notes
+    -----
+    |2 c - a - b| is the height of a step between c and one neighbour, and small on what is smooth. Beyond the
+    picture's border the neighbour is the pixel itself.
+    """
+    frames, height, width, channels = images.shape
+    for f in range(frames):
+        for row in range(height):
+            above, below = max(row - 1, 0), min(row + 1, height - 1)
+            for column in range(width):
+                left, right = max(column - 1, 0), min(column + 1, width - 1)
+                most = np.float32(0)
+                for c in range(channels):
+                    twice = 2 * images[f, row, column, c]
+                    most = max(most, abs(twice - images[f, above, column, c] - images[f, below, column, c]))
+                    most = max(most, abs(twice - images[f, row, left, c] - images[f, row, right, c]))
+                    falling = abs(twice - images[f, above, left, c] - images[f, below, right, c])
+                    rising = abs(twice - images[f, below, left, c] - images[f, above, right, c])
+                    most = max(most, np.float32(ACROSS_CORNERS) * max(falling, rising))
+                out[f, row, column] = most / scale[f]
+
+
+def samples_for(bend: NDArray[np.float32], tolerance: float) -> NDArray[np.float32]:
+    """Return how many samples pixels of a second difference get: 1, or an even number.
+
+    Notes
+    -----
+    n well-spread samples of a step of height e err by 0.37 e n^(-3/4). The least sum of n at a given sum of squared
+    errors has n proportional to e^(4/5).
+    """
+    samples = 2 * np.floor(0.5 * (bend / tolerance) ** 0.8)
+    return np.where(samples < 2, 1, np.minimum(samples, MOST_SAMPLES)).astype(np.float32)
+
+
+def predicted_error(bend: NDArray[np.float32], samples: NDArray[np.float32]) -> float:
+    """Return the root mean square error that remains, of the frames' brightness."""
+    return float(np.sqrt(np.mean((EDGE_ERROR * bend) ** 2 * samples**-1.5)))
+
+
+def tolerance_for(bend: NDArray[np.float32], error: float) -> float:
+    """Return the tolerance whose predicted error is `error`, by bisection on a logarithmic scale."""
+    # What bends so little adds less than a thousandth of the error's square, whatever its samples.
+    steep = bend[bend > 0.1 * error]
+    share = np.sqrt(len(steep) / bend.size)
+    low, high = 0.01 * error, 1e3
+    for _ in range(24):
+        middle = float(np.sqrt(low * high))
+        if len(steep) and share * predicted_error(steep, samples_for(steep, middle)) > error:
+            high = middle
+        else:
+            low = middle
+    return low
+
+
+@numba.njit(nogil=True, cache=True)
+def plan_samples(bend, first_row, rows, tolerance):
+    """Return which samples are traced for which pixels and lights.
+
+    Parameters
+    ----------
+    bend : (F, h, w) float32
+    first_row, rows : int
+        The rows of `bend` that are wanted.
+    tolerance : float
+
+    Returns
+    -------
+    pixels : (Q,) int32
+        Index in the wanted rows of each pixel that more than one sample is taken of.
+    first_lane : (Q + 1,) int32
+        Its lanes, one a sample.
+    first_pair : (Q + 1,) int32
+        Its pairs, one a light that needs them, those of most samples first.
+    light : (pairs,) int32
+    samples : (pairs,) int32
+    lights_of_lane : (lanes,) int32
+        How many of the pixel's lights still want a lane's sample.
+    """
+    frames, _, width = bend.shape
+    threshold = tolerance * 2.0**1.25
+    most = np.zeros(rows * width, np.float32)
+    pairs = np.zeros(rows * width, np.int32)
+    for f in range(frames):
+        for row in range(rows):
+            for column in range(width):
+                value = bend[f, first_row + row, column]
+                if value > threshold:
+                    pixel = row * width + column
+                    pairs[pixel] += 1
+                    most[pixel] = max(most[pixel], value)
+    pixels = np.nonzero(pairs)[0].astype(np.int32)
+    first_pair = np.zeros(len(pixels) + 1, np.int32)
+    first_lane = np.zeros(len(pixels) + 1, np.int32)
+    for q in range(len(pixels)):
+        first_pair[q + 1] = first_pair[q] + pairs[pixels[q]]
+        first_lane[q + 1] = first_lane[q] + _samples(most[pixels[q]], tolerance)
+    light = np.empty(first_pair[-1], np.int32)
+    samples = np.empty(first_pair[-1], np.int32)
+    lights_of_lane = np.zeros(first_lane[-1], np.int32)
+    found = np.empty(frames, np.int32)
+    for q in range(len(pixels)):
+        row, column = first_row + pixels[q] // width, pixels[q] % width
+        for f in range(frames):
+            found[f] = 0
+            if bend[f, row, column] > threshold:
+                found[f] = _samples(bend[f, row, column], tolerance)
+        order = np.argsort(-found)
+        for k in range(pairs[pixels[q]]):
+            light[first_pair[q] + k] = order[k]
+            samples[first_pair[q] + k] = found[order[k]]
+            for lane in range(first_lane[q], first_lane[q] + found[order[k]]):
+                lights_of_lane[lane] += 1
+    return pixels, first_lane, first_pair, light, samples, lights_of_lane
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def _samples(bend, tolerance):
+    return min(2 * np.int32(0.5 * np.float64(bend / tolerance) ** 0.8), MOST_SAMPLES)
