@@ -1,5 +1,6 @@
 """A scene description's file, TOML: read with every fault told at once. docs/scenes.md is its manual."""
 
+import difflib
 import json
 import tomllib
 from collections.abc import Callable
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 from scene.camera import Camera
 from scene.errors import RenderError, SceneError
 from scene.pose import rotation_from_vector
+from twin import description_tables
 from twin.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description_check import scene_faults
 from twin.description_tables import (
@@ -200,6 +202,9 @@ def _pose(path: Path) -> Array:
     return matrix @ np.diag([*[float(data.get("mm_per_unit", 1.0))] * 3, 1.0])
 
 
+_KEYS = sorted({key for table in vars(description_tables).values() for key in getattr(table, "model_fields", {})})
+
+
 def _told(path: Path, faults: list[str]) -> RenderError:
     return RenderError(
         f"{path}: " + (faults[0] if len(faults) == 1 else "\n  ".join([f"{len(faults)} faults", *faults]))
@@ -211,7 +216,8 @@ def _line(fault: Any) -> str:
     location = [part for part in fault["loc"] if isinstance(part, int) or part not in TAGS]
     path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
     if fault["type"] == "extra_forbidden":
-        return f"{path}: unknown key."
+        close = difflib.get_close_matches(str(location[-1]), _KEYS, n=1)
+        return f"{path}: unknown key.{f' Did you mean {close[0]}?' if close else ' docs/scenes.md lists them.'}"
     if fault["type"] == "missing":
         return f"{path}: missing."
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be ", "expected ").rstrip(".")

@@ -164,13 +164,14 @@ def _shadows(
     scene: TwinScene, sight: Sight, points: Array, normals: Array, flat: Array
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Return (P, N) attached and cast."""
-    attached = np.empty((len(points), len(scene.lights)), bool)
+    lights = scene.lights
+    attached = np.empty((len(points), len(lights)), bool)
     cast = np.zeros_like(attached)
-    toward = scene.lights.toward(points)
-    for index, vectors in enumerate(toward):
-        attached[:, index] = (np.sum(vectors * normals, 1) <= 0) | (np.sum(vectors * flat, 1) <= 0)
+    # Light by light: all vectors of a hundred lights would not fit beside the maps.
+    for index in range(len(lights)):
+        end = None if lights.positions_mm is None else lights.positions_mm[index]
+        toward = np.broadcast_to(lights.directions[index], points.shape) if end is None else _unit(end - points)
+        attached[:, index] = (np.sum(toward * normals, 1) <= 0) | (np.sum(toward * flat, 1) <= 0)
         facing = ~attached[:, index]
-        positions = scene.lights.positions_mm
-        ends = None if positions is None else positions[index]
-        cast[facing, index] = sight.hidden(points[facing], flat[facing], _unit(vectors[facing]), ends)
+        cast[facing, index] = sight.hidden(points[facing], flat[facing], toward[facing], end)
     return attached, cast

@@ -18,6 +18,7 @@ from twin.description_writer import write_scene
 from twin.light_groups import direction
 from twin.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
 from twin.object_mesh import SHAPES, ObjectMesh, built_in, smooth
+from twin.picture_files import write_exr
 
 HEAD = """
 [camera]
@@ -123,7 +124,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
     text = HEAD.replace("fx", "focal").replace("64", "-64") + BALL.replace("scale = 40", "scale = 0")
     text += (
         MATTE.replace("diffuse", "velvet")
-        + '[materials.n]\nkind = "rough_plastic"\nreflectance = "red"\nroughness = 0\n'
+        + '[materials.n]\nkind = "rough_plastic"\nreflectance = "red"\nroughness = 0\nruffness = 1\n'
     )
     text += (
         '[[lights]]\nkind = "area"\nposition_mm = [0, 0, 0]\n[[lights]]\nkind = "ring"\ncount = 2\npolar_deg = 190\n'
@@ -134,6 +135,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
     message = str(caught.value)
     for line in (
         "camera.focal: unknown key",
+        "materials.n.ruffness: unknown key. Did you mean roughness?",
         "camera.fx: missing",
         "camera.width: found -64",
         "objects[0]: found a table",
@@ -145,7 +147,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
         "sampling.engine: found 'best'",
     ):
         assert line in message, (line, message)
-    assert "10 faults" in message
+    assert "11 faults" in message
 
 
 def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
@@ -318,3 +320,18 @@ def test_the_manuals_example_is_read(tmp_path):
         assert f"[{table}]" in manual
     for words in (SHAPES, TAGS):
         assert all(f"`{word}`" in manual for word in words)
+
+
+@pytest.mark.render
+def test_bright_maps_come_back_from_exr_and_hdr(tmp_path):
+    sky = np.random.default_rng(10007).uniform(0, 30, (4, 8, 3)).astype(np.float32)
+    write_exr(tmp_path / "sky.exr", sky)
+    cv2.imwrite(str(tmp_path / "sky.hdr"), sky[..., ::-1])
+    text = '[environment]\nmap = "sky.%s"\nscale = 2\n'
+    for suffix, tolerance in (("exr", 0), ("hdr", 0.01)):
+        scene = read(tmp_path, HEAD, BALL, MATTE, text % suffix, LIGHT)
+        assert np.allclose(scene.environment.radiance, sky, rtol=tolerance, atol=30 * tolerance)
+    sky[1, 2, 0] = np.nan
+    write_exr(tmp_path / "sky.exr", sky)
+    with pytest.raises(RenderError, match=r"environment.map: .*sky.exr: 1 of 96 values are not finite"):
+        read(tmp_path, HEAD, BALL, MATTE, text % "exr", LIGHT)

@@ -1,5 +1,6 @@
 """The scene in Mitsuba: energy, conventions of textures and maps, and every material."""
 
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from scene.lights import Lights
 from scene.normals import unit
 from scene.store import Store
 from twin.description import Environment, Sampling, TwinObject, TwinScene
-from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture, seed_materials
+from twin.materials import Conductor, Diffuse, Measured, RoughPlastic, Subsurface, Texture, seed_materials
+from twin.mitsuba_files import write_mitsuba
 from twin.object_mesh import built_in
 from twin.path_tracing import PathTracer
 from twin.render import render_scene
@@ -225,3 +227,42 @@ def test_a_scene_becomes_frames_like_a_session_whatever_the_lens(tmp_path):
     for index in (0, 1):
         assert np.abs(rendered.frames.frame(index) - image(scene, index)).max() < 2e-5
     assert np.array_equal(Store(tmp_path).load_frames().codes, rendered.frames.codes)
+
+
+def write_bsdf(path, **fields):
+    """Write arrays in the container of the RGL database: head, one entry a field, data."""
+    head = b"tensor_file\0" + struct.pack("<BBI", 1, 0, len(fields))
+    start = len(head) + sum(13 + len(name) + 8 * array.ndim for name, array in fields.items())
+    data = b""
+    for name, array in fields.items():
+        kind = {np.dtype("u1"): 1, np.dtype("f4"): 10}[array.dtype]
+        head += struct.pack("<H", len(name)) + name.encode()
+        head += struct.pack("<HBQ", array.ndim, kind, start + len(data)) + struct.pack(f"<{array.ndim}Q", *array.shape)
+        data += array.tobytes()
+    path.write_bytes(head + data)
+
+
+def test_a_measured_material_is_read_and_goes_out_with_the_scene(tmp_path):
+    """Even in all its tables, it reflects f cos = colour ndf / (4 sigma) = colour / 4 in every direction."""
+    colour = np.array([0.4, 0.2, 0.1], np.float32)
+    even = np.ones((1, 4, 8, 8), np.float32)
+    write_bsdf(
+        tmp_path / "even.bsdf",
+        description=np.frombuffer(b"even", np.uint8),
+        phi_i=np.zeros(1, np.float32),
+        theta_i=np.linspace(0, 1.5, 4, dtype=np.float32),
+        ndf=even[0, 0],
+        sigma=even[0, 0],
+        vndf=even,
+        luminance=even,
+        rgb=even[:, :, None] * colour[:, None, None],
+        jacobian=np.ones(1, np.uint8),
+    )
+    scene = one("sphere", Measured(tmp_path / "even.bsdf"))
+    assert np.allclose(image(scene)[10:22, 10:22], np.pi * colour / 4, rtol=1e-4)
+    paths, _ = write_mitsuba(scene, tmp_path / "out")
+    (tmp_path / "even.bsdf").unlink()
+    import mitsuba as mi
+
+    loaded = mi.load_file(str(paths[0]))
+    assert np.allclose(np.array(mi.render(loaded, spp=4))[10:22, 10:22], np.pi * colour / 4, rtol=1e-4)
