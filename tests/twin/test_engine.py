@@ -1,0 +1,119 @@
+"""The choice of an engine: what the scene asks for, and why; and the layers that it gives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.lights import Lights
+from scene.normals import unit
+from twin import engine as engines
+from twin.description import Environment, Sampling, TwinObject, TwinScene
+from twin.engine import Choice, choose_engine
+from twin.layers import render_layers
+from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface
+from twin.object_mesh import built_in
+from twin.path_tracing import PathTracer
+from twin.variant import FAST, pick_variant
+
+pytestmark = [
+    pytest.mark.render,
+    pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here"),
+]
+
+CAMERA = Camera(48, 40, 150.0, 150.0, 23.5, 19.5)
+GREY = Diffuse((0.6, 0.6, 0.6))
+
+
+def ball(material=GREY, *, wall=False, **change):
+    def placed(name, shape, size, z, use):
+        matrix = np.diag([size, size, size, 1.0])
+        matrix[2, 3] = z
+        return TwinObject(name, built_in(shape), use, matrix)
+
+    directions = unit(np.array([[0.4, 0.3, 1], [-0.5, 0.2, 0.8]]))
+    scene = TwinScene(
+        CAMERA,
+        (placed("ball", "sphere", 25.0, -300.0, "m"), *([placed("wall", "square", 90.0, -326.0, "w")] if wall else [])),
+        {"m": material, **({"w": Diffuse((0.8, 0.8, 0.8))} if wall else {})},
+        Lights(("a", "b"), directions, np.array([[1, 1, 1], [0.6, 0.8, 1.0]])),
+        sampling=Sampling("auto", max_depth=4, error=0.01),
+    )
+    return replace(scene, **change)
+
+
+def chosen(scene):
+    return choose_engine(scene, scene.film())
+
+
+def test_a_convex_object_is_rendered_directly_and_before_a_wall_by_many():
+    alone, before = chosen(ball()), chosen(ball(wall=True))
+    assert (alone.engine, before.engine) == ("direct", "many")
+    assert alone.onward < 1e-3 < 0.02 < before.onward
+    assert max(alone.disagreement, before.disagreement) < 0.01
+    assert "% of the mean" in str(before)
+    assert set(before.seconds) == {"direct", "many", "mitsuba"}
+    assert before.samples > 4
+    rough = chosen(replace(ball(wall=True), sampling=Sampling("auto", max_depth=4, error=0.5)))
+    assert rough.engine == "direct", "where half is error enough, what goes on need not be rendered"
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        ({"materials": {"m": Conductor("Au", 0.0)}}, "mirror"),
+        ({"materials": {"m": Diffuse((0.5, 0.5, 0.5), Subsurface(3.0))}}, "medium|mirror|pane"),
+        ({"sampling": Sampling("mitsuba", samples=9)}, "asked for"),
+    ],
+)
+def test_what_the_others_cannot_do_goes_to_stock_mitsuba(change, reason):
+    import re
+
+    choice = chosen(ball(**change))
+    assert choice.engine == "mitsuba"
+    assert re.search(reason, choice.reason)
+
+
+def test_a_light_with_a_size_goes_to_stock_mitsuba():
+    scene = ball()
+    offset = 200 * scene.lights.directions
+    center = np.array([0, 0, -300.0])
+    near = replace(scene.lights, positions_mm=center + offset, reference_point_mm=center)
+    assert chosen(replace(scene, lights=near)).engine == "direct"
+    assert "size" in chosen(replace(scene, lights=near, radii_mm=np.array([0, 15.0]))).reason
+
+
+def test_without_llvm_it_is_stock_mitsuba_and_says_how_to_get_the_others(monkeypatch):
+    monkeypatch.setattr(engines, "pick_variant", lambda: ("scalar_rgb", "no LLVM that works was found. Install it"))
+    choice = chosen(ball())
+    assert choice.engine == "mitsuba"
+    assert "Install it" in str(choice)
+
+
+def test_a_pilot_that_stock_mitsuba_contradicts_bars_the_others(monkeypatch):
+    class Bright(engines.Indirect):
+        def images(self):
+            return 1.5 * super().images()
+
+    monkeypatch.setattr(engines, "Indirect", Bright)
+    choice = chosen(ball(wall=True))
+    assert choice.engine == "mitsuba"
+    assert choice.disagreement > 0.01
+    assert "differs" in choice.reason
+
+
+def test_the_layers_add_up_to_stock_mitsuba_environment_and_all():
+    ambient = Environment(ambient=(0.1, 0.2, 0.05))
+    scene = ball(RoughPlastic((0.5, 0.5, 0.5), 0.3), wall=True, environment=ambient)
+    film = scene.film()
+    layers = render_layers(scene, film, Choice("many", 0.005, 64, ""))
+    tracer = PathTracer(scene, film, variant=FAST)
+    for index, frame in enumerate(layers.frames()):
+        expected = tracer.image(index, 256)
+        assert np.allclose(frame.mean((0, 1)), expected.mean((0, 1)), rtol=5e-3)
+        assert np.sqrt(np.mean((frame - expected) ** 2)) < 0.02 * expected.mean()
+    assert layers.standing.mean() > 0.03
+    stock = render_layers(scene, film, Choice("mitsuba", 0.005, 16, ""))
+    assert stock.onward is None
+    assert np.allclose(stock.frames().mean((1, 2)), layers.frames().mean((1, 2)), rtol=0.01)
