@@ -24,6 +24,7 @@ from scene.pose import Pose
 from scene.store import Store
 from twin.description import Sampling, TwinScene
 from twin.film import Film
+from twin.ground_truth import ground_truth, save_ground_truth
 from twin.path_tracing import PathTracer
 from twin.scan_scene import scan_scene
 from twin.variant import pick_variant
@@ -104,7 +105,8 @@ def render(
     progress : callable or None
         Called with (frames done, frames in all).
     store : Store or None
-        Frames go to its `frames/codes.npy`, memory-mapped; else they stay in memory.
+        Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
+        `twin.ground_truth`. Without it frames stay in memory.
 
     Raises
     ------
@@ -185,6 +187,7 @@ def render_scene(
     if store is not None:
         store.save_frames_header(frames)
         frames = store.load_frames()
+        save_ground_truth(ground_truth(scene), store.folder)
     seconds = time.perf_counter() - started
     depth = scene.sampling.max_depth
     return Rendering(frames, variant, samples_per_pixel, depth, noise, seconds, tuple(warnings))

@@ -11,6 +11,7 @@ from scene.lights import Lights
 from scene.normals import unit
 from scene.store import Store
 from twin.description import Environment, Sampling, TwinObject, TwinScene
+from twin.ground_truth import lights_of
 from twin.materials import Conductor, Diffuse, Measured, RoughPlastic, Subsurface, Texture, seed_materials
 from twin.mitsuba_files import write_mitsuba
 from twin.object_mesh import built_in
@@ -227,6 +228,12 @@ def test_a_scene_becomes_frames_like_a_session_whatever_the_lens(tmp_path):
     for index in (0, 1):
         assert np.abs(rendered.frames.frame(index) - image(scene, index)).max() < 2e-5
     assert np.array_equal(Store(tmp_path).load_frames().codes, rendered.frames.codes)
+    # The true maps lie beside. Lit is what is seen and neither faces away nor is hidden, but for the rim.
+    mask, attached, cast = (np.load(tmp_path / f"truth_{name}.npy") for name in ("mask", "attached", "cast"))
+    for index, shadow in enumerate(lights_of(attached | cast, 2)):
+        lit = rendered.frames.frame(index)[..., 1] > 0.02
+        assert (mask & ~shadow)[lit].mean() > 0.9
+        assert lit[mask & ~shadow].mean() > 0.9
 
 
 def write_bsdf(path, **fields):
