@@ -35,7 +35,8 @@ class Direct:
     lights : Lights
         Distant, or points; see `Flashes` for the units.
     error : float
-        Root mean square error that is asked for, over the frames' mean brightness where there is an object.
+        Root mean square error that is asked for, over each frame's mean brightness where any light meets an object;
+        a frame counts as at least a tenth as bright as the brightest.
 
     Attributes
     ----------
@@ -165,9 +166,10 @@ class Direct:
         lefts = np.unique(np.linspace(0, width - side, PILOT_TILES).astype(int))
         corners = np.stack(np.meshgrid(tops, lefts, indexing="ij"), -1).reshape(-1, 2)
         images = self._once(slice(0, side), slice(0, side), corners)
-        lit = images.max(-1) > 0
-        means = images.mean(-1).sum((1, 2, 3)) / np.maximum(lit.sum((1, 2, 3)), 1)
-        brightness = np.where(means > 0, means, 1).astype(np.float32)
+        seen = np.count_nonzero(images.max((0, -1)) > 0)
+        means = images.mean(-1).sum((1, 2, 3)) / max(seen, 1)
+        # A frame that is nearly black need not be exact to a per cent of that.
+        brightness = np.maximum(means, 0.1 * means.max() if seen else 1).astype(np.float32)
         bend = np.empty(images.shape[:4], np.float32)
         for number in range(images.shape[1]):
             bends(images[:, number], brightness, bend[:, number])

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.cell_kernels import add_weighted
+from twin.cell_kernels import NOWHERE, add_weighted
 from twin.film import Film
 from twin.flashes import Flashes, camera_rays, import_mitsuba, start_above
 from twin.radiance_cells import Hits, RadianceCells
@@ -43,9 +43,9 @@ class Indirect:
         self._mi = import_mitsuba()
         self._scene, self._film, self._seed = scene, film, seed
         self._count, self.samples = len(lights), self._sampler(samples).sample_count()
-        self._above = start_above(self._mi, scene)
+        self._above, self._bounces = start_above(self._mi, scene), max_depth - 3
         self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
-        self._cells = RadianceCells(self._mi, scene, Flashes(self._mi, lights), bounces=max_depth - 3, seed=seed)
+        self._cells = RadianceCells(self._mi, scene, Flashes(self._mi, lights), bounces=self._bounces, seed=seed)
         _, _, height, width = film.window
         step = max(1, int(np.sqrt(height * width / FIRST_LOOK)))
         rows, columns = np.mgrid[0:height:step, 0:width:step].reshape(2, -1)
@@ -67,9 +67,13 @@ class Indirect:
         width = self._film.window[3]
         rows, columns = np.mgrid[start : start + height, 0:width].reshape(2, -1)
         hits = self._paths(rows, columns, self.samples, start + 1)
+        owners = np.repeat(np.arange(len(rows), dtype=np.int32), self.samples)
+        glossy = np.nonzero(hits.glossy)[0]
+        hits.keys[glossy] = NOWHERE
         cells = self._cells.cells(hits, self._pool)
         out = np.zeros((len(rows), 3, self._count), np.float32)
-        owners = np.repeat(np.arange(len(rows), dtype=np.int32), self.samples)
+        if len(glossy):
+            out += self._by_way_of(hits.only(glossy), owners[glossy], len(rows), start)
 
         def add(piece: slice) -> None:
             samples = slice(piece.start * self.samples, piece.stop * self.samples)
@@ -80,6 +84,21 @@ class Indirect:
         list(self._pool.map(add, [slice(i, min(i + step, len(rows))) for i in range(0, len(rows), step)]))
         out /= self.samples
         return np.ascontiguousarray(out.reshape(height, width, 3, -1).transpose(3, 0, 1, 2))
+
+    def _by_way_of(self, hits: Hits, owners: NDArray[np.int32], count: int, number: int) -> NDArray[np.float32]:
+        """Return (count, 3, F): what glossy surfaces send on to their owners, each path for itself.
+
+        What such a surface sends on depends on where it is seen from, so the path goes on and ends in the next cell.
+        """
+        surface = self._cells.arrive(hits)
+        out = self._cells.reflected(surface, owners, hits.weights, count)
+        if self._bounces > 0:
+            sampler = self._mi.load_dict({"type": "independent"})
+            sampler.seed(int(np.random.SeedSequence([self._seed, 1, number]).generate_state(1)[0]), len(owners))
+            onward = self._cells.leave(surface, surface.is_valid(), sampler)
+            cells = self._cells.cells(onward, self._pool)
+            add_weighted(self._cells.radiance_before, cells, onward.weights * hits.weights, owners, out)
+        return out
 
     def _sampler(self, samples: int) -> Any:
         # What a jittered grid cannot hold is rounded up here, without Mitsuba's line on the terminal.

@@ -7,7 +7,7 @@ the distance that they are seen from. Between cells light is exchanged in the sa
 """
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -39,12 +39,19 @@ class Hits:
         BRDF times cosine over the density that the direction was drawn with.
     origins, directions : (S, 3) float32
         The rays.
+    glossy : (S,) bool
+        What is met there sends light on by its direction.
     """
 
     keys: NDArray[np.int64]
     weights: NDArray[np.float32]
     origins: NDArray[np.float32]
     directions: NDArray[np.float32]
+    glossy: NDArray[np.bool_]
+
+    def only(self, chosen: NDArray[np.intp]) -> "Hits":
+        """Return some of them."""
+        return Hits(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 class RadianceCells:
@@ -68,6 +75,8 @@ class RadianceCells:
         self._links: list[tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int32]]] = []
         self.radiance = self._direct
         """(C, 3, F), of each cell toward where it was seen from."""
+        self.radiance_before = self._direct
+        """Likewise, of light that was sent on once less."""
 
     def __len__(self) -> int:
         return len(self._keys)
@@ -95,9 +104,33 @@ class RadianceCells:
         key = (kind << 48) | (mi.UInt64(place.x) << 32) | (mi.UInt64(place.y) << 16) | mi.UInt64(place.z)
         key: Any = dr.select(active, mi.Int64(key), int(NOWHERE))
         weight = dr.select(active, weight, 0)
+        glossy: Any = active & mi.has_flag(met.bsdf().flags(), mi.BSDFFlags.Glossy)
         rows: list[Any] = [dr.ravel(weight), dr.ravel(ray.o), dr.ravel(ray.d)]
-        dr.eval(key, *rows)
-        return Hits(key.numpy(), *(row.numpy().reshape(-1, 3) for row in rows))
+        dr.eval(key, glossy, *rows)
+        weight, origins, directions = (row.numpy().reshape(-1, 3) for row in rows)
+        return Hits(key.numpy(), weight, origins, directions, glossy.numpy())
+
+    def arrive(self, hits: Hits) -> Any:
+        """Return the surfaces that the rays meet, as Mitsuba has them."""
+        mi = self._mi
+        origins, directions = (np.ascontiguousarray(a.T) for a in (hits.origins, hits.directions))
+        return self._scene.ray_intersect(mi.Ray3f(mi.Point3f(origins), mi.Vector3f(directions)))
+
+    def reflected(self, surface: Any, owners: NDArray, weights: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+        """Return (count, 3, F): light straight from the flashes, times weights (S, 3), summed for each owner (S,)."""
+        import drjit as dr
+
+        mi, flashes, bsdf = self._mi, self._flashes, surface.bsdf()
+        out = dr.zeros(mi.Float, count * 3 * flashes.count)
+        owner, weight = mi.UInt32(owners.astype(np.uint32)), mi.Color3f(np.ascontiguousarray(weights.T))
+
+        def add(light: Any, active: Any) -> None:
+            value = flashes.reflected(self._scene, surface, bsdf, light, active, coherent=False) * weight
+            for channel in range(3):
+                dr.scatter_add(out, value[channel], (owner * 3 + channel) * flashes.count + light, active)
+
+        flashes.loop(flashes.count, surface.is_valid(), add)
+        return out.numpy().reshape(-1, 3, flashes.count)
 
     def cells(self, hits: Hits, pool: ThreadPoolExecutor) -> NDArray[np.int32]:
         """Return each hit's cell, -2 where there is none; cells that were not met before are lit first."""
@@ -124,20 +157,18 @@ class RadianceCells:
             chosen = np.nonzero(self._find(hits.keys, pool) == -1)[0]
             if not len(chosen):
                 break
-        radiance = self._direct
+        radiance = before = self._direct
         links = [(self._find(keys, pool), weights, owners) for keys, weights, owners in self._links]
         for _ in range(self._bounces):
             total = self._direct.copy()
             for cells, weights, owners in links:
                 add_weighted(radiance, cells, weights, owners, total)
-            radiance = total
-        self.radiance = radiance
+            radiance, before = total, radiance
+        self.radiance, self.radiance_before = radiance, before
 
     def _light(self, hits: Hits, chosen: NDArray[np.intp], *, go_on: bool) -> tuple[Hits, NDArray[np.int32]]:
         """Make the chosen hits' cells; return the hits of the rays that go on from them, and which cells they left."""
-        import drjit as dr
-
-        mi, count, rng = self._mi, self._flashes.count, np.random.default_rng([self._seed, len(self)])
+        rng = np.random.default_rng([self._seed, len(self)])
         chosen = rng.permutation(chosen)
         chosen = chosen[np.argsort(hits.keys[chosen], kind="stable")]
         keys, starts, met = np.unique(hits.keys[chosen], return_index=True, return_counts=True)
@@ -148,32 +179,19 @@ class RadianceCells:
         first = len(self)
         self._enter(keys)
 
-        ray = mi.Ray3f(
-            mi.Point3f(np.ascontiguousarray(hits.origins[chosen].T)),
-            mi.Vector3f(np.ascontiguousarray(hits.directions[chosen].T)),
-        )
-        surface = self._scene.ray_intersect(ray)
-        bsdf, seen = surface.bsdf(), surface.is_valid()
-        out = dr.zeros(mi.Float, len(keys) * 3 * count)
-        owner, weight = mi.UInt32(cell.astype(np.uint32)), mi.Float(share)
-
-        def add(light: Any, active: Any) -> None:
-            value = self._flashes.reflected(self._scene, surface, bsdf, light, active, coherent=False) * weight
-            for channel in range(3):
-                dr.scatter_add(out, value[channel], (owner * 3 + channel) * count + light, active)
-
-        self._flashes.loop(count, seen, add)
-        self._direct = np.concatenate([self._direct, out.numpy().reshape(-1, 3, count)])
+        met_points = hits.only(chosen)
+        surface = self.arrive(met_points)
+        weights = np.repeat(share[:, None], 3, 1).astype(np.float32)
+        self._direct = np.concatenate([self._direct, self.reflected(surface, cell, weights, len(keys))])
         if not go_on:
             return hits, np.zeros(0, np.int32)
-        lanes = np.repeat(np.arange(len(chosen)), BOUNCES).astype(np.uint32)
-        surface = self._scene.ray_intersect(dr.gather(mi.Ray3f, ray, mi.UInt32(lanes)))
-        sampler = mi.load_dict({"type": "independent"})
+        lanes = np.repeat(np.arange(len(chosen)), BOUNCES)
+        surface = self.arrive(met_points.only(lanes))
+        sampler = self._mi.load_dict({"type": "independent"})
         sampler.seed(int(rng.integers(1 << 31)), len(lanes))
         onward = self.leave(surface, surface.is_valid(), sampler)
         weights = (onward.weights * (share[lanes] / BOUNCES)[:, None]).astype(np.float32)
-        owners = (first + cell[lanes]).astype(np.int32)
-        return Hits(onward.keys, weights, onward.origins, onward.directions), owners
+        return replace(onward, weights=weights), (first + cell[lanes]).astype(np.int32)
 
     def _enter(self, keys: NDArray[np.int64]) -> None:
         first = len(self)

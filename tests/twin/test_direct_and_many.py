@@ -13,7 +13,7 @@ from twin.direct import Direct
 from twin.film import Film
 from twin.flashes import import_mitsuba
 from twin.many import Indirect
-from twin.materials import Diffuse, RoughPlastic
+from twin.materials import Conductor, Diffuse, RoughPlastic
 from twin.mitsuba_scene import mitsuba_scene
 from twin.object_mesh import built_in
 from twin.path_tracing import PathTracer
@@ -134,6 +134,18 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     assert np.sqrt(np.mean(blocks**2)) < 0.004 * whole_of.mean()
 
 
+@pytest.mark.parametrize("max_depth", [3, 5])
+def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth):
+    given = lights([120, 60, 200], near=True)
+    scene = scene_of(*corner(Conductor("Al", 0.3)), given, max_depth=max_depth)
+    through = indirect(scene, samples=256).images()
+    both = stock(scene, 576)
+    beyond = both - direct(scene).images()
+    blocks = (through - beyond).reshape(1, 5, 8, 6, 8, 3).mean((2, 4))
+    assert np.sqrt(np.mean(blocks**2)) < 0.006 * both.mean()
+    assert np.allclose(through.mean((1, 2)), beyond.mean((1, 2)), rtol=0.03)
+
+
 @pytest.mark.parametrize(("max_depth", "terms"), [(3, 2), (4, 3), (6, 5)])
 def test_inside_a_matte_ball_it_is_an_integrating_sphere(max_depth, terms):
     """A light at the middle of a closed ball: L = rho I (1 + rho + rho^2 + ...), everywhere the same."""
@@ -155,7 +167,7 @@ def test_inside_a_matte_ball_it_is_an_integrating_sphere(max_depth, terms):
 def test_frames_are_linear_in_intensity_and_go_with_their_lights():
     given = lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8], [0, -0.3, 1])
     scene = scene_of(*corner(), given)
-    brighter = given.intensities * np.array([[1.0], [4.0], [0.5]])
+    brighter = given.intensities * np.array([[1.0], [2.0], [0.5]])
     turned = [2, 0, 1]
     changes = {
         "bright": replace(given, intensities=brighter),
