@@ -22,14 +22,14 @@ row-by-row sweeps would need one of takes two, but no pixel waits for its neighb
 
 @dataclass(frozen=True)
 class _Level:
-    """All (H, W): edges, diagonal and one over it (0 where there is no unknown); the whole inverse at the coarsest."""
+    """All (H, W): edges, diagonal and one over it (0 where there is no unknown); Cholesky's factor at the coarsest."""
 
     right: Array
     down: Array
     shift: Array
     diagonal: Array
     reciprocal: Array
-    inverse: Array | None = None
+    factor: Array | None = None
 
 
 def solve_grid(
@@ -59,10 +59,10 @@ def solve_grid(
     top = levels[0]
     x = start.copy()
     residual = rhs - _applied(top, x)
-    goal = tolerance * float(np.linalg.norm(rhs))
+    goal = tolerance * _length(rhs)
     step, before, slope = np.zeros_like(x), residual, 1.0
     for count in range(iterations):
-        if float(np.linalg.norm(residual)) <= goal:
+        if _length(residual) <= goal:
             return x, True
         z = _cycle(levels, 0, residual)
         # Flexible conjugate gradients: a cycle is not the same linear map twice.
@@ -77,7 +77,7 @@ def solve_grid(
         x += length * step
         before = residual
         residual = residual - length * image
-    return x, float(np.linalg.norm(residual)) <= goal
+    return x, _length(residual) <= goal
 
 
 def _levels(right: Array, down: Array, shift: Array) -> list[_Level]:
@@ -91,18 +91,16 @@ def _levels(right: Array, down: Array, shift: Array) -> list[_Level]:
     for weight, a, b in ((last.right, at[:, :-1], at[:, 1:]), (last.down, at[:-1], at[1:])):
         matrix[a, b] = matrix[b, a] = -weight[: a.shape[0], : a.shape[1]]
     # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
-    values, vectors = np.linalg.eigh(matrix)
-    least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * values[-1])
-    inverse = (vectors / np.maximum(values, least)) @ vectors.T
-    levels[-1] = replace(last, inverse=inverse)
+    least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * float(last.diagonal.max()))
+    levels[-1] = replace(last, factor=_factorised(matrix, least))
     return levels
 
 
 def _cycle(levels: list[_Level], depth: int, rhs: Array) -> Array:
     """Return an approximate solution: smooth, correct from the coarser grid, smooth."""
     level = levels[depth]
-    if level.inverse is not None:
-        return (level.inverse @ rhs.ravel()).reshape(rhs.shape)
+    if level.factor is not None:
+        return _substituted(level.factor, rhs.ravel()).reshape(rhs.shape)
     # Two steps of Jacobi's method from zero; the first needs no product.
     x = _smoothed(level, rhs, (_WEIGHTS[0] * rhs) * level.reciprocal, _WEIGHTS[1:])
     coarse = np.zeros_like(levels[depth + 1].shift)
@@ -123,14 +121,14 @@ def _coarse_solution(levels: list[_Level], depth: int, rhs: Array) -> Array:
     """Return one or two steps of conjugate gradients, each preconditioned by a cycle [Notay2008]."""
     level = levels[depth]
     first = _cycle(levels, depth, rhs)
-    if level.inverse is not None:
+    if level.factor is not None:
         return first
     image = _applied(level, first)
     bend, slope = _dot(first, image), _dot(first, rhs)
     if not bend > 0.0:
         return first
     left = rhs - (slope / bend) * image
-    if np.linalg.norm(left) <= 0.25 * np.linalg.norm(rhs):
+    if _length(left) <= 0.25 * _length(rhs):
         return (slope / bend) * first
     second = _cycle(levels, depth, left)
     shared, slope_2 = _dot(second, image), _dot(second, left)
@@ -140,8 +138,52 @@ def _coarse_solution(levels: list[_Level], depth: int, rhs: Array) -> Array:
     return (slope / bend - shared * slope_2 / (bend * bend_2)) * first + (slope_2 / bend_2) * second
 
 
-def _dot(a: Array, b: Array) -> float:
-    return float(np.vdot(a, b))
+# Not the linear algebra library's, here and in `_dot`: waking its threads costs more than the work.
+@numba.njit(nogil=True, cache=True)
+def _factorised(matrix, least):  # pragma: no cover
+    """Return Cholesky's lower factor, no pivot below `least`."""
+    count = len(matrix)
+    factor = np.zeros((count, count))
+    for i in range(count):
+        for j in range(i + 1):
+            total = matrix[i, j]
+            for k in range(j):
+                total -= factor[i, k] * factor[j, k]
+            if i == j:
+                factor[i, i] = np.sqrt(max(total, least))
+            else:
+                factor[i, j] = total / factor[j, j]
+    return factor
+
+
+@numba.njit(nogil=True, cache=True)
+def _substituted(factor, rhs):  # pragma: no cover
+    count = len(rhs)
+    x = rhs.copy()
+    for i in range(count):
+        for k in range(i):
+            x[i] -= factor[i, k] * x[k]
+        x[i] /= factor[i, i]
+    for i in range(count - 1, -1, -1):
+        x[i] /= factor[i, i]
+        for k in range(i):
+            x[k] -= factor[i, k] * x[i]
+    return x
+
+
+@numba.njit(nogil=True, cache=True)
+def _dot(a, b):  # pragma: no cover
+    total = 0.0
+    for row in range(len(a)):
+        some = 0.0
+        for column in range(a.shape[1]):
+            some += a[row, column] * b[row, column]
+        total += some
+    return total
+
+
+def _length(a: Array) -> float:
+    return float(np.sqrt(_dot(a, a)))
 
 
 def _level(right: Array, down: Array, shift: Array) -> _Level:

@@ -19,6 +19,8 @@ from solve.samples import GRAY, Geometry, bands, points_of, read_band, scale_of
 
 Array = NDArray[np.float64]
 
+POSITIONS = True
+
 SETTINGS = {**iterative.SETTINGS, "rounds": 5, "depth_tolerance": 3e-4, "roughness_px": 0.11}
 
 SEED_SETTINGS = {**iterative.SEED_SETTINGS, "rounds": 5, "depth_tolerance": 3e-4, "roughness_px": 0.11}

@@ -13,6 +13,7 @@ from solve import iterative, near
 from solve.reflectance_kernels import DIFFERENCE, HALF, SIZE, accumulate, back_substitute, refine
 from solve.whole import Whole, scale_of_samples
 
+POSITIONS = True
 WHOLE = True
 VIEWS = True
 CALIBRATED = True

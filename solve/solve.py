@@ -28,7 +28,8 @@ METHODS = (
 """Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
 
 One with VIEWS is given the unit vectors toward the camera, too. A module with `find_lights` corrects the lights first:
-fit, albedo and sigma are under those. One with `find_depth` finds each pixel's depth first: they are there.
+fit, albedo and sigma are under those. One with POSITIONS is given positions for lights that have none, where the
+object tells them (`solve.light_distance`). One with `find_depth` finds each pixel's depth first: they are there.
 """
 
 
@@ -100,6 +101,13 @@ def solve(
     if hasattr(module, "find_lights"):
         own_lights, more = module.find_lights(frames, lights, camera, mask, **settings)
         lights, said = own_lights, (*said, *more)
+    if getattr(module, "POSITIONS", False) and lights.positions_mm is None:
+        from solve.light_distance import find_positions
+
+        placed, more = find_positions(frames, lights, camera, mask)
+        said = (*said, *more)
+        if placed.positions_mm is not None:
+            lights = own_lights = placed
     z_mm = None
     if hasattr(module, "find_depth"):
         z_mm, more = module.find_depth(frames, lights, camera, mask, **settings)

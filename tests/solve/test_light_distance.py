@@ -1,0 +1,84 @@
+"""Lights whose directions alone are given: how far they are, by the object."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.bench_intensities import session, true_normals
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+from solve.light_distance import find_positions
+from solve.solve import solve
+
+
+@pytest.fixture(scope="module", params=["blob", "potato"])
+def near_session(request):
+    """Flashes 0.5 to 0.9 m away; (frames, true lights, camera, mask, normals)."""
+    scene = session({"blob": 20_400, "potato": 20_401}[request.param], request.param, 16, 1.5)
+    normals, mask = true_normals(scene)
+    return scene.photograph(), scene.lights, scene.camera, mask, normals
+
+
+def directions_only(lights: Lights) -> Lights:
+    return Lights(lights.names, lights.directions, lights.intensities).normalised()
+
+
+def test_distances_and_normals(near_session):
+    frames, lights, camera, mask, normals = near_session
+    given = directions_only(lights)
+    found, said = find_positions(frames, given, camera, mask)
+    assert "without positions" in said[0]
+    # Of perspective pictures without a scale, everything is told up to one: the object is put at 1000.
+    scale = -lights.reference_point_mm[2] / 1000
+    far = np.linalg.norm(found.positions_mm - found.reference_point_mm, axis=1) * scale
+    ratio = far / np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)
+    assert np.mean(ratio) == pytest.approx(1, abs=0.15)
+    # Not one distance for all: theirs differ by a sixth.
+    assert np.std(ratio) < 0.06
+    estimate = solve("near", frames, given, camera, mask)
+    assert any("without positions" in doubt for doubt in estimate.warnings)
+    assert estimate.lights is not None
+    assert estimate.lights.positions_mm is not None
+    error = np.nanmedian(angular_error_deg(estimate.normals, normals)[mask])
+    distant = solve("iterative", frames, given, camera, mask)
+    assert error < 0.3 * np.nanmedian(angular_error_deg(distant.normals, normals)[mask])
+
+
+def test_distant_lights_stay_distant():
+    scene = session(20_402, "blob", 16, 40.0)
+    given = directions_only(scene.lights)
+    _, mask = true_normals(scene)
+    found, said = find_positions(scene.photograph(), given, scene.camera, mask)
+    assert found is given
+    assert said == ()
+
+
+def test_known_positions_are_kept(near_session):
+    frames, lights, camera, mask, _ = near_session
+    assert find_positions(frames, lights, camera, mask) == (lights, ())
+
+
+def test_few_pixels_say_so():
+    codes = np.full((4, 5, 5, 3), 9000, np.uint16)
+    names = tuple("abcd")
+    directions = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8], [-0.6, 0, 0.8]], float)
+    given = Lights(names, directions, np.ones((4, 3)))
+    found, said = find_positions(
+        Frames(names, codes, np.ones(4)), given, Camera.orthographic(5, 5), np.ones((5, 5), bool)
+    )
+    assert found is given
+    assert "too few pixels" in said[0]
+
+
+def test_the_unit_of_length_changes_nothing(near_session):
+    """Orthographic pictures: twice the pixels a millimetre, half the distances; the normals stay."""
+    frames, lights, camera, mask, _ = near_session
+    given = directions_only(lights)
+    plain = Camera.orthographic(camera.width, camera.height)
+    one, _ = find_positions(frames, given, plain, mask)
+    two, _ = find_positions(frames, given, replace(plain, fx=2.0, fy=2.0), mask)
+    far = [np.linalg.norm(found.positions_mm - found.reference_point_mm, axis=1) for found in (one, two)]
+    assert far[0] == pytest.approx(2 * far[1], rel=1e-3)
