@@ -128,7 +128,7 @@ def against_path(side: int) -> tuple[list[str], dict[str, list[Point]]]:
     scene = stage(dome(24), side, 5)
     film, shapes = whole_picture(scene.camera), mitsuba_scene(scene)
     stock = {name: StockMitsuba(mi, scene, "path", name) for name in SAMPLERS}
-    truth = reference(stock["independent"], [3, 15], 1024)
+    truth = reference(stock["independent"], [3, 15], 512)
     theirs = stock_curve(stock, truth, 24, [4, 16, 64])
 
     def many(error: float, samples: int) -> Callable[[], NDArray[np.float32]]:
@@ -152,8 +152,8 @@ def against_direct(side: int) -> tuple[list[str], dict[str, list[Point]]]:
     scene = stage(dome(96), side, 2)
     film, shapes = whole_picture(scene.camera), mitsuba_scene(scene)
     stock = {name: StockMitsuba(mi, scene, "direct", name) for name in SAMPLERS}
-    truth = reference(stock["multijitter"], [5, 41, 77], 1024)
-    theirs = stock_curve(stock, truth, 96, [4, 16, 64, 256])
+    truth = reference(stock["multijitter"], [5, 41, 77], 512)
+    theirs = stock_curve(stock, truth, 96, [4, 16, 64])
     settings = {
         f"`direct`, error {100 * error:g} %": lambda error=error: Direct(
             shapes, film, scene.lights, error=error
@@ -171,9 +171,9 @@ def main() -> None:
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--side", type=int, default=256)
     arguments = parser.parse_args()
-    direct_lines, direct_curves = against_direct(2 * arguments.side)
-    print("\n".join(direct_lines), flush=True)
     many_lines, many_curves = against_path(arguments.side)
+    print("\n".join(many_lines), flush=True)
+    direct_lines, direct_curves = against_direct(2 * arguments.side)
     side = arguments.side
     text = "\n".join(
         [

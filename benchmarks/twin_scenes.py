@@ -18,11 +18,14 @@ MIDDLE = np.array([0.0, 0.0, -300.0])
 
 
 def dome(count: int) -> Lights:
-    """Return distant flashes spread evenly over a cap of 50 degrees about the camera's axis."""
+    """Return distant flashes spread evenly over a cap of 40 degrees, about an axis 20 degrees up and to the right."""
     k = np.arange(count)
-    z = 1 - (1 - np.cos(np.radians(50.0))) * (k + 0.5) / count
+    z = 1 - (1 - np.cos(np.radians(40.0))) * (k + 0.5) / count
     across, azimuth = np.sqrt(1 - z**2), k * 2.39996
     directions = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
+    axis = np.array([0.25, 0.25, 0.94]) / np.linalg.norm([0.25, 0.25, 0.94])
+    right = np.array([axis[2], 0, -axis[0]]) / np.hypot(axis[0], axis[2])
+    directions = directions @ np.stack([right, np.cross(axis, right), axis])
     return Lights(tuple(f"flash_{i:02d}" for i in k), directions, np.ones((count, 3)))
 
 
@@ -42,8 +45,8 @@ def stage(lights: Lights, side: int, max_depth: int) -> TwinScene:
     objects = (
         placed("blob", smooth(mesh.vertices, mesh.faces, None, None), "blob", np.eye(3), 0.9, np.zeros(3)),
         placed("wall", square, "wall", np.eye(3), 240.0, [0, 0, -60]),
-        placed("floor", square, "wall", floor, 240.0, [0, -60, 0]),
-        placed("beside", square, "red", beside, 240.0, [-75, 0, 0]),
+        placed("floor", square, "wall", floor, 110.0, [0, -60, -60]),
+        placed("beside", square, "red", beside, 110.0, [-75, 0, -60]),
     )
     focal = 1.76 * side
     camera = Camera(side, side, focal, focal, (side - 1) / 2, (side - 1) / 2)

@@ -54,7 +54,8 @@ class Indirect:
 
     def bands(self) -> Iterator[tuple[slice, NDArray[np.float32]]]:
         """Yield (rows of the film's window, (F, rows, w, 3))."""
-        for first, height in self._film.bands(SAMPLES_PER_CALL, self.samples):
+        # A pixel costs memory for its samples, and for its lights.
+        for first, height in self._film.bands(SAMPLES_PER_CALL, max(self.samples, self._count // 4)):
             start = first - self._film.window[0]
             yield slice(start, start + height), self._band(start, height)
 
