@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.film import Film
-from twin.flashes import Flashes, camera_rays, import_mitsuba, start_above, tiles
+from twin.flashes import Flashes, camera_rays, gathered, import_mitsuba, start_above, tiles
 from twin.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
 
 VALUES_PER_BAND = 1 << 26
@@ -59,8 +59,7 @@ class Direct:
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
-        found = np.concatenate([block for _, block in self.bands()], 1)
-        return np.stack([self._film.place(image) for image in found])
+        return gathered(self._film, self._flashes.count, self.bands())
 
     def bands(self, values_per_band: int = VALUES_PER_BAND) -> Iterator[tuple[slice, NDArray[np.float32]]]:
         """Yield (rows of the film's window, (F, rows, w, 3)); the same values whatever the bands' size."""

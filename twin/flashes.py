@@ -3,7 +3,7 @@
 A kernel traces one camera ray a lane and loops over the flashes inside: one launch for all frames.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from twin.description import WHITE_BALL_ALBEDO
+from twin.film import Film
 from twin.variant import FAST, pick_variant
 
 
@@ -116,6 +117,15 @@ def camera_rays(mi: Any, camera: Camera, x: Any, y: Any, above_mm: float) -> Any
     if camera.is_orthographic:
         return mi.Ray3f(mi.Point3f(across, up, above_mm), mi.Vector3f(0, 0, -1))
     return mi.Ray3f(mi.Point3f(0, 0, 0), dr.normalize(mi.Vector3f(across, up, -1)))
+
+
+def gathered(film: Film, count: int, bands: Iterable[tuple[slice, NDArray[np.float32]]]) -> NDArray[np.float32]:
+    """Return (F, h, w, 3) of the film's box, from bands (rows of its window, (F, rows, w, 3))."""
+    _, _, height, width = film.window
+    out = np.empty((count, height, width, 3), np.float32)
+    for rows, block in bands:
+        out[:, rows] = block
+    return out if film.pixels is None else np.stack([film.place(image) for image in out])
 
 
 def start_above(mi: Any, scene: Any) -> float:

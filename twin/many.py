@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scene.lights import Lights
 from twin.cell_kernels import NOWHERE, add_weighted
 from twin.film import Film
-from twin.flashes import Flashes, camera_rays, import_mitsuba, start_above
+from twin.flashes import Flashes, camera_rays, gathered, import_mitsuba, start_above
 from twin.radiance_cells import Hits, RadianceCells
 
 SAMPLES_PER_CALL = 1 << 21
@@ -61,8 +61,7 @@ class Indirect:
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
-        found = np.concatenate([block for _, block in self.bands()], 1)
-        return np.stack([self._film.place(image) for image in found])
+        return gathered(self._film, self._count, self.bands())
 
     def _band(self, start: int, height: int) -> NDArray[np.float32]:
         width = self._film.window[3]
