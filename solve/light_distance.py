@@ -19,12 +19,14 @@ PIXELS = 6_000
 """Of the picture that this is read from, at most."""
 SAMPLED = 2_000
 """Of those, what distances are fitted to; all of them make the relief."""
-NEARNESS = (0.01, 0.02, 0.04, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45)
+NEARNESS = (0.02, 0.04, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45)
 """Object's size over the lights' distance: what is tried first, upon the relief that distant lights make."""
 ENOUGH = 100
 """Pixels that anything can be told from."""
-GAIN = 0.01
-"""By how much the residuals' logarithm must fall before distant lights are taken for near ones."""
+GAIN = 0.15
+"""By how much the residuals' logarithm must fall before lights are taken for near ones: gloss alone gives a tenth."""
+FARTHEST = 70.0
+"""Object sizes: lights beyond are distant. What they would tell, other reflection than Lambert's tells as well."""
 FINER = 1.4
 """Ratio of the mean distances that are tried then, each with its own relief."""
 TRIALS = 7
@@ -71,8 +73,6 @@ def find_positions(
     distant = small.spread(lights)
     rough = [small.spread(_placed(lights, center, size / np.full(len(lights), near))) for near in NEARNESS]
     best = int(np.argmin(rough))
-    if not rough[best] < distant - GAIN:
-        return lights, ()
     tried: dict[int, tuple[float, Lights]] = {}
 
     def trial(exponent: float) -> tuple[float, Lights]:
@@ -91,6 +91,8 @@ def find_positions(
             break
         tried[missing[0]] = trial(missing[0])
         middle = min(tried, key=lambda exponent: tried[exponent][0])
+        if NEARNESS[best] * FINER**middle < 1 / FARTHEST:
+            return lights, ()
     if middle - 1 in tried and middle + 1 in tried:
         low, least, high = (tried[middle + step][0] for step in (-1, 0, 1))
         if low + high > 2 * least:
@@ -98,10 +100,10 @@ def find_positions(
             between = middle + (low - high) / (2 * (low + high - 2 * least))
             tried[TRIALS + abs(middle)] = trial(between)
     least, found = min(tried.values(), key=lambda pair: pair[0])
-    if not least < distant - GAIN:
-        return lights, ()
     assert found.positions_mm is not None
     far = np.linalg.norm(found.positions_mm - center, axis=1) / size
+    if not least < distant - GAIN or np.median(far) > FARTHEST:
+        return lights, ()
     said = (
         f"the lights came without positions; by how the object is lit, they are {far.min():.1f} to {far.max():.1f} "
         "times its size away."
