@@ -1,5 +1,8 @@
 """Solvers against scenes whose normals the test made."""
 
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+
 import numpy as np
 import pytest
 
@@ -195,6 +198,36 @@ def test_bands_and_garbage_outside_the_mask_change_nothing(camera, albedo, monke
     pieces = solve("iterative", float_frames(lights, images), lights, camera, mask)
     np.testing.assert_array_equal(pieces.normals, whole.normals)
     np.testing.assert_array_equal(pieces.albedo, whole.albedo)
+
+
+@pytest.mark.parametrize("method", ["ls", "iterative", "position", "l1", "sbl", "hsh", "rpca"])
+def test_sixteen_bits_give_what_the_same_values_as_floats_give(method, camera, albedo):
+    points, normals, mask = sphere(camera)
+    lights = lights_around()
+    images = shade(points, normals, mask, lights, albedo)
+    images += 0.002 * np.random.default_rng(10_020).standard_normal(images.shape)
+    frames = Frames.from_linear(lights.names, images)
+    assert frames.codes.dtype == np.uint16
+    coded = solve(method, frames, lights, camera, mask)
+    floats = solve(method, float_frames(lights, frames.read()), lights, camera, mask)
+    both = mask & np.isfinite(coded.normals).all(-1) & np.isfinite(floats.normals).all(-1)
+    assert both.sum() == (mask & np.isfinite(coded.normals).all(-1)).sum()
+    # A sample at a threshold's edge may fall on the other side of it by rounding: a handful of pixels.
+    apart = angular_error_deg(coded.normals, floats.normals)[both]
+    assert np.percentile(apart, 99) < 2e-3
+    assert apart.max() < 0.5
+
+
+def test_other_processes_give_what_this_one_gives(camera, albedo, monkeypatch):
+    points, normals, mask = sphere(camera)
+    lights = lights_around(near=True)
+    frames = Frames.from_linear(lights.names, shade(points, normals, mask, lights, albedo))
+    here = solve("iterative", frames, lights, camera, mask)
+    monkeypatch.setattr("solve.samples._BAND_BYTES", 12 * SIZE * 3 * 2 * 9)
+    with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("spawn")) as pool:
+        there = solve("iterative", frames, lights, camera, mask, executor=pool)
+    np.testing.assert_array_equal(there.normals, here.normals)
+    np.testing.assert_array_equal(there.albedo, here.albedo)
 
 
 def test_pixels_that_cannot_be_solved_are_unknown_and_counted(camera, albedo):
