@@ -42,19 +42,24 @@ class Sight:
         """
         for start in range(rows.start, rows.stop, 64):
             band = slice(start, min(start + 64, rows.stop))
-            origins, directions = self._camera.rays(self._camera.grid(band)[:, columns])
-            near = np.sum((self._middle - origins) * directions, -1, keepdims=True) - 1.01 * self._reach
-            if not self._camera.is_orthographic:  # whose plane z = 0 may lie anywhere in the mesh
-                near = np.maximum(near, 0)
-            origins = origins + near * directions - self._middle
-            hit = self._scene.cast_rays(self._tensor(np.concatenate([origins, directions], -1).astype(np.float32)))
-            distance = hit["t_hit"].numpy().astype(np.float64)
-            found = np.isfinite(distance)
-            face = np.where(found, hit["primitive_ids"].numpy().astype(np.int64), -1)
-            uv = hit["primitive_uvs"].numpy().astype(np.float64)
-            weights = np.concatenate([1 - uv.sum(-1, keepdims=True), uv], -1)
-            points = origins + np.where(found, distance, np.nan)[..., None] * directions + self._middle
+            face, weights, points = self.at(self._camera.grid(band)[:, columns])
             yield band, face, weights, points
+
+    def at(self, pixels: Array) -> tuple[NDArray[np.int64], Array, Array]:
+        """Return face (...), weights and points (..., 3), as `rows` gives them, of pixels (..., 2) anywhere."""
+        origins, directions = self._camera.rays(pixels)
+        near = np.sum((self._middle - origins) * directions, -1, keepdims=True) - 1.01 * self._reach
+        if not self._camera.is_orthographic:  # whose plane z = 0 may lie anywhere in the mesh
+            near = np.maximum(near, 0)
+        origins = origins + near * directions - self._middle
+        hit = self._scene.cast_rays(self._tensor(np.concatenate([origins, directions], -1).astype(np.float32)))
+        distance = hit["t_hit"].numpy().astype(np.float64)
+        found = np.isfinite(distance)
+        face = np.where(found, hit["primitive_ids"].numpy().astype(np.int64), -1)
+        uv = hit["primitive_uvs"].numpy().astype(np.float64)
+        weights = np.concatenate([1 - uv.sum(-1, keepdims=True), uv], -1)
+        points = origins + np.where(found, distance, np.nan)[..., None] * directions + self._middle
+        return face, weights, points
 
     def seen_faces(self, rows: slice, columns: slice) -> NDArray[np.bool_]:
         """Return (T,) whether the camera sees a face: at a pixel's centre of the box, or at one of its corners."""

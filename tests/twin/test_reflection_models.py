@@ -1,0 +1,70 @@
+"""Rough plastic in closed form against the renderer's own."""
+
+import numpy as np
+import pytest
+
+from twin.flashes import import_mitsuba
+from twin.materials import Diffuse, RoughPlastic
+from twin.mitsuba_materials import bsdf
+from twin.reflection_models import coat, matte, reflected
+
+
+def directions(count: int, seed: int, least: float) -> np.ndarray:
+    generator = np.random.default_rng([seed, 10_021])
+    z = generator.uniform(least, 1, count)
+    angle = generator.uniform(0, 2 * np.pi, count)
+    across = np.sqrt(1 - z**2)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), z], -1)
+
+
+def in_mitsuba(material, views: np.ndarray, lights: np.ndarray) -> np.ndarray:
+    mi = import_mitsuba()
+    plastic = mi.load_dict(bsdf(material))
+    surface = mi.SurfaceInteraction3f()
+    surface.wi = mi.Vector3f(*views.T.astype(np.float32))
+    value = plastic.eval(mi.BSDFContext(), surface, mi.Vector3f(*lights.T.astype(np.float32)))
+    return np.pi * np.asarray(value).reshape(3, -1).T
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.1, 0.3, 0.6, 1.0])
+@pytest.mark.parametrize("index", [1.3, 1.49, 1.8])
+def test_body_and_coat_are_those_of_mitsuba(roughness: float, index: float) -> None:
+    views, lights = directions(4000, 1, 0.1), directions(4000, 2, 0.05)
+    # Half of them near the mirror direction, where the coat shines.
+    near = views[:2000] * [-1, -1, 1] + 0.3 * roughness * directions(2000, 3, -1)
+    lights[:2000] = near / np.linalg.norm(near, axis=1, keepdims=True)
+    lights[:, 2] = np.abs(lights[:, 2]) + 1e-3
+    lights /= np.linalg.norm(lights, axis=1, keepdims=True)
+    up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
+    body, gloss = (a[:, 0] for a in reflected(coat(roughness, index), up, views, lights[:, None]))
+    both = in_mitsuba(RoughPlastic((0.2, 0.5, 0.9), roughness, 0.7, index), views, lights)
+    ours = body[:, None] * np.array([0.2, 0.5, 0.9]) + 0.7 * gloss[:, None]
+    assert np.max(np.abs(ours / both - 1)) < 0.01
+    only = in_mitsuba(RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index), views, lights)[:, 0]
+    assert np.max(np.abs(body / only - 1)) < 0.01
+
+
+def test_matte_is_lambert() -> None:
+    views, lights = directions(100, 4, 0.1), directions(100, 5, 0.1)
+    up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
+    body, gloss = reflected(matte(), up, views, lights[:, None])
+    np.testing.assert_allclose(body[:, 0], lights[:, 2], rtol=1e-6)
+    np.testing.assert_allclose(body[:, 0], in_mitsuba(Diffuse((1.0, 1.0, 1.0)), views, lights)[:, 0], rtol=1e-5)
+    assert not gloss.any()
+
+
+def test_light_and_view_change_places() -> None:
+    views, lights = directions(500, 6, 0.05), directions(500, 7, 0.05)
+    up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
+    surface = coat(0.25)
+    there = reflected(surface, up, views, lights[:, None])
+    back = reflected(surface, up, lights, views[:, None])
+    for one, other in zip(there, back, strict=True):
+        np.testing.assert_allclose(one[:, 0] / lights[:, 2], other[:, 0] / views[:, 2], rtol=1e-4)
+
+
+def test_nothing_comes_from_behind() -> None:
+    up = np.array([[0.0, 0.0, 1.0]])
+    body, gloss = reflected(coat(0.3), up, up, np.array([[[0.6, 0.0, -0.8]]]))
+    assert body[0, 0] == 0
+    assert gloss[0, 0] == 0

@@ -1,0 +1,260 @@
+"""What a material is fitted to: pixels of the photographs whose surface, light and view the scan tells."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import RenderError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.normals import unit
+from scene.pose import Pose
+from twin.visibility import Sight
+
+Array = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+MOST = 20_000
+"""Pixels."""
+OUTLINE_PX = 3
+"""So near the mask's border no pixel is taken: it may show what lies behind, and its normal is least known."""
+GRAZING = 0.25
+"""Cosine between normal and view below which a pixel is left out."""
+DIM = 0.15
+"""Cosine between normal and light below which a sample is left out: the border of the attached shadow is the worst
+known, and light from elsewhere weighs most."""
+PIXEL_PX2, MOSAIC_PX2, LENS_PX2 = 1 / 12, 0.4, 0.25
+"""Variance, along one axis, of where a value's light comes from: the pixel's own square, interpolation between the
+colours of a mosaic (mean over them), and a good lens."""
+CREASED = 0.02
+"""Spread beyond which a pixel is left out: 8 degrees within one."""
+BESIDE_PX = np.array([[0.0, 0.0], [1.5, 0.0], [-0.75, 1.3], [-0.75, -1.3]])
+"""A shadow must cover, or leave, all of these: so near its border nobody knows on which side a pixel lies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """P pixels under F lights.
+
+    Parameters
+    ----------
+    rows, columns : (P,) int
+    points, normals, views : (P, 3) float32
+        Camera frame, mm; unit; unit, toward the camera.
+    toward : (P, F, 3) float32
+        Unit, toward each light.
+    irradiance : (P, F, 3 channels) float32
+        Intensity times fall-off, on what faces the light.
+    values : (P, F, 3) float32
+        Linear; the ambient frame, if there is one, is subtracted.
+    usable : (P, F) bool
+        Not clipped, in no shadow nor near one's border, not too dim.
+    lit : (P, F) bool
+        As `usable`, but however dim, and False only where the light is behind, hidden, or at a shadow's border.
+    clipped : (P, F) bool
+    slopes : (P, 2, 3) float32
+        The normals' change for one pixel to the right, and one down.
+    spread : (P,) float32
+        Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
+    pixel_share : float
+        P over the number of pixels that might have been taken.
+    """
+
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    points: Image
+    normals: Image
+    views: Image
+    toward: Image
+    irradiance: Image
+    values: Image
+    usable: NDArray[np.bool_]
+    lit: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
+    slopes: Image
+    spread: Image
+    pixel_share: float
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def only(self, which: Any) -> "Samples":
+        """Return some of the pixels."""
+        whole = dict(self.__dict__)
+        share = whole.pop("pixel_share")
+        return Samples(**{name: array[which] for name, array in whole.items()}, pixel_share=share)
+
+
+def samples_of_scan(
+    frames: Frames,
+    lights: Lights,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    mesh: Mesh,
+    pose: Pose,
+    *,
+    normals: Image | None = None,
+    most: int = MOST,
+    seed: int = 0,
+) -> Samples:
+    """Return samples of a registered scan, without those in its cast shadows.
+
+    Parameters
+    ----------
+    frames, lights, camera
+        `lights`: near or distant, calibrated.
+    mask : (H, W) bool
+        The object.
+    mesh, pose
+        The scan, mm; camera_from_scan.
+    normals : (H, W, 3) float32, optional
+        Where they are better known than by the mesh's vertices; NaN: not taken.
+    most : int
+        Pixels.
+    seed : int
+        Which ones.
+
+    Raises
+    ------
+    RenderError
+        Fewer than 100 pixels are left.
+    """
+    placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
+    sight = Sight(placed.vertices, placed.faces, camera)
+    rows, columns, share = _chosen(mask, normals, most, seed)
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    looks = [sight.at(pixels + offset) for offset in BESIDE_PX]
+    points = looks[0][2]
+    around = [unit(_interpolated(placed, *look)) for look in looks]
+    found = around[0] if normals is None else normals[rows, columns].astype(np.float64)
+    views = -camera.rays(pixels)[1]
+    # The map is smoother than the scan's own vertices; without it, the plane through what is found beside.
+    slopes = np.einsum("xk,kpi->pxi", np.linalg.pinv(BESIDE_PX[1:]), np.stack(around[1:]) - around[0])
+    if normals is not None:
+        slopes = _slopes(normals, rows, columns)
+    step = np.linalg.norm(looks[1][2] - points, axis=1)
+    facing = np.sum(found * views, 1)
+    keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
+    keep &= np.isfinite(slopes).all((1, 2))
+    # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
+    scale = 1.0 if camera.is_orthographic else -points[:, 2]
+    keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
+    rows, columns, found, views, points, slopes = (a[keep] for a in (rows, columns, found, views, points, slopes))
+    behind = np.zeros((len(rows), len(lights)), bool)
+    for look in looks:
+        behind |= _hidden(sight, look[0][keep], look[2][keep], lights)
+    return _read(frames, lights, rows, columns, points, found, views, behind, slopes, share)
+
+
+def samples_of_normals(
+    frames: Frames,
+    lights: Lights,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    normals: Image,
+    *,
+    most: int = MOST,
+    seed: int = 0,
+) -> Samples:
+    """Return samples where only normals are known: cast shadows stay in. Lights are seen from the reference point.
+
+    Parameters and errors: see `samples_of_scan`.
+    """
+    rows, columns, share = _chosen(mask, normals, most, seed)
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    points = camera.points_at_depth(pixels, float(lights.reference_point_mm[2]))
+    found, views = normals[rows, columns].astype(np.float64), -camera.rays(pixels)[1]
+    slopes = _slopes(normals, rows, columns)
+    keep = (np.sum(found * views, 1) > GRAZING) & np.isfinite(slopes).all((1, 2))
+    rows, columns, points, found, views, slopes = (a[keep] for a in (rows, columns, points, found, views, slopes))
+    behind = np.zeros((len(rows), len(lights)), bool)
+    return _read(frames, lights, rows, columns, points, found, views, behind, slopes, share)
+
+
+def _chosen(mask: NDArray[np.bool_], normals: Image | None, most: int, seed: int) -> tuple[Any, Any, float]:
+    import cv2
+
+    inner = np.pad(mask, OUTLINE_PX).astype(np.uint8)
+    inner = cv2.erode(inner, np.ones((2 * OUTLINE_PX + 1,) * 2, np.uint8))[
+        OUTLINE_PX:-OUTLINE_PX, OUTLINE_PX:-OUTLINE_PX
+    ].astype(bool)
+    if normals is not None:
+        inner &= np.isfinite(normals).all(-1)
+    rows, columns = np.nonzero(inner)
+    if len(rows) < 100:
+        raise RenderError(
+            f"material: {len(rows)} pixels lie {OUTLINE_PX} px within the object's outline and have a normal; expected "
+            "100 or more. Check the mask, and that the pose fits these frames."
+        )
+    taken = np.sort(np.random.default_rng(seed).permutation(len(rows))[:most])
+    return rows[taken], columns[taken], len(taken) / len(rows)
+
+
+def _interpolated(mesh: Mesh, face: NDArray[np.int64], weights: Array, _points: Array) -> Array:
+    return np.einsum("pc,pcx->px", weights, mesh.vertex_normals[mesh.faces[face]])
+
+
+def _slopes(normals: Image, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Array:
+    """Return (P, 2, 3), half the difference of the neighbours on either side."""
+    low, right = np.array(normals.shape[:2]) - 1
+    across = normals[rows, np.minimum(columns + 1, right)] - normals[rows, np.maximum(columns - 1, 0)]
+    down = normals[np.minimum(rows + 1, low), columns] - normals[np.maximum(rows - 1, 0), columns]
+    return np.stack([across, down], 1).astype(np.float64) / 2
+
+
+def _hidden(sight: Sight, face: NDArray[np.int64], points: Any, lights: Lights) -> NDArray[np.bool_]:
+    """Return (P, F): the light is behind the face, or something stands before it."""
+    out = np.zeros((len(points), len(lights)), bool)
+    flat = sight.face_normals(face)
+    for index in range(len(lights)):
+        end = None if lights.positions_mm is None else lights.positions_mm[index]
+        toward = np.broadcast_to(lights.directions[index], points.shape) if end is None else unit(end - points)
+        faces_it = np.sum(flat * toward, 1) > 0
+        out[:, index] = ~faces_it
+        out[faces_it, index] = sight.hidden(points[faces_it], flat[faces_it], toward[faces_it], end)
+    return out
+
+
+def _read(
+    frames: Frames,
+    lights: Lights,
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    points: Any,
+    normals: Any,
+    views: Any,
+    behind: NDArray[np.bool_],
+    slopes: Any,
+    share: float,
+) -> Samples:
+    shape = (len(rows), len(lights))
+    toward, irradiance = np.empty((*shape, 3), np.float32), np.empty((*shape, 3), np.float32)
+    values, clipped = np.empty((*shape, 3), np.float32), np.empty(shape, bool)
+    vectors = lights.toward(points)
+    for index in range(len(lights)):
+        length = np.linalg.norm(vectors[index], axis=1, keepdims=True)
+        toward[:, index] = vectors[index] / length
+        irradiance[:, index] = length * lights.intensities[index]
+        values[:, index], clipped[:, index] = frames.read_pixels(index, rows, columns)
+    cosine = np.einsum("pi,pfi->pf", normals.astype(np.float32), toward)
+    lit = ~behind & (cosine > 0)
+    usable = lit & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
+    smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
+    spread = smear * np.sum(slopes**2, (1, 2))
+    smooth = [a.astype(np.float32) for a in (points, normals, views)]
+    found = Samples(
+        rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable, lit, clipped,
+        slopes.astype(np.float32), spread.astype(np.float32), share,
+    )  # fmt: skip
+    # Three lights fix the albedo's channels and leave something to be judged.
+    enough = (usable.sum(1) >= 3) & (spread < CREASED)
+    if np.count_nonzero(enough) < 100:
+        raise RenderError(
+            f"material: {np.count_nonzero(enough)} of {len(rows)} pixels are lit by three flashes without being "
+            "clipped; expected 100 or more. Check the lights, the exposure and the pose."
+        )
+    return found.only(enough)
