@@ -166,9 +166,7 @@ def twin_section(material: Material, summary: Summary) -> str:
         figures = picture(uri, f"photograph {name}", f"photograph, {escape(name)}") + figures
     facts = summary.get("twin") or {}
     lead = "The scan, rendered under the same light. What differs is what the twin does not know."
-    if is_number(facts.get("samples_per_pixel")):
-        lead += (
-            f" {number(facts['samples_per_pixel'])} samples per pixel, {number(facts.get('seconds'), 1, 's')}, "
-            f"engine {escape(str(facts.get('variant', 'unknown')))}."
-        )
+    if facts.get("engine"):
+        reason = f": {escape(str(facts['reason']))}" if facts.get("reason") else ""
+        lead += f" {number(facts.get('seconds'), 1, 's')}, engine {escape(str(facts['engine']))}{reason}."
     return section("twin", "The twin", f'<div class="pair">{figures}</div>', lead)

@@ -9,7 +9,8 @@ from typing import Annotated
 from cyclopts import App, Parameter
 
 from lab.progress import say
-from lab.run import DEFAULT_METHODS, open_job, run_session
+from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
 
 app = App(
@@ -59,14 +60,13 @@ def process(
     profile: Profile = "default",
     external: External = None,
     external_timeout_s: ExternalTimeout = 3600.0,
+    twin: TwinSettings = AS_GIVEN,
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    others = (external or [], external_timeout_s)
-    run_session(
-        session, "compare", out=out, method=method, profile=profile, json=json, scheduler=scheduler, external=others
-    )
+    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "compare", out=out, json=json, scheduler=scheduler, **how)
 
 
 @app.command(sort_key=2)
@@ -159,7 +159,7 @@ def solve(
 
 @app.command(sort_key=7)
 def twin(
-    session: Session,
+    session: Annotated[Path, Parameter(help="A session's folder, or a scene description, .toml.")],
     /,
     *,
     out: Out = None,
@@ -167,11 +167,17 @@ def twin(
     profile: Profile = "default",
     external: External = None,
     external_timeout_s: ExternalTimeout = 3600.0,
+    twin: TwinSettings = AS_GIVEN,
     json: Json = False,
 ) -> None:
-    """Render the registered scan under the calibrated lights, and solve the rendering."""
-    others = (external or [], external_timeout_s)
-    run_session(session, "twin", out=out, method=method, profile=profile, json=json, external=others)
+    """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
+    if is_description(session):
+        from lab.scene_twin import render_description
+
+        render_description(session, out, twin, json=json)
+        return
+    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "twin", out=out, json=json, **how)
 
 
 @app.command(sort_key=8)
@@ -184,11 +190,12 @@ def compare(
     profile: Profile = "default",
     external: External = None,
     external_timeout_s: ExternalTimeout = 3600.0,
+    twin: TwinSettings = AS_GIVEN,
     json: Json = False,
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html."""
-    others = (external or [], external_timeout_s)
-    run_session(session, "compare", out=out, method=method, profile=profile, json=json, external=others)
+    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "compare", out=out, json=json, **how)
 
 
 @app.command(sort_key=9)

@@ -18,6 +18,7 @@ from typing import Any
 
 from lab.progress import say
 from lab.rooms import ROOMS, ROOT
+from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
 from scene.files import TEMPORARY, write_json
 from scene.mesh import Mesh
@@ -65,7 +66,8 @@ class Job:
     """A session, its output folder, and how to run.
 
     `session` is capture's Session; `methods` the solvers asked for, `profile` that of their settings, `externals` those
-    of them that are other programs, by name; `executor` what fans out the work, None for threads here.
+    of them that are other programs, by name; `executor` what fans out the work, None for threads here; `twin` how the
+    twin is rendered.
     """
 
     session: Any
@@ -75,6 +77,7 @@ class Job:
     truth: Path | None = None
     profile: str = "default"
     externals: dict[str, Any] = field(default_factory=dict)
+    twin: TwinSettings = AS_GIVEN
     done: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

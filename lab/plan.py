@@ -6,6 +6,7 @@ from typing import Any
 from lab import steps
 from lab.job import Job, Step
 from lab.self_test import self_test
+from lab.twin_step import twin
 from solve.solve import METHODS
 
 
@@ -100,7 +101,7 @@ STEPS = {
         ),
         Step("align", steps.align, ("calibrate",), _object_inputs, _aligned, ALIGNED),
         Step("solve", steps.solve, ("align",), _methods, _solved, SOLVED),
-        Step("twin", steps.twin, ("solve",), _methods, _rendered, ("twin",)),
+        Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin], _rendered, ("twin",)),
         Step("compare", steps.compare, ("twin",), _judged_by, lambda job: [], ("compare", "report.html")),
     )
 }

@@ -28,14 +28,25 @@ def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
 def _lines(label: str) -> Iterator[Callable[[int, int], None]]:
     # A log wants to know that work goes on, not each of a thousand units: a line every ten seconds at most.
     last = time.monotonic()
+    first: tuple[float, int] | None = None
 
     def report(done: int, total: int) -> None:
-        nonlocal last
-        if time.monotonic() - last > 10 and done < total:
-            last = time.monotonic()
-            print(f"  {label}: {done} of {total}", file=sys.stderr, flush=True)
+        nonlocal last, first
+        now = time.monotonic()
+        # What was done before, by a run that was stopped, tells nothing of the speed.
+        first = first or (now, done)
+        if now - last > 10 and done < total:
+            last = now
+            left = (now - first[0]) / (done - first[1]) * (total - done) if done > first[1] else None
+            print(f"  {label}: {done} of {total}{_in_words(left)}", file=sys.stderr, flush=True)
 
     yield report
+
+
+def _in_words(seconds: float | None) -> str:
+    if seconds is None:
+        return ""
+    return f", about {seconds:.0f} s left" if seconds < 100 else f", about {seconds / 60:.0f} min left"
 
 
 def say(text: str) -> None:

@@ -3,9 +3,11 @@
 import json as json_module
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
 
 if TYPE_CHECKING:
@@ -13,6 +15,11 @@ if TYPE_CHECKING:
     from solve.external import External
 
 DEFAULT_METHODS = "ls,iterative"
+
+
+def is_description(source: Path) -> bool:
+    """Whether a path is a scene description's, not a session's."""
+    return source.suffix == ".toml" and source.name != "session.toml"
 
 
 @contextmanager
@@ -25,6 +32,7 @@ def open_job(
     external: tuple[list[str], float] = ([], 3600.0),
     scheduler: str | None = None,
     truth: Path | None = None,
+    twin: TwinSettings = AS_GIVEN,
 ) -> Iterator["Job"]:
     """Hold a session's output folder for a block.
 
@@ -43,6 +51,8 @@ def open_job(
         Address of a Dask scheduler.
     truth : Path, optional
         Folder of a known truth (truth.json, truth.npz) to judge the results by.
+    twin : TwinSettings
+        How the twin is rendered.
 
     Raises
     ------
@@ -53,7 +63,7 @@ def open_job(
     from lab.job import Job, locked
     from scene.store import Store
 
-    methods, externals = _methods(method, profile), _externals(*external)
+    methods, externals = methods_of(method, profile), _externals(*external)
     session = load_session(session_path)
     folder = out or Path("out") / session.name
     inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
@@ -62,8 +72,8 @@ def open_job(
             f"--out {folder}: the session's own files lie there, and the output has files of the same names. Choose "
             "another folder; one inside the session's is fine."
         )
-    with locked(folder), _executor(scheduler) as executor:
-        yield Job(session, Store(folder), (*methods, *externals), executor, truth, profile, externals)
+    with locked(folder), executor_of(scheduler) as executor:
+        yield Job(session, Store(folder), (*methods, *externals), executor, truth, profile, externals, twin=twin)
 
 
 def run_session(
@@ -77,6 +87,7 @@ def run_session(
     json: bool = False,
     scheduler: str | None = None,
     truth: Path | None = None,
+    twin: TwinSettings = AS_GIVEN,
 ) -> None:
     """Run one verb with all that it needs, and tell what came out.
 
@@ -86,7 +97,7 @@ def run_session(
         The last step to run, a key of `lab.plan.STEPS`.
     json : bool
         Print the summary as JSON, not as a table.
-    session_path, out, method, profile, external, scheduler, truth
+    session_path, out, method, profile, external, scheduler, truth, twin
         As in `open_job`.
     """
     from lab.plan import STEPS
@@ -95,13 +106,14 @@ def run_session(
     from lab.tell import tell
 
     how = {"method": method, "profile": profile, "external": external, "scheduler": scheduler, "truth": truth}
-    with open_job(session_path, out=out, **how) as job:
+    with open_job(session_path, out=out, twin=twin, **how) as job:
         arguments = {
             "up_to": wanted,
             "session": str(session_path),
             "methods": list(job.methods),
             "profile": profile,
             "external": {name: program.command for name, program in job.externals.items()},
+            "twin": asdict(twin),
         }
         job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
@@ -116,7 +128,14 @@ def run_session(
         tell(summary)
 
 
-def _methods(text: str, profile: str) -> tuple[str, ...]:
+def methods_of(text: str, profile: str) -> tuple[str, ...]:
+    """Return the methods that a command line names, with commas.
+
+    Raises
+    ------
+    SceneError
+        There is no such method, or it has no such profile.
+    """
     from solve.solve import METHODS, settings_of
 
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
@@ -144,7 +163,7 @@ def _externals(texts: list[str], timeout_s: float) -> "dict[str, External]":
 
 
 @contextmanager
-def _executor(address: str | None) -> Iterator[Any]:
+def executor_of(address: str | None) -> Iterator[Any]:
     """Hold the executor of a Dask scheduler for a block; None for threads here."""
     if address is None:
         yield None

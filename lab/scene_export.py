@@ -2,11 +2,9 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from lab.job import Job
-from lab.run import open_job
-from lab.steps import material_method
+from lab.run import is_description, open_job
+from lab.twin_step import twin_scene
 from scene.errors import SceneError
 
 
@@ -36,7 +34,7 @@ def export_scene(source: Path, out: Path | None) -> tuple[list[Path], list[str]]
     from twin.description_file import read_scene
     from twin.mitsuba_files import write_mitsuba
 
-    if source.suffix == ".toml" and source.name != "session.toml":
+    if is_description(source):
         scene = read_scene(source)
         folder = (out or Path("out") / source.stem) / "export"
         paths, notes = write_mitsuba(scene, folder)
@@ -52,23 +50,11 @@ def export_scene(source: Path, out: Path | None) -> tuple[list[Path], list[str]]
 
 def _session_scene(job: Job):
     from lab.plan import STEPS
-    from twin.description import Sampling
-    from twin.scan_scene import scan_scene
 
     job.run(STEPS, "solve")
-    store = job.store
-    if not store.path("pose.json").exists():
+    if not job.store.path("pose.json").exists():
         raise SceneError(
             f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." to '
             "session.toml."
         )
-    lights = store.load_lights()
-    return scan_scene(
-        job.load_scan(),
-        store.load_pose(),
-        store.load_camera(),
-        lights,
-        np.load(store.path("albedo", f"{material_method(job)}.npy")),
-        albedo_depth_mm=float(lights.reference_point_mm[2]),
-        sampling=Sampling("mitsuba"),
-    )
+    return twin_scene(job)

@@ -148,10 +148,11 @@ def _given_truth(job: Job, mask: Any) -> dict:
 
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
-    return Outcome(*_solve_all(job, job.store, "solve"))
+    return Outcome(*solve_all(job, job.store, "solve"))
 
 
-def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
+def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
+    """Run every method on a store's frames, and save what it finds there."""
     from solve.given import solve_external
     from solve.solve import solve as run
 
@@ -184,46 +185,6 @@ def _solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
             table[method] |= {"intensities": found.intensities, "intensity_sigma": found.intensity_sigma}
         warnings += [f"{method}: {text}" for text in estimate.warnings]
     return {"methods": table}, warnings
-
-
-def twin(job: Job) -> Outcome:
-    """Render the registered scan under the calibrated lights, and solve the rendering too."""
-    store = job.store
-    if not store.path("pose.json").exists():
-        # Not a warning of its own: that there is no scan, or that it is not used, was said when it was to be aligned.
-        return Outcome({"rendered": False})
-    from twin.render import render
-    from twin.session import write_session
-
-    mesh, camera, lights = job.load_scan(), store.load_camera(), store.load_lights()
-    folder = Store(store.path("twin"))
-    albedo = np.load(store.path("albedo", f"{material_method(job)}.npy"))
-    with progress_bar("twin") as progress:
-        rendered = render(
-            mesh,
-            store.load_pose(),
-            camera,
-            lights,
-            albedo,
-            # The solvers evaluate near lights at this one depth; the scan knows better.
-            albedo_depth_mm=float(lights.reference_point_mm[2]),
-            executor=job.executor,
-            store=folder,
-            progress=progress,
-        )
-    write_session(folder, rendered.frames, camera, lights, store.load_mask(), store.load_normals("truth"))
-    solved, warnings = _solve_all(job, folder, "twin")
-    result = {
-        "rendered": True,
-        "variant": rendered.variant,
-        "samples_per_pixel": rendered.samples_per_pixel,
-        "max_depth": rendered.max_depth,
-        "noise": rendered.noise,
-        "seconds": rendered.seconds,
-        "warnings": rendered.warnings,
-        "twin_seconds": {method: row["seconds"] for method, row in solved["methods"].items()},
-    }
-    return Outcome(result, [*rendered.warnings, *(f"twin: {text}" for text in warnings)])
 
 
 def compare(job: Job) -> Outcome:

@@ -57,7 +57,7 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     if (scan := summary["align"]) and scan.get("residual_px") is not None:
         rows.append(("scan", f"residual {scan['residual_px']:.2f} px, sigma {scan['sigma_deg']:.3f} degrees"))
     if twin := summary["twin"]:
-        rows.append(("twin", f"{twin['variant']}, {twin['seconds']:.0f} s"))
+        rows.append(("twin", f"engine {twin['engine']}, {twin['seconds']:.0f} s"))
     rows.append(("seconds", f"{sum(summary['seconds'].values()):.1f}"))
     return rows
 

@@ -16,6 +16,8 @@ from scene.lights import Lights
 from twin.film import Film, film_for
 from twin.materials import Material, Rgb
 from twin.object_mesh import ObjectMesh
+from twin.photograph import Files
+from twin.virtual_camera import Sensor
 
 Array = NDArray[np.float64]
 WHITE_BALL_ALBEDO = 0.8
@@ -112,6 +114,10 @@ class TwinScene:
     environment : Environment
     sampling : Sampling
     name : str
+    sensor : Sensor or None
+        Of the virtual camera that photographs the rendered frames. None: they are kept as they are.
+    files : {"png", "dng", "exr"} or None
+        What photographs are written as; None: DNG of a Bayer sensor, else PNG.
 
     Notes
     -----
@@ -131,6 +137,8 @@ class TwinScene:
     environment: Environment = Environment()
     sampling: Sampling = Sampling()
     name: str = "scene"
+    sensor: Sensor | None = None
+    files: Files | None = None
 
     def __post_init__(self) -> None:
         if not len(self.radii_mm):

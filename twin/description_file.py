@@ -26,6 +26,7 @@ from twin.description_tables import (
     MeasuredTable,
     ObjectTable,
     PrincipledTable,
+    SensorTable,
     SubsurfaceTable,
     TextureTable,
 )
@@ -34,6 +35,7 @@ from twin.materials import Conductor, Diffuse, Material, Measured, Principled, R
 from twin.mesh_files import read_mesh
 from twin.object_mesh import ObjectMesh, built_in
 from twin.picture_files import read_picture
+from twin.virtual_camera import Sensor
 
 Array = NDArray[np.float64]
 KINDS = ("diffuse", "rough_plastic", "conductor", "principled", "measured")
@@ -81,6 +83,8 @@ def read_scene(path: Path) -> TwinScene:
     if found is None:
         raise _told(path, faults)
     lights, radii = found
+    given = table.camera.sensor
+    sensor = None if given is None else reader.tried("camera", lambda: _sensor(given))
     scene = TwinScene(
         _camera(table.camera),
         objects,
@@ -90,6 +94,8 @@ def read_scene(path: Path) -> TwinScene:
         environment,
         Sampling(**table.sampling.model_dump()),
         table.name or path.stem,
+        sensor,
+        table.camera.files,
     )
     faults += scene_faults(scene)
     if faults:
@@ -183,6 +189,11 @@ def _camera(table: CameraTable) -> Camera:
         table.projection,
         "scene description",
     )
+
+
+def _sensor(table: SensorTable) -> Sensor:
+    given = table.model_dump()
+    return Sensor(**{**given, "vignetting": tuple(table.vignetting), "neutral": tuple(table.neutral)})
 
 
 def _rotation(angles_deg: list[float]) -> Array:

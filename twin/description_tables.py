@@ -57,8 +57,24 @@ Specularity = Annotated[Any, BeforeValidator(_specularity)]
 Roughness = Annotated[float, Field(gt=0, le=1)]
 
 
+class SensorTable(Table):
+    """[camera.sensor]: how the frames are photographed; see `twin.virtual_camera.Sensor`."""
+
+    full_well_e: PositiveFloat = 40000.0
+    read_noise_e: NotNegative = 4.0
+    adc_noise_dn: NotNegative = 0.0
+    iso: PositiveFloat = 100.0
+    black_level: Annotated[int, Field(ge=0)] = 512
+    white_level: Annotated[int, Field(le=65535)] = 16383
+    blur_px: NotNegative = 0.5
+    vignetting: Three = [0.0, 0.0, 0.0]
+    cfa: Literal["RGGB", "BGGR", "GRBG", "GBRG", "none"] = "RGGB"
+    neutral: Three = [0.58, 1.0, 0.69]
+    pixel_um: PositiveFloat = 5.0
+
+
 class CameraTable(Table):
-    """[camera]: as in session.toml, and the projection."""
+    """[camera]: as in session.toml, the projection, and what is written."""
 
     width: PositiveInt
     height: PositiveInt
@@ -68,6 +84,17 @@ class CameraTable(Table):
     cy: float | None = None
     distortion: list[float] = Field(default=[0.0] * 5, min_length=5, max_length=5)
     projection: Literal["perspective", "orthographic"] = "perspective"
+    sensor: SensorTable | None = None
+    files: Literal["png", "dng", "exr"] | None = None
+
+    @model_validator(mode="after")
+    def _a_mosaic_for_a_dng(self) -> "CameraTable":
+        bayer = self.sensor is not None and self.sensor.cfa != "none"
+        if self.files == "dng" and not bayer:
+            raise ValueError('files = "dng" wants [camera.sensor] with a Bayer pattern for its cfa')
+        if bayer and self.files in (None, "dng") and (self.width % 2 or self.height % 2):
+            raise ValueError("a Bayer sensor's DNG has an even width and height")
+        return self
 
 
 class ObjectTable(Table):

@@ -40,7 +40,10 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
     lines = ["version = 1", f"name = {json.dumps(scene.name)}"]
     lines.append(f"reference_point_mm = {_toml(scene.lights.reference_point_mm)}")
     keys = ("width", "height", "fx", "fy", "cx", "cy", "distortion", "projection")
-    lines += _table("[camera]", {key: getattr(camera, key) for key in keys})
+    files = {} if scene.files is None else {"files": scene.files}
+    lines += _table("[camera]", {**{key: getattr(camera, key) for key in keys}, **files})
+    if scene.sensor is not None:
+        lines += _table("[camera.sensor]", vars(scene.sensor))
     for number, one in enumerate(scene.objects):
         file = f"meshes/{number:02d}.ply"
         write_ply(folder / file, one.mesh)

@@ -62,15 +62,16 @@ class Direct:
         return gathered(self._film, self._flashes.count, self.bands())
 
     def bands(self, values_per_band: int = VALUES_PER_BAND) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-        """Yield (rows of the film's window, (F, rows, w, 3)); the same values whatever the bands' size."""
-        _, _, height, width = self._film.window
+        """Yield (rows of the film's box, (F, rows, w, 3)); the same values whatever the bands' size."""
+        height, width = self._film.size
         step = max(1, values_per_band // (3 * width * self._flashes.count))
         for start in range(0, height, step):
-            stop = min(start + step, height)
-            yield slice(start, stop), self._band(start, stop)
+            rows = slice(start, min(start + step, height))
+            yield rows, self.band(rows)
 
-    def _band(self, start: int, stop: int) -> NDArray[np.float32]:
-        _, _, height, width = self._film.window
+    def band(self, rows: slice) -> NDArray[np.float32]:
+        """Return (F, rows, w, 3) of some of the box's rows."""
+        (height, width), start, stop = self._film.size, rows.start, rows.stop
         # One row more on either side: whether a pixel bends depends on its neighbours.
         first, last = max(start - 1, 0), min(stop + 1, height)
         images = self._once(slice(first, last), slice(0, width), np.zeros((1, 2), np.intp))[:, 0]
@@ -82,7 +83,7 @@ class Direct:
         return images
 
     def _once(self, rows: slice, columns: slice, corners: NDArray[np.intp]) -> NDArray[np.float32]:
-        """Return (F, P, h, w, 3): one sample in the middle of each pixel of equal pieces of the window.
+        """Return (F, P, h, w, 3): one sample in the middle of each pixel of equal pieces of the box.
 
         `rows`, `columns`: the first piece; `corners` (P, 2): the pieces' places after that, rows and columns.
         """
@@ -106,9 +107,8 @@ class Direct:
         return out.numpy().reshape(flashes.count, len(corners), height, width, 3)
 
     def _seen(self, x: Any, y: Any) -> tuple[Any, Any, Any]:
-        """Return surface, material and whether there is one, at positions in the window."""
-        top, left, _, _ = self._film.window
-        ray = camera_rays(self._mi, self._film.rendered, x + left, y + top, self._above)
+        """Return surface, material and whether there is one, at positions in the box."""
+        ray = camera_rays(self._mi, self._film, x, y, self._above)
         surface = self._scene.ray_intersect(ray, self._mi.RayFlags.All, True, True)
         return surface, surface.bsdf(), surface.is_valid()
 
@@ -138,7 +138,7 @@ class Direct:
         """Return (pairs, 3), the sum over the lanes that belong to each pair of pixel and light."""
         import drjit as dr
 
-        mi, flashes, width = self._mi, self._flashes, self._film.window[3]
+        mi, flashes, width = self._mi, self._flashes, self._film.size[1]
         place, number, first, count = (mi.UInt32(a.astype(np.uint32)) for a in (pixel, sample, first_pair, turns))
         light_of_pair = mi.UInt32(light.astype(np.uint32))
         shift = mi.sample_tea_32(place, mi.UInt32(1))
@@ -159,7 +159,7 @@ class Direct:
 
     def _pilot(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the frames' brightness (F,), and second differences (F, tiles, pixels) of tiles all over the film."""
-        _, _, height, width = self._film.window
+        height, width = self._film.size
         side = min(PILOT_SIDE, height, width)
         tops = np.unique(np.linspace(0, height - side, PILOT_TILES).astype(int))
         lefts = np.unique(np.linspace(0, width - side, PILOT_TILES).astype(int))

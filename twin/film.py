@@ -40,6 +40,11 @@ class Film:
     window: tuple[int, int, int, int]
     pixels: NDArray[np.float32] | None
 
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the box."""
+        return self.rows.stop - self.rows.start, self.columns.stop - self.columns.start
+
     def bands(self, samples_per_band: int, samples_per_pixel: int) -> list[tuple[int, int]]:
         """Return (first row, height) of bands of the window that hold at most so many samples."""
         top, _, height, width = self.window

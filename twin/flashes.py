@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from twin.description import WHITE_BALL_ALBEDO
@@ -99,33 +98,54 @@ class Flashes:
         dr.while_loop((self._mi.UInt32(0),), lambda turn: active & (turn < turns), body, labels=("turn",))
 
 
-def camera_rays(mi: Any, camera: Camera, x: Any, y: Any, above_mm: float) -> Any:
-    """Return the rays of pixel positions, as `Camera.rays` gives them, of a camera without distortion.
+def camera_rays(mi: Any, film: Film, x: Any, y: Any, above_mm: float) -> Any:
+    """Return the rays of positions in the film's box, as `Camera.rays` gives them, by way of the lens.
 
     Parameters
     ----------
-    camera : Camera
-        `Film.rendered`.
+    film : Film
     x, y : mi.Float
-        Columns and rows, integers are pixel centres.
+        Columns and rows of the box, integers are pixel centres.
     above_mm : float
         Orthographic: the z that the rays start from.
     """
     import drjit as dr
 
+    camera = film.rendered
+    if film.pixels is None:
+        x, y = x + film.columns.start, y + film.rows.start
+    else:
+        x, y = _through_the_lens(mi, film.pixels, x, y)
     across, up = (x - camera.cx) / camera.fx, (camera.cy - y) / camera.fx
     if camera.is_orthographic:
         return mi.Ray3f(mi.Point3f(across, up, above_mm), mi.Vector3f(0, 0, -1))
     return mi.Ray3f(mi.Point3f(0, 0, 0), dr.normalize(mi.Vector3f(across, up, -1)))
 
 
+def _through_the_lens(mi: Any, pixels: NDArray[np.float32], x: Any, y: Any) -> tuple[Any, Any]:
+    """Return where the undistorted picture has what is seen at x, y: linear between pixel centres, and beyond."""
+    import drjit as dr
+
+    height, width = pixels.shape[:2]
+    column, row = (mi.UInt32(dr.clip(dr.floor(at), 0, max(size - 2, 0))) for at, size in ((x, width), (y, height)))
+    right, down = (dr.minimum(at + 1, size - 1) for at, size in ((column, width), (row, height)))
+    table = mi.Float(pixels.ravel())
+
+    def place(row: Any, column: Any) -> Any:
+        return dr.gather(mi.Point2f, table, row * width + column)
+
+    along, below = x - mi.Float(column), y - mi.Float(row)
+    above = dr.lerp(place(row, column), place(row, right), along)
+    found = dr.lerp(above, dr.lerp(place(down, column), place(down, right), along), below)
+    return found.x, found.y
+
+
 def gathered(film: Film, count: int, bands: Iterable[tuple[slice, NDArray[np.float32]]]) -> NDArray[np.float32]:
-    """Return (F, h, w, 3) of the film's box, from bands (rows of its window, (F, rows, w, 3))."""
-    _, _, height, width = film.window
-    out = np.empty((count, height, width, 3), np.float32)
+    """Return (F, h, w, 3) of the film's box, from bands (rows of it, (F, rows, w, 3))."""
+    out = np.empty((count, *film.size, 3), np.float32)
     for rows, block in bands:
         out[:, rows] = block
-    return out if film.pixels is None else np.stack([film.place(image) for image in out])
+    return out
 
 
 def start_above(mi: Any, scene: Any) -> float:

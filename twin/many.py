@@ -46,25 +46,36 @@ class Indirect:
         self._above, self._bounces = start_above(self._mi, scene), max_depth - 3
         self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
         self._cells = RadianceCells(self._mi, scene, Flashes(self._mi, lights), bounces=self._bounces, seed=seed)
-        _, _, height, width = film.window
+        height, width = film.size
         step = max(1, int(np.sqrt(height * width / FIRST_LOOK)))
         rows, columns = np.mgrid[0:height:step, 0:width:step].reshape(2, -1)
         looks = max(1, FIRST_LOOK // len(rows))
         self._cells.cells(self._paths(rows, columns, looks, 0), self._pool)
 
     def bands(self) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-        """Yield (rows of the film's window, (F, rows, w, 3))."""
+        """Yield (rows of the film's box, (F, rows, w, 3))."""
+        height, width = self._film.size
         # A pixel costs memory for its samples, and for its lights.
-        for first, height in self._film.bands(SAMPLES_PER_CALL, max(self.samples, self._count // 4)):
-            start = first - self._film.window[0]
-            yield slice(start, start + height), self._band(start, height)
+        step = max(1, SAMPLES_PER_CALL // (width * max(self.samples, self._count // 4)))
+        for start in range(0, height, step):
+            rows = slice(start, min(start + step, height))
+            yield rows, self.band(rows)
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
         return gathered(self._film, self._count, self.bands())
 
-    def _band(self, start: int, height: int) -> NDArray[np.float32]:
-        width = self._film.window[3]
+    def band(self, rows: slice) -> NDArray[np.float32]:
+        """Return (F, rows, w, 3) of some of the box's rows; the same whatever bands were rendered before."""
+        start, height, width = rows.start, rows.stop - rows.start, self._film.size[1]
+        known = self._cells.copy()
+        try:
+            return self._band(start, height, width)
+        finally:
+            # What this band has learned is forgotten: the next must not depend on it.
+            self._cells = known
+
+    def _band(self, start: int, height: int, width: int) -> NDArray[np.float32]:
         rows, columns = np.mgrid[start : start + height, 0:width].reshape(2, -1)
         hits = self._paths(rows, columns, self.samples, start + 1)
         owners = np.repeat(np.arange(len(rows), dtype=np.int32), self.samples)
@@ -110,7 +121,6 @@ class Indirect:
         import drjit as dr
 
         mi = self._mi
-        top, left, _, _ = self._film.window
         sampler = self._sampler(samples)
         samples = sampler.sample_count()
         sampler.set_samples_per_wavefront(samples)
@@ -119,8 +129,8 @@ class Indirect:
         sampler.seed(seed, len(rows) * samples)
         pixel = dr.arange(mi.UInt32, len(rows) * samples) // samples
         within = sampler.next_2d()
-        x = dr.gather(mi.Float, mi.Float((columns + left).astype(np.float32)), pixel) + within.x - 0.5
-        y = dr.gather(mi.Float, mi.Float((rows + top).astype(np.float32)), pixel) + within.y - 0.5
-        ray = camera_rays(mi, self._film.rendered, x, y, self._above)
+        x = dr.gather(mi.Float, mi.Float(columns.astype(np.float32)), pixel) + within.x - 0.5
+        y = dr.gather(mi.Float, mi.Float(rows.astype(np.float32)), pixel) + within.y - 0.5
+        ray = camera_rays(mi, self._film, x, y, self._above)
         surface = self._scene.ray_intersect(ray, mi.RayFlags.All, True, True)
         return self._cells.leave(surface, surface.is_valid(), sampler)

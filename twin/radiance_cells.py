@@ -6,6 +6,7 @@ points that paths met there, and every path that ends in the cell takes the mean
 the distance that they are seen from. Between cells light is exchanged in the same way, bounce by bounce.
 """
 
+import copy
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -80,6 +81,14 @@ class RadianceCells:
 
     def __len__(self) -> int:
         return len(self._keys)
+
+    def copy(self) -> "RadianceCells":
+        """Return the cells as they stand: what one of the two learns later, the other does not know."""
+        other = copy.copy(self)
+        # All else is replaced when cells come in; these are written to.
+        other._table, other._cell_of_slot = self._table.copy(), self._cell_of_slot.copy()
+        other._links = list(self._links)
+        return other
 
     def leave(self, surface: Any, active: Any, sampler: Any) -> Hits:
         """Send a ray on from each surface point, drawn by its BRDF."""

@@ -1,36 +1,33 @@
-"""The twin: a scene, or the registered scan under the calibrated lights, before the session's camera.
-
-What is physical of a scan: its shape with its cast shadows, near or distant lights, the measured albedo, light that
-goes from one part of the object to another. What is not (yet): gloss, the table and whatever else stands around, noise,
-lens blur. A scene description may have the first two.
-"""
+"""A scene rendered to frames, one for each light, by the engine that it asks for; killed and run again, it goes on."""
 
 import math
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
-from scene.files import create_array
+from scene.files import write_npy
 from scene.frames import PEDESTAL, Frames, encode
-from scene.lights import Lights
-from scene.mesh import Mesh
-from scene.pose import Pose
 from scene.store import Store
-from twin.description import Sampling, TwinScene
+from twin.description import TwinScene
+from twin.engine import Choice, choose_engine
 from twin.film import Film
 from twin.ground_truth import ground_truth, save_ground_truth
+from twin.layers import Piece, PieceRenderer, pieces_of, standing_light
 from twin.path_tracing import PathTracer
-from twin.scan_scene import scan_scene
-from twin.variant import pick_variant
+from twin.unfinished import Unfinished, mark_of
+from twin.variant import SLOW, pick_variant
 
 SAMPLES_PER_FRAME = 1 << 24
-"""Samples that a frame may cost unless more are asked for: seconds on two cores."""
+"""Samples that a frame by stock Mitsuba may cost, unless more are asked for or a pilot has told how many it takes."""
+
+
+LAYERS = ("direct", "indirect")
 
 
 @dataclass(frozen=True)
@@ -41,114 +38,92 @@ class Rendering:
     ----------
     frames : Frames
         Named and ordered as the lights; no ambient, no noise but the sampling's. Black where the object is not.
+    choice : Choice
+        The engine, and why.
     variant : str
         Mitsuba's.
-    samples_per_pixel, max_depth : int
-    noise : float
-        Of the sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip twice.
+    max_depth : int
+    noise : float or None
+        Of stock Mitsuba's sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip
+        twice. None: by another engine.
     seconds : float
-        Wall time.
+        Wall time of this run.
+    pieces, found : int
+        Frames, or bands of all frames; and how many of them a run that was stopped had left.
     warnings : tuple of str
     """
 
     frames: Frames
+    choice: Choice
     variant: str
-    samples_per_pixel: int
     max_depth: int
-    noise: float
+    noise: float | None
     seconds: float
+    pieces: int
+    found: int = 0
     warnings: tuple[str, ...] = ()
 
+    def facts(self) -> dict[str, Any]:
+        """Return what the summary says of it."""
+        choice = self.choice
+        return {
+            "engine": choice.engine,
+            "reason": choice.reason,
+            "error": choice.error,
+            "samples_per_pixel": None if choice.engine == "direct" else choice.samples,
+            "onward_share": choice.onward,
+            "disagreement": choice.disagreement,
+            "seconds_expected": choice.seconds,
+            "variant": self.variant,
+            "max_depth": self.max_depth,
+            "noise": self.noise,
+            "seconds": self.seconds,
+            "warnings": self.warnings,
+        }
 
-def render(
-    mesh: Mesh,
-    pose: Pose,
-    camera: Camera,
-    lights: Lights,
-    albedo: NDArray[np.float32],
-    *,
-    albedo_depth_mm: float | None = None,
-    white_value: NDArray[np.float64] | None = None,
-    samples_per_pixel: int | None = None,
-    max_depth: int = 3,
-    executor: Executor | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    store: Store | None = None,
-) -> Rendering:
-    """Render the scan with its measured albedo, one frame for each light.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        The scan, millimetres, in its own frame.
-    pose : Pose
-        camera_from_scan.
-    camera : Camera
-        Perspective or orthographic; distortion and unequal fx and fy by resampling.
-    lights : Lights
-        Near lights are rendered as points at `positions_mm`, others as distant.
-    albedo : (H, W, 3) float32
-        Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured.
-    albedo_depth_mm : float or None
-        The z at which near lights were evaluated when the albedo was measured, if not at the surface itself: a solver
-        that knows no shape takes the reference point's.
-    white_value : (3,) float64 or None
-        Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
-        taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
-    samples_per_pixel : int or None
-        None: 64, or fewer for an object that fills more than a quarter of a megapixel, down to 4. Rounded up to a
-        square: each pixel is sampled on a jittered grid.
-    max_depth : int
-        2: direct light only; 3: one interreflection; and so on.
-    executor : Executor or None
-        Renders shares of the frames elsewhere, on a cluster say. Mitsuba uses all cores of a machine by itself.
-    progress : callable or None
-        Called with (frames done, frames in all).
-    store : Store or None
-        Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
-        `twin.ground_truth`. Without it frames stay in memory.
+@dataclass(frozen=True)
+class _Work:
+    """What is to be rendered: all that another process needs to know."""
 
-    Raises
-    ------
-    RenderError
-        The mesh is empty or not finite, the camera does not see it, a light lies inside it, the albedo has another
-        size than the camera's, or a light or the albedo holds nothing that can be rendered.
-
-    Notes
-    -----
-    With reflectance rho = albedo / white * 0.8 and irradiance E = pi * intensity * white / 0.8, a Lambertian surface
-    has the radiance rho / pi * E * cos = albedo * intensity * cos: the direct light's pixel values are the session's
-    own, whatever the ball's true reflectance.
-    """
-    scene, warnings = scan_scene(
-        mesh,
-        pose,
-        camera,
-        lights,
-        albedo,
-        albedo_depth_mm=albedo_depth_mm,
-        white_value=white_value,
-        sampling=Sampling("mitsuba", samples_per_pixel, max_depth),
-    )
-    rendered = render_scene(scene, executor=executor, progress=progress, store=store)
-    return replace(rendered, warnings=(*warnings, *rendered.warnings))
+    scene: TwinScene
+    film: Film
+    choice: Choice
+    apart: bool
+    standing: NDArray[np.float32] | None
 
 
 def render_scene(
     scene: TwinScene,
     *,
+    apart: bool = False,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] | None = None,
     store: Store | None = None,
+    unfinished: Path | None = None,
 ) -> Rendering:
-    """Render any scene by stock Mitsuba, one frame for each light.
+    """Render a scene, one frame for each light.
 
     Parameters
     ----------
     scene : TwinScene
-        Its `sampling.samples` and `max_depth` hold, whatever its engine.
-    executor, progress, store
-        See `render`.
+        With `sampling.engine` "auto" the engine is chosen by a pilot rendering; see `twin.engine`.
+    apart : bool
+        With a store, also keep light that met one surface, and light that met more, each by itself.
+    executor : Executor or None
+        Renders shares of the frames elsewhere, on a cluster say. Mitsuba uses all cores of a machine by itself.
+    progress : callable or None
+        Called with (pieces done, pieces in all): frames, or bands of all frames.
+    tell : callable or None
+        Called with the line that says which engine renders, and why.
+    store : Store or None
+        Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
+        `twin.ground_truth`; with `apart` also `truth_direct.npy` and `truth_indirect.npy`, (F, H, W, 3) float16, and
+        `truth_standing.npy`, (H, W, 3) float32, where there is an environment. Without a store frames stay in memory.
+    unfinished : Path or None
+        Where a rendering into a store lies until it is done; the store's `unfinished_twin` if not given. Of a run that
+        was killed, the same rendering keeps what is there, and does only what lacks.
 
     Raises
     ------
@@ -156,94 +131,126 @@ def render_scene(
         The camera sees nothing.
     """
     started = time.perf_counter()
-    lights, camera, samples_per_pixel = scene.lights, scene.camera, scene.sampling.samples
-    film = scene.film()
-    variant, note = pick_variant()
-    warnings = []
-    if variant == "scalar_rgb":
+    film, folder = scene.film(), None if store is None else (unfinished or store.path("unfinished_twin"))
+    kept = Unfinished(folder, "" if folder is None else mark_of(scene, apart))
+    choice = _elsewhere(executor, _choose, scene, film) if kept.notes is None else Choice(**kept.notes)
+    if tell is not None:
+        tell(str(choice))
+    noise = _elsewhere(executor, _noise, scene, film, choice) if choice.engine == "mitsuba" else None
+    standing = _elsewhere(executor, standing_light, scene, film, choice, apart)
+    work = _Work(scene, film, choice, apart and store is not None, standing)
+    pieces, found = pieces_of(film, len(scene.lights), choice), len(kept.done)
+    if kept.notes is None:
+        shape = (len(scene.lights), scene.camera.height, scene.camera.width, 3)
+        layers = dict.fromkeys(LAYERS if work.apart else (), (shape, np.float16, 0))
+        kept.begin(asdict(choice), {"codes": (shape, np.uint16, PEDESTAL), **layers})
+    if progress is not None and found:
+        progress(found, len(pieces))
+    for index, parts in _made(work, pieces, sorted(set(range(len(pieces))) - kept.done), executor):
+        piece, first = pieces[index], film.rows.start
+        rows = slice(first + piece.rows.start, first + piece.rows.stop)
+        for name, values in parts.items():
+            kept.arrays[name][piece.frames, rows, film.columns] = values
+        kept.finished(index)
+        if progress is not None:
+            progress(len(kept.done), len(pieces))
+    if store is None:
+        frames = Frames(scene.lights.names, kept.arrays["codes"], np.ones(len(scene.lights)))
+    else:
+        frames = _stored(store, kept, work)
+        save_ground_truth(ground_truth(scene), store.folder)
+    seconds = time.perf_counter() - started
+    variant, depth, warnings = pick_variant()[0], scene.sampling.max_depth, _warnings(film, choice, noise)
+    return Rendering(frames, choice, variant, depth, noise, seconds, len(pieces), found, warnings)
+
+
+def _elsewhere(executor: Executor | None, work: Callable[..., Any], *arguments: Any) -> Any:
+    return work(*arguments) if executor is None else executor.submit(work, *arguments).result()
+
+
+def _choose(scene: TwinScene, film: Film) -> Choice:
+    choice = choose_engine(scene, film)
+    if choice.engine != "mitsuba":
+        return choice
+    samples = choice.samples
+    if scene.sampling.samples is None and choice.seconds is None:
+        affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
+        samples = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
+    # Each pixel is sampled on a jittered grid.
+    return replace(choice, samples=math.ceil(math.sqrt(samples)) ** 2)
+
+
+def _warnings(film: Film, choice: Choice, noise: float | None) -> tuple[str, ...]:
+    warnings, (variant, note) = [], pick_variant()
+    if variant == SLOW:
         warnings.append(f"The twin was rendered by Mitsuba's slow variant: {note}")
-    if film.pixels is not None:
+    if film.pixels is not None and choice.engine == "mitsuba":
         warnings.append(
             "The twin was rendered without lens distortion and with square pixels, then resampled (bilinear): it is "
             "slightly softer than a photograph."
         )
-    if samples_per_pixel is None:
-        affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
-        samples_per_pixel = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
-    samples_per_pixel = math.ceil(math.sqrt(samples_per_pixel)) ** 2
-    settings = (scene, film, samples_per_pixel)
-    noise = _noise(settings) if executor is None else executor.submit(_noise, settings).result()
-    if noise > 0.03:
+    if noise is not None and noise > 0.03:
         warnings.append(
-            f"The twin's own noise is {100 * noise:.0f} % of a lit pixel at {samples_per_pixel} samples a pixel; it "
+            f"The twin's own noise is {100 * noise:.0f} % of a lit pixel at {choice.samples} samples a pixel; it "
             "counts as an error of the methods that are run on it."
         )
-    with _codes(store, (len(lights), camera.height, camera.width, 3)) as codes:
-        for done, (index, image) in enumerate(_images(settings, executor), 1):
-            codes[index, film.rows, film.columns] = image
-            if progress is not None:
-                progress(done, len(lights))
-    frames = Frames(lights.names, codes, np.ones(len(lights)))
-    if store is not None:
-        store.save_frames_header(frames)
-        frames = store.load_frames()
-        save_ground_truth(ground_truth(scene), store.folder)
-    seconds = time.perf_counter() - started
-    depth = scene.sampling.max_depth
-    return Rendering(frames, variant, samples_per_pixel, depth, noise, seconds, tuple(warnings))
+    return tuple(warnings)
 
 
-_Settings = tuple[TwinScene, Film, int]
-
-
-def _images(settings: _Settings, executor: Executor | None) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-    """Yield (index, codes of the film's box) of every light, as they are done."""
-    count = len(settings[0].lights)
+def _made(
+    work: _Work, pieces: list[Piece], todo: list[int], executor: Executor | None
+) -> Iterator[tuple[int, dict[str, NDArray]]]:
+    """Yield (index, arrays of the film's box) of every piece, as they are done."""
     if executor is None:
-        yield from _render_share(settings, range(count))
+        yield from _make(work, pieces, todo)
         return
     # A share costs its worker one scene; more shares than a machine's cores only build more scenes.
-    shares = [range(count)[start :: min(count, 16)] for start in range(min(count, 16))]
-    futures = [executor.submit(_list_share, settings, share) for share in shares]
+    shares = [todo[start::16] for start in range(min(len(todo), 16))]
+    futures = [executor.submit(_list, work, pieces, share) for share in shares]
     for future in as_completed(futures):
         yield from future.result()
 
 
-def _list_share(settings: _Settings, indices: range) -> list[tuple[int, NDArray[np.uint16]]]:
-    return list(_render_share(settings, indices))
+def _list(work: _Work, pieces: list[Piece], share: list[int]) -> list[tuple[int, dict[str, NDArray]]]:
+    return list(_make(work, pieces, share))
 
 
-def _render_share(settings: _Settings, indices: range) -> Iterator[tuple[int, NDArray[np.uint16]]]:
-    """Render some of the lights in this process. Idempotent: the samples are seeded by the light's index."""
-    scene, film, samples_per_pixel = settings
-    variant, _ = pick_variant()
-    tracer = PathTracer(scene, film, variant=variant)
-    for index in indices:
-        yield index, encode(film.place(tracer.image(index, samples_per_pixel)))
+def _make(work: _Work, pieces: list[Piece], share: list[int]) -> Iterator[tuple[int, dict[str, NDArray]]]:
+    """Render some of the pieces in this process. Idempotent: the samples are seeded by the piece's place."""
+    if not share:
+        return
+    renderer = PieceRenderer(work.scene, work.film, work.choice, apart=work.apart)
+    for index in share:
+        layers, standing = renderer.render(pieces[index]), work.standing
+        layers = replace(layers, standing=None if standing is None else standing[pieces[index].rows])
+        parts: dict[str, NDArray] = {"codes": encode(layers.frames())}
+        if work.apart:
+            onward = np.zeros_like(layers.direct) if layers.onward is None else layers.onward
+            parts |= {"direct": layers.direct, "indirect": onward}
+        yield index, parts
 
 
-def _noise(settings: _Settings) -> float:
+def _noise(scene: TwinScene, film: Film, choice: Choice) -> float:
     """Render the film's middle rows twice under the strongest light; see `Rendering.noise`."""
-    scene, film, samples_per_pixel = settings
     top, left, height, width = film.window
     strip = replace(film, window=(top + max(0, height // 2 - 24), left, min(48, height), width))
-    variant, _ = pick_variant()
-    tracer = PathTracer(scene, strip, variant=variant)
+    tracer = PathTracer(scene, strip, variant=pick_variant()[0])
     index = int(np.argmax(scene.irradiance.sum(1)))
-    one, two = (tracer.image(index, samples_per_pixel, seed=seed) for seed in (1, 2))
+    one, two = (tracer.image(index, choice.samples, seed=seed) for seed in (1, 2))
     mean = (one + two) / 2
     lit = mean > 0.05 * mean.max()
     # Two renderings differ by twice the variance of one.
     return float(np.sqrt(np.mean((one - two)[lit] ** 2) / 2) / np.mean(mean[lit])) if lit.any() else 0.0
 
 
-@contextmanager
-def _codes(store: Store | None, shape: tuple[int, ...]) -> Iterator[NDArray[np.uint16]]:
-    """Give an array of black frames: in memory, or in the store, where it appears when all frames are done."""
-    if store is None:
-        yield np.full(shape, PEDESTAL, np.uint16)
-        return
-    with create_array(store.path("frames", "codes.npy"), shape, np.uint16) as codes:
-        for frame in codes:
-            frame[:] = PEDESTAL
-        yield codes
+def _stored(store: Store, kept: Unfinished, work: _Work) -> Frames:
+    """Move a finished rendering to its store."""
+    scene, film = work.scene, work.film
+    codes, names = kept.arrays["codes"], [name for name in kept.arrays if name != "codes"]
+    kept.hand_over({"codes": store.path("frames", "codes.npy"), **{n: store.path(f"truth_{n}.npy") for n in names}})
+    if work.apart and work.standing is not None:
+        whole = np.zeros((*codes.shape[1:3], 3), np.float32)
+        whole[film.rows, film.columns] = work.standing
+        write_npy(store.path("truth_standing.npy"), whole)
+    store.save_frames_header(Frames(scene.lights.names, codes, np.ones(len(scene.lights))))
+    return store.load_frames()

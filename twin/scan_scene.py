@@ -1,4 +1,8 @@
-"""A registered scan with its measured albedo under the session's lights, as a scene description."""
+"""A registered scan with its measured albedo under the session's lights, as a scene description.
+
+What is physical of it: the shape with its cast shadows, near or distant lights, the measured albedo, light that goes
+from one part of the object to another. What is not: gloss, the table and whatever else stands around.
+"""
 
 from dataclasses import replace
 
@@ -36,14 +40,35 @@ def scan_scene(
 
     Parameters
     ----------
-    mesh, pose, camera, lights, albedo, albedo_depth_mm, white_value
-        See `twin.render.render`.
+    mesh : Mesh
+        The scan, millimetres, in its own frame.
+    pose : Pose
+        camera_from_scan.
+    camera : Camera
+        Perspective or orthographic.
+    lights : Lights
+        Near lights are rendered as points at `positions_mm`, others as distant.
+    albedo : (H, W, 3) float32
+        Pixel value under a light of intensity 1 along the normal, NaN where unknown: what a solver measured.
+    albedo_depth_mm : float or None
+        The z at which near lights were evaluated when the albedo was measured, if not at the surface itself: a solver
+        that knows no shape takes the reference point's.
+    white_value : (3,) float64 or None
+        Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
+        taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
     sampling : Sampling
 
     Raises
     ------
     RenderError
-        As `twin.render.render`.
+        The mesh is empty or not finite, the camera does not see it, a light lies inside it, the albedo has another
+        size than the camera's, or a light or the albedo holds nothing that can be rendered.
+
+    Notes
+    -----
+    With reflectance rho = albedo / white * 0.8 and irradiance E = pi * intensity * white / 0.8, a Lambertian surface
+    has the radiance rho / pi * E * cos = albedo * intensity * cos: the direct light's pixel values are the session's
+    own, whatever the ball's true reflectance.
     """
     _check(mesh, camera, lights, albedo)
     placed = Mesh(pose.apply(mesh.vertices), mesh.faces)

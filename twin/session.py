@@ -11,11 +11,15 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
-from scene.files import write_npy, write_png, write_text
+from scene.files import write_npy, write_text
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
-from twin.virtual_camera import Sensor, expose, write_dng
+from twin.photograph import Files, write_photograph
+from twin.virtual_camera import NO_FILTER, Sensor
+
+HEADLINE = "# Rendered by rgbn."
+"""First line of the session.toml: what may be written over."""
 
 _FIRST_SHOT = datetime(2000, 1, 1, 12, 0)
 """A rendering has no hour: EXIF gets a fixed one, so that the same rendering gives the same files."""
@@ -30,7 +34,9 @@ def write_session(
     truth: NDArray[np.float32],
     *,
     sensor: Sensor | None = None,
+    files: Files | None = None,
     seed: int = 0,
+    name: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
     """Write rendered frames, their camera, lights, mask and true normals as a session folder.
@@ -38,7 +44,7 @@ def write_session(
     Parameters
     ----------
     folder : Store
-        Gets session.toml, flash/<name>.png (or .dng), lights.json with its text forms, mask.png and truth.npy.
+        Gets session.toml, flash/<name>.png (or .dng, .exr), lights.json with its text forms, mask.png and truth.npy.
     frames : Frames
     lights : Lights
         Of the same names, in the same order.
@@ -46,9 +52,13 @@ def write_session(
     truth : (H, W, 3) float32
         Unit normals, camera frame, NaN where unknown.
     sensor : Sensor or None
-        None: 16-bit linear PNG, 65535 = white, no noise. Else the virtual camera photographs each frame as a DNG.
+        None: no noise. Else the virtual camera photographs each frame.
+    files : {"png", "dng", "exr"} or None
+        See `twin.photograph.write_photograph`. None: DNG of a Bayer sensor, else PNG.
     seed : int
         Of the virtual camera's noise; frame i draws from its own stream (seed, i).
+    name : str or None
+        The session's; None: that of the folder around, and "twin".
     progress : callable or None
         Called with (frames written, frames in all).
 
@@ -73,47 +83,44 @@ def write_session(
             f"{folder.folder}: frames {frames.codes.shape[1:3]}, camera {size}, mask {mask.shape} "
             f"and normals {truth.shape[:2]} px: all must agree."
         )
-    files = []
-    for index, name in enumerate(frames.names):
-        image = frames.frame(index)
-        file = f"flash/{name}.{'png' if sensor is None else 'dng'}"
-        if sensor is None:
-            write_png(folder.path(file), np.round(np.clip(image, 0, 1) * 65535).astype(np.uint16))
-        else:
-            write_dng(
-                folder.path(file),
-                expose(image, sensor, np.random.default_rng([seed, index])),
-                sensor,
-                exposure_s=1 / 125,
-                iso=100,
-                aperture=8,
-                # Without millimetres to pixels (orthographic) a normal lens is as good as any.
-                focal_mm=50.0 if camera.is_orthographic else camera.fx * sensor.pixel_um / 1000,
-                time=_FIRST_SHOT + timedelta(seconds=2 * index),
-            )
-        files.append(file)
+    if files is None:
+        files = "png" if sensor is None or sensor.cfa == NO_FILTER else "dng"
+    # Without millimetres to pixels (orthographic) a normal lens is as good as any.
+    pixel_um = Sensor.pixel_um if sensor is None else sensor.pixel_um
+    focal_mm = 50.0 if camera.is_orthographic else camera.fx * pixel_um / 1000
+    written = []
+    for index, light in enumerate(frames.names):
+        written.append(f"flash/{light}.{files}")
+        write_photograph(
+            folder.path(written[-1]),
+            frames.frame(index),
+            sensor,
+            np.random.default_rng([seed, index]),
+            focal_mm=focal_mm,
+            time=_FIRST_SHOT + timedelta(seconds=2 * index),
+        )
         if progress is not None:
             progress(index + 1, len(frames))
-    folder.save_lights(lights, files=tuple(files))
+    folder.save_lights(lights, files=tuple(written))
     folder.save_mask(mask)
     write_npy(folder.path("truth.npy"), truth.astype(np.float32))
     path = folder.path("session.toml")
-    write_text(path, _manifest(files, camera, folder.folder.resolve().parent.name, sensor is None))
+    write_text(path, _manifest(written, camera, name or f"{folder.folder.resolve().parent.name} twin"))
     return path
 
 
-def _manifest(files: list[str], camera: Camera, name: str, is_png: bool) -> str:
+def _manifest(files: list[str], camera: Camera, name: str) -> str:
     """Return session.toml. The files are listed one by one: their order is that of lights.json."""
     # JSON's strings are TOML's too; a name with brackets must not be taken for a glob.
     listed = "".join(f"  {json.dumps(glob.escape(file))},\n" for file in files)
     lines = [
-        "# Rendered: the twin of the session that this folder lies in.",
+        HEADLINE,
         "version = 1",
-        f"name = {json.dumps(f'{name} twin')}",
+        f"name = {json.dumps(name)}",
         "",
         "[frames]",
         f"flash = [\n{listed}]",
-        *(["linear = true"] if is_png else []),
+        *(["linear = true"] if files[0].endswith(".png") else []),
         "",
     ]
     if not camera.is_orthographic:  # which is what a session without [camera] is taken to be

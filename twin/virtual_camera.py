@@ -1,6 +1,6 @@
 """The virtual camera: a linear image becomes a Bayer photograph, noise and all, in a DNG file.
 
-    linear RGB -> lens blur -> colour filter -> photons -> read noise -> quantised, clipped -> DNG
+    linear RGB -> lens blur -> vignetting -> colour filter -> photons -> read noise -> quantised, clipped -> DNG
 
 LibRaw gives the mosaic back bit for bit, and so a rendered session goes in by the same door as a real one.
 """
@@ -19,6 +19,7 @@ from scene.errors import RenderError
 from scene.files import write_whole
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
+NO_FILTER = "none"
 
 _SRGB_FROM_XYZ = np.array(
     [[3.2404542, -1.5371385, -0.4985314], [-0.9692660, 1.8760108, 0.0415560], [0.0556434, -0.2040259, 1.0572252]]
@@ -30,21 +31,27 @@ _PLACEHOLDER = 34664
 
 @dataclass(frozen=True)
 class Sensor:
-    """A Bayer sensor behind a lens.
+    """A sensor behind a lens.
 
     Parameters
     ----------
     full_well_e : float
-        Electrons that fill a pixel from black to white level: the photon noise. ISO 400 instead of 100 is a
-        quarter of it.
+        Electrons that fill a pixel from black to white level at ISO 100: the photon noise. At ISO 400 a quarter of it
+        is white.
     read_noise_e : float
-        Standard deviation of the read-out, electrons.
+        Standard deviation of the read-out before the signal is amplified, electrons: the same at every ISO.
+    adc_noise_dn : float
+        Standard deviation of what the converter adds behind the amplifier, DN: fewer electrons the higher the ISO.
+    iso : float
     black_level, white_level : int
         DN of no light, and of a full well: nothing above is recorded. 16383: 14 bits.
     blur_px : float
         Standard deviation of the lens' Gaussian blur.
-    cfa : {"RGGB", "BGGR", "GRBG", "GBRG"}
-        Colours of the top left 2 x 2 pixels, row by row.
+    vignetting : tuple of 3 float
+        k1, k2, k3: light that reaches a place at the distance r from the picture's middle (its corners: 1) is
+        1 + k1 r^2 + k2 r^4 + k3 r^6 of the middle's.
+    cfa : {"RGGB", "BGGR", "GRBG", "GBRG", "none"}
+        Colours of the top left 2 x 2 pixels, row by row; none: all three are measured at every pixel.
     neutral : tuple of 3 float
         Raw response to a white surface, RGB, at most 1: the DNG's AsShotNeutral.
     pixel_um : float
@@ -53,30 +60,56 @@ class Sensor:
 
     full_well_e: float = 40000.0
     read_noise_e: float = 4.0
+    adc_noise_dn: float = 0.0
+    iso: float = 100.0
     black_level: int = 512
     white_level: int = 16383
     blur_px: float = 0.5
+    vignetting: tuple[float, float, float] = (0.0, 0.0, 0.0)
     cfa: str = "RGGB"
     neutral: tuple[float, float, float] = (0.58, 1.0, 0.69)
     pixel_um: float = 5.0
 
     def __post_init__(self) -> None:
-        if self.cfa not in CFA_PATTERNS:
-            raise RenderError(f"sensor.cfa: found {self.cfa!r}, expected one of {', '.join(CFA_PATTERNS)}.")
+        if self.cfa not in (*CFA_PATTERNS, NO_FILTER):
+            raise RenderError(f"sensor.cfa: found {self.cfa!r}, expected one of {', '.join(CFA_PATTERNS)}, none.")
         if not 0 <= self.black_level < self.white_level <= 65535:
             raise RenderError(
                 f"sensor: black level {self.black_level}, white level {self.white_level}; "
                 "expected 0 <= black < white <= 65535."
             )
-        if min(self.full_well_e, self.pixel_um, *self.neutral) <= 0 or min(self.read_noise_e, self.blur_px) < 0:
+        noises = (self.read_noise_e, self.adc_noise_dn, self.blur_px)
+        if min(self.full_well_e, self.iso, self.pixel_um, *self.neutral) <= 0 or min(noises) < 0:
             raise RenderError(
-                f"sensor: full well {self.full_well_e} e-, pixel {self.pixel_um} um and neutral {self.neutral} must be "
-                f"positive, read noise {self.read_noise_e} e- and blur {self.blur_px} px not negative."
+                f"sensor: full well {self.full_well_e} e-, ISO {self.iso:g}, pixel {self.pixel_um} um and neutral "
+                f"{self.neutral} must be positive, read noise {self.read_noise_e} e-, converter's noise "
+                f"{self.adc_noise_dn} DN and blur {self.blur_px} px not negative."
+            )
+        if self.falloff(np.linspace(0, 1, 101)).min() <= 0:
+            raise RenderError(
+                f"sensor.vignetting: {self.vignetting} leaves no light at some place of the picture; expected "
+                "1 + k1 r^2 + k2 r^4 + k3 r^6 above 0 from the middle (r = 0) to the corners (r = 1)."
             )
 
     @property
+    def white_e(self) -> float:
+        """Electrons at the white level, at this ISO."""
+        return self.full_well_e * 100 / self.iso
+
+    @property
     def electrons_per_dn(self) -> float:
-        return self.full_well_e / (self.white_level - self.black_level)
+        return self.white_e / (self.white_level - self.black_level)
+
+    @property
+    def noise_e(self) -> float:
+        """Standard deviation of what the read-out adds in all, electrons."""
+        return float(np.hypot(self.read_noise_e, self.adc_noise_dn * self.electrons_per_dn))
+
+    def falloff(self, radius: NDArray) -> NDArray[np.float64]:
+        """Return the share of the middle's light at distances from it; the corners' is 1."""
+        square = np.asarray(radius, np.float64) ** 2
+        k1, k2, k3 = self.vignetting
+        return 1 + square * (k1 + square * (k2 + square * k3))
 
     def channels(self, height: int, width: int) -> NDArray[np.intp]:
         """Return (height, width), the colour under each pixel's filter: 0 red, 1 green, 2 blue."""
@@ -97,7 +130,7 @@ def expose(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDA
 
     Returns
     -------
-    mosaic : (H, W) uint16
+    counts : (H, W) uint16; (H, W, 3) of a sensor without filter
         DN, black level included.
 
     Raises
@@ -107,8 +140,9 @@ def expose(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDA
 
     Notes
     -----
-    DN = round(black + (Poisson(e) + read_noise N(0, 1)) / (electrons per DN)), clipped to 0 .. white,
-    e = full_well * neutral * (image * Gaussian).
+    DN = round(black + (Poisson(e) + noise_e N(0, 1)) / (electrons per DN)), clipped to 0 .. white,
+    e = white_e * neutral * falloff * (image * Gaussian), white_e = full_well_e * 100 / ISO,
+    noise_e^2 = read_noise_e^2 + (adc_noise_dn * electrons per DN)^2.
     """
     import cv2
 
@@ -120,13 +154,24 @@ def expose(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDA
         raise RenderError(f"expose: {unknown} of {image[..., 0].size} pixels are NaN or infinite. Render again.")
     if sensor.blur_px > 0:
         image = cv2.GaussianBlur(image, (0, 0), sensor.blur_px, borderType=cv2.BORDER_REPLICATE)
-    channels = sensor.channels(*image.shape[:2])
-    scene = np.take_along_axis(image, channels[..., None], -1)[..., 0] * np.array(sensor.neutral)[channels]
+    if any(sensor.vignetting):
+        image = image * sensor.falloff(_radius(*image.shape[:2]))[..., None]
+    if sensor.cfa == NO_FILTER:
+        scene = image * np.array(sensor.neutral)
+    else:
+        channels = sensor.channels(*image.shape[:2])
+        scene = np.take_along_axis(image, channels[..., None], -1)[..., 0] * np.array(sensor.neutral)[channels]
     # Far above a full well the count of photons no longer matters, and Poisson's generator has a limit.
-    electrons = rng.poisson(np.clip(scene, 0, 4) * sensor.full_well_e).astype(np.float64)
-    electrons += sensor.read_noise_e * rng.standard_normal(electrons.shape)
+    electrons = rng.poisson(np.clip(scene, 0, 4) * sensor.white_e).astype(np.float64)
+    electrons += sensor.noise_e * rng.standard_normal(electrons.shape)
     counts = np.round(electrons / sensor.electrons_per_dn + sensor.black_level)
     return np.clip(counts, 0, sensor.white_level).astype(np.uint16)
+
+
+def _radius(height: int, width: int) -> NDArray[np.float64]:
+    """Return each pixel's distance from the picture's middle, 1 at its corners."""
+    v, u = np.ogrid[:height, :width]
+    return np.hypot(u + 0.5 - width / 2, v + 0.5 - height / 2) / np.hypot(width / 2, height / 2)
 
 
 def write_dng(

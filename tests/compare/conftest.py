@@ -192,7 +192,7 @@ def make_session(
             "truth_sigma_deg_median": 0.4,
         },
         "solve": {"methods": solved},
-        "twin": {"variant": "llvm_ad_rgb", "samples_per_pixel": 64, "seconds": 20.5, "warnings": []},
+        "twin": {"engine": "many", "reason": "light went on", "seconds": 20.5, "warnings": []},
         "truth_check": {"light direction, median": {"value": 0.31, "unit": "°", "bar": 1.0}},
     }
     summary["compare"] = compare(store)

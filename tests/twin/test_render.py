@@ -16,13 +16,23 @@ from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
 from scene.store import Store
-from twin.render import render
+from twin.description import Sampling
+from twin.render import render_scene
+from twin.scan_scene import scan_scene
 
 pytestmark = pytest.mark.render
 
 CAMERA = Camera(96, 80, 150.0, 150.0, 53.4, 35.2)
 CENTER = np.array([-4.0, -6.0, -300.0])
 ORTHOGRAPHIC = Camera(96, 80, 0.6, 0.6, 53.4, 35.2, projection="orthographic")
+
+
+def render(*given, samples_per_pixel=None, max_depth=3, executor=None, progress=None, store=None, **known):
+    """Render a scan with its albedo by stock Mitsuba."""
+    sampling = Sampling("mitsuba", samples_per_pixel, max_depth)
+    scene, warnings = scan_scene(*given, **known, sampling=sampling)
+    rendered = render_scene(scene, executor=executor, progress=progress, store=store)
+    return replace(rendered, warnings=(*warnings, *rendered.warnings))
 
 
 def ball(radius=60.0, subdivisions=5):
@@ -256,7 +266,7 @@ def test_frames_are_named_stored_and_the_same_wherever_they_are_rendered(tmp_pat
     assert np.array_equal(Store(tmp_path).load_frames().codes, there.frames.codes)
     assert (here.frames.codes[:, :4, :4] == PEDESTAL).all()
     assert 0 < here.noise == there.noise
-    assert (here.variant, here.samples_per_pixel, here.max_depth) == (there.variant, 4, 3)
+    assert (here.variant, here.choice.samples, here.max_depth) == (there.variant, 4, 3)
 
 
 def test_albedo_that_was_measured_on_a_plane_gives_the_frames_that_it_was_measured_from():
@@ -298,12 +308,12 @@ def test_noise_is_measured_and_falls_with_the_samples():
 def test_a_pixel_is_cheaper_where_there_are_more_pixels(monkeypatch):
     pose = Pose.from_rotation_translation(np.eye(3), CENTER)
     given = (ball(subdivisions=2), pose, CAMERA, distant([0, 0, 1]), flat(CAMERA))
-    assert render(*given).samples_per_pixel == 64
+    assert render(*given).choice.samples == 64
     monkeypatch.setattr("twin.render.SAMPLES_PER_FRAME", 100_000)
-    assert render(*given).samples_per_pixel in (9, 16, 25, 36)
+    assert render(*given).choice.samples in (9, 16, 25, 36)
     monkeypatch.setattr("twin.render.SAMPLES_PER_FRAME", 1)
-    assert render(*given).samples_per_pixel == 4
-    assert render(*given, samples_per_pixel=5).samples_per_pixel == 9
+    assert render(*given).choice.samples == 4
+    assert render(*given, samples_per_pixel=5).choice.samples == 9
 
 
 def test_brighter_intensity_is_only_brighter():

@@ -1,0 +1,85 @@
+"""The verb `twin`: the registered scan rendered under the calibrated lights, and solved like the photographs."""
+
+from dataclasses import asdict, replace
+from typing import Any
+
+import numpy as np
+
+from lab.job import Job, Outcome
+from lab.progress import progress_bar, say
+from lab.steps import material_method, solve_all
+from scene.store import Store
+
+
+def twin(job: Job) -> Outcome:
+    """Render the registered scan under the calibrated lights, and solve the rendering too."""
+    store = job.store
+    if not store.path("pose.json").exists():
+        # Not a warning of its own: that there is no scan, or that it is not used, was said when it was to be aligned.
+        return Outcome({"rendered": False})
+    from twin.render import render_scene
+    from twin.session import write_session
+
+    camera, folder = store.load_camera(), Store(store.path("twin"))
+    scene, scene_warnings = twin_scene(job)
+    with progress_bar("twin") as progress:
+        rendered = render_scene(
+            scene,
+            apart=job.twin.layers,
+            executor=job.executor,
+            store=folder,
+            # `twin` is emptied before this step: what a killed run has left lies beside it.
+            unfinished=store.path("twin_unfinished"),
+            progress=progress,
+            tell=say,
+        )
+    sensor = _sensor(job) if job.twin.photograph else None
+    truth = store.load_normals("truth")
+    write_session(folder, rendered.frames, camera, store.load_lights(), store.load_mask(), truth, sensor=sensor)
+    if sensor is not None:
+        _develop(folder)
+    solved, warnings = solve_all(job, folder, "twin")
+    facts = rendered.facts()
+    facts["warnings"] = (*scene_warnings, *rendered.warnings)
+    photographed = {} if sensor is None else {"sensor": asdict(sensor)}
+    seconds = {method: row["seconds"] for method, row in solved["methods"].items()}
+    result = {"rendered": True, **facts, **photographed, "twin_seconds": seconds}
+    return Outcome(result, [*facts["warnings"], *(f"twin: {text}" for text in warnings)])
+
+
+def twin_scene(job: Job) -> Any:
+    """Return the registered scan under the calibrated lights as a scene, and what is suspicious about it."""
+    from twin.description import Sampling
+    from twin.scan_scene import scan_scene
+
+    store, lights = job.store, job.store.load_lights()
+    return scan_scene(
+        job.load_scan(),
+        store.load_pose(),
+        store.load_camera(),
+        lights,
+        np.load(store.path("albedo", f"{material_method(job)}.npy")),
+        # The solvers evaluate near lights at this one depth; the scan knows better.
+        albedo_depth_mm=float(lights.reference_point_mm[2]),
+        sampling=job.twin.sampling(Sampling()),
+    )
+
+
+def _sensor(job: Job) -> Any:
+    """Return a sensor as noisy as the session's, of its kind."""
+    from twin.grain import sensor_like
+
+    frames = job.store.load_frames()
+    sensor, iso = sensor_like(frames), (job.done["check"]["result"]["frames_table"][0].get("iso") or 100)
+    bayer = frames.is_mosaic and not job.session.half and frames.width % 2 == 0 and frames.height % 2 == 0
+    # The full well was measured at the session's ISO.
+    return replace(sensor, cfa="RGGB" if bayer else "none", iso=iso, full_well_e=sensor.full_well_e * iso / 100)
+
+
+def _develop(folder: Store) -> None:
+    """Put a twin's photographs in the place of its rendered frames."""
+    from capture.decode import decode
+    from capture.session import load_session
+
+    with progress_bar("twin: decode") as progress:
+        decode(load_session(folder.folder), folder, progress=progress)

@@ -1,0 +1,135 @@
+"""A rendering that is not finished yet: its arrays on disk, and which pieces are in them.
+
+A run that is killed leaves them; the same rendering, asked for again, goes on where it was.
+"""
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.files import create_array, write_json
+
+NOTES = "rendering.json"
+
+
+class Unfinished:
+    """Arrays that are being filled piece by piece.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Where they lie meanwhile; emptied, unless it holds the same rendering. None: in memory, and lost with the run.
+    mark : str
+        What tells this rendering from any other; `mark_of`.
+
+    Attributes
+    ----------
+    notes : dict or None
+        What `begin` was given; None: nothing was begun.
+    done : set of int
+        Pieces that are in the arrays.
+    arrays : dict of str to array
+    """
+
+    def __init__(self, folder: Path | None, mark: str = "") -> None:
+        self.folder, self._mark = folder, mark
+        self.notes: dict[str, Any] | None = None
+        self.done: set[int] = set()
+        self.arrays: dict[str, NDArray] = {}
+        if folder is None or not folder.exists():
+            return
+        try:
+            found = json.loads((folder / NOTES).read_text())
+            if found["mark"] == mark:
+                self.arrays = {name: np.load(self._path(name), mmap_mode="r+") for name in found["arrays"]}
+                self.notes, self.done = found["notes"], set(found["done"])
+        except (OSError, ValueError, KeyError, TypeError):
+            self.arrays.clear()
+        if self.notes is None:
+            shutil.rmtree(folder)
+
+    def begin(self, notes: Mapping[str, Any], arrays: Mapping[str, tuple[tuple[int, ...], Any, Any]]) -> None:
+        """Make the arrays, each of (shape, dtype, value); keep notes that the run which goes on will want."""
+        self.notes = dict(notes)
+        for name, (shape, dtype, value) in arrays.items():
+            if self.folder is None:
+                self.arrays[name] = np.full(shape, value, dtype)
+                continue
+            with create_array(self._path(name), shape, dtype) as array:
+                if value:
+                    for part in array:
+                        part[...] = value
+            self.arrays[name] = np.load(self._path(name), mmap_mode="r+")
+        self._save()
+
+    def finished(self, piece: int) -> None:
+        """Note that a piece is in the arrays."""
+        for array in self.arrays.values():
+            if isinstance(array, np.memmap):
+                array.flush()
+        self.done.add(piece)
+        self._save()
+
+    def hand_over(self, places: Mapping[str, Path]) -> None:
+        """Move the arrays of a folder to their places, and leave nothing behind."""
+        assert self.folder is not None
+        self.arrays.clear()
+        for name, path in places.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            os.replace(self._path(name), path)
+        shutil.rmtree(self.folder)
+
+    def _path(self, name: str) -> Path:
+        assert self.folder is not None
+        return self.folder / f"{name}.npy"
+
+    def _save(self) -> None:
+        if self.folder is not None:
+            state = {"mark": self._mark, "arrays": list(self.arrays), "notes": self.notes, "done": sorted(self.done)}
+            write_json(self.folder / NOTES, state)
+
+
+def mark_of(*values: Any) -> str:
+    """Return a hash of values, arrays and dataclasses among them, of this room's sources and of Mitsuba's version."""
+    digest = hashlib.sha256(f"{_code()} {version('mitsuba')}".encode())
+    for value in values:
+        _feed(value, digest.update)
+    return digest.hexdigest()
+
+
+def _feed(value: Any, update: Callable[[Any], Any]) -> None:
+    if is_dataclass(value) and not isinstance(value, type):
+        update(type(value).__name__.encode())
+        for field in fields(value):
+            _feed(getattr(value, field.name), update)
+    elif isinstance(value, np.ndarray):
+        update(f"{value.dtype} {value.shape}".encode())
+        update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
+    elif isinstance(value, Mapping):
+        _feed(tuple(value.items()), update)
+    elif isinstance(value, tuple | list):
+        update(f"{len(value)}".encode())
+        for part in value:
+            _feed(part, update)
+    elif isinstance(value, Path):
+        update(value.read_bytes())
+    else:
+        update(repr(value).encode())
+
+
+@cache
+def _code() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
