@@ -1,0 +1,187 @@
+"""Photographs by the virtual camera in every format: each stated number is measured again on what was written."""
+
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+import pytest
+import rawpy
+
+from capture.images import read_image
+from capture.raw import read_raw
+from scene.errors import RenderError
+from scene.frames import decode
+from twin.description_file import read_scene
+from twin.description_writer import write_scene
+from twin.photograph import developed, write_photograph
+from twin.virtual_camera import CFA_PATTERNS, Sensor, expose
+
+MOMENT = {"focal_mm": 50.0, "time": datetime(2026, 11, 22, 10)}
+SILENT: dict[str, Any] = {"full_well_e": 1e13, "read_noise_e": 0.0, "blur_px": 0.0}
+
+
+def rng(seed):
+    return np.random.default_rng(10_100 + seed)
+
+
+def written(path, image, sensor, seed=0):
+    write_photograph(path, image, sensor, rng(seed), **MOMENT)
+    return path
+
+
+def linear_of(path):
+    return decode(read_image(path, encoding="linear").codes)
+
+
+@pytest.mark.parametrize("iso", [100, 400, 3200])
+def test_noise_follows_the_iso_in_a_dng_that_libraw_reads(tmp_path, iso):
+    """Photon transfer: variance = mean / gain + (read / gain)^2 + adc^2 + 1/12; gain: electrons per DN."""
+    sensor = Sensor(30000, 5.0, 1.5, iso, 600, 15600, blur_px=0, neutral=(1, 1, 1))
+    gain = 30000 * 100 / iso / 15000
+    levels = [0.0, 0.05, 0.3, 0.8]
+    means, variances = [], []
+    for number, level in enumerate(levels):
+        path = written(tmp_path / f"{number}.dng", np.full((240, 240, 3), level), sensor, number)
+        with rawpy.imread(str(path)) as raw:
+            counts = raw.raw_image.astype(float) - raw.black_level_per_channel[0]
+        means.append(counts.mean())
+        variances.append(counts.var())
+    assert np.allclose(means, np.array(levels) * 15000, rtol=4e-3, atol=0.3)
+    slope = np.polyfit(means, variances, 1)[0]
+    assert slope == pytest.approx(1 / gain, rel=0.03)
+    assert variances[0] == pytest.approx((5 / gain) ** 2 + 1.5**2 + 1 / 12, rel=0.03)
+
+
+def test_vignetting_is_the_stated_polynomial_about_the_pictures_middle():
+    sensor = Sensor(**SILENT, vignetting=(-0.4, 0.1, -0.05), cfa="none", neutral=(1, 1, 1))
+    linear = developed(expose(np.full((60, 90, 3), 0.8), sensor, rng(1)), sensor)
+    v, u = np.mgrid[:60, :90]
+    square = ((u - 44.5) ** 2 + (v - 29.5) ** 2) / (45**2 + 30**2)
+    expected = 0.8 * (1 - 0.4 * square + 0.1 * square**2 - 0.05 * square**3)
+    assert np.abs(linear - expected[..., None]).max() < 2e-4
+    assert sensor.falloff(np.array([1.0]))[0] == pytest.approx(0.65)
+
+
+def test_light_is_blurred_before_it_is_shaded_and_clipped_after():
+    """A spot of three times white: what the lens spreads is not cut off first, and white stays white."""
+    image = np.zeros((41, 41, 3))
+    image[20, 20] = 3.0
+    sensor = Sensor(1e9, 0.0, blur_px=1.2, cfa="none", neutral=(1, 1, 1), white_level=65535, black_level=0)
+    spot = expose(image, sensor, rng(2))[..., 1] / 65535
+    v, u = np.mgrid[:41, :41] - 20
+    assert spot.sum() == pytest.approx(3.0, rel=5e-3)
+    assert (spot * u**2).sum() / spot.sum() == pytest.approx(1.2**2, rel=0.05)
+    assert (spot * v**2).sum() / spot.sum() == pytest.approx(1.2**2, rel=0.05)
+    blinding = expose(100 * image, sensor, rng(2))
+    assert blinding[20, 20, 1] == 65535
+
+
+@pytest.mark.parametrize("bits", [8, 12])
+def test_counts_are_whole_and_as_many_as_stated(bits):
+    sensor = Sensor(**SILENT, black_level=0, white_level=2**bits - 1, cfa="none", neutral=(1, 1, 1))
+    ramp = np.repeat(np.linspace(-0.01, 1.05, 20000)[None, :, None], 3, 2)
+    counts = expose(ramp, sensor, rng(3))[0, :, 0]
+    assert np.array_equal(np.unique(counts), np.arange(2**bits))
+    inside = (ramp[0, :, 0] > 0) & (ramp[0, :, 0] < 1)
+    error = counts[inside] / (2**bits - 1) - ramp[0, inside, 0]
+    assert np.abs(error).max() < 0.52 / (2**bits - 1)
+    assert error.std() == pytest.approx(1 / (2**bits - 1) / np.sqrt(12), rel=0.05)
+
+
+@pytest.mark.parametrize("cfa", CFA_PATTERNS)
+def test_a_mosaic_is_developed_to_its_colours_as_the_reader_of_raw_files_has_them(tmp_path, cfa):
+    """A slope with a colour of its own: a shift by a pixel or two swapped colours would show."""
+    v, u = np.mgrid[:48, :64] / 64
+    image = np.stack([0.2 + 0.3 * u, 0.5 - 0.2 * v, 0.3 + 0.2 * (u - v)], -1)
+    sensor = Sensor(**SILENT, cfa=cfa, neutral=(0.5, 1.0, 0.8))
+    inside = np.s_[2:-2, 2:-2]
+    mine = developed(expose(image, sensor, rng(4)), sensor)
+    assert np.abs(mine - image)[inside].max() < 5e-4
+    raw = decode(read_raw(written(tmp_path / "a.dng", image, sensor, 4)).codes) / np.array(sensor.neutral)
+    assert np.abs(mine - raw)[inside].max() < 2e-4
+    for name, tolerance in (("a.png", 2e-5), ("a.exr", 1e-3)):
+        assert np.abs(linear_of(written(tmp_path / name, image, sensor, 4)) - mine).max() < tolerance
+
+
+def test_without_a_sensor_a_picture_is_what_was_rendered(tmp_path):
+    image = rng(5).random((20, 30, 3)).astype(np.float32)
+    assert np.abs(linear_of(written(tmp_path / "a.png", image, None)) - image).max() < 2e-5
+    assert np.abs(linear_of(written(tmp_path / "a.exr", image, None)) - image).max() < 5e-4
+    with pytest.raises(RenderError, match="file of a Bayer sensor"):
+        written(tmp_path / "a.dng", image, None)
+    with pytest.raises(RenderError, match="file of a Bayer sensor"):
+        written(tmp_path / "a.dng", image, Sensor(cfa="none"))
+
+
+def test_noise_below_black_is_kept_in_an_exr_and_cut_off_in_a_png(tmp_path):
+    sensor = Sensor(1000, 5.0, blur_px=0, cfa="none", neutral=(1, 1, 1))
+    black = np.zeros((80, 80, 3))
+    exr, png = (linear_of(written(tmp_path / f"a.{kind}", black, sensor, 6)) for kind in ("exr", "png"))
+    assert abs(exr.mean()) < 4 * 0.005 / np.sqrt(exr.size)
+    assert exr.std() == pytest.approx(0.005, rel=0.03)
+    assert png.min() > -1e-6
+    assert png.mean() == pytest.approx(0.005 / np.sqrt(2 * np.pi), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ({"iso": 0}, "ISO 0"),
+        ({"adc_noise_dn": -1}, "converter's noise -1"),
+        ({"vignetting": (-1.2, 0, 0)}, "leaves no light"),
+    ],
+)
+def test_an_impossible_sensor_is_named(wrong, message):
+    with pytest.raises(RenderError, match=message):
+        Sensor(**wrong)
+
+
+SCENE = """
+[camera]
+width = 32
+height = 24
+fx = 60.0
+{camera}
+[camera.sensor]
+{sensor}
+[[objects]]
+shape = "cube"
+scale = 30
+translate_mm = [0, 0, -300]
+material = "m"
+[materials.m]
+kind = "diffuse"
+reflectance = 0.5
+[[lights]]
+kind = "ring"
+count = 3
+polar_deg = 40
+"""
+
+
+def test_a_sensor_comes_from_the_description_and_goes_back_into_it(tmp_path):
+    (tmp_path / "a.toml").write_text(
+        SCENE.format(camera='files = "exr"', sensor="iso = 800\nvignetting = [-0.3, 0, 0]\nneutral = [1, 1, 1]")
+    )
+    scene = read_scene(tmp_path / "a.toml")
+    assert scene.sensor == Sensor(iso=800, vignetting=(-0.3, 0, 0), neutral=(1, 1, 1))
+    assert scene.files == "exr"
+    again = read_scene(write_scene(scene, tmp_path / "out"))
+    assert (again.sensor, again.files) == (scene.sensor, scene.files)
+
+
+@pytest.mark.parametrize(
+    ("camera", "sensor", "message"),
+    [
+        ("", "gain = 3", "camera.sensor.gain: unknown key"),
+        ("", "vignetting = [-2, 0, 0]", "leaves no light"),
+        ("", "black_level = 20000", "black level 20000"),
+        ('files = "dng"', 'cfa = "none"', 'files = "dng" wants'),
+        ('files = "jpg"', "", "camera.files"),
+    ],
+)
+def test_what_no_camera_can_do_is_named(tmp_path, camera, sensor, message):
+    (tmp_path / "a.toml").write_text(SCENE.format(camera=camera, sensor=sensor))
+    with pytest.raises(RenderError) as told:
+        read_scene(tmp_path / "a.toml")
+    assert message in str(told.value)
