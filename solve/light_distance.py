@@ -72,18 +72,28 @@ def find_positions(
     center, size = small.center(), small.size()
     distant = small.spread(lights)
     rough = [small.spread(_placed(lights, center, size / np.full(len(lights), near))) for near in NEARNESS]
-    best = int(np.argmin(rough))
-    tried: dict[int, tuple[float, Lights]] = {}
+    found = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
+    if found is None or not found[0] < distant - GAIN:
+        return lights, ()
+    far = size / found[1]
+    said = (
+        f"the lights came without positions; by how the object is lit, they are {far.min():.1f} to {far.max():.1f} "
+        "times its size away."
+    )
+    return _placed(lights, center, far), (said,)
 
-    def trial(exponent: float) -> tuple[float, Lights]:
-        nearness = np.full(len(lights), NEARNESS[best] * FINER**exponent)
-        found = _placed(lights, center, size / nearness)
-        small.follow(found)
+
+def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, start: float) -> tuple[float, Array] | None:
+    """Return the least spread over the mean nearness and each light's nearness (F,) there; None: they are distant."""
+
+    def trial(exponent: float) -> tuple[float, Array]:
+        nearness = np.full(len(lights), start * FINER**exponent)
+        small.follow(_placed(lights, center, size / nearness))
         for _ in range(STEPS):
-            nearness = small.nearer(found, nearness, size)
-            found = _placed(lights, center, size / nearness)
-        return small.spread(found), found
+            nearness = small.nearer(_placed(lights, center, size / nearness), nearness, size)
+        return small.spread(_placed(lights, center, size / nearness)), nearness
 
+    tried: dict[int, tuple[float, Array]] = {}
     middle = 0
     while len(tried) < TRIALS:
         missing = [exponent for exponent in (middle, middle - 1, middle + 1) if exponent not in tried]
@@ -91,24 +101,16 @@ def find_positions(
             break
         tried[missing[0]] = trial(missing[0])
         middle = min(tried, key=lambda exponent: tried[exponent][0])
-        if NEARNESS[best] * FINER**middle < 1 / FARTHEST:
-            return lights, ()
+        if start * FINER**middle < 1 / FARTHEST:
+            return None
+    best = tried[middle]
     if middle - 1 in tried and middle + 1 in tried:
         low, least, high = (tried[middle + step][0] for step in (-1, 0, 1))
-        if low + high > 2 * least:
-            # The vertex of the parabola through the three.
-            between = middle + (low - high) / (2 * (low + high - 2 * least))
-            tried[TRIALS + abs(middle)] = trial(between)
-    least, found = min(tried.values(), key=lambda pair: pair[0])
-    assert found.positions_mm is not None
-    far = np.linalg.norm(found.positions_mm - center, axis=1) / size
-    if not least < distant - GAIN or np.median(far) > FARTHEST:
-        return lights, ()
-    said = (
-        f"the lights came without positions; by how the object is lit, they are {far.min():.1f} to {far.max():.1f} "
-        "times its size away."
-    )
-    return found, (said,)
+        # The vertex of the parabola through the three.
+        best = min(
+            best, trial(middle + (low - high) / max(2 * (low + high - 2 * least), 1e-12)), key=lambda pair: pair[0]
+        )
+    return None if np.median(1 / best[1]) > FARTHEST else best
 
 
 def _placed(lights: Lights, center: Array, distance: Array) -> Lights:
