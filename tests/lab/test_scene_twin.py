@@ -10,6 +10,7 @@ import pytest
 import rawpy
 
 from capture.session import load_session
+from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.store import Store
 
@@ -64,6 +65,7 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
     session = load_session(plum / "twin")
     assert session.name == "plum"
     assert [path.suffix for path in session.flash] == [".dng"] * 8
+    assert isinstance(session.camera, Camera)
     assert session.camera.distortion[0] == -0.1
     with rawpy.imread(str(session.flash[0])) as raw:
         assert raw.raw_image.shape == (80, 96)
