@@ -18,8 +18,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.line_chart import line_chart
 from benchmarks.twin_scenes import StockMitsuba, dome, stage, whole_picture
+from compare.line_chart import line_chart
 from twin.direct import Direct
 from twin.flashes import import_mitsuba
 from twin.many import Indirect

@@ -10,6 +10,7 @@ from cyclopts import App, Parameter
 
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.sweeps.command import sweep
 from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
 
@@ -236,7 +237,10 @@ def _tell_export(paths: list[Path], notes: list[str]) -> None:
         print(path)
 
 
-@app.command(sort_key=10)
+app.command(sweep, sort_key=10)
+
+
+@app.command(sort_key=11)
 def doctor() -> None:
     """Say what this machine has, and what would make it faster."""
     from lab.doctor import examine

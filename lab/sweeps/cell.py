@@ -1,0 +1,125 @@
+"""One cell: photographs, every method with every profile, and a row for each."""
+
+import base64
+import time
+from concurrent.futures import Executor, ThreadPoolExecutor
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from lab.sweeps.recipe import Cell
+from scene.errors import SceneError
+from solve.solve import UNCALIBRATED, solve
+
+PICTURE_SIDE = 96
+_ONE_AT_A_TIME = Lock()
+"""In a process: a cell uses one core, and Mitsuba's settings are the process'."""
+
+
+def run_cell(cell: Cell) -> dict[str, Any]:
+    """Return what a cell gives; never raises for what its methods or its scene do.
+
+    Returns
+    -------
+    dict
+        rows: one for each method and profile, see `_row`. seconds: their time. picture: a frame, PNG in base64.
+    """
+    with _ONE_AT_A_TIME, ThreadPoolExecutor(1) as one_core:
+        _pin()
+        start = time.perf_counter()
+        try:
+            from lab.sweeps.photographs import photograph
+
+            photographs = photograph(cell.recipe)
+        except Exception as error:
+            return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
+        made = time.perf_counter() - start
+        rows, seconds = [], [{**_key(cell, "", ""), "seconds": made}]
+        for method in cell.methods:
+            for profile in cell.profiles:
+                row, taken = _row(cell, photographs, method, profile, one_core)
+                rows.append(row)
+                seconds.append({**_key(cell, method, profile), "seconds": taken})
+        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs)}
+
+
+def failed_rows(cell: Cell, why: str) -> list[dict[str, Any]]:
+    """Return the rows of a cell that has no results."""
+    return [
+        {**_key(cell, method, profile), "status": f"failed: {why}"}
+        for method in cell.methods
+        for profile in cell.profiles
+    ]
+
+
+def _key(cell: Cell, method: str, profile: str) -> dict[str, Any]:
+    """Return what names a row."""
+    word = cell.value if isinstance(cell.value, str) else f"{cell.value:g}"
+    value = float(cell.level) if isinstance(cell.value, str) else float(cell.value)
+    place = {"level": cell.level, "value": value, "label": word, "shape": cell.recipe.shape, "seed": cell.recipe.seed}
+    return {"experiment": cell.experiment, **place, "solver": method, "profile": profile}
+
+
+def _row(
+    cell: Cell, photographs: Any, method: str, profile: str, executor: Executor
+) -> tuple[dict[str, Any], float | None]:
+    """Return the row of one method with one profile, and its seconds.
+
+    Notes
+    -----
+    albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that is not told the lights
+    finds albedo up to a factor: the one that makes the median right is put in.
+    """
+    from compare.statistics import angular_statistics
+    from scene.normals import angular_error_deg
+
+    p = photographs
+    key = _key(cell, method, profile)
+    try:
+        estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
+    except Exception as error:
+        return {**key, "status": f"failed: {_why(error)}"}, None
+    numbers = angular_statistics(angular_error_deg(estimate.normals, p.normals)[p.mask])
+    found, true = estimate.albedo[p.mask].astype(np.float64), p.albedo[p.mask].astype(np.float64)
+    ratio = found / true
+    known = ratio[np.isfinite(ratio)]
+    if method in UNCALIBRATED and known.size and np.median(known) > 0:
+        known = known / np.median(known)
+    row = {
+        **key,
+        "status": "ok" if numbers["pixels"] else "failed: no pixel has a normal",
+        **numbers,
+        "albedo_error_percent": 100 * float(np.mean(np.abs(known - 1))) if known.size else None,
+        "unanswered": 1 - int(numbers["pixels"]) / int(p.mask.sum()),
+        "doubts": " ".join(estimate.warnings),
+    }
+    return row, estimate.seconds
+
+
+def _why(error: Exception) -> str:
+    """Return an error in one line: an input's as it is told, others with their kind."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, SceneError) else f"{type(error).__name__}: {text}"
+
+
+def _pin() -> None:
+    """Keep this process to one core: its neighbours have the others."""
+    import cv2
+    import drjit
+
+    cv2.setNumThreads(1)
+    drjit.set_thread_count(1)
+
+
+def _picture(photographs: Any) -> str:
+    """Return a frame lit from the side rather than from the front, small and with gamma, as PNG in base64."""
+    import cv2
+
+    frames, mask = photographs.frames, photographs.mask
+    sums = [int(frames.codes[i][mask].sum(dtype=np.int64)) for i in range(len(frames))]
+    image = np.clip(frames.frame(int(np.argsort(sums)[len(sums) // 3])), 0, 1)
+    small = cv2.resize(image, (PICTURE_SIDE, PICTURE_SIDE), interpolation=cv2.INTER_AREA)
+    done, buffer = cv2.imencode(".png", np.round(255 * small[..., ::-1] ** (1 / 2.2)).astype(np.uint8))
+    assert done
+    return base64.b64encode(buffer.tobytes()).decode()

@@ -1,0 +1,174 @@
+"""A sweep's page: the benchmark's table with its own numbers beside ours, a chart and pictures for each experiment."""
+
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from compare.line_chart import line_chart
+from lab.sweeps.experiments import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
+from lab.sweeps.summary import (
+    STATISTICS,
+    Rows,
+    Statistics,
+    benchmark_statistics,
+    curve,
+    rank_correlation,
+    statistics,
+)
+from scene.files import write_json, write_text
+
+QUANTITIES = {
+    "normals": ("mean_deg", "default", "angular error, °"),
+    "normals-seed": ("mean_deg", "seed", "angular error, plain readings, °"),
+    "albedo": ("albedo_error_percent", "default", "albedo error, %"),
+}
+"""By the chart's name: what, with which profile, and the axis' title."""
+HIGHEST_ALBEDO_PERCENT = 200.0
+STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1d2329}
+table{border-collapse:collapse;font-size:13px}th,td{padding:2px 8px;text-align:right;border-bottom:1px solid #e3e7ea}
+th:first-child{text-align:left}td span{display:block}.seed{color:#005a94}.theirs{color:#777}.scroll{overflow-x:auto}
+.level{display:inline-block;text-align:center;font-size:12px;margin:0 4px 8px 0}.level img{display:block}
+.charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}"""
+
+
+def write_page(folder: Path, rows: Rows, found: list[dict[str, Any]]) -> None:
+    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, and statistics.json.
+
+    Parameters
+    ----------
+    folder : Path
+    rows : list of dict
+        Of results.parquet.
+    found : list of dict
+        The cells' files, for their pictures.
+    """
+    ours = statistics(rows)
+    there = [one for one in EXPERIMENTS.values() if any(row["experiment"] == one.name for row in rows)]
+    solvers = list(dict.fromkeys(row["solver"] for row in rows))
+    correlations = _correlations(rows, ours)
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Sweeps</title>",
+        f"<style>{STYLE}</style><h1>Where photometric stereo fails</h1>",
+        f"<p>{len(found)} cells, {sum(row['status'] != 'ok' for row in rows)} of {len(rows)} results failed.</p>",
+        _correlation_words(correlations),
+        _table(ours, there, solvers),
+    ]
+    for one in there:
+        charts = []
+        for name in QUANTITIES:
+            chart = _chart(rows, one, solvers, name)
+            write_text(folder / f"{one.name}-{name}.svg", chart)
+            charts.append(chart)
+        parts.append(f"<h2>{escape(one.label)}</h2>{_pictures(found, one)}<div class='charts'>{''.join(charts)}</div>")
+        parts.append(_failures(rows, one))
+    write_text(folder / "index.html", "\n".join(parts))
+    write_json(
+        folder / "statistics.json",
+        {
+            "rank_correlation": correlations,
+            "statistics": [
+                {"experiment": experiment, "solver": solver, "profile": profile, **numbers}
+                for (experiment, solver, profile), numbers in ours.items()
+            ],
+        },
+    )
+
+
+def _correlations(rows: Rows, ours: Statistics) -> dict[str, dict[str, float]]:
+    """Return the rank correlations with the benchmark: of all shapes, and of the benchmark's own, by profile."""
+    own = (OBJECTS[0], *(one.shapes[0] for one in EXPERIMENTS.values()))
+    same = statistics([row for row in rows if row["shape"] in own])
+    found = {}
+    for what, numbers in (("all shapes", ours), ("the benchmark's shapes", same)):
+        for profile in ("default", "seed"):
+            correlation, pairs = rank_correlation(numbers, profile)
+            found[f"{what}, {profile}"] = {"spearman": correlation, "pairs": pairs}
+    return found
+
+
+def _correlation_words(found: dict[str, dict[str, float]]) -> str:
+    rows = "".join(
+        f"<tr><th>{escape(what)}</th><td>{one['spearman']:.2f}</td><td>{one['pairs']}</td></tr>"
+        for what, one in found.items()
+    )
+    return (
+        "<p>Rank correlation of the mean errors with the benchmark's, calibrated methods:</p>"
+        f"<table><tr><th>shapes, profile</th><th>Spearman</th><th>pairs</th></tr>{rows}</table>"
+    )
+
+
+def _table(ours: Statistics, there: list[Experiment], solvers: list[str]) -> str:
+    """Return the table in the benchmark's layout; each field: default, seed profile, the benchmark's own."""
+    theirs = benchmark_statistics()
+    head = "".join(f"<th>{escape(SOLVERS.get(name, name))}</th>" for name in solvers)
+    lines = []
+    for one in there:
+        for name in STATISTICS:
+            fields = ""
+            for solver in solvers:
+                values = [
+                    ("", ours.get((one.name, solver, "default"), {}).get(name)),
+                    ("seed", ours.get((one.name, solver, "seed"), {}).get(name)),
+                    ("theirs", theirs.get((one.name, solver), {}).get(name)),
+                ]
+                spans = (
+                    f"<span class='{kind}'>{'–' if value is None else f'{value:.2f}'}</span>" for kind, value in values
+                )
+                fields += f"<td>{''.join(spans)}</td>"
+            lines.append(f"<tr><th>{escape(one.label)}, {name}</th>{fields}</tr>")
+        counts = ""
+        for solver in solvers:
+            here = [ours.get((one.name, solver, profile), {}) for profile in ("default", "seed")]
+            spans = (f"<span class='{kind}'>{_counts(n)}</span>" for kind, n in zip(("", "seed"), here, strict=True))
+            counts += f"<td>{''.join(spans)}</td>"
+        lines.append(f"<tr><th>cells / failed / unanswered</th>{counts}</tr>")
+    return (
+        "<p>Angular error in degrees, of each cell the mean. In each field: the methods as they are, "
+        "<span class='seed'>their plain readings (profile seed)</span>, <span class='theirs'>the benchmark's own "
+        "number</span>. Failed cells and unanswered pixels are in no mean.</p>"
+        f"<div class='scroll'><table><tr><th></th>{head}</tr>{''.join(lines)}</table></div>"
+    )
+
+
+def _counts(numbers: dict[str, float]) -> str:
+    cells, failed, share = (numbers.get(name, 0) for name in ("cells", "failed", "unanswered"))
+    return f"{cells} / {failed} / {100 * share:.0f} %"
+
+
+def _chart(rows: Rows, experiment: Experiment, solvers: list[str], name: str) -> str:
+    quantity, profile, title = QUANTITIES[name]
+    lines, spreads = {}, {}
+    for solver in solvers:
+        found = curve(rows, experiment.name, solver, profile, quantity)
+        if quantity.startswith("albedo"):
+            found |= {key: [min(v, HIGHEST_ALBEDO_PERCENT) for v in found[key]] for key in ("low", "middle", "high")}
+        places = [float(place) for place in range(len(found["level"]))]
+        label = SOLVERS.get(solver, solver)
+        lines[label], spreads[label] = (places, found["middle"]), (found["low"], found["high"])
+    labels = {row["level"]: row["label"] for row in rows if row["experiment"] == experiment.name}
+    names = [labels[level].replace("_", " ") for level in sorted(labels)]
+    return line_chart(lines, x_title=experiment.axis, y_title=title, spreads=spreads, x_names=names)
+
+
+def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
+    """Return one picture a level, of the first shape and seed."""
+    shown: dict[int, str] = {}
+    for one in found:
+        first = one["rows"][0]
+        if first["experiment"] == experiment.name and one["picture"] and first["shape"] == experiment.shapes[0]:
+            source = f"data:image/png;base64,{one['picture']}"
+            words = escape(first["label"].replace("_", " "))
+            shown.setdefault(first["level"], f"<div class='level'><img src='{source}' alt='{words}'>{words}</div>")
+    return "".join(shown[level] for level in sorted(shown))
+
+
+def _failures(rows: Rows, experiment: Experiment) -> str:
+    counts: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row["experiment"] == experiment.name and row["status"] != "ok":
+            key = (f"{row['solver']}, {row['profile']}", row["status"])
+            counts[key] = counts.get(key, 0) + 1
+    if not counts:
+        return ""
+    items = "".join(f"<li>{count} x {escape(who)}: {escape(why)}</li>" for (who, why), count in counts.items())
+    return f"<p>Failed:</p><ul>{items}</ul>"

@@ -1,0 +1,128 @@
+"""`rgbn sweep`: the cells that are missing are run, then the tables and the page are written.
+
+Cells lie in OUT/cells, one file each, whoever asked for them; OUT/NAME holds what one sweep joins from them.
+"""
+
+import hashlib
+import os
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from lab.progress import say
+from lab.run import executor_of, methods_of
+from lab.sweeps.cell import failed_rows, run_cell
+from lab.sweeps.cell_progress import cell_progress
+from lab.sweeps.experiments import EXPERIMENTS, SOLVERS, experiments_of
+from lab.sweeps.recipe import Cell
+from lab.sweeps.table import cell_path, read_cells, write_cell, write_tables
+from lab.sweeps.workers import Work, WorkerDied, run_here, run_there
+from scene.files import write_text
+
+
+def sweep(
+    wanted: str,
+    *,
+    out: Path | None = None,
+    quick: bool = False,
+    method: str = ",".join(SOLVERS),
+    scheduler: str | None = None,
+    processes: int | None = None,
+) -> Path:
+    """Run experiments, as far as their cells are not there yet.
+
+    Parameters
+    ----------
+    wanted : str
+        Names of experiments, with commas, or all.
+    out : Path, optional
+        Default: out/sweeps.
+    quick : bool
+        A first look: fewer levels, one shape, one draw, small pictures.
+    method : str
+        Solvers, with commas.
+    scheduler : str, optional
+        Address of a Dask scheduler; default: processes here.
+    processes : int, optional
+        Default: one a core.
+
+    Returns
+    -------
+    Path
+        The folder with results.parquet, seconds.parquet, index.html and the charts.
+
+    Raises
+    ------
+    SceneError
+        Unknown experiment or method, no cluster, a full disk, a folder in use.
+    """
+    from lab.job import locked
+
+    experiments, methods = experiments_of(wanted), methods_of(method, "seed")
+    cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
+    root = out or Path("out") / "sweeps"
+    names = "all" if len(experiments) == len(EXPERIMENTS) else "-".join(one.name for one in experiments)
+    folder = root / (f"{names}-quick" if quick else names)
+    with locked(root):
+        run_cells(root, cells, scheduler=scheduler, processes=processes)
+        join_cells(root, folder, cells)
+    return folder
+
+
+def run_cells(
+    root: Path,
+    cells: Sequence[Cell],
+    *,
+    work: Work = run_cell,
+    scheduler: str | None = None,
+    processes: int | None = None,
+) -> None:
+    """Run the cells whose files are not there, and write those.
+
+    Parameters
+    ----------
+    root : Path
+        Where `cells` is, or will be.
+    cells : sequence of Cell
+    work : callable
+        What runs a cell: gives what `run_cell` does.
+    scheduler, processes
+        See `sweep`.
+    """
+    missing = [cell for cell in cells if not cell_path(root, cell).exists()]
+    if not missing:
+        return
+    start, failed = time.perf_counter(), 0
+    with cell_progress(len(missing)) as report:
+        for done, (cell, found) in enumerate(_results(missing, work, scheduler, processes), 1):
+            if isinstance(found, WorkerDied):
+                found = {"rows": failed_rows(cell, str(found)), "seconds": [], "picture": None}
+            write_cell(root, cell, found)
+            failed += any(row["status"] != "ok" for row in found["rows"])
+            report(done, failed)
+    say(f"{len(missing)} cells in {time.perf_counter() - start:.0f} s, {failed} with failures")
+
+
+def _results(cells: list[Cell], work: Work, scheduler: str | None, processes: int | None) -> Iterator[tuple[Cell, Any]]:
+    if scheduler is None:
+        yield from run_here(cells, work, processes=min(processes or os.cpu_count() or 1, len(cells)))
+        return
+    with executor_of(scheduler) as executor:
+        yield from run_there(cells, work, executor)
+
+
+def join_cells(root: Path, folder: Path, cells: Sequence[Cell]) -> None:
+    """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
+    mark = hashlib.sha256("".join(cell.key for cell in cells).encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        mark.update(path.read_bytes())
+    seal = folder / "joined.txt"
+    if seal.exists() and seal.read_text() == mark.hexdigest():
+        return
+    from lab.sweeps.page import write_page
+
+    found = read_cells(root, cells)
+    rows = write_tables(folder, found, [*EXPERIMENTS, *cells[0].methods])
+    write_page(folder, rows, found)
+    write_text(seal, mark.hexdigest())
