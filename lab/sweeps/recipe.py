@@ -7,9 +7,9 @@ from functools import cache
 
 from lab.rooms import ROOT
 
-_SOURCES = ("scene/*.py", "solve/**/*.py", "twin/*.py", "lab/sweeps/*.py")
+_SOURCES = ("scene/*.py", "solve/**/*.py", "twin/*.py", "compare/statistics.py", "lab/sweeps/*.py")
 # What is made of the rows afterwards does not change them.
-_AFTERWARDS = ("experiments.py", "page.py", "summary.py", "sweep.py", "table.py", "workers.py", "cell_progress.py")
+_AFTERWARDS = ("cell_progress", "command", "experiments", "page", "summary", "sweep", "table", "workers")
 
 
 @dataclass(frozen=True)
@@ -106,6 +106,6 @@ def code_hash() -> str:
     digest = hashlib.sha256()
     for pattern in _SOURCES:
         for path in sorted(ROOT.glob(pattern)):
-            if not (path.parent.name == "sweeps" and path.name in _AFTERWARDS):
+            if not (path.parent.name == "sweeps" and path.stem in _AFTERWARDS):
                 digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -47,13 +47,13 @@ def test_tables_are_the_same_bytes_in_any_order(tmp_path):
 
 def test_statistics_count_what_failed():
     errors = {0: 1.0, 1: 2.0, 2: None, 3: 6.0}
-    rows = [row for one in cells_with(lambda n, s, level: errors.get(level, 3.0), ["ring"]) for row in one["rows"]]
-    numbers = statistics(rows)["ring", "ls", "default"]
+    rows = [row for one in cells_with(lambda n, s, level: errors.get(level, 3.0), ["roughness"]) for row in one["rows"]]
+    numbers = statistics(rows)["roughness", "ls", "default"]
     values = np.repeat([1.0, 2.0, 6.0, 3.0, 3.0, 3.0, 3.0, 3.0], 3)
     assert (numbers["cells"], numbers["failed"], numbers["unanswered"]) == (24, 3, 0.25)
     for name in ("min", "max", "mean", "median", "std"):
         assert numbers[name] == pytest.approx(getattr(np, name)(values))
-    middle = curve(rows, "ring", "ls", "default", "mean_deg")["middle"]
+    middle = curve(rows, "roughness", "ls", "default", "mean_deg")["middle"]
     assert np.isnan(middle[2])
     assert middle[:2] + middle[3:] == [1.0, 2.0, 6.0, *[3.0] * 5]
 

@@ -38,6 +38,17 @@ def work(cell):
 
 if __name__ == "__main__":
     cells = list(EXPERIMENTS["ambient"].cells())
+    if "full" in sys.argv:
+        import errno, scene.files
+        calls, replace = [], os.replace
+
+        def full(*names):
+            calls.append(names)
+            if len(calls) > 5:
+                raise OSError(errno.ENOSPC, "No space left on device", str(names[1]))
+            replace(*names)
+
+        scene.files.os.replace = full
     scheduler = next((word for word in sys.argv if word.startswith("tcp:")), None)
     run_cells(root, cells, work=work, processes=2, scheduler=scheduler)
     join_cells(root, root / "ambient", cells)
@@ -128,6 +139,19 @@ def test_a_rerun_with_nothing_changed_runs_nothing(program, tmp_path):
     lost.unlink()
     run(program, tmp_path / "a")
     assert {name for name, count in times_run(tmp_path / "a").items() if count > 1} == {lost.stem}
+
+
+def test_a_full_disk_costs_what_was_in_work(program, tmp_path):
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    failed = subprocess.run([*program, str(torn), "full"], capture_output=True, text=True, timeout=120)
+    assert failed.returncode
+    assert "the disk is full" in failed.stderr
+    assert len(list((torn / "cells").iterdir())) == 5
+    run(program, torn)
+    run(program, tmp_path / "whole")
+    tables = [(root / "ambient" / "results.parquet").read_bytes() for root in (tmp_path / "whole", torn)]
+    assert tables[0] == tables[1]
 
 
 CLUSTER = """

@@ -1,0 +1,134 @@
+"""What a sweep costs and what it survives; written into docs/sweeps.md.
+
+    .venv/bin/python -m benchmarks.bench_sweeps [--write] [--kills 20]
+
+Kills: eight experiments at their quick size, once undisturbed, once with `kill -9` of the run at random moments, half
+of the times of one of its workers instead; then the cells are counted and the tables compared byte by byte. Rerun: the
+same command with nothing to do. Workers: cells that only wait, on a Dask cluster of processes on this machine; that
+is the scheduling alone, whatever cores there are.
+"""
+
+import argparse
+import os
+import random
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from lab.sweeps.cell import failed_rows
+from lab.sweeps.experiments import EXPERIMENTS
+from lab.sweeps.recipe import Cell
+from lab.sweeps.sweep import run_cells
+
+ROOT = Path(__file__).resolve().parents[1]
+MARKERS = "<!-- survives -->\n", "<!-- end of survives -->"
+COMMAND = [str(Path(sys.executable).parent / "rgbn"), "sweep"]
+# `material` takes as long as the others together, and dies as they do.
+WANTED = ",".join(name for name in EXPERIMENTS if name != "material")
+SEED, WAIT_S, WAITING_CELLS = 501, 0.25, 192
+
+
+def run(out: Path) -> float:
+    """Return the seconds of one run to its end."""
+    start = time.perf_counter()
+    subprocess.run([*COMMAND, WANTED, "--quick", "--out", out], check=True, capture_output=True)
+    return time.perf_counter() - start
+
+
+def killed_run(out: Path, moment_s: float, *, worker: bool, generator: random.Random) -> int:
+    """Start a run and kill it, or one of its workers and then it, at a moment; return how many cells there are then."""
+    process = subprocess.Popen(
+        [*COMMAND, WANTED, "--quick", "--out", out], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    time.sleep(moment_s)
+    if worker and (children := workers_of(process.pid)):
+        os.kill(generator.choice(children), signal.SIGKILL)
+        time.sleep(generator.uniform(0.5, 4))
+    process.kill()
+    process.wait()
+    return len(list((out / "cells").glob("*.json")))
+
+
+def workers_of(pid: int) -> list[int]:
+    """Return the processes that a process started."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            number, rest = path.read_text().split(" (", 1)
+        except (OSError, ValueError):
+            continue
+        if int(rest.rsplit(") ", 1)[1].split()[1]) == pid:
+            found.append(int(number))
+    return found
+
+
+def kills(count: int, folder: Path) -> list[str]:
+    """Return the rows on kills, and on a rerun."""
+    generator = random.Random(SEED)
+    whole_s = run(folder / "whole")
+    reached = []
+    for number in range(count):
+        moment = generator.uniform(0.5, 0.35 * whole_s)
+        reached.append(killed_run(folder / "torn", moment, worker=number % 2 == 1, generator=generator))
+    run(folder / "torn")
+    names = [sorted(path.name for path in (folder / one / "cells").glob("*.json")) for one in ("whole", "torn")]
+    tables = [next((folder / one).glob("*/results.parquet")).read_bytes() for one in ("whole", "torn")]
+    rerun_s = run(folder / "torn")
+    before_end = sum(cells < len(names[0]) for cells in reached)
+    same = "the same bytes" if tables[0] == tables[1] else "**different**"
+    once = "each once" if names[0] == names[1] else "**not the same ones**"
+    return [
+        f"| {count} kills, {before_end} of them before the last cell was there | {len(names[1])} of {len(names[0])} "
+        f"cells, {once}; table: {same} |",
+        f"| rerun with nothing changed, s | {rerun_s:.1f} |",
+    ]
+
+
+def wait(cell: Cell) -> dict:
+    """Take the time of a cell, and nothing else."""
+    time.sleep(WAIT_S)
+    return {"rows": failed_rows(cell, "only waited"), "seconds": [], "picture": None}
+
+
+def scheduling(folder: Path) -> list[str]:
+    """Return the rows on workers: seconds for cells that only wait, and the share of the ideal speed-up."""
+    from dask.distributed import LocalCluster
+
+    cells = [cell for one in EXPERIMENTS.values() for cell in one.cells()][:WAITING_CELLS]
+    seconds = {}
+    for workers in (2, 4, 8):
+        with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[attr-defined]
+            address = str(cluster.scheduler_address)  # type: ignore[attr-defined]
+            # The workers' first cells load the libraries.
+            run_cells(folder / f"first_{workers}", cells[: 4 * workers], work=wait, scheduler=address)
+            start = time.perf_counter()
+            run_cells(folder / f"wait_{workers}", cells, work=wait, scheduler=address)
+            seconds[workers] = time.perf_counter() - start
+    return [
+        f"| {workers} Dask workers, {len(cells)} cells that wait {WAIT_S} s | {taken:.2f} s, "
+        f"{100 * WAIT_S * len(cells) / workers / taken:.0f} % of ideal |"
+        for workers, taken in seconds.items()
+    ]
+
+
+def main() -> None:
+    """Measure, print, and write into the documentation if asked."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--kills", type=int, default=20)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        rows = ["| | |", "|---|---|", *kills(options.kills, Path(name)), *scheduling(Path(name))]
+    text = "\n".join(rows) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_sweeps.py`.\n"
+    print(text)
+    if options.write:
+        path = ROOT / "docs" / "sweeps.md"
+        before, rest = path.read_text().split(MARKERS[0])
+        path.write_text(before + MARKERS[0] + text + MARKERS[1] + rest.split(MARKERS[1])[1])
+
+
+if __name__ == "__main__":
+    main()
