@@ -220,7 +220,9 @@ def _covariance(samples: Samples, weights: NDArray[np.float32], logarithm: float
     second = (left(0, 1) - 2 * middle + left(0, -1)) / step**2
     mixed = (left(1, 1) - left(1, -1) - left(-1, 1) + left(-1, -1)) / (4 * step**2)
     bend = np.array([[first, mixed], [mixed, second]]) / 2
-    return np.linalg.inv(bend) if np.linalg.det(bend) > 0 and first > 0 else np.full((2, 2), np.nan)
+    if not (np.linalg.det(bend) > 0 and first > 0):
+        return np.full((2, 2), np.nan)
+    return np.asarray(np.linalg.inv(bend), np.float64)
 
 
 def _weighed(samples: Samples, weights: NDArray[np.float32], fit: Fit) -> tuple[Noise, NDArray[np.float32]]:

@@ -108,4 +108,4 @@ def _looked_up(images: NDArray[np.float32], row: NDArray, column: NDArray) -> ND
         )
 
     share = np.maximum(look(seen), 1e-6)
-    return np.stack([look(image) / share for image in images], 1)
+    return np.stack([look(image) / share for image in images], 1).astype(np.float32)

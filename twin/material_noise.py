@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.material_samples import Samples
 
-SOME = 200_000
+SOME = 60_000
 """Samples that the variance is read from."""
 CELLS = (4, 16, 64)
 """Pixels to a block, of those that are tried."""
@@ -61,7 +61,9 @@ def noise_of(
     found = np.zeros(4)
     for _ in range(4):
         # A normal deviate's square, cut off at 9, keeps 0.985 of its mean.
-        found = nnls(columns / variance[:, None], np.minimum(square, 9 * variance) / 0.985 / variance)[0]
+        # The four columns' own triangle stands for all rows.
+        turn, triangle = np.linalg.qr(columns / variance[:, None])
+        found = nnls(triangle, turn.T @ (np.minimum(square, 9 * variance) / 0.985 / variance))[0]
         variance = np.maximum(columns @ found, floor)
     return Noise(
         float(max(found[0], floor)), float(found[1]), float(np.sqrt(found[2])), float(np.degrees(np.sqrt(found[3])))

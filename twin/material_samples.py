@@ -1,6 +1,6 @@
 """What a material is fitted to: pixels of the photographs whose surface, light and view the scan tells."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from twin.visibility import Sight
 Array = NDArray[np.float64]
 Image = NDArray[np.float32]
 
-MOST = 20_000
+MOST, FEWEST = 20_000, 100
 """Pixels."""
 OUTLINE_PX = 3
 """So near the mask's border no pixel is taken: it may show what lies behind, and its normal is least known."""
@@ -121,33 +121,48 @@ def samples_of_scan(
     Raises
     ------
     RenderError
-        Fewer than 100 pixels are left.
+        Fewer than `FEWEST` pixels are left.
     """
-    placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
-    sight = Sight(placed.vertices, placed.faces, camera)
     rows, columns, share = _chosen(mask, normals, most, seed)
-    pixels = np.stack([columns, rows], -1).astype(np.float64)
-    looks = [sight.at(pixels + offset) for offset in BESIDE_PX]
-    points = looks[0][2]
-    around = [unit(_interpolated(placed, *look)) for look in looks]
-    found = around[0] if normals is None else normals[rows, columns].astype(np.float64)
-    views = -camera.rays(pixels)[1]
-    # The map is smoother than the scan's own vertices; without it, the plane through what is found beside.
-    slopes = np.einsum("xk,kpi->pxi", np.linalg.pinv(BESIDE_PX[1:]), np.stack(around[1:]) - around[0])
-    if normals is not None:
-        slopes = _slopes(normals, rows, columns)
-    step = np.linalg.norm(looks[1][2] - points, axis=1)
-    facing = np.sum(found * views, 1)
-    keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
-    keep &= np.isfinite(slopes).all((1, 2))
-    # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
-    scale = 1.0 if camera.is_orthographic else -points[:, 2]
-    keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
-    rows, columns, found, views, points, slopes = (a[keep] for a in (rows, columns, found, views, points, slopes))
-    behind = np.zeros((len(rows), len(lights)), bool)
-    for look in looks:
-        behind |= _hidden(sight, look[0][keep], look[2][keep], lights)
-    return _read(frames, lights, rows, columns, points, found, views, behind, slopes, share)
+    surface = ScanSurface(camera, mesh, pose, normals)
+    return _enough(replace(surface.samples(frames, lights, rows, columns), pixel_share=share))
+
+
+class ScanSurface:
+    """A registered scan, ready to be asked for samples; see `samples_of_scan`."""
+
+    def __init__(self, camera: Camera, mesh: Mesh, pose: Pose, normals: Image | None) -> None:
+        self._camera, self._normals = camera, normals
+        self._placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
+        self._sight = Sight(self._placed.vertices, mesh.faces, camera)
+
+    def samples(self, frames: Frames, lights: Lights, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Samples:
+        """Return the samples of those of the pixels (P,) that can be used."""
+        camera, normals, sight = self._camera, self._normals, self._sight
+        pixels = np.stack([columns, rows], -1).astype(np.float64)
+        looks = [sight.at(pixels + offset) for offset in BESIDE_PX]
+        points: Any = looks[0][2]
+        around = [unit(_interpolated(self._placed, *look)) for look in looks]
+        if normals is None:
+            # The plane through what is found beside.
+            found: Any = around[0]
+            slopes: Any = np.einsum("xk,kpi->pxi", np.linalg.pinv(BESIDE_PX[1:]), np.stack(around[1:]) - around[0])
+        else:
+            found, slopes = normals[rows, columns].astype(np.float64), _slopes(normals, rows, columns)
+        views = -camera.rays(pixels)[1]
+        step = np.linalg.norm(looks[1][2] - points, axis=1)
+        facing = np.sum(found * views, 1)
+        keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
+        keep &= np.isfinite(slopes).all((1, 2))
+        # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
+        scale = 1.0 if camera.is_orthographic else -points[:, 2]
+        keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
+        rows, columns = rows[keep], columns[keep]
+        found, views, points, slopes = (a[keep] for a in (found, views, points, slopes))
+        behind = np.zeros((len(rows), len(lights)), bool)
+        for look in looks:
+            behind |= _hidden(sight, look[0][keep], look[2][keep], lights)
+        return _read(frames, lights, rows, columns, points, found, views, behind, slopes)
 
 
 def samples_of_normals(
@@ -170,12 +185,26 @@ def samples_of_normals(
     found, views = normals[rows, columns].astype(np.float64), -camera.rays(pixels)[1]
     slopes = _slopes(normals, rows, columns)
     keep = (np.sum(found * views, 1) > GRAZING) & np.isfinite(slopes).all((1, 2))
-    rows, columns, points, found, views, slopes = (a[keep] for a in (rows, columns, points, found, views, slopes))
+    rows, columns = rows[keep], columns[keep]
+    points, found, views, slopes = (a[keep] for a in (points, found, views, slopes))
     behind = np.zeros((len(rows), len(lights)), bool)
-    return _read(frames, lights, rows, columns, points, found, views, behind, slopes, share)
+    read = _read(frames, lights, rows, columns, points, found, views, behind, slopes)
+    return _enough(replace(read, pixel_share=share))
 
 
 def _chosen(mask: NDArray[np.bool_], normals: Image | None, most: int, seed: int) -> tuple[Any, Any, float]:
+    rows, columns = inner_pixels(mask, normals)
+    if len(rows) < FEWEST:
+        raise RenderError(
+            f"material: {len(rows)} pixels lie {OUTLINE_PX} px within the object's outline and have a normal; expected "
+            f"{FEWEST} or more. Check the mask, and that the pose fits these frames."
+        )
+    taken = np.sort(np.random.default_rng(seed).permutation(len(rows))[:most])
+    return rows[taken], columns[taken], len(taken) / len(rows)
+
+
+def inner_pixels(mask: NDArray[np.bool_], normals: Image | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns (P,) of the pixels within the outline whose normal is known."""
     import cv2
 
     inner = np.pad(mask, OUTLINE_PX).astype(np.uint8)
@@ -184,14 +213,7 @@ def _chosen(mask: NDArray[np.bool_], normals: Image | None, most: int, seed: int
     ].astype(bool)
     if normals is not None:
         inner &= np.isfinite(normals).all(-1)
-    rows, columns = np.nonzero(inner)
-    if len(rows) < 100:
-        raise RenderError(
-            f"material: {len(rows)} pixels lie {OUTLINE_PX} px within the object's outline and have a normal; expected "
-            "100 or more. Check the mask, and that the pose fits these frames."
-        )
-    taken = np.sort(np.random.default_rng(seed).permutation(len(rows))[:most])
-    return rows[taken], columns[taken], len(taken) / len(rows)
+    return np.nonzero(inner)  # type: ignore[return-value]
 
 
 def _interpolated(mesh: Mesh, face: NDArray[np.int64], weights: Array, _points: Array) -> Array:
@@ -229,7 +251,6 @@ def _read(
     views: Any,
     behind: NDArray[np.bool_],
     slopes: Any,
-    share: float,
 ) -> Samples:
     shape = (len(rows), len(lights))
     toward, irradiance = np.empty((*shape, 3), np.float32), np.empty((*shape, 3), np.float32)
@@ -248,13 +269,16 @@ def _read(
     smooth = [a.astype(np.float32) for a in (points, normals, views)]
     found = Samples(
         rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable, lit, clipped,
-        slopes.astype(np.float32), spread.astype(np.float32), share,
+        slopes.astype(np.float32), spread.astype(np.float32), 1.0,
     )  # fmt: skip
     # Three lights fix the albedo's channels and leave something to be judged.
-    enough = (usable.sum(1) >= 3) & (spread < CREASED)
-    if np.count_nonzero(enough) < 100:
+    return found.only((usable.sum(1) >= 3) & (spread < CREASED))
+
+
+def _enough(samples: Samples) -> Samples:
+    if len(samples) < FEWEST:
         raise RenderError(
-            f"material: {np.count_nonzero(enough)} of {len(rows)} pixels are lit by three flashes without being "
-            "clipped; expected 100 or more. Check the lights, the exposure and the pose."
+            f"material: {len(samples)} pixels have a normal and are lit by three flashes without being clipped; "
+            f"expected {FEWEST} or more. Check the lights, the exposure and the pose."
         )
-    return found.only(enough)
+    return samples

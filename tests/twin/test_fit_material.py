@@ -1,0 +1,182 @@
+"""Material fitting on samples that are made here, by the formula and by the renderer."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from scene.camera import Camera
+from scene.errors import RenderError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.normals import unit
+from scene.pose import Pose
+from twin.description import TwinObject, TwinScene
+from twin.direct import Direct
+from twin.fit_material import fit_material
+from twin.flashes import import_mitsuba
+from twin.material_residual import material_residual
+from twin.material_samples import Samples, samples_of_normals, samples_of_scan
+from twin.materials import RoughPlastic
+from twin.mitsuba_scene import mitsuba_scene
+from twin.object_mesh import built_in
+from twin.reflection_models import coat, matte, reflected
+from twin.scan_material import scan_material
+from twin.variant import FAST, pick_variant
+
+SIDE, RADIUS = 64, 27.0
+WHITE = np.array([0.5, 0.6, 0.4])
+
+
+def dome(count: int, white: np.ndarray | None = WHITE) -> Lights:
+    k = np.arange(count)
+    z = 1 - 0.45 * (k + 0.5) / count
+    across = np.sqrt(1 - z**2)
+    directions = np.stack([across * np.cos(2.4 * k), across * np.sin(2.4 * k), z], -1)
+    value = None if white is None else 0.8 * white
+    return Lights(tuple(f"f{i}" for i in k), directions, np.ones((count, 3)), white_value=value)
+
+
+def ball() -> tuple[Camera, np.ndarray, np.ndarray]:
+    """Return an orthographic camera, the mask and the normals (H, W, 3) of a ball."""
+    camera = Camera.orthographic(SIDE, SIDE)
+    offset = camera.grid() - (SIDE - 1) / 2
+    x, y = offset[..., 0] / RADIUS, -offset[..., 1] / RADIUS
+    inside = x**2 + y**2 < 1
+    z = np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))
+    normals = np.where(inside[..., None], np.stack([x, y, z], -1), np.nan).astype(np.float32)
+    return camera, inside, normals
+
+
+def made(roughness: float | None, specularity: float, lights: Lights, *, noise: float = 1e-3) -> Samples:
+    """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel."""
+    camera, mask, normals = ball()
+    frames = Frames.from_linear(lights.names, np.zeros((len(lights), SIDE, SIDE, 3), np.float32))
+    samples = samples_of_normals(frames, lights, camera, mask, normals)
+    samples = replace(samples, spread=0 * samples.spread)
+    surface = matte() if roughness is None else coat(roughness)
+    body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
+    generator = np.random.default_rng(10_030)
+    albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))
+    values = samples.irradiance * (albedo * body[..., None] + specularity * WHITE * gloss[..., None])
+    return replace(samples, values=(values + noise * generator.standard_normal(values.shape)).astype(np.float32))
+
+
+@pytest.mark.parametrize(("roughness", "specularity"), [(0.1, 1.0), (0.3, 0.4), (0.6, 0.8)])
+def test_roughness_and_specularity_come_back(roughness: float, specularity: float) -> None:
+    lights = dome(24)
+    fit = fit_material(made(roughness, specularity, lights), lights)
+    assert fit.model == "rough plastic"
+    assert abs(fit.roughness / roughness - 1) < 0.005
+    assert abs(fit.specularity / specularity - 1) < 0.01
+    assert "BIC falls" in str(fit)
+
+
+def test_errors_are_what_sigma_says() -> None:
+    lights = dome(16)
+    fit = fit_material(made(0.3, 0.4, lights, noise=0.02), lights)
+    assert fit.roughness_sigma > 1e-4
+    assert abs(np.log(fit.roughness / 0.3)) < 4 * fit.roughness_sigma
+    assert abs(np.log(fit.specularity / 0.4)) < 4 * fit.specularity_sigma
+
+
+def test_a_matte_ball_gets_no_coat() -> None:
+    lights = dome(16)
+    fit = fit_material(made(None, 0.0, lights), lights)
+    assert fit.model == "matte"
+    assert fit.specularity == 0
+    assert "BIC" in str(fit)
+
+
+def test_brighter_lights_change_nothing_but_the_strength() -> None:
+    lights = dome(8)
+    samples = made(0.2, 0.5, lights)
+    once, twice = (fit_material(replace(samples, values=k * samples.values), lights) for k in (1, 2))
+    assert abs(twice.roughness / once.roughness - 1) < 1e-3
+    assert abs(twice.specularity / (2 * once.specularity) - 1) < 1e-3
+
+
+def test_a_white_value_that_is_unknown_leaves_the_channels_free() -> None:
+    lights = dome(16, white=None)
+    fit = fit_material(made(0.2, 0.5, lights), lights)
+    np.testing.assert_allclose(fit.strength, 0.5 * WHITE, rtol=0.01)
+    assert any("white" in text for text in fit.warnings)
+
+
+def test_outliers_do_not_count() -> None:
+    lights = dome(24)
+    samples = made(0.2, 0.5, lights)
+    values = samples.values.copy()
+    values[::15] *= 0.3
+    fit = fit_material(replace(samples, values=values), lights)
+    assert abs(fit.roughness / 0.2 - 1) < 0.02
+    assert abs(fit.specularity / 0.5 - 1) < 0.02
+
+
+def test_the_residual_names_its_cause() -> None:
+    lights = dome(16)
+    samples, generator = made(0.3, 0.5, lights), np.random.default_rng(10_031)
+    wrong = {
+        "intensity": replace(samples, values=samples.values * (1 + 0.03 * generator.standard_normal((16, 3)))),
+        "direction": replace(samples, toward=unit(samples.toward + 0.02 * generator.standard_normal((16, 3)))),
+        "normals": replace(
+            samples, normals=unit(samples.normals + 0.02 * generator.standard_normal((len(samples), 3)))
+        ),
+        "registration": replace(samples, normals=unit(samples.normals + np.array([0.02, -0.015, 0]))),
+    }
+    for cause, disturbed in wrong.items():
+        as_32 = replace(
+            disturbed, **{name: getattr(disturbed, name).astype(np.float32) for name in ("values", "toward", "normals")}
+        )
+        left = material_residual(as_32, fit_material(as_32, lights), lights)
+        explained = {name: part.explains for name, part in left.parts.items()}
+        if cause == "registration":
+            # A normal map that is off as a whole is also off in each pixel.
+            assert explained.pop("normals") > 0.6
+        assert max(explained, key=lambda name: explained[name]) == cause, (cause, explained)
+        assert explained[cause] > 0.6, (cause, explained)
+    intensity = material_residual(wrong["intensity"], fit_material(wrong["intensity"], lights), lights).parts[
+        "intensity"
+    ]
+    assert 0.02 < intensity.size < 0.04
+
+
+def test_too_few_pixels_are_named() -> None:
+    camera, mask, normals = ball()
+    lights = dome(8)
+    frames = Frames.from_linear(lights.names, np.zeros((8, SIDE, SIDE, 3), np.float32))
+    with pytest.raises(RenderError, match="expected 100 or more"):
+        samples_of_normals(frames, lights, camera, mask & (np.arange(SIDE) < 12), normals)
+
+
+@pytest.mark.render
+@pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
+def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> None:
+    import_mitsuba()
+    lights = dome(12)
+    camera = Camera(120, 100, 260.0, 260.0, 59.3, 50.8)
+    matrix = np.diag([25.0, 25.0, 25.0, 1.0])
+    matrix[2, 3] = -200
+    beside = np.diag([8.0, 8.0, 8.0, 1.0])
+    beside[:3, 3] = 20, 8, -178
+    shape, plastic = built_in("sphere"), RoughPlastic((0.5, 0.3, 0.2), 0.25, 0.6)
+    objects = tuple(TwinObject(n, shape, "plastic", m) for n, m in (("large", matrix), ("small", beside)))
+    scene = TwinScene(camera, objects, {"plastic": plastic}, lights)
+    film = scene.film()
+    images = np.zeros((12, 100, 120, 3), np.float32)
+    images[:, film.rows, film.columns] = Direct(mitsuba_scene(scene), film, lights, error=0.003).images()
+    frames = Frames.from_linear(lights.names, images)
+    both = [one.placed for one in objects]
+    count = len(both[0].vertices)
+    mesh = Mesh(np.concatenate([m.vertices for m in both]), np.concatenate([both[0].faces, both[1].faces + count]))
+    mask = images.max((0, -1)) > 0
+    samples = samples_of_scan(frames, lights, camera, mask, mesh, Pose(np.eye(4)))
+    fit = fit_material(samples, lights)
+    assert abs(fit.roughness / 0.25 - 1) < 0.02
+    assert abs(fit.specularity / 0.6 - 1) < 0.02
+    whole = scan_material(frames, lights, camera, mask, mesh, Pose(np.eye(4)))
+    albedo = whole.albedo[np.isfinite(whole.albedo).all(-1)]
+    assert len(albedo) > 0.5 * mask.sum()
+    np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)
+    assert 0 < whole.onward < 0.1
