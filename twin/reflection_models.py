@@ -63,7 +63,8 @@ def _shares(cosine: Array, roughness: float, index: float) -> tuple[Array, Array
     what is masked on its way out is lost.
     """
     step = (np.arange(FACETS) + 0.5) / FACETS
-    first, second = (part.ravel() for part in np.meshgrid(step, step))
+    # Left and right of the direction are alike: one half stands for both.
+    first, second = (part.ravel() for part in np.meshgrid(step, step[: FACETS // 2] - 0.25))
     sine = np.sqrt(1 - cosine**2)[:, None]
     stretched = np.stack([roughness * sine[:, 0], 0 * cosine, cosine], -1)
     stretched /= np.linalg.norm(stretched, axis=1, keepdims=True)
