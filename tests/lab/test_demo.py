@@ -179,6 +179,35 @@ def test_the_twin_is_a_session(demo, tmp_path):
     assert again == pytest.approx(demo[1]["compare"]["methods"]["iterative"]["twin"]["median_deg"], rel=0.02)
 
 
+def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
+    """Mosaics as noisy as the photographs, which the methods then see; the rendering's engine is the one asked for."""
+    from scene.store import Store
+
+    out = tmp_path / "out"
+    shutil.copytree(demo[0], out)
+    command = [*COMMAND, "twin", str(FIXTURE), "--out", str(out), "--photograph", "--engine", "direct", "--json"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "solve ..." not in run.stderr, "what is current is not done again"
+    facts = json.loads(run.stdout)["twin"]
+    assert (facts["engine"], facts["sensor"]["cfa"]) == ("direct", "RGGB")
+    # What fixtures/make_bumpy.py photographed with.
+    assert facts["sensor"]["full_well_e"] == pytest.approx(45000, rel=0.2)
+    assert len(list((out / "twin" / "flash").glob("*.dng"))) == 12
+    clean, noisy = Store(demo[0] / "twin").load_frames(), Store(out / "twin").load_frames()
+    assert noisy.is_mosaic
+    assert not clean.is_mosaic
+    backdrop = ~Store(out).load_mask()
+    backdrop[:, :] &= clean.frame(0).max(-1) == 0
+    dark = noisy.frame(0)[backdrop]
+    read = facts["sensor"]["read_noise_e"] / facts["sensor"]["full_well_e"]
+    # Interpolated colours are means of two and four: a little calmer than what was read out.
+    assert 0.4 * read < dark.std() < 1.2 * read
+    truth = np.load(out / "normals" / "truth.npy")
+    error = angular_error_deg(Store(out / "twin").load_normals("ls"), truth)
+    assert np.nanmedian(error) < 1.5
+
+
 def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path):
     """Nothing is aligned again; the pose comes back from beside it; MeshLab's project names files that are there."""
     out = tmp_path / "out"
