@@ -197,9 +197,8 @@ def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
     clean, noisy = Store(demo[0] / "twin").load_frames(), Store(out / "twin").load_frames()
     assert noisy.is_mosaic
     assert not clean.is_mosaic
-    backdrop = ~Store(out).load_mask()
-    backdrop[:, :] &= clean.frame(0).max(-1) == 0
-    dark = noisy.frame(0)[backdrop]
+    dark = noisy.frame(0)[:80, :120]
+    assert clean.frame(0)[:90, :130].max() == 0
     read = facts["sensor"]["read_noise_e"] / facts["sensor"]["full_well_e"]
     # Interpolated colours are means of two and four: a little calmer than what was read out.
     assert 0.4 * read < dark.std() < 1.2 * read
