@@ -7,7 +7,6 @@ import numpy as np
 from benchmarks.align_sessions import FOUND_PX
 from fixtures.mesh_shapes import NEARLY_SYMMETRIC, OWN_MIRROR_IMAGE, SYMMETRIC
 
-MARKERS = "<!-- measured -->\n", "<!-- end of measured -->"
 INSIDE_6 = 12.592
 """95 % quantile of chi-square with 6 degrees of freedom."""
 

@@ -121,7 +121,8 @@ def _keep(results: dict) -> None:
 
 def main() -> None:
     """Measure, print, and with --write put the tables into the document."""
-    from benchmarks.align_tables import MARKERS, tables
+    from benchmarks.align_tables import tables
+    from benchmarks.pages import put
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("rows", nargs="*", help="found, full, wrong, speed; none: write from what is there")
@@ -133,9 +134,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "docs" / "registration.md"
-        head, rest = path.read_text().split(MARKERS[0])
-        _, tail = rest.split(MARKERS[1])
-        path.write_text(f"{head}{MARKERS[0]}\n{text}{MARKERS[1]}{tail}")
+        put(path, "measured", f"\n{text}")
 
 
 if __name__ == "__main__":

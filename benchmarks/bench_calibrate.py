@@ -153,17 +153,14 @@ def main() -> None:
     run_rows(arguments.row or [*SESSIONS, "peers", "balls", "speed"], file, quick=arguments.quick)
     results = kept(file)
     from benchmarks.calibration_tables import draw_charts, tables
+    from benchmarks.pages import put
 
     text = tables(results)
     print("\n".join(f"\n{part}" for part in text.values()))
     if arguments.write:
         path = ROOT / "docs" / "calibration.md"
-        page = path.read_text()
         for name, part in text.items():
-            head, rest = page.split(f"<!-- {name} -->\n")
-            _, tail = rest.split(f"<!-- end of {name} -->")
-            page = f"{head}<!-- {name} -->\n{part}<!-- end of {name} -->{tail}"
-        path.write_text(page)
+            put(path, name, part)
         draw_charts(results, ROOT / "docs")
 
 

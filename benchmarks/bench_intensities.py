@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pages import put
 from fixtures import mesh_shapes
 from fixtures.mesh_scene import Scene, Tracer, random_scene
 from scene.frames import Frames
@@ -122,9 +123,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "docs" / "methods.md"
-        before, rest = path.read_text().split("<!-- intensities -->\n")
-        _, after = rest.split("<!-- end of intensities -->")
-        path.write_text(f"{before}<!-- intensities -->\n{text}<!-- end of intensities -->{after}")
+        put(path, "intensities", text)
 
 
 if __name__ == "__main__":

@@ -13,13 +13,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bench_intensities import session, true_normals
+from benchmarks.pages import put
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.light_distance import find_positions
 from solve.solve import solve
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "methods.md"
-MARKERS = "<!-- light distance -->\n", "<!-- end of light distance -->"
 SHAPES = ("blob", "potato", "relief", "brick", "pear", "knot", "mug", "gear")
 FARTHER = (1.0, 3.0, 20.0)
 FLASHES = 16
@@ -70,10 +70,8 @@ def main() -> None:
             lines.append(row(shape, seed, farther))
             print(lines[-1], flush=True)
     if arguments.write:
-        before, rest = PAGE.read_text().split(MARKERS[0])
-        _, after = rest.split(MARKERS[1])
         text = "\n".join([*lines, "", "By `benchmarks/bench_light_distance.py`.", ""])
-        PAGE.write_text(f"{before}{MARKERS[0]}{text}{MARKERS[1]}{after}")
+        put(PAGE, "light distance", text)
 
 
 if __name__ == "__main__":

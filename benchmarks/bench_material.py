@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.material_sessions import material_session
+from benchmarks.pages import put
 from benchmarks.real_captures import washington
 from benchmarks.real_surfaces import diligent_object
 from scene.lights import Lights
@@ -26,7 +27,6 @@ from twin.materials import RoughPlastic
 from twin.scan_material import scan_material
 
 ROOT = Path(__file__).resolve().parents[1]
-MARKERS = "<!-- material -->\n", "<!-- end of material -->"
 SHAPES = ("blob", "potato", "relief", "knot", "dented_pear", "house", "brick", "mug")
 
 
@@ -116,9 +116,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "docs" / "twin.md"
-        before, rest = path.read_text().split(MARKERS[0])
-        _, after = rest.split(MARKERS[1])
-        path.write_text(f"{before}{MARKERS[0]}{text}{MARKERS[1]}{after}")
+        put(path, "material", text)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+from benchmarks.pages import put
 from compare.speed import speed_points
 from compare.speed_chart import speed_chart
 from solve.solve import METHODS
@@ -111,9 +112,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "docs" / "methods.md"
-        before, rest = path.read_text().split("<!-- table -->\n")
-        _, after = rest.split("<!-- end of table -->")
-        path.write_text(f"{before}<!-- table -->\n{text}<!-- end of table -->{after}")
+        put(path, "table", text)
         for name, chart in drawn.items():
             path.with_name(name).write_text(chart)
 

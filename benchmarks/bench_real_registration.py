@@ -25,6 +25,7 @@ from align.pose_check import check_pose
 from align.register import register
 from align.rim import find_rim
 from align.truth import ground_truth
+from benchmarks.pages import put
 from benchmarks.real_surfaces import (
     Projection,
     RealObject,
@@ -43,7 +44,6 @@ from solve.solve import solve
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "out" / "bench_real_registration.json"
-MARKERS = "<!-- real -->\n", "<!-- end of real -->"
 RIGHT: tuple[tuple[str, Projection, int], ...] = (
     ("cat", "perspective", 1), ("cat", "perspective", 2), ("cat", "orthographic", 1),
     ("ball", "perspective", 1), ("ball", "perspective", 2), ("ball", "orthographic", 1),
@@ -208,9 +208,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "docs" / "registration.md"
-        head, rest = path.read_text().split(MARKERS[0])
-        _, tail = rest.split(MARKERS[1])
-        path.write_text(f"{head}{MARKERS[0]}\n{text}{MARKERS[1]}{tail}")
+        put(path, "real", f"\n{text}")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import put
+
 ROOT = Path(__file__).resolve().parents[1]
 ONE = """
 import sys, time
@@ -141,9 +143,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         page = ROOT / "docs" / "scans.md"
-        head, rest = page.read_text().split("<!-- scans -->\n")
-        _, tail = rest.split("<!-- end of scans -->")
-        page.write_text(f"{head}<!-- scans -->\n{text}<!-- end of scans -->{tail}")
+        put(page, "scans", text)
 
 
 if __name__ == "__main__":

@@ -15,6 +15,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from benchmarks.pages import put
+
 ROOT = Path(__file__).resolve().parents[1]
 SESSIONS = {"fixture": ROOT / "fixtures" / "bumpy", "bunny": ROOT / ".." / "shared" / "sessions" / "bunny"}
 ROWS = (
@@ -77,9 +79,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "README.md"
-        head, rest = path.read_text().split("<!-- sessions -->\n")
-        _, tail = rest.split("<!-- end of sessions -->")
-        path.write_text(f"{head}<!-- sessions -->\n{text}<!-- end of sessions -->{tail}")
+        put(path, "sessions", text)
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 import numba
 import numpy as np
 
+from benchmarks.pages import put
 from benchmarks.pixel_loops import l1_loop, sbl_loop
 from scene.camera import Camera
 from scene.frames import Frames
@@ -26,7 +27,6 @@ from solve import l1, sbl
 from solve.solve import solve
 
 ROOT = Path(__file__).resolve().parents[1]
-MARKERS = "<!-- speed -->\n", "<!-- end of speed -->"
 LIGHTS, SEED, LOOP_PIXELS, ROUNDS = 96, 10_001, 300, 3
 ALONE = ("ls", "iterative", "position", "l1", "sbl", "hsh")
 
@@ -149,9 +149,7 @@ def main() -> None:
     print(text)
     if arguments.write:
         path = ROOT / "docs" / "methods.md"
-        before, rest = path.read_text().split(MARKERS[0])
-        _, after = rest.split(MARKERS[1])
-        path.write_text(f"{before}{MARKERS[0]}{text}{MARKERS[1]}{after}")
+        put(path, "speed", text)
 
 
 if __name__ == "__main__":

@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bench_solve import ball
+from benchmarks.pages import put
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from solve.solve import solve
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "methods.md"
-MARKERS = "<!-- memory -->\n", "<!-- end of memory -->"
 WIDTH, HEIGHT, FRAMES = 6000, 4000, 60
 
 
@@ -69,10 +69,8 @@ def main() -> None:
             )
     print("\n".join(lines))
     if arguments.write:
-        before, rest = PAGE.read_text().split(MARKERS[0])
-        _, after = rest.split(MARKERS[1])
         text = "\n".join([*lines, "", "By `benchmarks/bench_solve_memory.py`.", ""])
-        PAGE.write_text(f"{before}{MARKERS[0]}{text}{MARKERS[1]}{after}")
+        put(PAGE, "memory", text)
 
 
 if __name__ == "__main__":

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.pages import put
 from compare.four_ways import four_ways
 from scene.normals import unit
 from scene.store import Store
@@ -150,12 +151,8 @@ def main() -> None:
         tables["whole real"] = real_rows()
     if arguments.write:
         path = ROOT / "docs" / "methods.md"
-        text = path.read_text()
         for name, lines in tables.items():
-            before, rest = text.split(f"<!-- {name} -->\n")
-            _, after = rest.split(f"<!-- end of {name} -->")
-            text = f"{before}<!-- {name} -->\n" + "\n".join(lines) + f"\n<!-- end of {name} -->{after}"
-        path.write_text(text)
+            put(path, name, "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

@@ -38,17 +38,27 @@ def run(out: Path) -> float:
     return time.perf_counter() - start
 
 
-def killed_run(out: Path, moment_s: float, *, worker: bool, generator: random.Random) -> int:
-    """Start a run and kill it, or one of its workers and then it, at a moment; return how many cells there are then."""
+def killed_run(out: Path, cells: int, *, worker: bool, generator: random.Random) -> int:
+    """Start a run and kill it, or one of its workers and then it, some time after so many cells are there.
+
+    Returns how many there are then.
+    """
     process = subprocess.Popen(
         [*COMMAND, WANTED, "--quick", "--out", out], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    time.sleep(moment_s)
+    while count_cells(out) < cells and process.poll() is None:
+        time.sleep(0.01)
+    time.sleep(generator.uniform(0, 2))
     if worker and (children := workers_of(process.pid)):
         os.kill(generator.choice(children), signal.SIGKILL)
-        time.sleep(generator.uniform(0.5, 4))
+        time.sleep(generator.uniform(0, 2))
     process.kill()
     process.wait()
+    return count_cells(out)
+
+
+def count_cells(out: Path) -> int:
+    """Return how many cells are done."""
     return len(list((out / "cells").glob("*.json")))
 
 
@@ -68,16 +78,17 @@ def workers_of(pid: int) -> list[int]:
 def kills(count: int, folder: Path) -> list[str]:
     """Return the rows on kills, and on a rerun."""
     generator = random.Random(SEED)
-    whole_s = run(folder / "whole")
+    run(folder / "whole")
+    cells = count_cells(folder / "whole")
     reached = []
     for number in range(count):
-        moment = generator.uniform(0.5, 0.35 * whole_s)
-        reached.append(killed_run(folder / "torn", moment, worker=number % 2 == 1, generator=generator))
+        due = number * (cells - 4) // count
+        reached.append(killed_run(folder / "torn", due, worker=number % 2 == 1, generator=generator))
     run(folder / "torn")
     names = [sorted(path.name for path in (folder / one / "cells").glob("*.json")) for one in ("whole", "torn")]
     tables = [next((folder / one).glob("*/results.parquet")).read_bytes() for one in ("whole", "torn")]
     rerun_s = run(folder / "torn")
-    before_end = sum(cells < len(names[0]) for cells in reached)
+    before_end = sum(there < cells for there in reached)
     same = "the same bytes" if tables[0] == tables[1] else "**different**"
     once = "each once" if names[0] == names[1] else "**not the same ones**"
     return [

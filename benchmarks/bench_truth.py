@@ -21,6 +21,7 @@ from align.embree import RayCaster
 from align.scan_noise import Neighbours, scan_noise
 from align.smooth_normals import smooth_normals
 from align.truth import ground_truth
+from benchmarks.pages import put
 from fixtures import star_shapes
 from scene.camera import Camera
 from scene.mesh import Mesh
@@ -167,10 +168,8 @@ def main() -> None:
             print(lines[-1], flush=True)
     if arguments.write:
         path = ROOT / "docs" / "ground-truth.md"
-        before, rest = path.read_text().split("<!-- table -->\n")
-        _, after = rest.split("<!-- end of table -->")
         text = "\n".join(lines) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_truth.py`.\n"
-        path.write_text(f"{before}<!-- table -->\n{text}<!-- end of table -->{after}")
+        put(path, "table", text)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pages import put
 from benchmarks.twin_scenes import StockMitsuba, dome, stage, whole_picture
 from compare.line_chart import line_chart
 from twin.direct import Direct
@@ -26,7 +27,6 @@ from twin.many import Indirect
 from twin.mitsuba_scene import mitsuba_scene
 
 ROOT = Path(__file__).resolve().parents[1]
-MARKERS = "<!-- engines -->\n", "<!-- end of engines -->"
 SAMPLERS = "multijitter", "independent", "orthogonal"
 
 
@@ -198,9 +198,7 @@ def main() -> None:
     )
     if arguments.write:
         path = ROOT / "docs" / "twin.md"
-        before, rest = path.read_text().split(MARKERS[0])
-        _, after = rest.split(MARKERS[1])
-        path.write_text(f"{before}{MARKERS[0]}{text}{MARKERS[1]}{after}")
+        put(path, "engines", text)
         (ROOT / "docs" / "twin-error-time.svg").write_text(chart)
 
 

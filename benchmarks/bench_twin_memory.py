@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.bench_solve_memory import Watch
+from benchmarks.pages import put
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
@@ -26,7 +27,6 @@ from twin.object_mesh import ObjectMesh
 from twin.render import render_scene
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "twin.md"
-MARKERS = "<!-- memory -->\n", "<!-- end of memory -->"
 WIDTH, HEIGHT, LIGHTS, SIDE, PATHS = 6000, 4000, 4, 708, 4
 ENGINES = "direct", "many"
 
@@ -83,9 +83,7 @@ def main() -> None:
     text = "\n".join([*lines, "", "`many` with 4 paths a pixel; on 2 cores, by `benchmarks/bench_twin_memory.py`.", ""])
     print(text)
     if arguments.write:
-        page = PAGE.read_text()
-        head, rest = page.split(MARKERS[0])
-        PAGE.write_text(head + MARKERS[0] + text + MARKERS[1] + rest.split(MARKERS[1])[1])
+        put(PAGE, "memory", text)
 
 
 if __name__ == "__main__":

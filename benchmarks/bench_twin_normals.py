@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.pages import put
 from benchmarks.twin_scenes import StockMitsuba, dome, stage, whole_picture
 from compare.line_chart import line_chart
 from scene.frames import Frames
@@ -27,7 +28,6 @@ from twin.many import Indirect
 from twin.mitsuba_scene import mitsuba_scene
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
-MARKERS = "<!-- normals -->\n", "<!-- end of normals -->"
 LIGHTS, CONVERGED = 24, 256
 
 Images = NDArray[np.float32]
@@ -111,9 +111,7 @@ def main() -> None:
     )
     if arguments.write:
         page = DOCS / "twin.md"
-        before, rest = page.read_text().split(MARKERS[0])
-        _, after = rest.split(MARKERS[1])
-        page.write_text(f"{before}{MARKERS[0]}{text}{MARKERS[1]}{after}")
+        put(page, "normals", text)
         (DOCS / "twin-normals-time.svg").write_text(chart)
     print(text)
 
