@@ -18,10 +18,13 @@ import tempfile
 import time
 from pathlib import Path
 
+from pyarrow import parquet
+
 from lab.sweeps.cell import failed_rows
 from lab.sweeps.experiments import EXPERIMENTS
 from lab.sweeps.recipe import Cell
 from lab.sweeps.sweep import run_cells
+from lab.sweeps.table import KEY
 
 ROOT = Path(__file__).resolve().parents[1]
 MARKERS = "<!-- survives -->\n", "<!-- end of survives -->"
@@ -86,15 +89,27 @@ def kills(count: int, folder: Path) -> list[str]:
         reached.append(killed_run(folder / "torn", due, worker=number % 2 == 1, generator=generator))
     run(folder / "torn")
     names = [sorted(path.name for path in (folder / one / "cells").glob("*.json")) for one in ("whole", "torn")]
-    tables = [next((folder / one).glob("*/results.parquet")).read_bytes() for one in ("whole", "torn")]
+    tables = [next((folder / one).glob("*/results.parquet")) for one in ("whole", "torn")]
+    apart = differences(*tables)
     rerun_s = run(folder / "torn")
     before_end = sum(there < cells for there in reached)
-    same = "the same bytes" if tables[0] == tables[1] else "**different**"
+    same = "the same bytes" if tables[0].read_bytes() == tables[1].read_bytes() else f"**{len(apart)} rows differ**"
+    print(*apart, sep="\n")
     once = "each once" if names[0] == names[1] else "**not the same ones**"
     return [
         f"| {count} kills, {before_end} of them before the last cell was there | {len(names[1])} of {len(names[0])} "
         f"cells, {once}; table: {same} |",
         f"| rerun with nothing changed, s | {rerun_s:.1f} |",
+    ]
+
+
+def differences(one: Path, other: Path) -> list[str]:
+    """Return the rows in which two tables differ, and in what."""
+    rows = zip(*(parquet.read_table(path).to_pylist() for path in (one, other)), strict=True)
+    return [
+        " ".join([*(str(a[key]) for key in KEY), *(f"{key}: {a[key]}, {b[key]}" for key in a if a[key] != b[key])])
+        for a, b in rows
+        if repr(a) != repr(b)
     ]
 
 
