@@ -76,6 +76,7 @@ def _read_exr(path: Path) -> NDArray:
     from twin.variant import pick_variant
 
     mi.set_variant(pick_variant()[0])  # type: ignore[attr-defined]
+    _have_threads()
     bitmap = mi.Bitmap(os.fspath(path))
     one = bitmap.channel_count() < 3
     form = mi.Bitmap.PixelFormat.Y if one else mi.Bitmap.PixelFormat.RGB
@@ -89,5 +90,13 @@ def write_exr(path: Path, picture: Picture) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     # Mitsuba writes by name: under a name of our own first, so that no half file is left.
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.exr")
+    _have_threads()
     mi.Bitmap(np.ascontiguousarray(picture, np.float32)).write(os.fspath(temporary))
     os.replace(temporary, path)
+
+
+def _have_threads() -> None:
+    """Give Mitsuba's OpenEXR a thread to wait for: on one core, or kept to one, it would wait for ever."""
+    import drjit
+
+    drjit.set_thread_count(max(drjit.thread_count(), 2))

@@ -3,6 +3,7 @@
 import base64
 import time
 from concurrent.futures import Executor, ThreadPoolExecutor
+from multiprocessing import parent_process
 from threading import Lock
 from typing import Any
 
@@ -104,7 +105,9 @@ def _why(error: Exception) -> str:
 
 
 def _pin() -> None:
-    """Keep this process to one core: its neighbours have the others."""
+    """Keep a worker process to one core: its neighbours have the others."""
+    if parent_process() is None:
+        return
     import cv2
     import drjit
 
