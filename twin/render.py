@@ -65,15 +65,16 @@ class Rendering:
 
     def facts(self) -> dict[str, Any]:
         """Return what the summary says of it."""
-        choice = self.choice
+        choice, pilot = self.choice, self.choice.pilot
         return {
             "engine": choice.engine,
             "reason": choice.reason,
             "error": choice.error,
             "samples_per_pixel": None if choice.engine == "direct" else choice.samples,
-            "onward_share": choice.onward,
-            "disagreement": choice.disagreement,
-            "seconds_expected": choice.seconds,
+            "onward_share": None if pilot is None else pilot.onward,
+            "disagreement": None if pilot is None else pilot.disagreement,
+            "seconds_expected": None if pilot is None else pilot.seconds(choice.error),
+            "time_and_error": None if pilot is None else pilot.curves(choice.error),
             "variant": self.variant,
             "max_depth": self.max_depth,
             "noise": self.noise,
@@ -173,7 +174,7 @@ def _choose(scene: TwinScene, film: Film) -> Choice:
     if choice.engine != "mitsuba":
         return choice
     samples = choice.samples
-    if scene.sampling.samples is None and choice.seconds is None:
+    if scene.sampling.samples is None and choice.pilot is None:
         affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
         samples = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
     # Each pixel is sampled on a jittered grid.

@@ -9,6 +9,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from twin import engine as engines
+from twin import pilot as pilots
 from twin.description import Environment, Sampling, TwinObject, TwinScene
 from twin.engine import Choice, choose_engine
 from twin.layers import render_layers
@@ -50,10 +51,10 @@ def chosen(scene):
 def test_a_convex_object_is_rendered_directly_and_before_a_wall_by_many():
     alone, before = chosen(ball()), chosen(ball(wall=True))
     assert (alone.engine, before.engine) == ("direct", "many")
-    assert alone.onward < 1e-3 < 0.02 < before.onward
-    assert max(alone.disagreement, before.disagreement) < 0.01
+    assert alone.pilot.onward < 1e-3 < 0.02 < before.pilot.onward
+    assert max(alone.pilot.disagreement, before.pilot.disagreement) < 0.01
     assert "% of the mean" in str(before)
-    assert set(before.seconds) == {"direct", "many", "mitsuba"}
+    assert set(before.pilot.seconds(0.01)) == {"direct", "many", "mitsuba"}
     assert before.samples > 4
     rough = chosen(replace(ball(wall=True), sampling=Sampling("auto", max_depth=4, error=0.5)))
     assert rough.engine == "direct", "where half is error enough, what goes on need not be rendered"
@@ -91,15 +92,30 @@ def test_without_llvm_it_is_stock_mitsuba_and_says_how_to_get_the_others(monkeyp
     assert "Install it" in str(choice)
 
 
+def test_the_curves_of_time_and_error_tell_what_each_engine_can():
+    """`direct` ends at what it leaves out; the others get as exact as is asked, and pay for it."""
+    pilot = chosen(ball(wall=True)).pilot
+    curves = {name: np.array(points) for name, points in pilot.curves(0.01).items()}
+    assert curves["direct"][:, 0].min() >= pilot.onward
+    for name in ("many", "mitsuba"):
+        error, seconds = curves[name].T
+        assert error.min() < 0.011 < 0.03 < error.max()
+        assert (np.diff(error) < 0).all()
+        assert seconds[-1] > seconds[0]
+    # An error once more as small costs stock Mitsuba four times as much: its samples' noise, and nothing else.
+    error, seconds = curves["mitsuba"].T
+    assert np.allclose(seconds * error**2, (seconds * error**2)[-1], rtol=0.3)
+
+
 def test_a_pilot_that_stock_mitsuba_contradicts_bars_the_others(monkeypatch):
-    class Bright(engines.Indirect):
+    class Bright(pilots.Indirect):
         def images(self):
             return 1.5 * super().images()
 
-    monkeypatch.setattr(engines, "Indirect", Bright)
+    monkeypatch.setattr(pilots, "Indirect", Bright)
     choice = chosen(ball(wall=True))
     assert choice.engine == "mitsuba"
-    assert choice.disagreement > 0.01
+    assert choice.pilot.disagreement > 0.01
     assert "differs" in choice.reason
 
 
