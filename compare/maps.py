@@ -6,6 +6,7 @@ from html import escape
 import numpy as np
 
 from compare import charts, pictures
+from compare.engine_chart import engine_chart
 from compare.facts import by_error
 from compare.material import Material, Summary
 from compare.page import absent, is_number, number, picture, section
@@ -169,4 +170,4 @@ def twin_section(material: Material, summary: Summary) -> str:
     if facts.get("engine"):
         reason = f": {escape(str(facts['reason']))}" if facts.get("reason") else ""
         lead += f" {number(facts.get('seconds'), 1, 's')}, engine {escape(str(facts['engine']))}{reason}."
-    return section("twin", "The twin", f'<div class="pair">{figures}</div>', lead)
+    return section("twin", "The twin", f'<div class="pair">{figures}</div>{engine_chart(facts)}', lead)
