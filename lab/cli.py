@@ -8,6 +8,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from lab.datasets.command import dataset
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
 from lab.sweeps.command import sweep
@@ -183,20 +184,28 @@ def twin(
 
 @app.command(sort_key=8)
 def compare(
-    session: Session,
+    session: Annotated[Path, Parameter(help="A session's folder; with a second one, a processed output folder.")],
+    counterpart: Annotated[
+        Path | None, Parameter(help="Another output folder, or the twin/ in the first: do the methods fail alike?")
+    ] = None,
     /,
     *,
     out: Out = None,
-    method: Method = DEFAULT_METHODS,
+    method: Annotated[str | None, Parameter(help="Methods, with commas. Default: ls,iterative; of two folders, all.")] = None,
     profile: Profile = "default",
     external: External = None,
     external_timeout_s: ExternalTimeout = 3600.0,
     twin: TwinSettings = AS_GIVEN,
     json: Json = False,
 ) -> None:
-    """Compare real and synthetic with the truth, and write report.html."""
-    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
-    run_session(session, "compare", out=out, json=json, **how)
+    """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
+    if counterpart is not None:
+        from lab.compare_folders import compare_folders
+
+        compare_folders(session, counterpart, out, methods=tuple(method.split(",")) if method else None, json=json)
+        return
+    how = {"profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "compare", out=out, json=json, method=method or DEFAULT_METHODS, **how)
 
 
 @app.command(sort_key=9)
@@ -238,6 +247,7 @@ def _tell_export(paths: list[Path], notes: list[str]) -> None:
 
 
 app.command(sweep, sort_key=10)
+app.command(dataset)
 
 
 @app.command(sort_key=11)

@@ -1,0 +1,168 @@
+"""`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept, and not made again."""
+
+import hashlib
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from lab.datasets.results import write_results
+from lab.datasets.shelf import Entry, contents_of, entries
+from lab.progress import say
+from lab.rooms import ROOT
+from scene.errors import SceneError
+from scene.files import write_json
+
+_SOURCES = ("scene/*.py", "capture/*.py", "calibrate/**/*.py", "align/given.py", "align/mask.py", "solve/**/*.py",
+            "compare/statistics.py", "lab/steps.py", "lab/datasets/run.py")  # fmt: skip
+
+
+def run(
+    shelf: Path,
+    patterns: Sequence[str],
+    *,
+    method: str,
+    profile: str = "default",
+    external: tuple[list[str], float] = ([], 3600.0),
+    out: Path,
+) -> list[dict[str, Any]]:
+    """Run methods on datasets, as far as their results are not there yet, and write the tables.
+
+    Parameters
+    ----------
+    shelf : Path
+    patterns : sequence of str
+        Names of datasets that are on the shelf; none: all of them.
+    method, profile, external
+        As `lab.run.open_job` has them.
+    out : Path
+        Gets results.parquet, results.txt, index.html; results/ keeps each result, work/ what programs said.
+
+    Returns
+    -------
+    rows : list of dict
+        Of results.parquet.
+
+    Raises
+    ------
+    SceneError
+        No such dataset, method or program; a dataset that has changed.
+    """
+    from lab.job import locked
+    from lab.run import methods_of
+    from solve.external import External
+
+    methods_of(method, profile)
+    programs = {one.name: one for one in (External.parse(text, external[1]) for text in external[0])}
+    names = [*dict.fromkeys(word.strip() for word in method.split(",") if word.strip()), *programs]
+    wanted = _wanted(shelf, patterns)
+    rows = []
+    with locked(out):
+        for number, entry in enumerate(wanted, 1):
+            digest = contents_of(shelf, entry)
+            keys = {name: _key(digest, name, profile, programs) for name in names}
+            missing = [name for name in names if not _place(out, keys[name]).exists()]
+            made = {}
+            if missing:
+                say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
+                made = _solve(out, entry, missing, method, profile, external)
+            for name in names:
+                if name in made and made[name]["status"] == "ok":
+                    write_json(_place(out, keys[name]), made[name])
+                row = made.get(name) or json.loads(_place(out, keys[name]).read_text())
+                rows.append({"dataset": entry.name, "family": entry.family, **row})
+        write_results(out, rows)
+    return rows
+
+
+def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
+    from lab.datasets.catalogue import chosen
+
+    known = entries(shelf)
+    there = [one for one in known if one.state]
+    if not there:
+        raise SceneError(
+            f"{shelf}: there is no dataset yet. Make some (`rgbn dataset make 'pear-*'`), or add your own."
+        )
+    if patterns:
+        fitting = set(chosen(patterns, [one.name for one in known]))
+        idle = [one.name for one in known if one.name in fitting and not one.state]
+        if idle and not any(one.name in fitting for one in there):
+            raise SceneError(
+                f"dataset {idle[0]}: is in the catalogue, but not made yet. Make it: rgbn dataset make {patterns[0]!r}."
+            )
+        there = [one for one in there if one.name in fitting]
+    return there
+
+
+def _key(digest: str, name: str, profile: str, programs: dict[str, Any]) -> str:
+    command = programs[name].command if name in programs else profile
+    return hashlib.sha256(json.dumps([digest, name, command, _code()]).encode()).hexdigest()[:24]
+
+
+def _code() -> str:
+    digest = hashlib.sha256()
+    for pattern in _SOURCES:
+        for path in sorted(ROOT.glob(pattern)):
+            digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def _place(out: Path, key: str) -> Path:
+    return out / "results" / f"{key}.json"
+
+
+def _solve(
+    out: Path, entry: Entry, names: list[str], method: str, profile: str, external: tuple[list[str], float]
+) -> dict[str, dict[str, Any]]:
+    """Return the rows of some methods on one dataset."""
+    import shutil
+
+    from lab.plan import STEPS
+    from lab.run import open_job
+    from lab.steps import solve_all
+
+    folder = out / "work" / entry.name
+    how: dict[str, Any] = {"method": method, "profile": profile, "external": external}
+    found = {}
+    try:
+        with open_job(entry.folder, out=folder, **how) as job:
+            job.run(STEPS, "align")
+            for name in names:
+                one: Callable = lambda name=name: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
+                found[name] = _row(name, profile if name not in job.externals else "", job.store, one)
+    except SceneError as error:
+        found |= {name: _failed(name, profile, error) for name in names if name not in found}
+    # Half a gigabyte for a hundred datasets; made again in a second.
+    shutil.rmtree(folder / "frames", ignore_errors=True)
+    return found
+
+
+def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:
+    from compare.statistics import angular_statistics
+    from scene.normals import angular_error_deg
+
+    try:
+        table, _ = work()
+    except SceneError as error:
+        return _failed(name, profile, error)
+    mask, truth = store.load_mask(), store.load_normals("truth")
+    judged = mask & np.isfinite(truth[..., 0])
+    error = angular_error_deg(store.load_normals(name), truth)[judged]
+    numbers, facts = angular_statistics(error), table["methods"][name]
+    return {
+        "method": name,
+        "profile": profile,
+        "status": "ok" if numbers["pixels"] else "failed: no pixel has a normal",
+        **numbers,
+        "unanswered": 1 - int(numbers["pixels"]) / max(int(judged.sum()), 1),
+        "seconds": facts["seconds"],
+        "doubts": " ".join(facts["warnings"]),
+    }
+
+
+def _failed(name: str, profile: str, error: Exception) -> dict[str, Any]:
+    return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}

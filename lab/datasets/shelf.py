@@ -1,0 +1,140 @@
+"""The shelf: one folder that holds the datasets that were made, and those of others that were checked and added."""
+
+import json
+import os
+import re
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from lab.datasets.catalogue import catalogue
+from lab.datasets.check import check_dataset
+from lab.datasets.checksums import FILE, checksums_of, differences
+from lab.datasets.make import is_current
+from lab.datasets.write import RECIPE
+from lab.job import locked
+from scene.errors import SceneError
+from scene.files import write_json
+
+ADDED = ".added"
+"""Folder of the shelf: one NAME.json for each dataset that was added, with its checksums."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A dataset as the list shows it.
+
+    Parameters
+    ----------
+    name, family, text : str
+    state : {"", "made", "outdated", "added"}
+        Not made yet; made; made by another version; of others.
+    folder : Path
+        Where it is, or would be.
+    """
+
+    name: str
+    family: str
+    text: str
+    state: str
+    folder: Path
+
+
+def entries(shelf: Path) -> list[Entry]:
+    """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
+    known = catalogue()
+    found = [Entry(one.name, one.family, one.text, _state(shelf, one), shelf / one.name) for one in known.values()]
+    for path in sorted(shelf.glob(f"*/{RECIPE}")):
+        recipe, name = json.loads(path.read_text()), path.parent.name
+        base, side = known.get(re.sub(r"-\d+px$", "", name)), recipe["recipe"]["side"]
+        if name not in known and base is not None and not path.parent.is_symlink():
+            found.append(
+                Entry(name, base.family, f"{base.text}; {side} px", _state(shelf, base.sized(side)), path.parent)
+            )
+    for path in sorted((shelf / ADDED).glob("*.json")):
+        note = json.loads(path.read_text())
+        found.append(Entry(note["name"], "added", note["text"], "added", Path(note["folder"])))
+    return found
+
+
+def _state(shelf: Path, dataset) -> str:
+    if not (shelf / dataset.name).exists():
+        return ""
+    return "made" if is_current(shelf, dataset) else "outdated"
+
+
+def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", link: bool = False) -> Entry:
+    """Check a dataset, and put it on the shelf.
+
+    Parameters
+    ----------
+    shelf : Path
+    folder : Path
+        In the DiLiGenT layout.
+    name : str, optional
+        Default: the folder's.
+    text : str
+        What it is, in a line.
+    link : bool
+        Leave the files where they are and remember their checksums; else they are copied.
+
+    Raises
+    ------
+    SceneError
+        It does not pass the check, or the name is taken.
+    """
+    verdict = check_dataset(folder)
+    if verdict.faults:
+        raise SceneError(faults_text(folder, verdict.faults, "not added, "))
+    name = name or folder.resolve().name
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
+        raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
+    with locked(shelf):
+        place, note = shelf / name, shelf / ADDED / f"{name}.json"
+        if name in catalogue() or place.exists() or note.exists():
+            raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
+        sums = checksums_of(folder)
+        if not link:
+            unfinished = shelf / f".{name}.part"
+            shutil.rmtree(unfinished, ignore_errors=True)
+            for line in sums.splitlines():
+                target = unfinished / line.split("  ", 1)[1]
+                target.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(folder / line.split("  ", 1)[1], target)
+            os.replace(unfinished, place)
+        text = text or f"{verdict.facts['photographs']} photographs, {verdict.facts['object_pixels']} pixels"
+        entry = Entry(name, "added", text, "added", (folder if link else place).resolve())
+        write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
+    return entry
+
+
+def contents_of(shelf: Path, entry: Entry) -> str:
+    """Return the checksums of a dataset that is there and unchanged.
+
+    Raises
+    ------
+    SceneError
+        Files have changed since it was made or added, or are gone.
+    """
+    if entry.state == "added":
+        expected = json.loads((shelf / ADDED / f"{entry.name}.json").read_text())["checksums"]
+    else:
+        expected = (entry.folder / FILE).read_text()
+    if not entry.folder.is_dir():
+        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, or remove {shelf / ADDED}.")
+    if said := differences(expected, entry.folder):
+        more = f" and {len(said) - 3} more" if len(said) > 3 else ""
+        do = (
+            "Put the files back, or add it under another name"
+            if entry.state == "added"
+            else "Remove it and make it again"
+        )
+        raise SceneError(f"{entry.folder}: {'; '.join(said[:3])}{more}, since it was put on the shelf. {do}.")
+    return expected
+
+
+def faults_text(folder: Path, faults: tuple[str, ...], doing: str = "") -> str:
+    """Return all faults of a dataset as one message."""
+    if len(faults) == 1:
+        return f"{folder}: {doing}{faults[0]}"
+    return f"{folder}: {doing}{len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in faults)
