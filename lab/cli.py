@@ -11,6 +11,7 @@ from cyclopts import App, Parameter
 from lab.datasets.command import dataset
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.studio.command import studio
 from lab.sweeps.command import sweep
 from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
@@ -191,7 +192,9 @@ def compare(
     /,
     *,
     out: Out = None,
-    method: Annotated[str | None, Parameter(help="Methods, with commas. Default: ls,iterative; of two folders, all.")] = None,
+    method: Annotated[
+        str | None, Parameter(help="Methods, with commas. Default: ls,iterative; of two folders, all.")
+    ] = None,
     profile: Profile = "default",
     external: External = None,
     external_timeout_s: ExternalTimeout = 3600.0,
@@ -247,6 +250,7 @@ def _tell_export(paths: list[Path], notes: list[str]) -> None:
 
 
 app.command(sweep, sort_key=10)
+app.command(studio, sort_key=12)
 app.command(dataset)
 
 

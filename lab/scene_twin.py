@@ -3,6 +3,8 @@
 import json as json_module
 import math
 import shutil
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -17,9 +19,12 @@ from scene.files import write_json
 from scene.store import Store
 
 FACTS = "rendering.json"
+Bar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
 
-def render_description(source: Path, out: Path | None, twin: TwinSettings, *, json: bool = False) -> Path:
+def render_description(
+    source: Path, out: Path | None, twin: TwinSettings, *, json: bool = False, bar: Bar = progress_bar
+) -> Path:
     """Render a scene description to a folder that `rgbn process` takes.
 
     Parameters
@@ -31,6 +36,8 @@ def render_description(source: Path, out: Path | None, twin: TwinSettings, *, js
     twin : TwinSettings
     json : bool
         Print the facts of the rendering as JSON.
+    bar : callable
+        Shows progress: given a label, a context that yields a callback (done, total).
 
     Returns
     -------
@@ -57,25 +64,25 @@ def render_description(source: Path, out: Path | None, twin: TwinSettings, *, js
         if done.get("mark") == mark:
             say(f"{scene.name}: rendered already")
         else:
-            done = {"mark": mark, **_render(scene, folder, twin.layers)}
+            done = {"mark": mark, **_render(scene, folder, twin.layers, bar)}
             write_json(folder.path(FACTS), done)
     print(json_module.dumps(folder.read_json(FACTS), indent=1) if json else path)
     return path
 
 
-def _render(scene: Any, folder: Store, apart: bool) -> dict[str, Any]:
+def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
     from twin.render import render_scene
     from twin.session import write_session
 
     # What is there is of another scene, or was not finished: its manifest goes first.
     folder.path("session.toml").unlink(missing_ok=True)
     shutil.rmtree(folder.path("flash"), ignore_errors=True)
-    with progress_bar("twin") as progress:
+    with bar("twin") as progress:
         rendered = render_scene(scene, apart=apart, store=folder, progress=progress, tell=say)
     for warning in rendered.warnings:
         say(f"warning: {warning}")
     mask, normals = (np.load(folder.path(f"truth_{name}.npy")) for name in ("mask", "normals"))
-    with progress_bar("write") as progress:
+    with bar("write") as progress:
         write_session(
             folder,
             rendered.frames,

@@ -1,0 +1,142 @@
+"""The panel of the files: open, save, undo; export for Mitsuba, render here with a progress bar and a stop button."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from lab.studio.desk import Desk
+from lab.studio.edits import start_scene
+from lab.studio.rendering import Progress, Rendering
+from scene.errors import SceneError
+
+NONE = "(no scene in the workspace)"
+FILE = "scene.toml"
+
+
+class FilesPanel:
+    """What goes to the disk and comes from it; all in the workspace."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, gui = desk, desk.client.gui
+        self._rendering: Rendering | None = None
+        with gui.add_folder("Scene"):
+            self._undo = desk.on_click(gui.add_button("Undo"), desk.undo)
+            self._redo = desk.on_click(gui.add_button("Redo"), desk.redo)
+            self._name = gui.add_text("name", desk.scene.name, hint="Folder in the workspace")
+            desk.on_click(gui.add_button("Save scene"), self._save_aloud)
+            self._file = gui.add_dropdown("scene", (NONE,))
+            desk.on_click(gui.add_button("Open scene"), self._open)
+            desk.on_click(gui.add_button("New scene"), self._new)
+        with gui.add_folder("Dataset"):
+            desk.on_click(gui.add_button("Export for Mitsuba"), self._export)
+            self._render = desk.on_click(gui.add_button("Render dataset", color="green"), self._start)
+            self._stop = desk.on_click(gui.add_button("Stop", color="red", disabled=True), self._halt)
+            self._bar = gui.add_progress_bar(0, visible=False)
+            self._status = gui.add_markdown("")
+        desk.on_close(self._close)
+        self._list_files()
+
+    def refresh(self) -> None:
+        """Show what can be taken back."""
+        history = self._desk.history
+        self._undo.disabled, self._redo.disabled = not history.past, not history.future
+        self._undo.label = f"Undo: {history.past[-1][0]}" if history.past else "Undo"
+        self._redo.label = f"Redo: {history.future[0][0]}" if history.future else "Redo"
+
+    def _list_files(self) -> None:
+        self._file.options = self._desk.workspace.files((".toml",)) or (NONE,)
+
+    def _save(self) -> Path:
+        """Write the scene into its folder, and return the description's path."""
+        from twin.description_check import check_scene
+        from twin.description_writer import write_scene
+
+        desk = self._desk
+        folder = desk.workspace.folder_for(self._name.value)
+        if (folder / FILE).exists() and folder != desk.folder:
+            raise SceneError(
+                f"{self._name.value}: holds another scene already. Open that first, or choose another name."
+            )
+        scene = replace(desk.scene, name=folder.name)
+        check_scene(scene)
+        path = write_scene(scene, folder)
+        desk.folder = folder
+        self._list_files()
+        return path
+
+    def _save_aloud(self) -> None:
+        self._desk.tell("Saved", self._desk.workspace.name(self._save()))
+
+    def _open(self) -> None:
+        from twin.description_file import read_scene
+
+        if self._file.value == NONE:
+            self._list_files()
+            return
+        path = self._desk.workspace.description(self._file.value)
+        scene = read_scene(path)
+        # Another file than the studio's own is not written over.
+        own = path.name == FILE
+        self._desk.restart(scene, path.parent if own else None)
+        self._name.value = self._desk.workspace.name(path.parent if own else path.with_suffix(""))
+
+    def _new(self) -> None:
+        self._desk.restart(start_scene(), None)
+        self._name.value = self._desk.scene.name
+
+    def _export(self) -> None:
+        from twin.mitsuba_files import write_mitsuba
+
+        path = self._save()
+        paths, notes = write_mitsuba(self._desk.scene, path.parent / "export")
+        first = self._desk.scene.lights.names[0]
+        command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"
+        where = self._desk.workspace.name(paths[0].parent)
+        self._status.content = "\n\n".join([f"Exported {len(paths) - 1} lights to `{where}`.", f"`{command}`", *notes])
+
+    def _start(self) -> None:
+        if self._rendering is not None:
+            raise SceneError("a dataset is being rendered. Stop it first, or wait.")
+        path = self._save()
+        out = path.parent / "dataset"
+        where = self._desk.workspace.name(out)
+        self._bar.value, self._bar.visible, self._stop.disabled, self._render.disabled = 0, True, False, True
+        self._status.content = f"Rendering {len(self._desk.scene.lights)} frames into `{where}` ..."
+        post = self._desk.post
+        self._rendering = Rendering(
+            path,
+            out,
+            lambda progress: post(lambda: self._tell(progress)),
+            lambda fault: post(lambda: self._end(fault, where)),
+        )
+
+    def _tell(self, progress: Progress) -> None:
+        if self._rendering is None:
+            return
+        if progress.total:
+            self._bar.value = 100 * progress.done / progress.total
+            self._status.content = f"{progress.label}: {progress.done} of {progress.total}"
+        else:
+            self._status.content = progress.label
+
+    def _end(self, fault: str, where: str) -> None:
+        self._idle()
+        if fault:
+            self._status.content = "Not rendered."
+            self._desk.tell_fault(fault)
+        else:
+            self._status.content = f"Rendered into `{where}`. Solve it with `rgbn process {where}`."
+            self._desk.tell("Rendered", where)
+
+    def _halt(self) -> None:
+        if self._rendering is not None:
+            self._rendering.stop()
+            self._idle()
+            self._status.content = "Stopped. What was rendered is kept; **Render dataset** goes on from there."
+
+    def _idle(self) -> None:
+        self._rendering = None
+        self._bar.visible, self._stop.disabled, self._render.disabled = False, True, False
+
+    def _close(self) -> None:
+        if self._rendering is not None:
+            self._rendering.stop()

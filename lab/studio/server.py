@@ -1,0 +1,167 @@
+"""The studio's server: viser on the loopback address, a desk for each browser that comes."""
+
+import contextlib
+import inspect
+import io
+from pathlib import Path
+from typing import Any
+
+from lab.studio.camera_panel import CameraPanel
+from lab.studio.desk import Desk
+from lab.studio.edits import start_scene
+from lab.studio.files_panel import FilesPanel
+from lab.studio.lights_panel import LightsPanel
+from lab.studio.materials_panel import MaterialsPanel
+from lab.studio.objects_panel import ObjectsPanel
+from lab.studio.preview import Preview
+from lab.studio.preview_panel import PreviewPanel
+from lab.studio.stage import Stage
+from lab.studio.workspace import Workspace
+from scene.errors import SceneError
+from twin.description import TwinScene
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+WARM = -1
+"""The desk of nobody."""
+
+
+class Studio:
+    """A server that runs until it is closed.
+
+    Parameters
+    ----------
+    workspace : Workspace
+    host : str
+    port : int
+        0: one that is free.
+    scene : TwinScene or None
+        What each browser begins with; None: a new scene.
+    folder : Path or None
+        Of that scene.
+
+    Raises
+    ------
+    SceneError
+        The port is taken, or the address is none of this machine's.
+
+    Notes
+    -----
+    A browser sends the page that a script came from as `Origin`; others than this server's are turned away, so that
+    no page on the web can speak to a studio on the loopback address. viser's way to share a studio through a relay on
+    the web is shut.
+    """
+
+    def __init__(
+        self,
+        workspace: Workspace,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 8080,
+        scene: TwinScene | None = None,
+        folder: Path | None = None,
+    ) -> None:
+        import viser
+
+        _check_free(host, port)
+        self._workspace, self._scene, self._folder = workspace, scene, folder
+        self._desks: dict[int, Desk] = {}
+        with _own_pages_only(host), contextlib.redirect_stdout(io.StringIO()):
+            self._server = viser.ViserServer(host=host, port=port, label="rgbn studio", verbose=False)
+        self._server.request_share_url = lambda verbose=True: None
+        self._server.scene.set_up_direction("+y")
+        self._server.scene.world_axes.visible = False
+        self._server.gui.configure_theme(show_logo=False, show_share_button=False)
+        self.preview = Preview()
+        # Kernels are compiled before the first browser waits for them.
+        self.preview.wish(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
+        self._server.on_client_connect(self._come)
+        self._server.on_client_disconnect(self._go)
+
+    @property
+    def address(self) -> str:
+        """Where a browser finds it."""
+        host = self._server.get_host()
+        return f"http://{f'[{host}]' if ':' in host else host}:{self._server.get_port()}"
+
+    @property
+    def desks(self) -> list[Desk]:
+        """Of the browsers that are here."""
+        return list(self._desks.values())
+
+    def close(self) -> None:
+        """Send the browsers away and stop."""
+        for desk in self.desks:
+            desk.close()
+        self._desks.clear()
+        self.preview.close()
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def _come(self, client: Any) -> None:
+        desk = Desk(client, self._workspace, self.preview, self._scene, self._folder)
+        self._desks[client.client_id] = desk
+        desk.post(lambda: _furnish(desk))
+
+    def _go(self, client: Any) -> None:
+        desk = self._desks.pop(client.client_id, None)
+        if desk is not None:
+            desk.close()
+
+
+def _furnish(desk: Desk) -> None:
+    """Put the panels on a desk."""
+    gui = desk.client.gui
+    gui.main_panel.dock_right()
+    gui.main_panel.set_width(340)
+    desk.panels.append(PreviewPanel(desk))
+    tabs = gui.add_tab_group()
+    for label, panel in (("Objects", ObjectsPanel), ("Material", MaterialsPanel), ("Lights", LightsPanel),
+                         ("Camera", CameraPanel), ("File", FilesPanel)):  # fmt: skip
+        with tabs.add_tab(label):
+            desk.panels.append(panel(desk))
+    desk.panels.append(Stage(desk))
+    desk.refresh()
+
+
+def _check_free(host: str, port: int) -> None:
+    """Raise where the port cannot be had: viser would quietly take another."""
+    import socket
+
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, port))
+        except OSError as error:
+            raise SceneError(
+                f"--host {host} --port {port}: cannot be used ({error.strerror}). Choose another with --port, or 0 for "
+                "one that is free."
+            ) from error
+
+
+@contextlib.contextmanager
+def _own_pages_only(host: str) -> Any:
+    """Have the server that is made within turn away pages of other origins, and names that are not this machine's."""
+    import websockets.asyncio.server as made
+
+    serve = made.serve
+
+    def guarded(handler: Any, host: str, port: int, **options: Any) -> Any:
+        answer = options.pop("process_request")
+
+        async def checked(connection: Any, request: Any) -> Any:
+            named = request.headers.get("Host", "")
+            origin = request.headers.get("Origin")
+            is_ours = origin is None or origin.partition("//")[2] == named
+            if not is_ours or (host in LOOPBACK and named.rpartition(":")[0].strip("[]") not in LOOPBACK):
+                return connection.respond(403, "rgbn studio: this page may not speak to it.\n")
+            found = answer(connection, request)
+            return await found if inspect.isawaitable(found) else found
+
+        return serve(handler, host, port, process_request=checked, **options)
+
+    made.serve = guarded  # type: ignore[assignment]
+    try:
+        yield
+    finally:
+        made.serve = serve  # type: ignore[assignment]

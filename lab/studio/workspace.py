@@ -1,0 +1,149 @@
+"""The folder that the studio works in: nothing outside of it is read or written by what the browser asks for."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from scene.errors import SceneError
+from scene.files import write_whole
+
+MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
+PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
+MOST_FILES = 300
+"""That a list shows; more would only be scrolled through."""
+UPLOADS = "uploads"
+_FILE_KEYS = {"mesh", "pose", "file", "map"}
+"""Keys of a scene description that name files."""
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """A folder, and paths in it as the browser says them: relative, with slashes.
+
+    Parameters
+    ----------
+    root : Path
+        Resolved.
+    """
+
+    root: Path
+
+    @classmethod
+    def at(cls, folder: Path) -> "Workspace":
+        """Return the workspace of a folder that is there.
+
+        Raises
+        ------
+        SceneError
+            It is none.
+        """
+        if not folder.is_dir():
+            raise SceneError(f"--workspace {folder}: not a folder. Make it first, or name another.")
+        return cls(folder.resolve())
+
+    def path(self, name: str | Path) -> Path:
+        """Return the path of a name, links followed.
+
+        Raises
+        ------
+        SceneError
+            The name is empty, or leads out of the workspace.
+        """
+        found = (self.root / name).resolve()
+        if not str(name).strip() or "\0" in str(name) or not found.is_relative_to(self.root):
+            raise SceneError(
+                f"{str(name)!r}: lies outside of the workspace {self.root}. Move it there, or start the studio with "
+                "--workspace FOLDER."
+            )
+        return found
+
+    def folder_for(self, name: str) -> Path:
+        """Return the folder, new or old, that a name given in the browser means; not the workspace itself."""
+        found = self.path(name)
+        if found == self.root:
+            raise SceneError(f"{name!r}: is the workspace itself. Name a folder in it.")
+        if found.exists() and not found.is_dir():
+            raise SceneError(f"{name!r}: is a file. Name another folder.")
+        return found
+
+    def name(self, path: Path) -> str:
+        """Return what the browser calls a path."""
+        return path.resolve().relative_to(self.root).as_posix()
+
+    def files(self, suffixes: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the names of the files that end so, sorted; hidden folders and the frames of renderings left out."""
+        found = []
+        for path in self._walk(self.root, depth=4):
+            if path.suffix.lower() in suffixes:
+                found.append(self.name(path))
+                if len(found) == MOST_FILES:
+                    break
+        return tuple(sorted(found))
+
+    def folders_with(self, file: str) -> tuple[str, ...]:
+        """Return the names of the folders that hold a file of this name, sorted."""
+        found = (self.name(path.parent) for path in self._walk(self.root, depth=4) if path.name == file)
+        return tuple(sorted(set(found)))[:MOST_FILES]
+
+    def keep_upload(self, name: str, content: bytes) -> str:
+        """Write what the browser sent into `uploads/`, and return its name in the workspace.
+
+        Raises
+        ------
+        SceneError
+            Its kind is none that the studio reads.
+        """
+        stem, suffix = re.sub(r"[^\w.-]+", "_", Path(name).stem).strip("."), Path(name).suffix.lower()
+        if suffix not in (*MESHES, *PICTURES) or not stem:
+            kinds = ", ".join(dict.fromkeys((*MESHES, *PICTURES)))
+            raise SceneError(f"{name}: cannot be used here; expected one of {kinds}.")
+        path = self.path(f"{UPLOADS}/{stem}{suffix}")
+        with write_whole(path) as file:
+            file.write(content)
+        return self.name(path)
+
+    def description(self, name: str) -> Path:
+        """Return the path of a scene description, all of whose files lie in the workspace too.
+
+        Raises
+        ------
+        SceneError
+            It, or a file that it names, lies outside. Other faults are left to its reader.
+        """
+        path = self.path(name)
+        try:
+            data = tomllib.loads(path.read_text())
+        except (OSError, ValueError):
+            return path
+        for file in _files_of(data):
+            try:
+                self.path(path.parent / file)
+            except SceneError as error:
+                raise SceneError(f"{path}: names {error}") from None
+        return path
+
+    def _walk(self, folder: Path, depth: int) -> Iterator[Path]:
+        try:
+            inside = sorted(folder.iterdir())
+        except OSError:
+            return
+        for path in inside:
+            if path.name.startswith(".") or path.is_symlink():
+                continue
+            if path.is_file():
+                yield path
+            elif depth and path.is_dir() and path.name not in ("flash", "node_modules", "__pycache__"):
+                yield from self._walk(path, depth - 1)
+
+
+def _files_of(data: Any) -> Iterator[str]:
+    """Yield every value of a key that names a file, wherever it stands."""
+    items = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for key, value in items:
+        if key in _FILE_KEYS and isinstance(value, str):
+            yield value
+        else:
+            yield from _files_of(value)
