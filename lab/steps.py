@@ -74,6 +74,7 @@ def calibrate(job: Job) -> Outcome:
     calibration = {
         "highlights_px": found.highlights_px,
         "rejected": found.rejected,
+        "position_covariance_mm2": found.position_covariance_mm2,
         "evidence": found.evidence,
         "warnings": found.warnings,
     }
@@ -206,7 +207,7 @@ def _truth_check(job: Job) -> dict:
 
 
 def material_method(job: Job) -> str:
-    """Return the method whose albedo becomes the twin's material: the one that gloss disturbs least."""
+    """Return the method whose albedo a twin has whose material cannot be fitted: the one that gloss disturbs least."""
     return "iterative" if "iterative" in job.methods else job.methods[0]
 
 
