@@ -52,8 +52,9 @@ class Workspace:
         SceneError
             The name is empty, or leads out of the workspace.
         """
-        found = (self.root / name).resolve()
-        if not str(name).strip() or "\0" in str(name) or not found.is_relative_to(self.root):
+        is_name = bool(str(name).strip()) and "\0" not in str(name)
+        found = (self.root / name).resolve() if is_name else self.root
+        if not is_name or not found.is_relative_to(self.root):
             raise SceneError(
                 f"{str(name)!r}: lies outside of the workspace {self.root}. Move it there, or start the studio with "
                 "--workspace FOLDER."

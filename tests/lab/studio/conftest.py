@@ -1,0 +1,118 @@
+"""Chromium for the studio's tests, and where things stand on its screen."""
+
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lab.studio.placement import rotation_of
+
+ARGUMENTS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+PATIENCE_S = 120
+"""For what comes in the end, however busy the machine is."""
+SHOTS = Path(__file__).parents[3] / "out" / "studio"
+"""Where screenshots are left to be looked at."""
+VIEW = {"width": 1100, "height": 640}
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """The system's Chromium, driven by Playwright."""
+    path = os.environ.get("RGBN_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium, or name one in RGBN_CHROMIUM")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+class Visitor:
+    """A browser's window at a studio, and the desk that it works on."""
+
+    def __init__(self, chromium, studio):
+        self.asked = []
+        known = {desk.client.client_id for desk in studio.desks}
+        self.page = chromium.new_page(viewport=VIEW)
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("websocket", lambda socket: self.asked.append(socket.url))
+        self.page.goto(studio.address)
+        self.button("Load model").wait_for(timeout=1000 * PATIENCE_S)
+        (self.desk,) = (desk for desk in studio.desks if desk.client.client_id not in known)
+
+    def button(self, name):
+        """Return a button by its words."""
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def tab(self, name):
+        """Turn to a tab."""
+        self.page.get_by_role("tab", name=name, exact=True).click()
+
+    def see(self, text):
+        """Wait until a text is there."""
+        self.page.get_by_text(text).first.wait_for(timeout=1000 * PATIENCE_S)
+
+    def send(self, button, path):
+        """Send a file by a button."""
+        with self.page.expect_file_chooser() as chooser:
+            self.button(button).click()
+        chooser.value.set_files(path)
+
+    def until(self, condition, what):
+        """Wait until something is so; the browser goes on meanwhile."""
+        for _ in range(PATIENCE_S * 20):
+            if condition():
+                return
+            self.page.wait_for_timeout(50)
+        pytest.fail(f"{what}: not within {PATIENCE_S} s")
+
+    def on_screen(self, point):
+        """Return where on the page a point (3,) of the 3-D view is seen, px."""
+        camera, box = self.desk.client.camera, self.page.locator("canvas").first.bounding_box()
+        x, y, z = rotation_of(camera.wxyz).T @ (np.asarray(point, float) - camera.position)
+        focal = box["height"] / 2 / np.tan(camera.fov / 2)
+        return np.array([box["x"] + box["width"] / 2 + focal * x / z, box["y"] + box["height"] / 2 + focal * y / z])
+
+    def drag(self, start, end):
+        """Press, move in steps as a hand does, let go."""
+        mouse = self.page.mouse
+        mouse.move(*start)
+        self.page.wait_for_timeout(300)
+        mouse.down()
+        for part in np.linspace(0, 1, 9)[1:]:
+            mouse.move(*(start + part * (end - start)))
+            self.page.wait_for_timeout(60)
+        mouse.up()
+
+    def keep(self, name):
+        """Leave a screenshot to be looked at."""
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SHOTS / f"{name}.png")
+
+
+@pytest.fixture
+def visit(chromium):
+    """Return what opens a window at a studio; all are closed in the end."""
+    windows = []
+
+    def opened(studio):
+        windows.append(Visitor(chromium, studio))
+        return windows[-1]
+
+    yield opened
+    for one in windows:
+        if not one.page.is_closed():
+            one.page.close()

@@ -1,0 +1,60 @@
+"""A dataset rendered in its own process: told how far it is, stopped, gone on with, and its faults."""
+
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab.studio import edits, light_edits
+from lab.studio.rendering import Rendering
+from twin.description import Sampling
+from twin.description_tables import RingTable
+from twin.description_writer import write_scene
+
+pytestmark = [pytest.mark.render, pytest.mark.xdist_group("studio")]
+
+
+def small_scene(folder, samples):
+    scene = edits.with_camera(edits.start_scene(), width=48, height=36, focal_px=120.0, orthographic=False)
+    scene = light_edits.with_lights(scene, [RingTable(kind="ring", count=6, polar_deg=40)], None)
+    return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
+
+
+def test_a_rendering_is_stopped_and_goes_on(tmp_path):
+    """What was rendered when it was stopped is kept, and the whole is as if it had never been stopped."""
+    scene = small_scene(tmp_path / "scene", samples=1600)
+    told, ended, first = [], [], threading.Event()
+
+    def tell(progress):
+        told.append(progress)
+        if progress.label == "twin" and progress.done >= 1:
+            first.set()
+
+    stopped = Rendering(scene, tmp_path / "a", tell, ended.append)
+    assert first.wait(240), told
+    stopped.stop()
+    assert not ended, "a stop is no end"
+    assert not (tmp_path / "a" / "session.toml").exists()
+    assert (tmp_path / "a" / "unfinished_twin").is_dir()
+
+    told.clear()
+    Rendering(scene, tmp_path / "a", tell, ended.append).wait()
+    assert ended == [""]
+    counts = [progress.done for progress in told if progress.label == "twin"]
+    assert counts[0] >= 1, "it goes on from what was done"
+    assert counts == sorted(counts)
+    assert counts[-1] == 6
+    Rendering(scene, tmp_path / "b", tell, ended.append).wait()
+    a, b = (np.load(tmp_path / name / "frames" / "codes.npy") for name in "ab")
+    assert np.array_equal(a, b)
+
+
+def test_a_fault_is_told(tmp_path):
+    scene = small_scene(tmp_path, samples=4)
+    scene.write_text(scene.read_text().replace('kind = "distant"', 'kind = "distand"', 1))
+    ended = []
+    Rendering(scene, tmp_path / "out", lambda progress: None, ended.append).wait()
+    assert len(ended) == 1
+    assert "distand" in ended[0]
+    assert not (tmp_path / "out").exists()
