@@ -21,6 +21,7 @@ demo: setup
 	@$(BIN)/rgbn demo
 
 test: setup
+	@$(PYTHON) lab/system_libraries.py --browser
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -q
 
 lint: setup

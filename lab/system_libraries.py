@@ -1,7 +1,7 @@
 """Shared libraries of the operating system that Open3D and Mitsuba load and no package of PyPI brings.
 
 Run by `make setup` before anything is installed, hence the standard library alone: installs what is missing where
-it may (root, or sudo without a password), and else says which command to run.
+it may (root, or sudo without a password), and else says which command to run. `make test` runs it with `--browser`.
 """
 
 import ctypes
@@ -63,6 +63,16 @@ def main() -> int:
     return 0
 
 
+def have_browser() -> int:
+    """Install the Chromium that the studio is tested in, where that may be; its tests are skipped without."""
+    command = _installer() if sys.platform == "linux" and not shutil.which("chromium") else []
+    if command:
+        print("installing Chromium for the tests of the studio", flush=True)
+        _quietly([*command, "update", "-qq"])
+        _quietly([*command, "install", "-y", "-qq", "--no-install-recommends", "chromium"])
+    return 0
+
+
 def absent_files(libraries: dict[str, str]) -> list[str]:
     """Like `absent`, by file: loading an LLVM into this process would be a waste."""
     known = subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=False).stdout
@@ -86,4 +96,4 @@ def _installer() -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(have_browser() if "--browser" in sys.argv else main())
