@@ -15,6 +15,8 @@ from lab.studio.materials_panel import MaterialsPanel
 from lab.studio.objects_panel import ObjectsPanel
 from lab.studio.preview import Preview
 from lab.studio.preview_panel import PreviewPanel
+from lab.studio.review.desk import ReviewDesk
+from lab.studio.review.panels import furnish
 from lab.studio.stage import Stage
 from lab.studio.workspace import Workspace
 from scene.errors import SceneError
@@ -38,6 +40,8 @@ class Studio:
         What each browser begins with; None: a new scene.
     folder : Path or None
         Of that scene.
+    review : tuple of Path and Path or None, or None
+        An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
 
     Raises
     ------
@@ -59,21 +63,25 @@ class Studio:
         port: int = 8080,
         scene: TwinScene | None = None,
         folder: Path | None = None,
+        review: tuple[Path, Path | None] | None = None,
     ) -> None:
         import viser
 
         _check_free(host, port)
-        self._workspace, self._scene, self._folder = workspace, scene, folder
+        self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
         self._desks: dict[int, Desk] = {}
         with _own_pages_only(host), contextlib.redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host=host, port=port, label="rgbn studio", verbose=False)
         self._server.request_share_url = lambda verbose=True: None
         self._server.scene.set_up_direction("+y")
         self._server.scene.world_axes.visible = False
+        # Shadows of the view's own lamps would be taken for those of the scene's lights, and they cost time.
+        self._server.scene.configure_default_lights(cast_shadow=False)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.preview = Preview()
         # Kernels are compiled before the first browser waits for them.
-        self.preview.wish(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
+        if review is None:
+            self.preview.wish(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
         self._server.on_client_connect(self._come)
         self._server.on_client_disconnect(self._go)
 
@@ -98,9 +106,14 @@ class Studio:
             self._server.stop()
 
     def _come(self, client: Any) -> None:
-        desk = Desk(client, self._workspace, self.preview, self._scene, self._folder)
+        desk = self._desk_for(client)
         self._desks[client.client_id] = desk
         desk.post(lambda: _furnish(desk))
+
+    def _desk_for(self, client: Any) -> Desk:
+        if self._review is None:
+            return Desk(client, self._workspace, self.preview, self._scene, self._folder)
+        return ReviewDesk(client, self._workspace, self.preview, *self._review)
 
     def _go(self, client: Any) -> None:
         desk = self._desks.pop(client.client_id, None)
@@ -110,6 +123,9 @@ class Studio:
 
 def _furnish(desk: Desk) -> None:
     """Put the panels on a desk."""
+    if isinstance(desk, ReviewDesk):
+        furnish(desk)
+        return
     gui = desk.client.gui
     gui.main_panel.dock_right()
     gui.main_panel.set_width(340)
