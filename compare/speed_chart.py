@@ -18,7 +18,14 @@ COLOURS = {"calibrated": "#0072B2", "uncalibrated": "#D55E00", "external": "#007
 """A second sign beside the shape; after [Okabe2008], the green darkened for thin outlines."""
 
 
-def speed_chart(points: Sequence[SpeedPoint], *, label: str = "Time against median angular error") -> str:
+def speed_chart(
+    points: Sequence[SpeedPoint],
+    *,
+    label: str = "Time against median angular error",
+    kinds: tuple[str, str] = ("photographs", "twin"),
+    hollow: str = "the same method on the twin",
+    is_twin_in_front: bool = False,
+) -> str:
     """Return the chart, both axes logarithmic: left and low is better.
 
     Parameters
@@ -28,6 +35,12 @@ def speed_chart(points: Sequence[SpeedPoint], *, label: str = "Time against medi
         hollow and tied to it.
     label : str
         What the chart is, for who cannot see it.
+    kinds : (str, str)
+        What `real` and `twin` points are, in the words of who points at one.
+    hollow : str
+        Likewise of `twin`, in the legend.
+    is_twin_in_front : bool
+        The Pareto front is that of all points, not of the real ones.
 
     Returns
     -------
@@ -40,7 +53,7 @@ def speed_chart(points: Sequence[SpeedPoint], *, label: str = "Time against medi
     at = {(p.method, p.kind): (x_of(p.seconds), y_of(p.median_deg)) for p in points}
     named = {p.method: p for p in sorted(points, key=lambda p: p.kind != "twin")}
     ties = [(at[name, "real"], at[name, "twin"]) for name in named if (name, "real") in at and (name, "twin") in at]
-    front = pareto_front([p for p in points if p.kind == "real"] or points)
+    front = pareto_front([p for p in points if p.kind == "real" or is_twin_in_front] or points)
     steps = _steps([at[p.method, p.kind] for p in front])
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
@@ -67,7 +80,7 @@ def speed_chart(points: Sequence[SpeedPoint], *, label: str = "Time against medi
         parts += _leader(np.array([x, y]), middle, np.array(size) / 2)
     # Hollow marks first: where real and twin coincide the real one is to be seen.
     for point in sorted(points, key=lambda p: p.kind == "real"):
-        words = f"{point.method}, {'photographs' if point.kind == 'real' else 'twin'}: "
+        words = f"{point.method}, {kinds[point.kind == 'twin']}: "
         words += f"{point.seconds:.3g} s per megapixel-image, median {point.median_deg:.2f}°"
         mark = _mark(*at[point.method, point.kind], point.family, hollow=point.kind == "twin")
         parts.append(f'<g class="{point.kind} {point.family}"><title>{escape(words)}</title>{mark}</g>')
@@ -76,7 +89,7 @@ def speed_chart(points: Sequence[SpeedPoint], *, label: str = "Time against medi
             f'<text class="name" x="{x:.1f}" y="{y + 0.36 * FONT:.1f}" text-anchor="middle" fill="#1d2329" '
             f'stroke="white" stroke-width="3" paint-order="stroke" stroke-linejoin="round">{escape(name)}</text>'
         )
-    return "\n".join([*parts, *_legend(points), "</svg>"]) + "\n"
+    return "\n".join([*parts, *_legend(points, hollow), "</svg>"]) + "\n"
 
 
 def _axis(values: list[float], start: float, end: float):
@@ -136,14 +149,14 @@ def _leader(point: np.ndarray, middle: np.ndarray, half: np.ndarray) -> list[str
     return [f'<path d="M{edge[0]:.1f} {edge[1]:.1f}L{point[0]:.1f} {point[1]:.1f}" stroke="#555" stroke-width="0.8"/>']
 
 
-def _legend(points: Sequence[SpeedPoint]) -> list[str]:
+def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
     """Return what the marks mean; only those that are there."""
     items = [
         (family, _mark(0, 0, family, hollow=False)) for family in COLOURS if any(p.family == family for p in points)
     ]
     if any(p.kind == "twin" for p in points):
         family = items[0][0]
-        items.append(("hollow: the same method on the twin", _mark(0, 0, family, hollow=True)))
+        items.append((f"hollow: {hollow}", _mark(0, 0, family, hollow=True)))
     dots = '<path d="M-10 0h20" stroke="#777" stroke-width="1.5" stroke-dasharray="2 4"/>'
     items.append(("Pareto front: no other is both faster and more accurate", dots))
     parts, x, y = [], LEFT + 8, BOTTOM + 64

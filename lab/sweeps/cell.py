@@ -2,14 +2,17 @@
 
 import base64
 import time
+from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from multiprocessing import parent_process
+from contextlib import contextmanager
 from threading import Lock
 from typing import Any
 
 import numpy as np
 
-from lab.sweeps.recipe import Cell
+from lab.sweeps.error_kinds import error_kinds
+from lab.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
+from lab.sweeps.recipe import Cell, code_hash
 from scene.errors import SceneError
 from solve.solve import UNCALIBRATED, solve
 
@@ -24,25 +27,25 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     Returns
     -------
     dict
-        rows: one for each method and profile, see `_row`. seconds: their time. picture: a frame, PNG in base64.
+        rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
+        base64. code: hash of the code that made them, as this process has it.
     """
-    with _ONE_AT_A_TIME, ThreadPoolExecutor(1) as one_core:
-        _pin()
-        start = time.perf_counter()
+    with _ONE_AT_A_TIME, _one_thread(), ThreadPoolExecutor(1) as one_core:
+        start = time.process_time()
         try:
             from lab.sweeps.photographs import photograph
 
             photographs = photograph(cell.recipe)
         except Exception as error:
             return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
-        made = time.perf_counter() - start
+        made = time.process_time() - start
         rows, seconds = [], [{**_key(cell, "", ""), "seconds": made}]
         for method in cell.methods:
             for profile in cell.profiles:
                 row, taken = _row(cell, photographs, method, profile, one_core)
                 rows.append(row)
                 seconds.append({**_key(cell, method, profile), "seconds": taken})
-        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs)}
+        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_hash()}
 
 
 def failed_rows(cell: Cell, why: str) -> list[dict[str, Any]]:
@@ -65,7 +68,25 @@ def _key(cell: Cell, method: str, profile: str) -> dict[str, Any]:
 def _row(
     cell: Cell, photographs: Any, method: str, profile: str, executor: Executor
 ) -> tuple[dict[str, Any], float | None]:
-    """Return the row of one method with one profile, and its seconds.
+    """Return the row of one method with one profile, and its processor seconds."""
+    p, key, start = photographs, _key(cell, method, profile), time.process_time()
+    if cell.experiment in PERTURBATIONS:
+        if not is_told(method, cell.experiment):
+            return {**key, "status": "not told"}, None
+        strength, estimate = breaking_point(p, cell, method, profile, executor)
+        taken = time.process_time() - start
+        row = {"status": "ok"} if estimate is None else measured(p, method, estimate)
+        return {**key, **row, "breaks_at": strength}, taken
+    try:
+        estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
+    except Exception as error:
+        return {**key, "status": f"failed: {_why(error)}"}, None
+    taken = time.process_time() - start
+    return {**key, **measured(p, method, estimate)}, taken
+
+
+def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:
+    """Return an estimate's columns of the table, by the truth.
 
     Notes
     -----
@@ -76,26 +97,21 @@ def _row(
     from scene.normals import angular_error_deg
 
     p = photographs
-    key = _key(cell, method, profile)
-    try:
-        estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
-    except Exception as error:
-        return {**key, "status": f"failed: {_why(error)}"}, None
     numbers = angular_statistics(angular_error_deg(estimate.normals, p.normals)[p.mask])
     found, true = estimate.albedo[p.mask].astype(np.float64), p.albedo[p.mask].astype(np.float64)
     ratio = found / true
     known = ratio[np.isfinite(ratio)]
     if method in UNCALIBRATED and known.size and np.median(known) > 0:
         known = known / np.median(known)
-    row = {
-        **key,
+    return {
         "status": "ok" if numbers["pixels"] else "failed: no pixel has a normal",
         **numbers,
+        **error_kinds(estimate.normals[p.mask], p.normals[p.mask]),
         "albedo_error_percent": 100 * float(np.mean(np.abs(known - 1))) if known.size else None,
         "unanswered": 1 - int(numbers["pixels"]) / int(p.mask.sum()),
+        "frames": len(p.frames),
         "doubts": " ".join(estimate.warnings),
     }
-    return row, estimate.seconds
 
 
 def _why(error: Exception) -> str:
@@ -104,15 +120,24 @@ def _why(error: Exception) -> str:
     return text if isinstance(error, SceneError) else f"{type(error).__name__}: {text}"
 
 
-def _pin() -> None:
-    """Keep a worker process to one core: its neighbours have the others."""
-    if parent_process() is None:
-        return
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Hold rendering and image processing to one thread: neighbours have the other cores.
+
+    And the same cell shall give the same bytes: Dr.Jit's threads add to the samples of one pixel in the order in which
+    they come, and float32 sums depend on it. What was set before is set again.
+    """
     import cv2
     import drjit
 
+    before = cv2.getNumThreads(), drjit.thread_count()
     cv2.setNumThreads(1)
     drjit.set_thread_count(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before[0])
+        drjit.set_thread_count(before[1])
 
 
 def _picture(photographs: Any) -> str:

@@ -5,7 +5,11 @@ from pathlib import Path
 from typing import Any
 
 from compare.line_chart import line_chart
+from compare.speed_chart import speed_chart
+from lab.sweeps.atlas import atlas
 from lab.sweeps.experiments import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
+from lab.sweeps.pareto import speed_points
+from lab.sweeps.stability import stability, strips, tolerances
 from lab.sweeps.summary import (
     STATISTICS,
     Rows,
@@ -28,11 +32,15 @@ STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em a
 table{border-collapse:collapse;font-size:13px}th,td{padding:2px 8px;text-align:right;border-bottom:1px solid #e3e7ea}
 th:first-child{text-align:left}td span{display:block}.seed{color:#005a94}.theirs{color:#777}.scroll{overflow-x:auto}
 .level{display:inline-block;text-align:center;font-size:12px;margin:0 4px 8px 0}.level img{display:block}
-.charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}"""
+.charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}
+figure{margin:0;max-width:760px}figcaption{font-size:13px;color:#555}
+.atlas{width:min(1500px,96vw);margin-left:calc(50% - min(750px,48vw))}"""
 
 
-def write_page(folder: Path, rows: Rows, found: list[dict[str, Any]]) -> None:
-    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, and statistics.json.
+def write_page(
+    folder: Path, rows: Rows, found: list[dict[str, Any]], *, perturbed: Rows | None = None, seconds: Rows | None = None
+) -> None:
+    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, atlas.svg, speed.svg, statistics.json and stability.json.
 
     Parameters
     ----------
@@ -41,7 +49,10 @@ def write_page(folder: Path, rows: Rows, found: list[dict[str, Any]]) -> None:
         Of results.parquet.
     found : list of dict
         The cells' files, for their pictures.
+    perturbed, seconds : list of dict
+        Of perturbations.parquet and seconds.parquet.
     """
+    perturbed, seconds = perturbed or [], seconds or []
     ours = statistics(rows)
     there = [one for one in EXPERIMENTS.values() if any(row["experiment"] == one.name for row in rows)]
     solvers = list(dict.fromkeys(row["solver"] for row in rows))
@@ -50,6 +61,8 @@ def write_page(folder: Path, rows: Rows, found: list[dict[str, Any]]) -> None:
         "<!doctype html><html lang='en'><meta charset='utf-8'><title>Sweeps</title>",
         f"<style>{STYLE}</style><h1>Where photometric stereo fails</h1>",
         f"<p>{len(found)} cells, {sum(row['status'] != 'ok' for row in rows)} of {len(rows)} results failed.</p>",
+        *_stability(folder, rows, perturbed),
+        _speed(folder / "speed.svg", rows, seconds, there),
         _correlation_words(correlations),
         _table(ours, there, solvers),
     ]
@@ -59,6 +72,7 @@ def write_page(folder: Path, rows: Rows, found: list[dict[str, Any]]) -> None:
             chart = _chart(rows, one, solvers, name)
             write_text(folder / f"{one.name}-{name}.svg", chart)
             charts.append(chart)
+        charts.append(_speed(folder / f"{one.name}-speed.svg", rows, seconds, [one]))
         parts.append(f"<h2>{escape(one.label)}</h2>{_pictures(found, one)}<div class='charts'>{''.join(charts)}</div>")
         parts.append(_failures(rows, one))
     write_text(folder / "index.html", "\n".join(parts))
@@ -72,6 +86,48 @@ def write_page(folder: Path, rows: Rows, found: list[dict[str, Any]]) -> None:
             ],
         },
     )
+
+
+def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
+    """Write atlas.svg and stability.json; return the page's section on them."""
+    found = stability(rows, perturbed)
+    picture = atlas(strips(rows), tolerances(perturbed))
+    write_text(folder / "atlas.svg", picture)
+    write_json(folder / "stability.json", found)
+    shapes = ", ".join(dict.fromkeys(row["shape"] for row in rows))
+    lines = "".join(
+        f"<tr><th>{escape(one['solver'])}, {escape(one['profile'])}</th>"
+        f"<td>{_share(one['broken_doubted'], one['broken'])}</td>"
+        f"<td>{_share(one['whole_doubted'], one['whole'])}</td></tr>"
+        for one in found["doubts"]
+    )
+    return [
+        f"<h2>What breaks whom</h2><div class='atlas'>{picture}</div>"
+        f"<p>Of each level the median over {escape(shapes)} "
+        "(the experiment's own shapes) and draws. The smallest error of lights, intensities or ambient light: "
+        "bisection of a random perturbation's strength on a matte pear under a dome; median and quartiles over "
+        "draws.</p>",
+        "<details><summary>Do the methods know it? How often they doubt their results</summary>"
+        f"<table><tr><th></th><th>of the broken</th><th>of the others</th></tr>{lines}</table></details>",
+    ]
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} of {whole} ({100 * part / whole:.0f} %)" if whole else "–"
+
+
+def _speed(path: Path, rows: Rows, seconds: Rows, experiments: list[Experiment]) -> str:
+    """Write a chart of speed against accuracy over some experiments; return it as a figure, nothing without times."""
+    points = speed_points(rows, seconds, [one.name for one in experiments])
+    if not points:
+        return ""
+    words = experiments[0].label if len(experiments) == 1 else "all experiments"
+    label = f"Processor time against median angular error, {words}"
+    chart = speed_chart(
+        points, label=label, kinds=("default", "seed"), hollow="the same method, profile seed", is_twin_in_front=True
+    )
+    write_text(path, chart)
+    return f"<figure><figcaption>{escape(label)}</figcaption>{chart}</figure>"
 
 
 def _correlations(rows: Rows, ours: Statistics) -> dict[str, dict[str, float]]:

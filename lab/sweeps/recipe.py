@@ -2,14 +2,19 @@
 
 import hashlib
 import json
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import cache
+from pathlib import Path
 
 from lab.rooms import ROOT
 
 _SOURCES = ("scene/*.py", "solve/**/*.py", "twin/*.py", "compare/statistics.py", "lab/sweeps/*.py")
 # What is made of the rows afterwards does not change them.
-_AFTERWARDS = ("cell_progress", "command", "experiments", "page", "summary", "sweep", "table", "workers")
+_AFTERWARDS = (
+    "atlas", "cell_progress", "command", "experiments", "page", "pareto", "stability", "summary", "sweep", "table",
+    "workers",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -104,8 +109,21 @@ class Cell:
 def code_hash() -> str:
     """Return a hash of the sources that a cell's rows depend on."""
     digest = hashlib.sha256()
+    for path in _sources():
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+def code_times() -> tuple[int, ...]:
+    """Return when each of these sources was last written, nanoseconds.
+
+    A process reads a source when it first needs it: while these times stand still, all read what `code_hash` tells.
+    """
+    return tuple(path.stat().st_mtime_ns for path in _sources())
+
+
+def _sources() -> Iterator[Path]:
     for pattern in _SOURCES:
         for path in sorted(ROOT.glob(pattern)):
             if not (path.parent.name == "sweeps" and path.stem in _AFTERWARDS):
-                digest.update(path.read_bytes())
-    return digest.hexdigest()
+                yield path

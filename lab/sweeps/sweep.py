@@ -16,9 +16,11 @@ from lab.run import executor_of, methods_of
 from lab.sweeps.cell import failed_rows, run_cell
 from lab.sweeps.cell_progress import cell_progress
 from lab.sweeps.experiments import EXPERIMENTS, SOLVERS, experiments_of
-from lab.sweeps.recipe import Cell
+from lab.sweeps.perturbation import PERTURBATIONS, perturbation_cells
+from lab.sweeps.recipe import Cell, code_hash, code_times
 from lab.sweeps.table import cell_path, read_cells, write_cell, write_tables
 from lab.sweeps.workers import Work, WorkerDied, run_here, run_there
+from scene.errors import SceneError
 from scene.files import write_text
 
 
@@ -51,7 +53,7 @@ def sweep(
     Returns
     -------
     Path
-        The folder with results.parquet, seconds.parquet, index.html and the charts.
+        The folder with the tables, index.html and the charts.
 
     Raises
     ------
@@ -62,6 +64,8 @@ def sweep(
 
     experiments, methods = experiments_of(wanted), methods_of(method, "seed")
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
+    if len(experiments) == len(EXPERIMENTS):
+        cells += perturbation_cells(methods, quick=quick)
     root = out or Path("out") / "sweeps"
     names = "all" if len(experiments) == len(EXPERIMENTS) else "-".join(one.name for one in experiments)
     folder = root / (f"{names}-quick" if quick else names)
@@ -90,17 +94,27 @@ def run_cells(
         What runs a cell: gives what `run_cell` does.
     scheduler, processes
         See `sweep`.
+
+    Raises
+    ------
+    SceneError
+        The code that cells are named after was written to meanwhile, here or on a worker: who can tell what made them?
     """
     missing = [cell for cell in cells if not cell_path(root, cell).exists()]
     if not missing:
         return
-    start, failed = time.perf_counter(), 0
+    start, failed, code = time.perf_counter(), 0, code_times()
     with cell_progress(len(missing)) as report:
         for done, (cell, found) in enumerate(_results(missing, work, scheduler, processes), 1):
             if isinstance(found, WorkerDied):
                 found = {"rows": failed_rows(cell, str(found)), "seconds": [], "picture": None}
+            if code_times() != code or found.get("code", code_hash()) != code_hash():
+                raise SceneError(
+                    f"sweep: the code changed while {cell.experiment} {cell.value} ran, here or on a worker. What is "
+                    "done stays. Run the same command again, with the same code on all workers."
+                )
             write_cell(root, cell, found)
-            failed += any(row["status"] != "ok" for row in found["rows"])
+            failed += any(row["status"].startswith("failed") for row in found["rows"])
             report(done, failed)
     say(f"{len(missing)} cells in {time.perf_counter() - start:.0f} s, {failed} with failures")
 
@@ -116,7 +130,8 @@ def _results(cells: list[Cell], work: Work, scheduler: str | None, processes: in
 def join_cells(root: Path, folder: Path, cells: Sequence[Cell]) -> None:
     """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
     mark = hashlib.sha256("".join(cell.key for cell in cells).encode())
-    for path in (*sorted(Path(__file__).parent.glob("*.py")), ROOT / "compare" / "line_chart.py"):
+    charts = (ROOT / "compare" / name for name in ("line_chart.py", "speed.py", "speed_chart.py"))
+    for path in (*sorted(Path(__file__).parent.glob("*.py")), *charts):
         mark.update(path.read_bytes())
     seal = folder / "joined.txt"
     if seal.exists() and seal.read_text() == mark.hexdigest():
@@ -124,6 +139,6 @@ def join_cells(root: Path, folder: Path, cells: Sequence[Cell]) -> None:
     from lab.sweeps.page import write_page
 
     found = read_cells(root, cells)
-    rows = write_tables(folder, found, [*EXPERIMENTS, *cells[0].methods])
-    write_page(folder, rows, found)
+    rows, perturbed, seconds = write_tables(folder, found, [*EXPERIMENTS, *PERTURBATIONS, *cells[0].methods])
+    write_page(folder, rows, found, perturbed=perturbed, seconds=seconds)
     write_text(seal, mark.hexdigest())

@@ -5,8 +5,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from lab.sweeps.perturbation import PERTURBATIONS
 from lab.sweeps.recipe import Cell
 from scene.files import write_json, write_whole
+
+Rows = list[dict[str, Any]]
 
 KEY = {
     "experiment": "string", "level": "int32", "value": "float64", "label": "string", "shape": "string",
@@ -16,10 +19,13 @@ KEY = {
 RESULTS = KEY | {
     "status": "string", "mean_deg": "float64", "median_deg": "float64", "min_deg": "float64", "max_deg": "float64",
     "std_deg": "float64", "q1_deg": "float64", "q3_deg": "float64", "under_5_deg": "float64",
-    "under_10_deg": "float64", "pixels": "int64", "unanswered": "float64", "albedo_error_percent": "float64",
-    "doubts": "string",
+    "under_10_deg": "float64", "pixels": "int64", "flip_deg": "float64", "relief_deg": "float64",
+    "turn_deg": "float64", "tilt_deg": "float64", "tilt_spread_deg": "float64", "unanswered": "float64",
+    "frames": "int64", "albedo_error_percent": "float64", "doubts": "string",
 }  # fmt: skip
 """Columns of results.parquet."""
+PERTURBED = KEY | {"breaks_at": "float64"} | {name: kind for name, kind in RESULTS.items() if name not in KEY}
+"""Columns of perturbations.parquet; `status` "not told": the method does not ask for the quantity."""
 SECONDS = KEY | {"seconds": "float64"}
 """Columns of seconds.parquet; `solver` empty: the photographs were made."""
 
@@ -39,8 +45,8 @@ def read_cells(folder: Path, cells: Sequence[Cell]) -> list[dict[str, Any]]:
     return [json.loads(cell_path(folder, cell).read_text()) for cell in cells]
 
 
-def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]) -> list[dict[str, Any]]:
-    """Write results.parquet, and what no two runs agree on, the times, as seconds.parquet.
+def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]) -> tuple[Rows, Rows, Rows]:
+    """Write results.parquet, perturbations.parquet, and what no two runs agree on, the times, as seconds.parquet.
 
     Parameters
     ----------
@@ -52,16 +58,21 @@ def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]
 
     Returns
     -------
-    rows : list of dict
-        Of results.parquet, sorted.
+    rows, perturbed, seconds : list of dict
+        Of the three, sorted.
     """
-    rows = _sorted([row for one in found for row in one["rows"]], order)
+    every = _sorted([row for one in found for row in one["rows"]], order)
+    rows = [row for row in every if row["experiment"] not in PERTURBATIONS]
+    perturbed = [row for row in every if row["experiment"] in PERTURBATIONS]
+    seconds = _sorted([row for one in found for row in one["seconds"]], order)
     _write(folder / "results.parquet", rows, RESULTS)
-    _write(folder / "seconds.parquet", _sorted([row for one in found for row in one["seconds"]], order), SECONDS)
-    return rows
+    _write(folder / "seconds.parquet", seconds, SECONDS)
+    if perturbed:
+        _write(folder / "perturbations.parquet", perturbed, PERTURBED)
+    return rows, perturbed, seconds
 
 
-def _sorted(rows: list[dict[str, Any]], order: Sequence[str]) -> list[dict[str, Any]]:
+def _sorted(rows: Rows, order: Sequence[str]) -> Rows:
     rank = {name: number for number, name in enumerate(order)}
 
     def place(row: dict[str, Any]) -> tuple:

@@ -46,6 +46,28 @@ def test_the_same_cell_gives_the_same_rows(found):
     assert run_cell(CELL)["rows"] == found["rows"]
 
 
+def test_threads_that_were_there_before_change_no_byte_of_the_photographs():
+    """Dr.Jit's threads add up a pixel's samples in the order in which they come: with two of them no run is another."""
+    import drjit
+
+    from lab.sweeps.photographs import _render
+
+    # Steep: nearly every pixel takes many samples.
+    recipe = Recipe(shape="waves", relief=7.0, side=64, count=24)
+    cell, before, images = Cell("shadow", 7, 7.0, recipe, ("ls",), ("default",)), drjit.thread_count(), []
+    try:
+        for threads in (4, 1, 3):
+            drjit.set_thread_count(threads)
+            _render.cache_clear()
+            run_cell(cell)
+            images.append(_render(recipe.scene).images.tobytes())
+            assert _render.cache_info().misses == 1
+            assert drjit.thread_count() == threads, "it is set back"
+    finally:
+        drjit.set_thread_count(before)
+    assert images[0] == images[1] == images[2]
+
+
 def test_exposure_does_not_count_as_an_albedo_error():
     bright = replace(CELL, recipe=replace(CELL.recipe, reflectance=1.0), methods=("ls",), profiles=("default",))
     (row,) = run_cell(bright)["rows"]

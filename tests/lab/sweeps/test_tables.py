@@ -1,5 +1,6 @@
 """What is joined from cells: tables that are the same bytes in any order, statistics that lose no failure, charts."""
 
+import json
 import re
 
 import numpy as np
@@ -10,7 +11,7 @@ from lab.sweeps.cell import failed_rows
 from lab.sweeps.experiments import CALIBRATED, EXPERIMENTS, SOLVERS
 from lab.sweeps.page import write_page
 from lab.sweeps.summary import benchmark_statistics, curve, rank_correlation, statistics
-from lab.sweeps.table import RESULTS, write_tables
+from lab.sweeps.table import KEY, RESULTS, write_tables
 
 
 def cells_with(error, experiments=EXPERIMENTS):
@@ -23,7 +24,9 @@ def cells_with(error, experiments=EXPERIMENTS):
                 value = error(name, row["solver"], row["level"])
                 if value is not None:
                     row |= {"status": "ok", "mean_deg": float(value), "median_deg": float(value)}
-                    row |= {"unanswered": 0.25, "albedo_error_percent": 3.0}
+                    row |= {"unanswered": 0.25, "albedo_error_percent": 3.0, "pixels": 3000, "frames": 32}
+                    row |= dict.fromkeys(("flip_deg", "relief_deg", "turn_deg", "tilt_spread_deg"), float(value))
+                    row |= {"tilt_deg": -9.0, "doubts": "by the test"}
             key = {name: rows[0][name] for name in ("experiment", "level", "value", "label", "shape", "seed")}
             found.append(
                 {"rows": rows, "seconds": [key | {"solver": "", "profile": "", "seconds": 1.5}], "picture": None}
@@ -37,6 +40,7 @@ def test_tables_are_the_same_bytes_in_any_order(tmp_path):
     rows = write_tables(tmp_path / "a", found, order)
     shuffled = [found[i] for i in np.random.default_rng(10001).permutation(len(found))]
     assert write_tables(tmp_path / "b", shuffled, order) == rows
+    assert not (tmp_path / "a" / "perturbations.parquet").exists()
     for name in ("results.parquet", "seconds.parquet"):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
     table = parquet.read_table(tmp_path / "a" / "results.parquet")
@@ -76,8 +80,14 @@ def test_rank_correlation_is_that_of_ranks():
 
 def test_the_page_shows_failures_and_every_experiment(tmp_path):
     found = cells_with(lambda name, solver, level: None if solver == "tv" else level + 1.0)
-    rows = write_tables(tmp_path, found, [*EXPERIMENTS, *SOLVERS])
-    write_page(tmp_path, rows, found)
+    # Each solver half as fast as the one before.
+    for one in found:
+        one["seconds"] += [
+            {name: row[name] for name in (*KEY,)} | {"seconds": 2.0 ** list(SOLVERS).index(row["solver"])}
+            for row in one["rows"]
+        ]
+    rows, perturbed, seconds = write_tables(tmp_path, found, [*EXPERIMENTS, *SOLVERS])
+    write_page(tmp_path, rows, found, perturbed=perturbed, seconds=seconds)
     page = (tmp_path / "index.html").read_text()
     for one in EXPERIMENTS.values():
         assert f"<h2>{one.label}</h2>" in page
@@ -85,6 +95,15 @@ def test_the_page_shows_failures_and_every_experiment(tmp_path):
         assert chart.count("<polyline") == len(SOLVERS)
         assert chart.count("<polygon") == len(SOLVERS)
         assert not re.search(r"\bnan\b", chart)
+        speed = (tmp_path / f"{one.name}-speed.svg").read_text()
+        # Six methods that have results, with two profiles each.
+        assert speed.count("s per megapixel-image, median") == 12
     assert "tv, default: failed: by the test" in page
+    assert "ls, default: 7.81 s per megapixel-image" in (tmp_path / "speed.svg").read_text()
+    atlas = (tmp_path / "atlas.svg").read_text()
+    assert atlas.count("no answer, doubted by the method itself") == 2 * sum(
+        len(one.levels) for one in EXPERIMENTS.values()
+    )
+    assert json.loads((tmp_path / "stability.json").read_text())["doubts"][0]["whole_doubted"] > 0
     assert "0 / 24 / 0 %" in page
     assert "http" not in page.replace("http://www.w3.org/2000/svg", "")

@@ -11,6 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.sweeps import recipe, sweep
+from lab.sweeps.cell import failed_rows
+from lab.sweeps.experiments import EXPERIMENTS
+from scene.errors import SceneError
+
 # Photographs would take minutes: these cells only compute what their recipe says, and some of them die.
 PROGRAM = """
 import os, signal, sys, time
@@ -174,3 +179,33 @@ def test_a_cluster_gives_what_processes_here_give(program, tmp_path):
     run(program, tmp_path / "here")
     tables = [Path(tmp_path / place / "ambient" / "results.parquet").read_bytes() for place in ("here", "there")]
     assert tables[0] == tables[1]
+
+
+def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypatch):
+    """Workers read the code when they first need it: a change, even one that is taken back, leaves its mark in time."""
+    source = tmp_path / "code" / "solve" / "ls.py"
+    source.parent.mkdir(parents=True)
+    source.write_text("one = 1")
+    monkeypatch.setattr(recipe, "ROOT", tmp_path / "code")
+    recipe.code_hash.cache_clear()
+    cells = list(EXPERIMENTS["ambient"].cells())[:6]
+    made = {"rows": failed_rows(cells[0], "by the test"), "seconds": [], "picture": None}
+
+    def results(*_):
+        for number, cell in enumerate(cells):
+            if number == change:
+                source.write_text("one = 2")
+                source.write_text("one = 1")
+            yield cell, made | {"code": recipe.code_hash() if number != stranger else "another machine's"}
+
+    monkeypatch.setattr(sweep, "_results", results)
+    for change, stranger, kept in ((3, None, 3), (None, 2, 2), (None, None, 6)):
+        root = tmp_path / f"{change}-{stranger}"
+        if kept < 6:
+            with pytest.raises(SceneError, match=r"the code changed while ambient .* ran.*Run the same command again"):
+                sweep.run_cells(root, cells)
+        else:
+            sweep.run_cells(root, cells)
+        assert len(list((root / "cells").glob("*.json"))) == kept
+    monkeypatch.undo()
+    recipe.code_hash.cache_clear()
