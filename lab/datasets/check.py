@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.datasets.convention import Evidence, arrangements, fitted_intensities
-from lab.datasets.layout import TABLES, Layout, mask_faults, read_layout
+from lab.datasets.layout import DISAGREES, TABLES, Layout, mask_faults, read_layout
 from lab.datasets.own_axes import axes_by_themselves
 from lab.datasets.samples import CLIPPED, Samples, read_samples
 from lab.datasets.told_axes import lights_fault, normals_fault
@@ -24,6 +24,7 @@ _GOOD = 0.9
 _ROW_GAP = 0.2
 _SPREAD, _CLEARLY_LESS = 0.1, 0.4
 _OFF, _OFF_MADS = 0.35, 6.0
+_FEW = 0.2
 _NAMED = 5
 
 
@@ -84,22 +85,27 @@ def _judge(
         others = np.array([plain.all_axes(one, directions) for one in at])
         if others.max() > scores.max() + _BETTER:
             evidence, scores = plain, others
-    way, axes = _simplest(scores)
+    covers = [float((mask & ~np.isfinite(one[..., 0])).sum() / mask.sum()) <= DISAGREES for one in maps]
+    way, axes = _simplest(scores, covers)
     given, best = float(scores[0, 0]), float(scores[way, axes])
     facts: dict[str, float | int | str] = {"agreement": given, "best": best}
     wrong = best - given > _BETTER and 1 - best < _HALF * (1 - given)
     if not wrong:
         way = axes = 0
-    if best < _FLOOR:
-        _tell_unexplained(found, evidence.rows_of(at[0], directions), best)
+    rows = evidence.rows_of(at[0], directions)
+    if best < _FLOOR or (wrong and _is_other_order(rows, best)):
+        _tell_unexplained(found, rows, best)
         found.faults += mask_faults(found, normals)
         return facts
     found.faults += mask_faults(found, maps[way])
     how = (way, axes, given, best)
     of_lights, of_normals = _tell_axes(found, mask, normals, maps[way], ways[way].words, how, wrong)
     at_best, directions = at[way] @ of_normals.T, directions @ of_lights.T
-    _tell_rows(found, evidence.rows_of(at_best, directions))
-    facts["intensity_spread"] = _tell_intensities(found, samples, intensities, at_best, directions)
+    seen = fitted_intensities(samples.values, intensities, at_best, directions)
+    # An intensity that is wrong makes a photograph look like another: rows are at fault only where neither will do.
+    by_both = [_evidence(samples, each).rows_of(at_best, directions) for each in (intensities, seen)]
+    _tell_rows(found, min(by_both, key=lambda rows: float(np.sum(_gaps(rows) > _ROW_GAP))))
+    facts["intensity_spread"] = _tell_intensities(found, intensities, seen)
     return facts
 
 
@@ -108,11 +114,23 @@ def _evidence(samples: Samples, intensities: Array) -> Evidence:
     return Evidence(gray, samples.values.max(-1) >= CLIPPED)
 
 
-def _simplest(scores: Array) -> tuple[int, int]:
-    """Return the way to lie and the axes that agree best; of those alike, the ones that change least."""
+def _simplest(scores: Array, covers: list[bool]) -> tuple[int, int]:
+    """Return the way to lie and the axes that agree best; of those alike, the ones that change least.
+
+    Parameters
+    ----------
+    scores : (W, 48) float64
+    covers : list of W bool
+        Lying so, the map has normals all over the mask.
+    """
     changed = [int(np.count_nonzero(axes != AXES[0])) for axes in AXES]
-    alike = np.argwhere(scores >= scores.max() - _ALIKE * scores.max())
-    way, axes = min(alike, key=lambda pair: (pair[0] > 0, changed[pair[1]], pair[0], -scores[tuple(pair)]))
+    most = float(scores.max())
+    alike = np.argwhere(scores >= most - min(_ALIKE, max(0.002, _HALF * (1 - most))))
+
+    def cost(pair):
+        return not covers[pair[0]], pair[0] > 0, changed[pair[1]], pair[0], -scores[tuple(pair)]
+
+    way, axes = min(alike, key=cost)
     return int(way), int(axes)
 
 
@@ -142,16 +160,20 @@ def _tell_axes(
     """
     way, axes, given, best = how
     relation = AXES[axes]
-    own, told = axes_by_themselves(normals, mask, AXES, with_rim=wrong)
-    if way and own and not axes:
-        as_it_lies = axes_by_themselves(given_map, np.isfinite(given_map[..., 0]), AXES, with_rim=True)
-        if as_it_lies[0] == 0:
-            found.faults.append(
-                f"{found.files[0]} ...: the photographs are {words} against {found.normals_name} and "
-                f"{TABLES[0]} (agreement {given:.2f}, put right {best:.2f}). Mirror or turn the photographs and "
-                "mask.png."
-            )
-            return np.eye(3), np.eye(3)
+    alone = axes_by_themselves(normals, mask, AXES)
+    own = alone.by_rim if wrong else alone.plain
+    if not wrong and not own and alone.by_rim:
+        found.notes.append(
+            f"{found.normals_name}: the normals point inward at the object's rim. That is right for a hollow; of any "
+            "other object x and y have the wrong sign, in the normals and in the lights."
+        )
+    as_it_lies = np.isfinite(given_map[..., 0])
+    if way and own and not axes and not axes_by_themselves(given_map, as_it_lies, AXES).by_rim:
+        found.faults.append(
+            f"{found.files[0]} ...: the photographs are {words} against {found.normals_name} and {TABLES[0]} ("
+            f"agreement {given:.2f}, put right {best:.2f}). Mirror or turn the photographs and mask.png."
+        )
+        return np.eye(3), np.eye(3)
     mended = AXES[own]
     turn = mended @ relation.T
     if way:
@@ -162,25 +184,35 @@ def _tell_axes(
     if own:
         found.faults.append(normals_fault(found.normals_name, mended, given, best))
     if not np.array_equal(turn, np.eye(3)):
-        found.faults.append(lights_fault(turn, given, best, certain=told, normals_name=found.normals_name))
+        found.faults.append(lights_fault(turn, given, best, certain=alone.told, normals_name=found.normals_name))
     return turn, mended
 
 
+def _is_other_order(rows: Array, best: float) -> bool:
+    """Whether the lights' rows in another order, each used about once, explain more than any axes do."""
+    used = len(set(rows.argmax(1).tolist()))
+    return used >= (1 - _FEW) * len(rows) and float(np.median(rows.max(1))) > best + _BETTER
+
+
+def _gaps(rows: Array) -> Array:
+    """Return how much better than its own row the best row explains each photograph (N,)."""
+    return rows.max(1) - np.diag(rows)
+
+
 def _tell_rows(found: Layout, rows: Array) -> None:
-    own, best = np.diag(rows), rows.max(1)
-    wrong = np.flatnonzero(best - own > _ROW_GAP)
+    wrong = np.flatnonzero(_gaps(rows) > _ROW_GAP)
     if not len(wrong):
         return
     shown = ", ".join(f"{found.files[i]} that of row {int(rows[i].argmax()) + 1}" for i in wrong[:_NAMED])
     more = f" and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
     found.faults.append(
-        f"filenames.txt: {len(wrong)} of {len(own)} photographs show another light than their row of {TABLES[0]}: "
+        f"filenames.txt: {len(wrong)} of {len(rows)} photographs show another light than their row of {TABLES[0]}: "
         f"{shown}{more}. Put both in one order."
     )
 
 
 def _tell_unexplained(found: Layout, rows: Array, best: float) -> None:
-    if np.median(rows.max(1)) > _FLOOR and np.median(rows.max(1) - np.diag(rows)) > _ROW_GAP:
+    if np.median(rows.max(1)) > _FLOOR and np.median(_gaps(rows)) > _ROW_GAP:
         _tell_rows(found, rows)
         return
     found.faults.append(
@@ -190,31 +222,35 @@ def _tell_unexplained(found: Layout, rows: Array, best: float) -> None:
     )
 
 
-def _tell_intensities(found: Layout, samples: Samples, given: Array, normals: Array, directions: Array) -> float:
-    """Append what is wrong with the intensities; return the spread of those seen over those given."""
+def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
+    """Append what is wrong with the intensities (N, 3); return the spread of those seen over those given."""
     name = TABLES[1]
-    seen = np.log(fitted_intensities(samples.values, given, normals, directions))
+    seen = np.log(seen)
     told = np.log(given) - np.log(given).mean(0)
     spread = float(np.std(seen - told))
+    ratio = (seen - told).mean(1)
+    ratio -= np.median(ratio)
+    limit = max(_OFF, _OFF_MADS * 1.4826 * float(np.median(np.abs(ratio))))
+    off = np.flatnonzero(np.abs(ratio) > limit)
     others = {
         "the photographs look as if all lights were alike. Were they divided by these? Then write 1 1 1": 0 * told,
         "they are the inverse of what the photographs show. Write 1 / each number": -told,
         "they are the square roots of what the photographs show. Write the square of each number": 2 * told,
         "red and blue are swapped. Write R G B": told[:, ::-1],
-    }  # fmt: skip
+    }
     words, least = min(((text, float(np.std(seen - other))) for text, other in others.items()), key=lambda one: one[1])
-    if spread > _SPREAD and least < _CLEARLY_LESS * spread:
-        found.faults.append(f"{name}: {words} (spread of seen over given {spread:.0%}, put right {least:.0%}).")
-        return spread
-    ratio = (seen - told).mean(1)
-    ratio -= np.median(ratio)
-    limit = max(_OFF, _OFF_MADS * 1.4826 * float(np.median(np.abs(ratio))))
-    off = np.flatnonzero(np.abs(ratio) > limit)
-    if len(off):
+    if len(off) <= _FEW * len(ratio) + 1 and len(off):
         shown = ", ".join(f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off[:_NAMED])
         more = f" and {len(off) - _NAMED} more" if len(off) > _NAMED else ""
         found.faults.append(
             f"{name}: the photographs show other intensities than given: {shown}{more} (1 is right). Measure them "
             "again, or take the photographs off the lists."
+        )
+    elif spread > _SPREAD and least < _CLEARLY_LESS * spread:
+        found.faults.append(f"{name}: {words} (spread of seen over given {spread:.0%}, put right {least:.0%}).")
+    elif spread > _OFF:
+        found.faults.append(
+            f"{name}: not what the photographs show, but for one factor (spread of seen over given {spread:.0%}, "
+            f"expected under {_OFF:.0%}). Measure the intensities again."
         )
     return spread

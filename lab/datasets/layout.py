@@ -12,9 +12,9 @@ from scene.normal_files import read_normal_map
 Array = NDArray[np.float64]
 TABLES = ("light_directions.txt", "light_intensities.txt")
 NORMALS = ("Normal_gt.mat", "normal.txt", "Normal_gt.png")
-MOST_PIXELS = 2500
+MOST_PIXELS = 1600
 _UNIT = 0.01
-_DISAGREES = 0.02
+DISAGREES = 0.02
 """Share of the mask that may lack normals, at its border."""
 _WRONG_LENGTHS = 0.001
 
@@ -218,11 +218,11 @@ def mask_faults(found: Layout, normals: Array) -> list[str]:
     assert found.mask is not None
     mask, known, name = found.mask, np.isfinite(normals[..., 0]), found.normals_name
     missing, beyond = (mask & ~known).sum() / mask.sum(), (known & ~mask).sum() / mask.sum()
-    if missing <= _DISAGREES:
-        if beyond > _DISAGREES:
+    if missing <= DISAGREES:
+        if beyond > DISAGREES:
             found.notes.append(f"{name}: normals also outside mask.png, {beyond:.0%} of its size: not judged.")
         return []
-    inverted = (~mask & ~known).sum() / max((~mask).sum(), 1) < _DISAGREES
+    inverted = (~mask & ~known).sum() / max((~mask).sum(), 1) < DISAGREES
     do = "mask.png seems inverted: white is the object" if inverted else "Draw the mask where normals are known"
     return [f"mask.png: {missing:.1%} of its pixels have no normal in {name}, expected none. {do}."]
 

@@ -1,5 +1,7 @@
 """What a normal map tells of its own axes: it faces the viewer, is a surface's slope, and points out at the rim."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,41 +16,72 @@ _OUT = 0.35
 """Mean cosine, at the rim, between normals and the way out, from which the rim is one; in wrong axes it is negative."""
 
 
-def own_misfits(normals: Array, mask: NDArray[np.bool_], axes: Array) -> tuple[float, float, float]:
-    """Return how ill normals fit their own picture in some axes.
+@dataclass(frozen=True)
+class OwnAxes:
+    """Which axes, of some candidates, a normal map makes sense in.
+
+    Parameters
+    ----------
+    plain : int
+        By its slopes; 0, the first, where they do not speak against it. Where they do, the rim chooses.
+    by_rim : int
+        The same, taking it that normals point out of the mask at its rim: a hollow's do not.
+    told : bool
+        `by_rim` is told from all others.
+    """
+
+    plain: int
+    by_rim: int
+    told: bool
+
+
+def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...]) -> OwnAxes:
+    """Return the axes in which a normal map makes sense by itself.
 
     Parameters
     ----------
     normals : (H, W, 3) float64
         NaN where there is none.
     mask : (H, W) bool
-    axes : (3, 3) float64
-        Camera frame from the map's.
-
-    Returns
-    -------
-    behind : float
-        Share that points away from the viewer.
-    curl : float
-        Median of |dp/dy - dq/dx| over slopes p = -x/z, q = -y/z, x right, y up, in pixels: 0 on every smooth surface.
-    out : float
-        Mean over the rim of the cosine between a normal's x, y and the way out of the mask: 1 on a round body, near 0
-        on a relief that fills its mask.
+    all_axes : tuple of (3, 3) float64
+        Camera frame from the map's; the first changes nothing.
     """
-    turned = np.where(mask[..., None], normals @ axes.T, np.nan)
-    known = np.isfinite(turned[..., 0])
-    behind = float(np.mean(turned[..., 2][known] <= 0)) if known.any() else 1.0
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    box = (slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2))
+    normals, mask = np.where(mask[..., None], normals, np.nan)[box], mask[box]
+    known = normals[np.isfinite(normals[..., 0])]
+    facing = [k for k, axes in enumerate(all_axes) if len(known) and np.mean(known @ axes[2] > 0) > FACING]
+    if not facing:
+        return OwnAxes(0, 0, False)
+    # The third axis as it stands, where that will do.
+    toward = [all_axes[k][2] for k in facing]
+    third = next((row for row in toward if np.array_equal(row, [0, 0, 1])), toward[0])
+    facing = [k for k in facing if np.array_equal(all_axes[k][2], third)]
+    curls = {k: _curl(normals @ all_axes[k].T) for k in facing}
+    left = [k for k in facing if curls[k] <= max(min(curls.values()) / _CLEARLY, 1e-4)]
+    outs = {k: _way_out(normals @ all_axes[k].T, mask) for k in left}
+    most = max(outs.values())
+    best = [k for k in left if most <= _OUT or outs[k] > most - _OUT]
+    by_rim = 0 if 0 in best else max(best, key=lambda k: outs[k])
+    return OwnAxes(0 if 0 in left else by_rim, by_rim, len(best) == 1)
+
+
+def _curl(turned: Array) -> float:
+    """Return the median of |dp/dy - dq/dx| over slopes p = -x/z, q = -y/z, x right, y up: 0 on every smooth surface."""
     with np.errstate(invalid="ignore", divide="ignore"):
         z = np.where(turned[..., 2] > _STEEP, turned[..., 2], np.nan)
         p, q = -turned[..., 0] / z, -turned[..., 1] / z
     # Rows run down, y up.
-    across, down = (q[1:-1, 2:] - q[1:-1, :-2]) / 2, -(p[2:, 1:-1] - p[:-2, 1:-1]) / 2
-    curl = np.abs(down - across)
-    curl = float(np.nanmedian(curl)) if np.isfinite(curl).any() else np.inf
-    return behind, curl, _way_out(turned, mask)
+    across, up = (q[1:-1, 2:] - q[1:-1, :-2]) / 2, (p[:-2, 1:-1] - p[2:, 1:-1]) / 2
+    curl = np.abs(up - across)
+    return float(np.nanmedian(curl)) if np.isfinite(curl).any() else np.inf
 
 
 def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
+    """Return the mean over the rim of the cosine between a normal's x, y and the way out of the mask.
+
+    1 on a round body, -1 in a hollow, near 0 on a relief that fills its mask.
+    """
     import cv2
 
     inside = np.pad(mask, 1).astype(np.uint8)
@@ -67,42 +100,3 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
     cosine = np.sum(out * flat, 1) / np.maximum(scale, 1e-9)
     # A rim is steep; the edge of a relief is what it happens to be.
     return float(np.mean(cosine) * min(1.0, np.median(np.linalg.norm(flat, axis=1)) / 0.7))
-
-
-def axes_by_themselves(
-    normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...], *, with_rim: bool
-) -> tuple[int, bool]:
-    """Return the axes in which a normal map makes sense by itself, and whether it tells them from all others.
-
-    Parameters
-    ----------
-    normals : (H, W, 3) float64
-    mask : (H, W) bool
-    all_axes : tuple of (3, 3) float64
-        The candidates; the first changes nothing.
-    with_rim : bool
-        Take it that normals point out of the mask at its rim: a hollow's do not. Else the rim only chooses where the
-        first is ruled out.
-
-    Returns
-    -------
-    best : int
-        Which of them; 0 where nothing speaks against it.
-    told : bool
-    """
-    found = [own_misfits(normals, mask, axes) for axes in all_axes]
-    facing = [k for k, (behind, _, _) in enumerate(found) if behind < 1 - FACING]
-    if not facing:
-        return 0, False
-    # The third axis as it stands, where that will do.
-    toward = [axes[2] for axes in (all_axes[k] for k in facing)]
-    third = next((row for row in toward if np.array_equal(row, [0, 0, 1])), toward[0])
-    facing = [k for k in facing if np.array_equal(all_axes[k][2], third)]
-    least = min(found[k][1] for k in facing)
-    left = [k for k in facing if found[k][1] <= max(least / _CLEARLY, 1e-4)]
-    if 0 in left and not with_rim:
-        return 0, len(left) == 1
-    most = max(found[k][2] for k in left)
-    if most > _OUT:
-        left = [k for k in left if found[k][2] > most - _OUT]
-    return (0 if 0 in left else max(left, key=lambda k: found[k][2])), len(left) == 1

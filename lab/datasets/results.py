@@ -53,10 +53,11 @@ def grid(rows: Rows, quantity: str = "mean_deg") -> tuple[list[str], list[tuple[
 def results_text(rows: Rows) -> str:
     """Return the mean angular errors, degrees, as lines for a terminal."""
     methods, lines = grid(rows)
-    wide = max(len(name) for name, _ in lines)
+    title = "mean angular error, degrees"
+    wide = max(len(title), *(len(name) for name, _ in lines))
     widths = [max(len(method), 7) for method in methods]
     head = "".join(f"  {method:>{width}}" for method, width in zip(methods, widths, strict=True))
-    text = [f"{'mean angular error, degrees':{wide}}"[:wide] + head]
+    text = [f"{title:{wide}}{head}"]
     for name, values in lines:
         cells = (FAILED if value is None else f"{value:.2f}" for value in values)
         text.append(f"{name:{wide}}" + "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True)))
