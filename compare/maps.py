@@ -9,6 +9,7 @@ from compare import charts, pictures
 from compare.engine_chart import engine_chart
 from compare.facts import by_error
 from compare.material import Material, Summary
+from compare.material_words import material_words
 from compare.page import absent, is_number, number, picture, section
 from compare.pictures import Box, Exposure
 from compare.registration import raking_frame
@@ -166,8 +167,12 @@ def twin_section(material: Material, summary: Summary) -> str:
         name = frames.names[index]
         figures = picture(uri, f"photograph {name}", f"photograph, {escape(name)}") + figures
     facts = summary.get("twin") or {}
-    lead = "The scan, rendered under the same light. What differs is what the twin does not know."
+    lead = (
+        "The scan of the fitted material, rendered under the same light. What differs is what the twin does not know."
+    )
     if facts.get("engine"):
         reason = f": {escape(str(facts['reason']))}" if facts.get("reason") else ""
         lead += f" {number(facts.get('seconds'), 1, 's')}, engine {escape(str(facts['engine']))}{reason}."
-    return section("twin", "The twin", f'<div class="pair">{figures}</div>{engine_chart(facts)}', lead)
+    return section(
+        "twin", "The twin", f'<div class="pair">{figures}</div>{material_words(facts)}{engine_chart(facts)}', lead
+    )

@@ -57,4 +57,5 @@ def _session_scene(job: Job):
             f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." to '
             "session.toml."
         )
-    return twin_scene(job)
+    scene, material, warnings = twin_scene(job)
+    return scene, [f"the object is {material['sentence']}", *warnings]

@@ -8,6 +8,7 @@ import numpy as np
 from lab.job import Job, Outcome
 from lab.progress import progress_bar, say
 from lab.steps import material_method, solve_all
+from scene.errors import RenderError
 from scene.store import Store
 
 
@@ -21,7 +22,8 @@ def twin(job: Job) -> Outcome:
     from twin.session import write_session
 
     camera, folder = store.load_camera(), Store(store.path("twin"))
-    scene, scene_warnings = twin_scene(job)
+    scene, material, scene_warnings = twin_scene(job)
+    say(f"twin: {material['sentence']}")
     with progress_bar("twin") as progress:
         rendered = render_scene(
             scene,
@@ -43,26 +45,41 @@ def twin(job: Job) -> Outcome:
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
     seconds = {method: row["seconds"] for method, row in solved["methods"].items()}
-    result = {"rendered": True, **facts, **photographed, "twin_seconds": seconds}
+    result = {"rendered": True, "material": material, **facts, **photographed, "twin_seconds": seconds}
     return Outcome(result, [*facts["warnings"], *(f"twin: {text}" for text in warnings)])
 
 
-def twin_scene(job: Job) -> Any:
-    """Return the registered scan under the calibrated lights as a scene, and what is suspicious about it."""
+def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
+    """Return the registered scan under the calibrated lights as a scene: of the material that explains the photographs.
+
+    Returns
+    -------
+    scene : twin.description.TwinScene
+    material : dict
+        `twin.scan_material.ScanMaterial.facts`; where it could not be fitted, model and sentence alone: matte, of a
+        solver's albedo.
+    warnings : list of str
+    """
     from twin.description import Sampling
+    from twin.material_light import material_scene
+    from twin.scan_material import scan_material
     from twin.scan_scene import scan_scene
 
-    store, lights = job.store, job.store.load_lights()
-    return scan_scene(
-        job.load_scan(),
-        store.load_pose(),
-        store.load_camera(),
-        lights,
-        np.load(store.path("albedo", f"{material_method(job)}.npy")),
+    store, lights, camera = job.store, job.store.load_lights(), job.store.load_camera()
+    mesh, pose, sampling = job.load_scan(), store.load_pose(), job.twin.sampling(Sampling())
+    truth = store.load_normals("truth")
+    try:
+        found = scan_material(store.load_frames(), lights, camera, store.load_mask(), mesh, pose, normals=truth)
+    except RenderError as error:
+        method = material_method(job)
+        reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
+        albedo = np.load(store.path("albedo", f"{method}.npy"))
         # The solvers evaluate near lights at this one depth; the scan knows better.
-        albedo_depth_mm=float(lights.reference_point_mm[2]),
-        sampling=job.twin.sampling(Sampling()),
-    )
+        depth = float(lights.reference_point_mm[2])
+        scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, albedo_depth_mm=depth, sampling=sampling)
+        return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings]
+    scene, warnings = material_scene(found.fit, found.albedo, mesh, pose, camera, lights, sampling)
+    return scene, found.facts(), [*found.warnings, *warnings]
 
 
 def _sensor(job: Job) -> Any:

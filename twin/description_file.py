@@ -155,7 +155,7 @@ class _Reader:
         if table.kind == "diffuse":
             return Diffuse(reflectance, below)
         specularity = self._value(f"{key}.specularity", table.specularity)
-        return RoughPlastic(reflectance, table.roughness, specularity, table.index, below)
+        return RoughPlastic(reflectance, table.roughness, specularity, table.index, below, table.covered)
 
     def environment(self, table: EnvironmentTable) -> Environment:
         ambient = tuple(table.ambient)

@@ -145,6 +145,7 @@ class RoughPlasticTable(Table):
     specularity: Specularity = 1.0
     index: Annotated[float, Field(gt=1)] = 1.49
     subsurface: SubsurfaceTable | None = None
+    covered: Share = 1.0
 
 
 class ConductorTable(Table):

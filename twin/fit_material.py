@@ -1,9 +1,10 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte, or rough plastic, or several of them in their places; the one whose evidence [Schwarz1978] is best. Each pixel's
-albedo is eliminated [Golub1973], so what is searched is one number, the roughness.
+Matte; rough plastic; or rough plastic whose coat dims only a share of the body: the one whose evidence [Schwarz1978] is
+best.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,49 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+from twin.coat_search import FREEDOM, ROUGHEST, SMOOTHEST, CoatSearch, Fit, everywhere
 from twin.description import WHITE_BALL_ALBEDO
-from twin.material_kernels import predicted, reduced
-from twin.material_noise import Noise, inflation, noise_of
+from twin.material_kernels import predicted
+from twin.material_noise import Noise
 from twin.material_samples import Samples
-from twin.reflection_models import INDEX, Coat, coat, matte
+from twin.reflection_models import INDEX, Coat, matte
 
 Array = NDArray[np.float64]
 
-SMOOTHEST, ROUGHEST = 0.02, 1.0
-TRIED = np.geomspace(SMOOTHEST, ROUGHEST, 14)
-ROUNDS = 4
-"""Of weights and fit in turn."""
 FIRST_LOOK = 2_000
-"""Pixels that the first round is content with."""
-STEP = 0.06
-"""Of the logarithm of the roughness, between the three that a round puts a parabola through."""
-FREEDOM = 4.0
-"""Of Student's t: how far a sample may lie off."""
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """One model, fitted.
-
-    Parameters
-    ----------
-    surface : Coat
-    strength : (3,) float64
-        Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where that is
-        unknown).
-    covariance : (2, 2) float64
-        Of the logarithms of roughness and mean strength.
-    deviance : float
-        -2 log likelihood, over the samples' inflation.
-    parameters : int
-        Beside the albedo.
-    """
-
-    surface: Coat
-    strength: Array
-    covariance: Array
-    deviance: float
-    parameters: int
+"""Pixels on which it is decided whether the body lies bare."""
+AT_THE_END = 1.02
+"""Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,12 +34,12 @@ class MaterialFit:
     Parameters
     ----------
     model : {"matte", "rough plastic"}
-    roughness, specularity, index : float
-        As in `twin.materials.RoughPlastic`; a matte object has specularity 0.
+    roughness, specularity, index, covered : float
+        As in `twin.materials.RoughPlastic`; a matte object has specularity and covered 0.
     roughness_sigma, specularity_sigma : float
         Relative standard deviations, the samples' dependence allowed for; NaN of a matte object.
     strength : (3,) float64
-        See `Fit`.
+        See `twin.coat_search.Fit`.
     noise : Noise
     effective_samples : float
         As many independent ones tell as much.
@@ -81,6 +52,7 @@ class MaterialFit:
     roughness: float
     specularity: float
     index: float
+    covered: float
     roughness_sigma: float
     specularity_sigma: float
     strength: Array
@@ -94,10 +66,11 @@ class MaterialFit:
         """The sentence that is printed."""
         if self.model == "matte":
             return f"matte: {self.evidence[0]}"
+        bare = "" if self.covered == 1 else f", dimming {100 * self.covered:.0f} % of the body"
         return (
             f"rough plastic, roughness {self.roughness:.3f} (± {100 * self.roughness_sigma:.1f} %), specularity "
-            f"{self.specularity:.3f} (± {100 * self.specularity_sigma:.1f} %) at index {self.index:.2f}: "
-            f"{self.evidence[0]}"
+            f"{self.specularity:.3f} (± {100 * self.specularity_sigma:.1f} %) at index {self.index:.2f}{bare}: "
+            f"{'; '.join(self.evidence)}"
         )
 
 
@@ -112,136 +85,71 @@ def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
 
     Notes
     -----
-    value = irradiance (albedo body(alpha) + k coat(alpha)), see `twin.reflection_models.shade`; each pixel's alpha^2 is
-    the material's plus its own `spread`. Per pixel and channel the squared residual with the best albedo is
-    C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha. Weights: 1 / variance, by `noise_of`
-    from the residuals themselves (constant, photons, a share of the value, the normals' errors), times Student's
-    (nu + 1) / (nu + r^2 / variance).
+    value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.reflection_models.shade`; each pixel's
+    alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best albedo is
+    C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha and covered. Weights: 1 / variance,
+    by `noise_of` from the residuals themselves (constant, photons, a share of the value, the normals' errors), times
+    Student's (nu + 1) / (nu + r^2 / variance).
     """
     white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
-    few = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
-    plastic = _plastic(few, _start(few), white)
-    noise, weights = _weighed(samples, _start(samples), plastic)
-    for _ in range(ROUNDS):
-        plastic = _plastic(samples, weights, white, about=plastic.surface.roughness)
-        noise, weights = _weighed(samples, weights, plastic)
-    values, slope, _ = predicted(samples, weights, plastic.surface, _everywhere(samples, plastic.strength))
-    variance = noise.variance(values, slope)
-    residual = np.where(samples.usable[..., None], (samples.values - values) / np.sqrt(variance), 0)
-    factor = inflation(samples, residual)
+    some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
+    looks = [CoatSearch(some, white, bare=bare) for bare in (False, True)]
+    first, told_bare = _barer(some, *looks)
+    search = CoatSearch(samples, white, bare=first is looks[1], about=first.fit)
+    variance = search.predicted()[1]
+    factor = search.inflation()
     effective = float(np.count_nonzero(samples.usable)) / factor
-    bare = Fit(matte(), np.zeros(3), np.full((2, 2), np.nan), 0.0, 0)
-    judged = [_judged(samples, fit, variance, factor) for fit in (bare, plastic)]
-    fall = judged[0].deviance - judged[1].deviance - (plastic.parameters - bare.parameters) * np.log(effective)
-    level = 1.0 if white is None else float(np.mean(white))
+    none = Fit(matte(), np.zeros(3), 0)
+    falls = _deviance(samples, none, variance) - _deviance(samples, search.fit, variance)
+    fall = falls / factor - search.fit.parameters * np.log(effective)
     told = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
-    if fall <= 0 or plastic.strength.mean() <= 0:
+    fit = search.fit
+    if fall <= 0 or fit.strength.mean() <= 0:
         evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({told})",)
         return MaterialFit(
-            "matte", 1.0, 0.0, 1.0, np.nan, np.nan, np.zeros(3), bare.surface, noise, effective, evidence
+            "matte", 1.0, 0.0, 1.0, 0.0, np.nan, np.nan, np.zeros(3), none.surface, search.noise, effective, evidence
         )
-    evidence = (f"BIC falls by {fall:,.0f} against matte ({told})",)
-    sigma = np.sqrt(np.diag(plastic.covariance) * factor)
-    warnings = []
-    if white is None:
-        warnings.append(
-            "The white ball's pixel value is unknown: the specularity is relative to a surface whose pixel value is 1."
-        )
+    sigma = np.sqrt(np.diag(search.covariance()) * factor)
+    specularity = float(fit.strength.mean() / (1.0 if white is None else np.mean(white)))
     return MaterialFit(
-        "rough plastic", plastic.surface.roughness, float(plastic.strength.mean() / level), INDEX, float(sigma[0]),
-        float(sigma[1]), plastic.strength, plastic.surface, noise, effective, evidence, tuple(warnings),
+        "rough plastic", fit.surface.roughness, specularity, INDEX, fit.surface.covered, float(sigma[0]),
+        float(sigma[1]), fit.strength, fit.surface, search.noise, effective,
+        (f"BIC falls by {fall:,.0f} against matte ({told})", told_bare),
+        tuple(_doubts(fit.surface.roughness, specularity, float(sigma[1]), known=white is not None)),
     )  # fmt: skip
 
 
-def _start(samples: Samples) -> NDArray[np.float32]:
-    """Return first weights (P, F, 3): a twentieth of the value, and of the dark a hundredth of what is bright."""
-    bright = np.percentile(samples.values[samples.usable], 90, axis=0)
-    variance = (0.01 * bright) ** 2 + (0.05 * samples.values) ** 2
-    return np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
+def _barer(samples: Samples, over_all: CoatSearch, part_bare: CoatSearch) -> tuple[CoatSearch, str]:
+    """Return the one of two fits to the same samples that the evidence favours, and the words for it."""
+    factor = max(over_all.inflation(), part_bare.inflation())
+    charge = float(np.log(np.count_nonzero(samples.usable) / factor))
+    gain = (over_all.deviance() - part_bare.deviance()) / factor - charge
+    if gain > 0:
+        return part_bare, f"by {gain:,.0f} more with part of the body bare ({len(samples):,} pixels)"
+    return over_all, f"it rises by {-gain:,.0f} with part of the body bare ({len(samples):,} pixels)"
 
 
-def _everywhere(samples: Samples, strength: Array) -> Array:
-    return np.broadcast_to(strength, (len(samples), 3))
+def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) -> Iterator[str]:
+    """Yield what is suspicious about a coat."""
+    for end, what in ((ROUGHEST, "a body that is not Lambert's, or a sheen"), (SMOOTHEST, "a polished coat")):
+        if abs(np.log(roughness / end)) < np.log(AT_THE_END):
+            yield f"The roughness ran to {end:g}, the end of what is tried: {what} would do that."
+    if not known:
+        yield "The white ball's pixel value is unknown: the specularity is that of a surface whose pixel value is 1."
+    elif specularity > 1 + 3 * sigma:
+        yield (
+            f"The highlights are {specularity:.2f} times those of a full coat of index {INDEX}; the twin has 1. A "
+            "higher index, a metal, or a wrong white ball would do that."
+        )
 
 
-def strengths(sums: Array, white: Array | None) -> tuple[Array, float]:
-    """Return the best strength of each channel, and the sum of squares that it leaves, of sums (3 channels, 3)."""
-    a, b, c = sums.T
-    a = np.maximum(a, 1e-300)
-    if white is None:
-        strength = np.maximum(b / a, 0)
-    else:
-        strength = white * max(float(np.sum(white * b) / np.sum(white**2 * a)), 0)
-    return strength, float(np.sum(c - 2 * strength * b + strength**2 * a))
-
-
-def _plastic(samples: Samples, weights: NDArray[np.float32], white: Array | None, about: float | None = None) -> Fit:
-    """Return the best rough plastic under given weights; its roughness near `about`, where that is given."""
-    from scipy.optimize import minimize_scalar
-
-    seen: dict[float, tuple[Array, float]] = {}
-
-    def left(logarithm: float) -> float:
-        seen[logarithm] = strengths(reduced(samples, weights, coat(float(np.exp(logarithm)))).sum(0), white)
-        return seen[logarithm][1]
-
-    if about is None:
-        tried = np.log(TRIED)
-        best = int(np.argmin([left(x) for x in tried]))
-        bounds = tried[max(best - 1, 0)], tried[min(best + 1, len(tried) - 1)]
-        found = float(minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 5e-3}).x)  # type: ignore[attr-defined]
-    else:
-        middle = float(np.log(about))
-        low, here, high = (left(middle + side * STEP) for side in (-1, 0, 1))
-        bend = low - 2 * here + high
-        move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high) * np.inf
-        found = float(np.clip(middle + STEP * np.clip(move, -3, 3), np.log(SMOOTHEST), np.log(ROUGHEST)))
-    strength, _ = seen[found] if found in seen else (left(found), seen[found])[1]
-    return Fit(
-        coat(float(np.exp(found))), strength, _covariance(samples, weights, found, strength), 0.0,
-        2 if white is not None else 4,
-    )  # fmt: skip
-
-
-def _covariance(samples: Samples, weights: NDArray[np.float32], logarithm: float, strength: Array) -> Array:
-    """Return the inverse of half the second differences of the sum of squares in log roughness and log strength."""
-    if not strength.any():
-        return np.full((2, 2), np.nan)
-    step = 0.03
-    sums = {i: reduced(samples, weights, coat(float(np.exp(logarithm + i * step)))).sum(0) for i in (-1, 0, 1)}
-
-    def left(i: int, j: int) -> float:
-        a, b, c = sums[i].T
-        k = strength * np.exp(j * step)
-        return float(np.sum(c - 2 * k * b + k * k * a))
-
-    middle = left(0, 0)
-    first = (left(1, 0) - 2 * middle + left(-1, 0)) / step**2
-    second = (left(0, 1) - 2 * middle + left(0, -1)) / step**2
-    mixed = (left(1, 1) - left(1, -1) - left(-1, 1) + left(-1, -1)) / (4 * step**2)
-    bend = np.array([[first, mixed], [mixed, second]]) / 2
-    if not (np.linalg.det(bend) > 0 and first > 0):
-        return np.full((2, 2), np.nan)
-    return np.asarray(np.linalg.inv(bend), np.float64)
-
-
-def _weighed(samples: Samples, weights: NDArray[np.float32], fit: Fit) -> tuple[Noise, NDArray[np.float32]]:
-    values, slope, _ = predicted(samples, weights, fit.surface, _everywhere(samples, fit.strength))
-    residual = samples.values - values
-    noise = noise_of(residual, values, slope, samples.usable)
-    variance = noise.variance(values, slope)
-    robust = (FREEDOM + 1) / (FREEDOM + residual**2 / variance)
-    return noise, np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
-
-
-def _judged(samples: Samples, fit: Fit, variance: NDArray[np.float32], factor: float) -> Fit:
-    """Return a fit with its deviance under one variance for all models, its albedo the best for that."""
+def _deviance(samples: Samples, fit: Fit, variance: NDArray[np.float32]) -> float:
+    """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant of the variance."""
     weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
     for _ in range(3):
-        values = predicted(samples, weights, fit.surface, _everywhere(samples, fit.strength))[0]
+        values = predicted(samples, weights, fit.surface, everywhere(samples, fit.strength))[0]
         square = (samples.values - values) ** 2 / variance
         robust = (FREEDOM + 1) / (FREEDOM + square)
         weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
     # Three channels err together: they count as one sample.
-    deviance = float(np.sum((FREEDOM + 1) * np.log1p(square / FREEDOM).mean(-1)[samples.usable])) / factor
-    return Fit(fit.surface, fit.strength, fit.covariance, deviance, fit.parameters)
+    return float(np.sum((FREEDOM + 1) * np.log1p(square / FREEDOM).mean(-1)[samples.usable], dtype=np.float64))

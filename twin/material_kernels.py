@@ -17,7 +17,9 @@ TILT = 1e-3
 
 
 @numba.njit(nogil=True, cache=True)
-def _reduce(normals, views, toward, irradiance, values, weights, spread, roughness, index, transmittance, body):
+def _reduce(
+    normals, views, toward, irradiance, values, weights, spread, roughness, index, transmittance, body, covered
+):
     count, frames = toward.shape[:2]
     out = np.zeros((count, 3, 3))
     for p in range(count):
@@ -28,7 +30,7 @@ def _reduce(normals, views, toward, irradiance, values, weights, spread, roughne
                 continue
             d, s = shade(
                 normals[p, 0], normals[p, 1], normals[p, 2], views[p, 0], views[p, 1], views[p, 2],
-                toward[p, f, 0], toward[p, f, 1], toward[p, f, 2], rough, index, transmittance, body
+                toward[p, f, 0], toward[p, f, 1], toward[p, f, 2], rough, index, transmittance, body, covered
             )  # fmt: skip
             for c in range(3):
                 w, e, v = weights[p, f, c], irradiance[p, f, c], values[p, f, c]
@@ -53,7 +55,7 @@ def reduced(samples: Samples, weights: NDArray[np.float32], surface: Coat) -> ND
 
     The albedo that is best for each k is eliminated [Golub1973]. `weights` (P, F, 3): 1 / variance, 0 where unused.
     """
-    return _spread(_reduce, _arrays(samples, weights), _of(surface))
+    return _spread(_reduce, _arrays(samples, weights), surface.numbers)
 
 
 def _arrays(samples: Samples, weights: NDArray[np.float32]) -> tuple[NDArray, ...]:
@@ -73,13 +75,21 @@ def _spread(kernel: Callable, arrays: tuple[NDArray, ...], rest: tuple) -> Any:
     return np.concatenate(found)
 
 
-def _of(surface: Coat) -> tuple:
-    return surface.roughness, surface.index, surface.transmittance, surface.body
-
-
 @numba.njit(nogil=True, cache=True)
 def _predict(
-    normals, views, toward, irradiance, values, weights, spread, strength, roughness, index, transmittance, body
+    normals,
+    views,
+    toward,
+    irradiance,
+    values,
+    weights,
+    spread,
+    strength,
+    roughness,
+    index,
+    transmittance,
+    body,
+    covered,
 ):
     count, frames = toward.shape[:2]
     predicted, slope = np.empty((count, frames, 3), np.float32), np.empty((count, frames, 3), np.float32)
@@ -99,14 +109,16 @@ def _predict(
         body_of, coat_of = np.empty((frames, 3)), np.empty((frames, 3))
         for f in range(frames):
             lx, ly, lz = toward[p, f]
-            body_of[f, 0], coat_of[f, 0] = shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, rough, index, transmittance, body)
+            body_of[f, 0], coat_of[f, 0] = shade(
+                nx, ny, nz, vx, vy, vz, lx, ly, lz, rough, index, transmittance, body, covered
+            )
             body_of[f, 1], coat_of[f, 1] = shade(
                 nx + TILT * tx, ny + TILT * ty, nz + TILT * tz, vx, vy, vz, lx, ly, lz,
-                rough, index, transmittance, body
+                rough, index, transmittance, body, covered
             )  # fmt: skip
             body_of[f, 2], coat_of[f, 2] = shade(
                 nx + TILT * ux, ny + TILT * uy, nz + TILT * uz, vx, vy, vz, lx, ly, lz,
-                rough, index, transmittance, body
+                rough, index, transmittance, body, covered
             )  # fmt: skip
         for c in range(3):
             top, bottom = 0.0, 0.0
@@ -135,4 +147,4 @@ def predicted(
     `strength` (P, 3): of the coat; the albedo is each pixel's best.
     """
     arrays = (*_arrays(samples, weights), np.ascontiguousarray(strength, np.float64))
-    return _spread(_predict, arrays, _of(surface))
+    return _spread(_predict, arrays, surface.numbers)

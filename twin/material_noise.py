@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.material_samples import Samples
 
-SOME = 60_000
+SOME = 20_000
 """Samples that the variance is read from."""
 CELLS = (4, 16, 64)
 """Pixels to a block, of those that are tried."""

@@ -19,7 +19,10 @@ SOME = 2_000
 STEP = 1e-3
 """Radians, of the finite differences."""
 LOBE, LAMBERT = 10, 6
-"""Bends of the free curves that stand for another BRDF: over the half angle, over the cosine to the light."""
+"""Bends of the free curves that stand for another coat and another body: over the half angle, over the cosine to the
+light."""
+TELLING = 0.25
+"""Share of the squared residual above which another coat or another body is said to be wanted."""
 
 
 @dataclass(frozen=True)
@@ -54,12 +57,26 @@ class Residual:
         NaN of a frame without samples.
     parts : dict of str to Part
         Each let free alone: `direction`, `intensity`, `ambient`, `registration` (pose), `normals` (each pixel's own),
-        `brdf`; they overlap and do not add up.
+        `highlights` (a coat of any shape), `body` (any law of the light's angle); they overlap and do not add up.
     """
 
     whole: float
     per_frame: Array
     parts: dict[str, Part]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What the residual says against the model."""
+        wanted = {
+            "highlights": "a second lobe, or highlights of another shape,",
+            "body": "a body that gives back light otherwise than the fitted one",
+        }
+        return tuple(
+            f"One roughness and one strength are not all: {what} would explain {100 * self.parts[name].explains:.0f} % "
+            "of the squared residual."
+            for name, what in wanted.items()
+            if self.parts[name].explains > TELLING
+        )
 
     def __str__(self) -> str:
         """The line that is printed."""
@@ -123,7 +140,9 @@ def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple
     yield "registration", project.part(_shared(pose), 1.0, "rad, px")
     lean = [change(_turned(samples.normals, t), samples.toward) for t in _tangents(samples.normals)]
     yield "normals", project.each_pixel(np.stack(lean, -1))
-    yield "brdf", project.part(_shared(_curves(samples, light, own)), 1.0, "pixel value")
+    lobe, lambert = _curves(samples, light, own)
+    yield "highlights", project.part(_shared(lobe), 1.0, "pixel value")
+    yield "body", project.part(_shared(lambert), 1.0, "relative")
 
 
 class _Eliminated:
@@ -207,8 +226,8 @@ def _turned(vectors: NDArray, tangent: Array) -> Array:
     return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
 
 
-def _curves(samples: Samples, light: Array, albedo: Array) -> Array:
-    """Return (P, F, 3, LOBE + LAMBERT): any coat over the half angle, any body over the light's."""
+def _curves(samples: Samples, light: Array, albedo: Array) -> tuple[Array, Array]:
+    """Return (P, F, 3, LOBE), any coat over the half angle, and (P, F, 3, LAMBERT), any body over the light's."""
     half = samples.toward + samples.views[:, None]
     half = half / np.linalg.norm(half, axis=-1, keepdims=True)
     angle = np.arccos(np.clip(np.einsum("pfi,pi->pf", half, samples.normals), 0, 1))
@@ -216,7 +235,7 @@ def _curves(samples: Samples, light: Array, albedo: Array) -> Array:
     # Finer where highlights are: evenly in the square root of the angle.
     lobe = _hats(np.sqrt(angle / (np.pi / 2)), LOBE)[:, :, None] * light[..., None]
     lambert = _hats(cosine, LAMBERT)[:, :, None] * (light * albedo)[..., None]
-    return np.concatenate([lobe, lambert], -1)
+    return lobe, lambert
 
 
 def _hats(where: NDArray, count: int) -> Array:

@@ -96,6 +96,10 @@ class RoughPlastic:
         Factor on the coat's reflectance; 1: what its index of refraction gives, 0: only the body.
     index : float
         Of refraction, of the coat.
+    covered : float
+        Share of the body's light that the coat dims on its way in and out, most where seen or lit aslant; the rest
+        leaves as from a matte surface. The specularity itself: a full coat over so much of the surface, the rest bare.
+        0: a lobe upon a matte body, as many renderers have it, which may give back more light than it gets.
     """
 
     reflectance: Reflectance
@@ -103,6 +107,7 @@ class RoughPlastic:
     specularity: float | Texture = 1.0
     index: float = 1.49
     subsurface: Subsurface | None = None
+    covered: float = 1.0
 
 
 @dataclass(frozen=True)

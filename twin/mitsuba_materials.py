@@ -1,6 +1,7 @@
 """Materials as Mitsuba's BSDFs: plain dictionaries, with arrays where a file or an object will stand."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,10 @@ from twin.materials import (
 
 VERTEX_COLOUR = "vertex_color"
 """Mitsuba's name of a mesh's r, g, b."""
+
+
+LEAST_WEIGHT = 0.2
+"""Of the coated part, of all that is sampled: below it a highlight would rarely be."""
 
 
 def bsdf(material: Material) -> dict[str, Any]:
@@ -53,16 +58,20 @@ def _one_side(material: Material) -> dict[str, Any]:
     match material:
         case Diffuse():
             return {"type": "diffuse", "reflectance": _value(material.reflectance)}
+        case RoughPlastic(covered=1):
+            return _plastic(material, material.reflectance, material.specularity)
         case RoughPlastic():
-            return {
-                "type": "roughplastic",
-                "distribution": "ggx",
-                "alpha": float(material.roughness),
-                "int_ior": float(material.index),
-                "ext_ior": 1.0,
-                "diffuse_reflectance": _value(material.reflectance),
-                "specular_reflectance": _number(material.specularity),
+            covered = float(material.covered)
+            weight = max(covered, LEAST_WEIGHT)
+            coated = _plastic(
+                material, _times(material.reflectance, covered / weight), _times(material.specularity, 1 / weight)
+            )
+            bare = {
+                "type": "diffuse",
+                "reflectance": _value(_times(material.reflectance, (1 - covered) / (1 - weight))),
             }
+            # The weight is the second one's, in the order of the names too.
+            return {"type": "blendbsdf", "weight": weight, "bare": bare, "coated": coated}
         case Conductor(roughness=0):
             return {"type": "conductor", "material": material.metal}
         case Conductor():
@@ -78,6 +87,29 @@ def _one_side(material: Material) -> dict[str, Any]:
             }
         case Measured():
             return {"type": "measured", "filename": material.file}
+
+
+def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:
+    return {
+        "type": "roughplastic",
+        "distribution": "ggx",
+        "alpha": float(material.roughness),
+        "int_ior": float(material.index),
+        "ext_ior": 1.0,
+        "diffuse_reflectance": _value(reflectance),
+        "specular_reflectance": _number(specularity),
+    }
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Return a number or a texture times a factor; three numbers as a texture: colours above 1 are refused."""
+    if factor == 1:
+        return value
+    if isinstance(value, Texture):
+        return replace(value, values=value.values * np.float32(factor))
+    if isinstance(value, tuple):
+        return Texture(np.full((1, 1, 3), factor * np.array(value), np.float32))
+    return factor * value
 
 
 def _value(reflectance: Reflectance) -> dict[str, Any]:

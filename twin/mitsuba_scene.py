@@ -133,28 +133,28 @@ def mitsuba_scene(scene: TwinScene, *, light: int | None = None) -> Any:
     import mitsuba as mi
 
     made = parts(scene)
-    materials = {name: mi.load_dict(_loadable(mi, one)) for name, one in made.materials.items()}
-    media = {name: mi.load_dict(_loadable(mi, one)) for name, one in made.media.items()}
+    materials = {name: mi.load_dict(loadable(mi, one)) for name, one in made.materials.items()}
+    media = {name: mi.load_dict(loadable(mi, one)) for name, one in made.media.items()}
     description: dict[str, Any] = {"type": "scene", "integrator": made.integrator}
     for number, (_, mesh, material) in enumerate(made.shapes):
         description[f"object_{number}"] = _mesh(mi, mesh, materials[material], media.get(material))
     if made.environment is not None:
-        description["environment"] = _loadable(mi, made.environment)
+        description["environment"] = loadable(mi, made.environment)
     if light is not None:
-        description["flash"] = _loadable(mi, flash(scene, light))
+        description["flash"] = loadable(mi, flash(scene, light))
     return mi.load_dict(description)
 
 
-def _loadable(mi: Any, node: Any) -> Any:
+def loadable(mi: Any, node: Any) -> Any:
     """Return a description whose arrays are Mitsuba's objects."""
     if not isinstance(node, dict):
         if isinstance(node, np.ndarray):
             return mi.ScalarTransform4f(node)
         return str(node) if hasattr(node, "__fspath__") else node
-    loadable = {key: _loadable(mi, value) for key, value in node.items() if key != "data"}
+    ready = {key: loadable(mi, value) for key, value in node.items() if key != "data"}
     if "data" in node:
-        loadable["bitmap"] = mi.Bitmap(np.ascontiguousarray(node["data"], np.float32))
-    return loadable
+        ready["bitmap"] = mi.Bitmap(np.ascontiguousarray(node["data"], np.float32))
+    return ready
 
 
 def _mesh(mi: Any, mesh: ObjectMesh, material: Any, within: Any) -> Any:

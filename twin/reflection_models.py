@@ -5,6 +5,7 @@ surface of reflectance 1 and specularity 1 under a light of intensity 1, in the 
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numba
 import numpy as np
@@ -34,14 +35,23 @@ class Coat:
         Share of the light that gets through, at cosines 0 to 1.
     body : float
         Factor on the body's light: 1 / (index^2 (1 - R)), R the coat's diffuse reflectance from within.
+    covered : float
+        Share of the body's light that passes it.
     """
 
     roughness: float
     index: float
     transmittance: Array
     body: float
+    covered: float = 1.0
+
+    @property
+    def numbers(self) -> tuple:
+        """What the kernels take, in their order."""
+        return self.roughness, self.index, self.transmittance, self.body, self.covered
 
 
+@lru_cache(64)
 def coat(roughness: float, index: float = INDEX) -> Coat:
     """Return the coat of a roughness: its transmittance by quadrature over the facets that each direction sees."""
     cosine = np.maximum(np.linspace(0, 1, NODES), 1e-3)
@@ -103,13 +113,13 @@ def _fresnel(cosine: Array, index: float) -> Array:
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
-def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body):
+def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body, covered):
     """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
 
     Notes
     -----
-    Body: cos_l T(l) T(v) / (index^2 (1 - R)); coat: pi F D G / (4 cos_v), G by Smith, each direction apart. The matte
-    coat (index 1) has the body cos_l and no coat.
+    Body: cos_l (1 - covered + covered T(l) T(v) / (index^2 (1 - R))); coat: pi F D G / (4 cos_v), G by Smith, each
+    direction apart. The matte coat (index 1) has the body cos_l and no coat.
     """
     nl = nx * lx + ny * ly + nz * lz
     nv = nx * vx + ny * vy + nz * vz
@@ -120,7 +130,7 @@ def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, b
     i, j = min(int(at), last - 1), min(int(seen), last - 1)
     t_in = transmittance[i] + (at - i) * (transmittance[i + 1] - transmittance[i])
     t_out = transmittance[j] + (seen - j) * (transmittance[j + 1] - transmittance[j])
-    diffuse = nl * t_in * t_out * body
+    diffuse = nl * (1 - covered + covered * t_in * t_out * body)
     if index == 1.0:
         return diffuse, 0.0
     hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -139,7 +149,7 @@ def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, b
 
 
 @numba.njit(nogil=True, cache=True)
-def shades(normals, views, lights, roughness, index, transmittance, body):
+def shades(normals, views, lights, roughness, index, transmittance, body, covered):
     """Return (P, F) body and (P, F) coat of normals (P, 3), views (P, 3) and unit lights (P, F, 3)."""
     count, frames = lights.shape[:2]
     diffuse, gloss = np.empty((count, frames), np.float32), np.empty((count, frames), np.float32)
@@ -149,7 +159,7 @@ def shades(normals, views, lights, roughness, index, transmittance, body):
         for f in range(frames):
             lx, ly, lz = lights[p, f]
             diffuse[p, f], gloss[p, f] = shade(
-                nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body
+                nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body, covered
             )
     return diffuse, gloss
 
@@ -158,4 +168,4 @@ def reflected(
     surface: Coat, normals: NDArray, views: NDArray, lights: NDArray
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Return `shades` of a coat."""
-    return shades(normals, views, lights, surface.roughness, surface.index, surface.transmittance, surface.body)
+    return shades(normals, views, lights, *surface.numbers)

@@ -1,6 +1,7 @@
 """The material of a registered scan, from photographs to albedo map: fitted, light from elsewhere off, fitted again."""
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,8 @@ from twin.material_residual import Residual, material_residual
 from twin.material_samples import MOST, Samples, ScanSurface, inner_pixels, samples_of_scan
 
 SAMPLES_AT_ONCE = 1 << 22
+MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
+"""Of the fit: pixels times frames; pixels, however many frames there are."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +43,26 @@ class ScanMaterial:
     onward: float
     albedo: NDArray[np.float32]
 
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is suspicious about it."""
+        return (*self.fit.warnings, *self.residual.doubts)
+
+    def facts(self) -> dict[str, Any]:
+        """Return what the summary keeps of it; relative standard deviations, residuals and shares are not percents."""
+        fit = self.fit
+        numbers = ("roughness", "roughness_sigma", "specularity", "specularity_sigma", "index", "covered")
+        return {
+            "model": fit.model,
+            "sentence": str(fit),
+            **({} if fit.model == "matte" else {name: getattr(fit, name) for name in numbers}),
+            "samples_worth": fit.effective_samples,
+            "onward": self.onward,
+            "relative_rmse": self.residual.whole,
+            "relative_rmse_per_frame": self.residual.per_frame,
+            "explained_by": {name: asdict(part) for name, part in self.residual.parts.items()},
+        }
+
 
 def scan_material(
     frames: Frames,
@@ -50,17 +73,19 @@ def scan_material(
     pose: Pose,
     *,
     normals: NDArray[np.float32] | None = None,
-    most: int = MOST,
+    most: int | None = None,
 ) -> ScanMaterial:
     """Return the material of a registered scan.
 
-    Parameters and errors: see `twin.material_samples.samples_of_scan`.
+    Parameters and errors: see `twin.material_samples.samples_of_scan`; `most` follows from the number of frames.
 
     Notes
     -----
     Light from the object's other parts is rendered with the first fit's material and subtracted, once: a second time
     changes nothing that can be seen. The albedo map holds what little of it is left in each pixel.
     """
+    if most is None:
+        most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
     samples = samples_of_scan(frames, lights, camera, mask, mesh, pose, normals=normals, most=most)
     fit, onward = fit_material(samples, lights), 0.0
     try:

@@ -49,13 +49,15 @@ def ball() -> tuple[Camera, np.ndarray, np.ndarray]:
     return camera, inside, normals
 
 
-def made(roughness: float | None, specularity: float, lights: Lights, *, noise: float = 1e-3) -> Samples:
+def made(
+    roughness: float | None, specularity: float, lights: Lights, *, noise: float = 1e-3, covered: float = 1.0
+) -> Samples:
     """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel."""
     camera, mask, normals = ball()
     frames = Frames.from_linear(lights.names, np.zeros((len(lights), SIDE, SIDE, 3), np.float32))
     samples = samples_of_normals(frames, lights, camera, mask, normals)
     samples = replace(samples, spread=0 * samples.spread)
-    surface = matte() if roughness is None else coat(roughness)
+    surface = matte() if roughness is None else replace(coat(roughness), covered=covered)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
     generator = np.random.default_rng(10_030)
     albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))
@@ -70,7 +72,28 @@ def test_roughness_and_specularity_come_back(roughness: float, specularity: floa
     assert fit.model == "rough plastic"
     assert abs(fit.roughness / roughness - 1) < 0.005
     assert abs(fit.specularity / specularity - 1) < 0.01
+    assert fit.covered == 1
     assert "BIC falls" in str(fit)
+    assert not fit.warnings
+
+
+@pytest.mark.parametrize(("covered", "specularity"), [(0.0, 1.0), (0.3, 0.3), (0.7, 0.4)])
+def test_a_body_that_lies_partly_bare_is_found(covered: float, specularity: float) -> None:
+    lights = dome(24)
+    fit = fit_material(made(0.25, specularity, lights, covered=covered), lights)
+    assert abs(fit.covered - covered) < 0.02
+    assert abs(fit.roughness / 0.25 - 1) < 0.01
+    assert abs(fit.specularity / specularity - 1) < 0.015
+    assert "more with part of the body bare" in str(fit)
+
+
+def test_what_no_coat_does_is_said() -> None:
+    lights = dome(24)
+    brighter = fit_material(made(0.25, 1.4, lights), lights)
+    assert abs(brighter.specularity / 1.4 - 1) < 0.01
+    assert any("1.40 times those of a full coat" in text for text in brighter.warnings)
+    smooth = fit_material(made(0.01, 0.5, lights), lights)
+    assert any(text.startswith("The roughness ran to 0.02") for text in smooth.warnings)
 
 
 def test_errors_are_what_sigma_says() -> None:

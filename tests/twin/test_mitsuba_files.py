@@ -47,7 +47,7 @@ def scene(lights_kind, **change):
         TwinObject("rod", built_in("cylinder"), "metal", placed(9, MIDDLE + [-20, -25, 15])),
     )
     materials = {
-        "picture": RoughPlastic(Texture(values), 0.3, 0.8),
+        "picture": RoughPlastic(Texture(values), 0.3, 0.8, covered=0.1),
         "colours": Principled("vertex", 0.3),
         "wax": Diffuse((0.3, 0.3, 0.6), Subsurface(3.0)),
         "metal": Conductor("Cu", 0.3),

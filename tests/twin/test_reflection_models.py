@@ -1,11 +1,14 @@
 """Rough plastic in closed form against the renderer's own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from twin.flashes import import_mitsuba
-from twin.materials import Diffuse, RoughPlastic
+from twin.materials import Diffuse, RoughPlastic, Texture
 from twin.mitsuba_materials import bsdf
+from twin.mitsuba_scene import loadable
 from twin.reflection_models import coat, matte, reflected
 
 
@@ -19,9 +22,10 @@ def directions(count: int, seed: int, least: float) -> np.ndarray:
 
 def in_mitsuba(material, views: np.ndarray, lights: np.ndarray) -> np.ndarray:
     mi = import_mitsuba()
-    plastic = mi.load_dict(bsdf(material))
+    plastic = mi.load_dict(loadable(mi, bsdf(material)))
     surface = mi.SurfaceInteraction3f()
     surface.wi = mi.Vector3f(*views.T.astype(np.float32))
+    surface.uv = mi.Point2f(0.5, 0.5)
     value = plastic.eval(mi.BSDFContext(), surface, mi.Vector3f(*lights.T.astype(np.float32)))
     return np.pi * np.asarray(value).reshape(3, -1).T
 
@@ -42,6 +46,18 @@ def test_body_and_coat_are_those_of_mitsuba(roughness: float, index: float) -> N
     assert np.max(np.abs(ours / both - 1)) < 0.01
     only = in_mitsuba(RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index), views, lights)[:, 0]
     assert np.max(np.abs(body / only - 1)) < 0.01
+
+
+@pytest.mark.parametrize("covered", [0.0, 0.1, 0.4])
+def test_a_body_that_lies_partly_bare_is_that_of_mitsuba(covered: float) -> None:
+    views, lights = directions(4000, 8, 0.1), directions(4000, 9, 0.05)
+    up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
+    body, gloss = (a[:, 0] for a in reflected(replace(coat(0.3), covered=covered), up, views, lights[:, None]))
+    colour = (0.2, 0.5, 0.9)
+    for reflectance in (colour, Texture(np.full((1, 1, 3), colour, np.float32))):
+        both = in_mitsuba(RoughPlastic(reflectance, 0.3, 0.7, covered=covered), views, lights)
+        ours = body[:, None] * np.array(colour) + 0.7 * gloss[:, None]
+        assert np.max(np.abs(ours / both - 1)) < 0.01
 
 
 def test_matte_is_lambert() -> None:
