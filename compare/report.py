@@ -73,6 +73,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     here = Path(__file__).parent
     page = Template((here / "report_template.html").read_text(encoding="utf-8")).substitute(
         title=escape(name),
+        kind="Photometric stereo report",
         subtitle=_subtitle(summary, compared),
         chapters="".join(f'<a href="#{anchor}">{title}</a>' for anchor, title in CHAPTERS),
         style=(here / "report_style.css").read_text(encoding="utf-8"),

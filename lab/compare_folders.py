@@ -1,0 +1,95 @@
+"""`rgbn compare REAL TWIN`: two processed folders, whether the methods fail alike on both."""
+
+import json as json_module
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from lab.counterpart_sides import Folder, error_maps, open_folder, shifts_of
+from lab.doctor import versions
+from lab.job import locked
+from lab.progress import say
+from scene.errors import SceneError
+from scene.files import write_json, write_text
+from scene.store import Store
+
+PAGE, NUMBERS = "counterparts.html", "counterparts.json"
+
+
+def compare_folders(
+    real: Path, twin: Path, out: Path | None = None, *, methods: tuple[str, ...] | None = None, json: bool = False
+) -> dict[str, Any]:
+    """Compare two processed folders, and write counterparts.html and counterparts.json.
+
+    Parameters
+    ----------
+    real, twin : Path
+        Output folders of `process`; or one, and the `twin` in it.
+    out : Path or None
+        Default: out/REAL-against-TWIN.
+    methods : tuple of str or None
+        Default: all that are in both.
+    json : bool
+        Print the numbers as JSON.
+
+    Returns
+    -------
+    dict
+        Of `compare.counterparts.compare_counterparts`, with name, created, versions and folders.
+
+    Raises
+    ------
+    SceneError
+        A folder is not processed, or the two have no method in common.
+    """
+    from compare.counterpart_page import counterpart_page
+    from compare.counterparts import compare_counterparts
+
+    folders = {"real": open_folder(real), "twin": open_folder(twin)}
+    common = _common(folders, methods)
+    place = Store(out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}")
+    with locked(place.folder):
+        say(f"compare {real} with {twin}: {', '.join(common)}")
+        sides = {kind: capture_of(folder, common, seed) for seed, (kind, folder) in enumerate(folders.items())}
+        found = compare_counterparts(sides["real"], sides["twin"])
+        title = f"{sides['real'].name} against {sides['twin'].name}"
+        now = datetime.now(UTC).isoformat(timespec="seconds")
+        found = {"name": title, "created": now, "versions": versions(), **found}
+        write_json(place.path(NUMBERS), found)
+        subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
+        write_text(place.path(PAGE), counterpart_page(found, sides["real"], sides["twin"], title, subtitle))
+    if json:
+        print(json_module.dumps(place.read_json(NUMBERS), indent=1))
+    else:
+        tell(found)
+        print(place.path(PAGE))
+    return found
+
+
+def capture_of(folder: Folder, methods: tuple[str, ...], seed: int) -> Any:
+    """Return a folder's errors, and what its lights and registration leave open."""
+    from compare.counterparts import Capture
+
+    shifts, carried = shifts_of(folder, methods, seed=seed)
+    return Capture(folder.name, folder.kind, error_maps(folder, methods), shifts, carried)
+
+
+def tell(found: dict[str, Any]) -> None:
+    """Print the verdict, its reasons, and how the methods follow each other."""
+    words = {"level": "errors as large", "pattern": "at the same places", "order": "methods rank alike"}
+    print(f"{found['name']}: {found['verdict']}")
+    for question, answer in found["reasons"].items():
+        print(f"  {words[question]:20} {answer}")
+    for kind, told in found["order"]["sentences"].items():
+        for text in told:
+            print(f"  {kind}: {text}")
+
+
+def _common(folders: dict[str, Folder], asked: tuple[str, ...] | None) -> tuple[str, ...]:
+    there = [folder.methods for folder in folders.values()]
+    common = tuple(name for name in there[0] if name in there[1] and (asked is None or name in asked))
+    if not common:
+        names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders.values())
+        wanted = "" if asked is None else f" among {', '.join(asked)}"
+        raise SceneError(f"compare: no method's normals{wanted} are in both folders ({names}). Process both alike.")
+    return common

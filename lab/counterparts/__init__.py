@@ -1,0 +1,1 @@
+"""Virtual captures of the seed's real experiments, and their synthetic counterparts."""

@@ -1,0 +1,149 @@
+"""Pairs of error maps whose likeness is known: how often what is not so is said, and that what is so is found."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter
+from scipy.stats import binom
+
+from compare.block_bootstrap import draw_blocks, drawn_statistics, memory_of, structured_share
+from compare.counterparts import Capture, compare_counterparts
+from compare.solver_order import kendall_tau
+
+SIDE, PAIRS, DRAWS = 64, 90, 300
+V, U = np.mgrid[:SIDE, :SIDE]
+OBJECT = (U - 31.5) ** 2 + (V - 31.5) ** 2 < 30**2
+
+
+def field(rng, scale_px):
+    """A map of variance 1 whose neighbours are alike over some `scale_px` pixels."""
+    if scale_px == 0:
+        return rng.standard_normal((SIDE, SIDE))
+    edge = int(4 * scale_px) + 1
+    wide = gaussian_filter(rng.standard_normal((SIDE + 2 * edge,) * 2), scale_px)[edge:-edge, edge:-edge]
+    return wide * 2 * np.sqrt(np.pi) * scale_px
+
+
+def errors(rng, shared, *, level=2.0, scale_px=1.5):
+    """One capture's errors: what shape makes of them, what is this capture's own, and noise."""
+    own = 0.35 * field(rng, scale_px) + 0.2 * field(rng, 0)
+    return np.where(OBJECT, level * np.exp(0.6 * shared + own), np.nan).astype(np.float32)
+
+
+def captures(seed, *, levels=({}, {}), shared=(True, True), scale_px: float = 1.5):
+    """Two captures of three methods, from one distribution unless told otherwise."""
+    rng = np.random.default_rng(seed)
+    patterns = {name: field(rng, 2.5) for name in "abc"}
+    other = {name: field(rng, 2.5) for name in "abc"}
+    usual = {"a": 2.0, "b": 2.3, "c": 6.0}
+    made = []
+    for level, same in zip(levels, shared, strict=True):
+        at = {**usual, **level}
+        source = patterns if same else other
+        made.append({name: errors(rng, source[name], level=at[name], scale_px=scale_px) for name in "abc"})
+    return [Capture(name, "simulated", maps) for name, maps in zip(("real", "twin"), made, strict=True)]
+
+
+@pytest.mark.parametrize("scale_px", [0, 1.5])
+def test_pairs_of_one_distribution_are_told_apart_no_more_often_than_one_in_twenty(scale_px):
+    found = [
+        compare_counterparts(*captures(10000 + seed, scale_px=scale_px), draws=DRAWS, seed=seed)
+        for seed in range(PAIRS)
+    ]
+    alarms = sum(one["level"]["p"] < 0.05 for one in found)
+    # Neither oftener than chance allows, nor so seldom that no difference would be found.
+    assert binom.ppf(0.001, PAIRS, 0.05) <= alarms <= binom.ppf(0.999, PAIRS, 0.05)
+    differ = sum(one["verdict"] == "differ" for one in found)
+    assert differ <= binom.ppf(0.999, PAIRS, 0.05)
+    assert sum(one["verdict"] == "alike" for one in found) > 0.85 * PAIRS
+    # Every p is a p: as often below a half as above.
+    below = sum(one["level"]["p"] < 0.5 for one in found)
+    assert binom.ppf(0.0005, PAIRS, 0.5) <= below <= binom.ppf(0.9995, PAIRS, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("question", "how", "least"),
+    [
+        ("level", {"levels": ({}, {"c": 9.5})}, 9),
+        # On so small an object an interval is wide: what cannot be shown is not said.
+        ("pattern", {"shared": (True, False), "scale_px": 2.5}, 6),
+        ("order", {"levels": ({"a": 2.0, "b": 4.5}, {"a": 4.5, "b": 2.0})}, 9),
+    ],
+)
+def test_what_differs_is_found_and_named(question, how, least):
+    """Errors half as large again; the same errors at other places; two methods that change their places."""
+    found = [compare_counterparts(*captures(30000 + seed, **how), draws=DRAWS, seed=seed) for seed in range(10)]
+    assert sum(one["reasons"][question] == "differ" for one in found) >= least
+    assert not any(one["verdict"] == "alike" or one["reasons"][question] == "alike" for one in found)
+    if question == "order":
+        assert all(one["order"]["contradictions"] in ([["a", "b"]], []) for one in found)
+
+
+def test_an_order_that_chance_decides_is_not_called_the_same():
+    """Two methods as good as each other, one far behind: their order says nothing, and is said to say nothing."""
+    even = ({"a": 2.0, "b": 2.0}, {"a": 2.0, "b": 2.0})
+    found = [
+        compare_counterparts(*captures(40000 + seed, levels=even), draws=DRAWS, seed=seed)["order"]
+        for seed in range(40)
+    ]
+    significant = sum(one["pairs"][0]["real"]["significant"] for one in found)
+    # One-sided at 5 % for three pairs, so a thirtieth for either sign.
+    assert significant <= binom.ppf(0.999, len(found), 0.05)
+    assert not any(one["contradictions"] for one in found)
+    assert all(one["pairs"][1]["real"]["significant"] and one["pairs"][1]["twin"]["significant"] for one in found)
+    assert found[0]["tau_low"] < 1
+    assert "not significant" in " ".join(found[0]["sentences"]["real"])
+
+
+def test_uncertain_lights_turn_a_significant_order_into_an_open_one():
+    real, twin = captures(50000)
+    sure = compare_counterparts(real, twin, seed=1, draws=DRAWS)["order"]["pairs"][1]["real"]
+    rng = np.random.default_rng(3)
+    moved = {name: np.repeat(rng.normal(0, 4.0 if name == "c" else 0.1, (50, 1)), 4, 1) for name in "abc"}
+    unsure = compare_counterparts(Capture("real", "simulated", real.errors, moved), twin, seed=1, draws=DRAWS)
+    pair = unsure["order"]["pairs"][1]["real"]
+    assert sure["significant"]
+    assert not pair["significant"]
+    assert pair["difference_deg"] == sure["difference_deg"]
+    assert pair["sigma_deg"] == pytest.approx(np.hypot(sure["sigma_deg"], 4.0), rel=0.2)
+    # What moves all methods alike moves no method past another.
+    together = {name: np.repeat(np.random.default_rng(4).normal(0, 4.0, (50, 1)), 4, 1) for name in "abc"}
+    shifted = compare_counterparts(Capture("real", "simulated", real.errors, together), twin, seed=1, draws=DRAWS)
+    assert shifted["order"]["pairs"][1]["real"]["significant"]
+    assert not shifted["methods"]["c"]["difference"]["median_deg"]["significant"]
+
+
+def test_maps_of_two_sizes_are_compared_without_laying_them_over_each_other():
+    real, twin = captures(60000)
+    wider = {name: np.pad(error, ((0, 0), (0, 9)), constant_values=np.nan) for name, error in twin.errors.items()}
+    found = compare_counterparts(real, Capture("twin", "simulated", wider), draws=DRAWS)
+    assert not found["laid_over"]
+    assert found["methods"]["a"]["pattern"] is None
+    assert found["reasons"]["pattern"] == "not shown"
+    assert found["order"]["tau"] == 1
+
+
+def test_draws_of_independent_pixels_have_the_spread_of_the_mean():
+    rng = np.random.default_rng(7)
+    error = rng.exponential(3.0, (80, 80))
+    drawn = drawn_statistics(error, draw_blocks(np.ones_like(error, bool), 1.0, 2000, rng))
+    assert drawn[:, 0].std() == pytest.approx(3.0 / 80, rel=0.1)
+    assert drawn.mean(0) == pytest.approx([error.mean(), *np.quantile(error, [0.5, 0.25, 0.75])], rel=0.02)
+
+
+def test_memory_is_the_integral_of_the_autocorrelation():
+    rng = np.random.default_rng(8)
+    lengths = [memory_of(np.where(OBJECT, field(rng, 2.0), np.nan)).length_px for _ in range(30)]
+    # Gaussian of standard deviation s: rho(k) = exp(-k^2 / 4 s^2), whose integral is 2 s sqrt(pi).
+    assert np.mean(lengths) == pytest.approx(4 * np.sqrt(np.pi), rel=0.12)
+    assert memory_of(np.where(OBJECT, field(rng, 0), np.nan)).length_px == pytest.approx(1, abs=0.5)
+    assert structured_share(field(rng, 6.0)) > 0.7
+    assert structured_share(field(rng, 0)) < 0.2
+
+
+def test_kendalls_tau_of_cases_counted_by_hand():
+    a = np.array([[1.0, 2.0, 3.0, 4.0]])
+    assert kendall_tau(a, a) == 1
+    assert kendall_tau(a, -a) == -1
+    # One of six pairs is turned over.
+    assert kendall_tau(a, np.array([[2.0, 1.0, 3.0, 4.0]])) == pytest.approx(4 / 6)
+    assert kendall_tau(a, np.ones((1, 4))) == 0
