@@ -1,0 +1,38 @@
+"""The panels of a review, put on a browser's desk."""
+
+from lab.studio.review.balls_panel import BallsPanel
+from lab.studio.review.desk import ReviewDesk
+from lab.studio.review.frames_panel import FramesPanel
+from lab.studio.review.light_stage import LightStage
+from lab.studio.review.lights_panel import LightsPanel
+from lab.studio.review.run_panel import RunPanel
+from lab.studio.review.scan_panel import ScanPanel
+from lab.studio.review.twin_panel import TwinPanel
+from lab.studio.review.wall import Wall
+from lab.studio.review.warnings_panel import WarningsPanel
+
+
+def furnish(desk: ReviewDesk) -> None:
+    """Put the panels of a review on a desk."""
+    gui = desk.client.gui
+    wall, stage = Wall(desk), LightStage(desk)
+    tabs = gui.add_tab_group()
+    makers = {
+        "Frames": FramesPanel,
+        "Balls": BallsPanel,
+        "Lights": LightsPanel,
+        "Scan": lambda desk: ScanPanel(desk, wall, stage),
+        "Twin": TwinPanel,
+        f"Warnings ({len(desk.review.warnings)})": WarningsPanel,
+        "Run": RunPanel,
+    }
+    panels = []
+    for label, make in makers.items():
+        with tabs.add_tab(label):
+            panels.append(make(desk))
+    # The twin's panel says what stands beside the photograph; the picks' panel marks the scan once it is there.
+    desk.panels += [*(one for one in panels if not isinstance(one, ScanPanel)), wall, stage]
+    desk.panels += [one for one in panels if isinstance(one, ScanPanel)]
+    gui.main_panel.dock_right()
+    gui.main_panel.set_width(430)
+    desk.refresh()

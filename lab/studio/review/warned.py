@@ -1,0 +1,75 @@
+"""What a warning is about: the frame or the ball to be looked at."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from scene.spheres import Sphere
+
+
+@dataclass(frozen=True)
+class Warned:
+    """A warning of a step.
+
+    Parameters
+    ----------
+    step, text : str
+    frames : tuple of int
+        That it names, in the order in which it names them.
+    ball : int or None
+        That it names first.
+    """
+
+    step: str
+    text: str
+    frames: tuple[int, ...] = ()
+    ball: int | None = None
+
+
+def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
+    """Return warnings with what they name.
+
+    Parameters
+    ----------
+    texts : sequence of (step, text)
+    names : sequence of str
+        The frames'.
+    spheres : sequence of Sphere
+        In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
+    """
+    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
+
+
+def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
+    """Return the frames whose names stand in a text as whole words."""
+    found = []
+    for index, name in enumerate(names):
+        # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
+        match = re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text)
+        if match:
+            found.append((match.start(), index))
+    return tuple(index for _, index in sorted(found))
+
+
+def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
+    """Return the ball that a text names by its number, its place, or as the only one of its kind."""
+    named = re.search(r"\b(chrome|white) ball (\d+)\b", text)
+    if named:
+        # Numbers count the balls of one kind.
+        return _of_kind(spheres, named[1], int(named[2]) - 1)
+    placed = re.search(r"\b(chrome|white) ball at \((-?\d+), (-?\d+)\) px", text)
+    if placed and spheres:
+        place = [float(placed[2]), float(placed[3])]
+        away = [float(abs(sphere.center_px - place).max()) for sphere in spheres]
+        nearest = min(range(len(away)), key=away.__getitem__)
+        return nearest if away[nearest] < spheres[nearest].radius_px else None
+    alone = re.search(r"\bthe (chrome|white) ball\b|\bone (chrome) ball\b", text)
+    if alone:
+        kind = alone[1] or alone[2]
+        return _of_kind(spheres, kind, 0) if sum(sphere.kind == kind for sphere in spheres) == 1 else None
+    return None
+
+
+def _of_kind(spheres: Sequence[Sphere], kind: str, number: int) -> int | None:
+    places = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
+    return places[number] if 0 <= number < len(places) else None
