@@ -8,15 +8,20 @@ from cyclopts import Parameter
 
 def studio(
     source: Annotated[
-        Path | None, Parameter(help="A scene description, .toml, in the workspace. Default: a new scene.")
+        Path | None,
+        Parameter(
+            help="A scene description, .toml, in the workspace; or what `rgbn process` has made of a session, or that "
+            "session, to be reviewed. Default: a new scene."
+        ),
     ] = None,
     /,
     *,
+    out: Annotated[Path | None, Parameter(help="Output folder of a session. Default: out/NAME here.")] = None,
     workspace: Annotated[Path, Parameter(help="Folder that the studio reads and writes, and no other.")] = Path("."),
     port: Annotated[int, Parameter(help="0: one that is free.")] = 8080,
     host: Annotated[str, Parameter(help="Who can reach it; 127.0.0.1: this machine alone.")] = "127.0.0.1",
 ) -> None:
-    """Make datasets in the browser: models, materials, lights, a preview, then Mitsuba's files or the frames."""
+    """In the browser: make datasets from models, materials and lights; or review a session's frames, balls, lights."""
     import threading
 
     from lab.progress import say
@@ -25,11 +30,16 @@ def studio(
     from twin.description_file import read_scene
 
     place = Workspace.at(workspace)
-    scene = folder = None
-    if source is not None:
+    scene = folder = review = None
+    if source is not None and source.is_dir():
+        from lab.studio.review.folder import found_at
+
+        output, session = found_at(source, out)
+        review = place.path(output), session
+    elif source is not None:
         path = place.description(str(source.resolve()))
         scene, folder = read_scene(path), path.parent if path.name == "scene.toml" else None
-    running = Studio(place, host=host, port=port, scene=scene, folder=folder)
+    running = Studio(place, host=host, port=port, scene=scene, folder=folder, review=review)
     say(f"studio: {running.address}   workspace {place.root}   Ctrl-C ends it")
     if host not in LOOPBACK:
         say("warning: whoever reaches this address can read and write the workspace; there is no password.")
