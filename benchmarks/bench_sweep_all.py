@@ -2,7 +2,8 @@
 
     .venv/bin/python -m benchmarks.bench_sweep_all [--write] [--out out/sweeps]
 
-Goes on where it was stopped. The charts are copied to docs/sweeps-EXPERIMENT.svg.
+Goes on where it was stopped. The charts are copied to docs/sweeps-EXPERIMENT.svg, the atlas and the chart of speed
+against accuracy to docs/sweeps-atlas.svg and docs/sweeps-speed.svg. With --quick it is the first look, printed only.
 """
 
 import argparse
@@ -14,12 +15,12 @@ from pathlib import Path
 
 from pyarrow import parquet
 
+from benchmarks.pages import put
 from lab.sweeps.experiments import EXPERIMENTS, SOLVERS
 from lab.sweeps.summary import benchmark_statistics
 from lab.sweeps.sweep import sweep
 
 ROOT = Path(__file__).resolve().parents[1]
-MARKERS = "<!-- all -->\n", "<!-- end of all -->"
 
 
 def means(statistics: list[dict]) -> list[str]:
@@ -45,14 +46,47 @@ def correlations(found: dict) -> list[str]:
     return rows + [f"| {what} | {one['spearman']:.2f} | {one['pairs']} |" for what, one in found.items()]
 
 
+def tolerances(found: dict) -> list[str]:
+    """Return the table of the smallest perturbations that break a method: median over draws, and quartiles."""
+    names = list(dict.fromkeys(row["name"] for row in found["perturbations"]))
+    rows = ["| method, profile | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
+    places: dict[str, list[str]] = {}
+    for row in found["perturbations"]:
+        place = places.setdefault(f"`{row['solver']}`, {row['profile']}", [])
+        ends = " to ".join("more" if row[end] is None else _rounded(row[end]) for end in ("low", "high"))
+        if not row["draws"]:
+            place.append("not told them")
+        elif row["breaks_at"] is None:
+            place.append("holds")
+        elif row["breaks_at"] == 0:
+            place.append("broken without")
+        else:
+            place.append(f"{_rounded(row['breaks_at'])} {row['unit']} ({ends}), {row['how']}")
+    return rows + [f"| {who} | " + " | ".join(fields) + " |" for who, fields in places.items()]
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
+
+
+def candour(found: dict) -> list[str]:
+    """Return the table of how often the methods doubt their own results."""
+    rows = ["| method, profile | doubts, of the broken cells | of the others |", "|---|---|---|"]
+    for row in found["doubts"]:
+        shares = (f"{row[f'{which}_doubted']} of {row[which]}" for which in ("broken", "whole"))
+        rows.append(f"| `{row['solver']}`, {row['profile']} | " + " | ".join(shares) + " |")
+    return rows
+
+
 def main() -> None:
     """Run what is missing, print the tables, and write them into the documentation if asked."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out") / "sweeps")
+    parser.add_argument("--quick", action="store_true")
     options = parser.parse_args()
     start = time.perf_counter()
-    folder = sweep("all", out=options.out)
+    folder = sweep("all", out=options.out, quick=options.quick)
     wall_s = time.perf_counter() - start
     found = json.loads((folder / "statistics.json").read_text())
     seconds = [value or 0 for value in parquet.read_table(folder / "seconds.parquet").column("seconds").to_pylist()]
@@ -67,15 +101,20 @@ def main() -> None:
         f"{sum(seconds) / 60:.0f} minutes. Measured on {os.cpu_count()} cores by `benchmarks/bench_sweep_all.py`.",
     ]
     text = "\n".join(lines) + "\n"
-    print(text)
-    if options.write:
+    marks = json.loads((folder / "stability.json").read_text())
+    limits = "\n".join([*tolerances(marks), "", *candour(marks)]) + "\n"
+    print(text, limits, sep="\n")
+    if options.write and not options.quick:
         charts = []
         for name in EXPERIMENTS:
             shutil.copy(folder / f"{name}-normals.svg", ROOT / "docs" / f"sweeps-{name}.svg")
             charts.append(f"![{name}: angular error against level](sweeps-{name}.svg)\n")
+        for name in ("atlas", "speed"):
+            shutil.copy(folder / f"{name}.svg", ROOT / "docs" / f"sweeps-{name}.svg")
         path = ROOT / "docs" / "sweeps.md"
-        before, rest = path.read_text().split(MARKERS[0])
-        path.write_text(before + MARKERS[0] + text + "\n" + "".join(charts) + MARKERS[1] + rest.split(MARKERS[1])[1])
+        put(path, "all", text + "\n" + "".join(charts))
+        pictures = "![What breaks whom](sweeps-atlas.svg)\n\n![Speed against accuracy](sweeps-speed.svg)\n\n"
+        put(path, "stability", pictures + limits)
 
 
 if __name__ == "__main__":

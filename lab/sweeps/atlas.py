@@ -13,7 +13,9 @@ LETTERS = {
 }  # fmt: skip
 GOOD, FAIR, BROKEN, NOTHING = "#d3e5f2", "#7fb2d6", "#D55E00", "#8a8f94"
 """Light to dark to another hue: told apart in gray, too."""
-BOX, ROW, LEFT, TOP, GAP, NUMBER = 15.0, 38.0, 112.0, 66.0, 14.0, 92.0
+BOX, ROW, LEFT, TOP, GAP, NUMBER = 15.0, 42.0, 112.0, 66.0, 14.0, 112.0
+NARROWEST, LEGEND = 120.0, 1180.0
+"""Of a column, for its title; of the picture, for its legend."""
 BOX_HEIGHT = 17.0
 
 
@@ -38,13 +40,13 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
     lefts, x = {}, LEFT
     for name in names:
         lefts[name] = x
-        x += max(counts[name] * BOX, 84.0) + GAP
+        x += max(counts[name] * BOX, NARROWEST) + GAP
     borne = {(one.name, one.solver, one.profile): one for one in tolerances}
     numbers = [name for name in PERTURBATIONS if any(one.name == name for one in tolerances)]
     for name in numbers:
         lefts[name] = x
         x += NUMBER
-    width, bottom = x, TOP + ROW * len(rows)
+    width, bottom = max(x, LEGEND), TOP + ROW * len(rows)
     height = bottom + 78
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
@@ -53,7 +55,7 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
     ]
     for name in names:
         first = next(one for one in strips if one.experiment == name).levels
-        ends = f"{first[0].label} … {first[-1].label}" if name != "material" else "in the benchmark's order"
+        ends = f"{first[0].label} … {first[-1].label}" if name != "material" else "kinds"
         parts.append(_text(lefts[name], 30, EXPERIMENTS[name].label, weight="600"))
         parts.append(_text(lefts[name], 46, ends, fill="#555", size=10))
     if numbers:
@@ -64,7 +66,7 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
     for number, (solver, profile) in enumerate(rows):
         y = TOP + ROW * number
         if number and rows[number - 1][0] != solver:
-            parts.append(f'<path d="M8 {y - 7:.0f}H{width - 8:.0f}" stroke="#c9d0d6"/>')
+            parts.append(f'<path d="M8 {y - 8:.0f}H{width - 8:.0f}" stroke="#c9d0d6"/>')
         if not number or rows[number - 1][0] != solver:
             parts.append(_text(8, y + 13, SOLVERS.get(solver, solver), weight="600"))
         parts.append(_text(LEFT - 8, y + 13, profile, fill="#555", size=10, anchor="end"))
@@ -115,12 +117,16 @@ def _tolerance(one: Tolerance, x: float, y: float) -> list[str]:
         return [_text(x, y + 13, "not told them", fill="#777", size=10)]
     if one.breaks_at is None:
         return [_text(x, y + 13, f"over {PERTURBATIONS[one.name].most:g}{_spaced(unit)}", fill="#777")]
-    shown = "broken without" if one.breaks_at == 0 else f"{one.breaks_at:.2g}{_spaced(unit)}"
+    shown = "broken without" if one.breaks_at == 0 else f"{_rounded(one.breaks_at)}{_spaced(unit)}"
     line = "underline" if one.foretold else "none"
     parts = [_text(x, y + 13, shown, weight="600", decoration=line)]
-    ends = ["0" if v == 0 else f"{v:.2g}" if v is not None else "more" for v in (one.low, one.high)]
+    ends = ["more" if v is None else _rounded(v) for v in (one.low, one.high)]
     spread = f"{ends[0]} to {ends[1]}, " if one.draws > 1 and ends[0] != ends[1] else ""
     return [*parts, _text(x, y + 29, spread + (one.how or ""), fill="#555", size=9)]
+
+
+def _rounded(value: float) -> str:
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def _spaced(unit: str) -> str:
@@ -131,7 +137,7 @@ def _legend(y: float) -> list[str]:
     items = [
         (GOOD, "", f"median error up to {GOOD_DEG:g}°"),
         (FAIR, "", f"up to {BREAKS_DEG:g}°"),
-        (BROKEN, "f", f"broken: past {BREAKS_DEG:g}°, or half of the shapes and draws are"),
+        (BROKEN, "f", f"broken: past {BREAKS_DEG:g}°, or half of the cells are"),
         (NOTHING, "–", "no answer"),
     ]
     parts, x = [], LEFT
@@ -141,7 +147,7 @@ def _legend(y: float) -> list[str]:
         parts.append(_text(x + 20, y + 13, words))
         x += 44 + 6.6 * len(words)
     parts.append(f'<path d="M{x:.0f} {y + 12:.0f}h14" stroke="#1d2329" stroke-width="2"/>')
-    parts.append(_text(x + 20, y + 13, "underlined: the method itself had doubted the result"))
+    parts.append(_text(x + 20, y + 13, "the method itself had doubted it"))
     words = "      ".join(f"{LETTERS[name]}  {name}: {meaning}" for name, meaning in KINDS.items())
     first, second = words[: words.index(f"{LETTERS['too flat']}  too flat")], words[words.index("f  too flat") :]
     return [*parts, _text(LEFT, y + 37, first, fill="#555"), _text(LEFT, y + 55, second, fill="#555")]

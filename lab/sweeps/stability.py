@@ -174,7 +174,7 @@ def tolerances(perturbed: Rows) -> list[Tolerance]:
         groups.setdefault((row["experiment"], row["solver"], row["profile"]), []).append(row)
     found = []
     for key, rows in groups.items():
-        tried = [row for row in rows if "breaks_at" in row]
+        tried = [row for row in rows if row["status"] != "not told"]
         strengths = [np.inf if row["breaks_at"] is None else row["breaks_at"] for row in tried]
         broken = [row for row in tried if row["breaks_at"] is not None]
         low, middle, high = (
@@ -190,11 +190,11 @@ def tolerances(perturbed: Rows) -> list[Tolerance]:
 
 
 def _kind_at_break(row: dict[str, Any]) -> str:
-    return kind_of(row) if "median_deg" in row else "no answer"
+    return "no answer" if row.get("median_deg") is None else kind_of(row)
 
 
 def _foretold_at_break(row: dict[str, Any]) -> bool:
-    return "median_deg" not in row or foretold(row)
+    return row.get("median_deg") is None or foretold(row)
 
 
 def _finite(value: float) -> float | None:
