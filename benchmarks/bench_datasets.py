@@ -11,12 +11,12 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from pages import put
 from scipy.io import loadmat, savemat
 
 from lab.datasets.catalogue import catalogue
 from lab.datasets.check import check_dataset
 from lab.datasets.make import make
-from pages import put
 
 SIDE = 56
 HARD = (
@@ -88,7 +88,7 @@ def main() -> None:
     lines.append("")
     lines.append(
         f"{len(made)} datasets, chosen hard (near, noisy, glossy, shadowed, three lights, lights from one side), "
-        f"{SIDE} x {SIDE} pixels, by `benchmarks/bench_datasets.py`. As they are, {len(alarms)} of them raise an alarm; "
+        f"{SIDE} x {SIDE} pixels, by `benchmarks/bench_datasets.py`. As they are, {len(alarms)} raise an alarm; "
         f"the least agreement with Lambert's law is {least:.2f}."
     )
     for name, faults in alarms.items():

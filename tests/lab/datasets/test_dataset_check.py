@@ -20,8 +20,8 @@ NAMED = {
     "(x, -y, -z)": "(OpenCV's frame)",
     "(y, x, z)": "x and y are swapped",
 }
-LIGHT_AXES = [axes for number, axes in enumerate(AXES) if str(Axes(axes)) in NAMED or number % 4 == 2]
-NORMAL_AXES = [axes for number, axes in enumerate(AXES) if str(Axes(axes)) in NAMED or number % 6 == 5]
+LIGHT_AXES = [axes for number, axes in enumerate(AXES) if str(Axes(axes)) in NAMED or number % 12 == 2]
+NORMAL_AXES = [axes for number, axes in enumerate(AXES) if str(Axes(axes)) in NAMED or number % 16 == 5]
 
 
 def change(folder, name, how):
