@@ -23,7 +23,7 @@ PATIENCE_S = 120
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[3] / "out" / "studio"
 """Where screenshots are left to be looked at."""
-VIEW = {"width": 1100, "height": 640}
+VIEW = {"width": 1060, "height": 560}
 
 
 @pytest.fixture(scope="session")
@@ -43,32 +43,56 @@ def chromium():
 class Visitor:
     """A browser's window at a studio, and the desk that it works on."""
 
-    def __init__(self, chromium, studio):
+    def __init__(self, chromium, studio, ready):
         self.asked = []
         known = {desk.client.client_id for desk in studio.desks}
         self.page = chromium.new_page(viewport=VIEW)
+        self.page.set_default_timeout(1000 * PATIENCE_S)
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on("websocket", lambda socket: self.asked.append(socket.url))
         self.page.goto(studio.address)
-        self.button("Load model").wait_for(timeout=1000 * PATIENCE_S)
+        self.button(ready).wait_for()
         (self.desk,) = (desk for desk in studio.desks if desk.client.client_id not in known)
 
     def button(self, name):
         """Return a button by its words."""
         return self.page.get_by_role("button", name=name, exact=True)
 
+    def press(self, name):
+        """Press a button. By force: a software renderer may take seconds for the frames that show it to stand still."""
+        self.button(name).click(force=True)
+
     def tab(self, name):
         """Turn to a tab."""
-        self.page.get_by_role("tab", name=name, exact=True).click()
+        self.page.get_by_role("tab", name=name, exact=True).click(force=True)
 
     def see(self, text):
         """Wait until a text is there."""
-        self.page.get_by_text(text).first.wait_for(timeout=1000 * PATIENCE_S)
+        self.page.get_by_text(text).first.wait_for()
+
+    def shows(self, value):
+        """Wait until an input has a value, and the frame after that is drawn: what came with it is there too."""
+        self.page.wait_for_function("v => [...document.querySelectorAll('input')].some(i => i.value == v)", arg=value)
+        self.frames(3)
+
+    def frames(self, count):
+        """Wait until so many frames are drawn."""
+        for _ in range(count):
+            self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => done()))")
+
+    def preview(self, change):
+        """Make a change, and return the previews that come of it, the refined one last."""
+        drawn, show = [], self.desk.show_preview
+        self.desk.show_preview = lambda one: (drawn.append(one), show(one))
+        change()
+        self.until(lambda: drawn and drawn[-1].is_refined, "a refined picture")
+        self.desk.show_preview = show
+        return drawn
 
     def send(self, button, path):
         """Send a file by a button."""
         with self.page.expect_file_chooser() as chooser:
-            self.button(button).click()
+            self.press(button)
         chooser.value.set_files(path)
 
     def until(self, condition, what):
@@ -89,12 +113,16 @@ class Visitor:
     def drag(self, start, end):
         """Press, move in steps as a hand does, let go."""
         mouse = self.page.mouse
+        mouse.move(*(start - [3, 3]))
+        self.frames(2)
         mouse.move(*start)
-        self.page.wait_for_timeout(300)
+        # What lies under the hand is looked up in the next frame.
+        self.frames(3)
         mouse.down()
-        for part in np.linspace(0, 1, 9)[1:]:
+        self.frames(1)
+        for part in np.linspace(0, 1, 7)[1:]:
             mouse.move(*(start + part * (end - start)))
-            self.page.wait_for_timeout(60)
+            self.frames(1)
         mouse.up()
 
     def keep(self, name):
@@ -108,8 +136,8 @@ def visit(chromium):
     """Return what opens a window at a studio; all are closed in the end."""
     windows = []
 
-    def opened(studio):
-        windows.append(Visitor(chromium, studio))
+    def opened(studio, ready="Load model"):
+        windows.append(Visitor(chromium, studio, ready))
         return windows[-1]
 
     yield opened
