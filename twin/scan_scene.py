@@ -1,7 +1,8 @@
 """A registered scan with its measured albedo under the session's lights, as a scene description.
 
 What is physical of it: the shape with its cast shadows, near or distant lights, the measured albedo, light that goes
-from one part of the object to another. What is not: gloss, the table and whatever else stands around.
+from one part of the object to another. What is not: gloss (`twin.material_light.material_scene` adds it), the table and
+whatever else stands around.
 """
 
 from dataclasses import replace

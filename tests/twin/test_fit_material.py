@@ -165,6 +165,16 @@ def test_the_residual_names_its_cause() -> None:
     assert 0.02 < intensity.size < 0.04
 
 
+def test_a_second_lobe_is_wanted_where_there_is_one() -> None:
+    lights = dome(24)
+    one = made(0.1, 0.3, lights)
+    assert material_residual(one, fit_material(one, lights), lights).doubts == ()
+    gloss = reflected(coat(0.5), one.normals, one.views, one.toward)[1]
+    both = replace(one, values=(one.values + one.irradiance * 0.6 * WHITE * gloss[..., None]).astype(np.float32))
+    doubts = material_residual(both, fit_material(both, lights), lights).doubts
+    assert any("a second lobe" in text for text in doubts)
+
+
 def test_too_few_pixels_are_named() -> None:
     camera, mask, normals = ball()
     lights = dome(8)

@@ -1,0 +1,54 @@
+"""What a session's twin is made of where the material cannot be fitted: said, not passed over."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from lab.twin_settings import AS_GIVEN
+from lab.twin_step import twin_scene
+from scene.camera import Camera
+from scene.files import write_npy
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.normals import unit
+from scene.pose import Pose
+from scene.store import Store
+from twin.flashes import import_mitsuba
+from twin.materials import Diffuse
+
+pytestmark = pytest.mark.render
+
+
+def test_an_object_of_few_pixels_is_matte_and_says_why(tmp_path):
+    import_mitsuba()
+    store = Store(tmp_path)
+    camera = Camera(40, 30, 60.0, 60.0, 19.5, 14.5)
+    directions = unit(np.array([[0.3, 0.0, 1.0], [-0.3, 0.2, 1.0], [0.0, -0.3, 1.0], [0.1, 0.3, 1.0]]))
+    lights = Lights(
+        tuple("abcd"), directions, np.ones((4, 3)), reference_point_mm=np.array([0, 0, -300.0]),
+        white_value=np.full(3, 0.8),
+    )  # fmt: skip
+    images = np.full((4, 30, 40, 3), 0.3, np.float32)
+    store.save_frames(Frames.from_linear(lights.names, images))
+    store.save_camera(camera)
+    store.save_lights(lights)
+    mask = np.zeros((30, 40), bool)
+    mask[9:21, 14:26] = True
+    store.save_mask(mask)
+    normals = np.where(mask[..., None], np.array([0, 0, 1.0]), np.nan).astype(np.float32)
+    store.save_truth(normals, np.zeros(mask.shape, np.float32))
+    write_npy(store.path("albedo", "ls.npy"), np.where(mask[..., None], 0.3, np.nan).astype(np.float32).repeat(3, -1))
+    square = np.array([[-30, -30, 0], [30, -30, 0], [30, 30, 0], [-30, 30, 0.0]])
+    mesh = Mesh(square, np.array([[0, 1, 2], [0, 2, 3]]))
+    pose = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0]))
+    store.save_pose(pose, residual_px=0.1, sigma_mm=0.1, sigma_deg=0.1)
+    job = SimpleNamespace(store=store, twin=AS_GIVEN, methods=("ls",), load_scan=lambda: mesh)
+    scene, material, warnings = twin_scene(job)
+    ((_, made_of),) = scene.materials.items()
+    assert isinstance(made_of, Diffuse)
+    assert material["model"] == "matte"
+    assert "of the albedo of ls" in material["sentence"]
+    assert "expected 100 or more" in material["sentence"]
+    assert warnings[0] == f"The twin is {material['sentence']}"
