@@ -45,7 +45,7 @@ def test_an_object_of_few_pixels_is_matte_and_says_why(tmp_path):
     pose = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0]))
     store.save_pose(pose, residual_px=0.1, sigma_mm=0.1, sigma_deg=0.1)
     job = SimpleNamespace(store=store, twin=AS_GIVEN, methods=("ls",), load_scan=lambda: mesh)
-    scene, material, warnings = twin_scene(job)
+    scene, material, warnings = twin_scene(job)  # type: ignore[arg-type]
     ((_, made_of),) = scene.materials.items()
     assert isinstance(made_of, Diffuse)
     assert material["model"] == "matte"
