@@ -1,0 +1,135 @@
+"""How soon the studio's preview shows a change, and how soon a large scan is open; written into docs/studio.md.
+
+    .venv/bin/python -m benchmarks.bench_studio [--write] [--faces 100000]
+
+A bumpy ball of so many triangles before a camera of 640 x 480, previewed at 320 x 240. Each kind of change is made
+eight times, to other values, after two that compile; the median of the times from the change to the first picture.
+"""
+
+import argparse
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.pages import put
+from lab.studio import edits, light_edits
+from lab.studio.display_mesh import display_mesh
+from lab.studio.live_scene import LiveScene, refined
+from lab.studio.placement import placement_of
+from lab.studio.preview import HEIGHT, WIDTH
+from scene.pose import rotation_from_vector
+from twin.description import TwinScene
+from twin.materials import Diffuse, RoughPlastic
+from twin.mesh_files import read_mesh, write_ply
+from twin.object_mesh import ObjectMesh, smooth
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+COMPILED, TIMED = 2, 8
+LARGE = 1_000_000
+
+
+def bumpy_ball(faces: int) -> ObjectMesh:
+    """Return a closed mesh of about so many triangles, 120 mm across, with waves of 3 mm."""
+    down = round(np.sqrt(faces / 4))
+    t, s = np.meshgrid(np.linspace(0, np.pi, down + 1), np.linspace(0, 2 * np.pi, 2 * down + 1), indexing="ij")
+    radius = 60 + 3 * np.sin(9 * s) * np.sin(t) ** 2 * np.sin(11 * t)
+    points = radius[..., None] * np.stack([np.sin(t) * np.cos(s), np.cos(t), -np.sin(t) * np.sin(s)], -1)
+    corner = np.arange(t.size).reshape(t.shape)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
+    triangles = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    return smooth(points.reshape(-1, 3), triangles, None, None)
+
+
+def changes(scene: TwinScene) -> dict[str, Callable[[TwinScene, int], TwinScene]]:
+    """Return by name what is changed: the scene, and the number of the change, to the next scene."""
+    middle, reference = placement_of(scene.objects[0]).middle_mm, scene.lights.reference_point_mm
+    glossy = edits.with_material(scene, "matte", RoughPlastic((0.5, 0.4, 0.3)))
+    return {
+        "a light moved": lambda s, k: light_edits.moved_light(s, 0, reference + [100, 20 * k, 200]),
+        "a colour": lambda s, k: edits.with_material(s, "matte", Diffuse((0.05 * k, 0.5, 0.3))),
+        "a gloss": lambda s, k: edits.with_material(glossy, "matte", RoughPlastic((0.5, 0.4, 0.3), 0.1 + 0.05 * k)),
+        "the object moved": lambda s, k: edits.turned(s, 0, middle + [k, 0, 0], np.eye(3)),
+        "the object turned": lambda s, k: edits.turned(s, 0, middle, rotation_from_vector(np.array([0, 0.1 * k, 0]))),
+        "the camera": lambda s, k: edits.with_camera(s, width=640, height=480, focal_px=1500.0 + k, orthographic=False),
+    }
+
+
+def clocked(work: Callable[[], object]) -> tuple[float, float]:
+    """Return wall and processor seconds."""
+    wall, processor = time.perf_counter(), time.process_time()
+    work()
+    return time.perf_counter() - wall, time.process_time() - processor
+
+
+def latencies(faces: int) -> list[tuple[str, float, float]]:
+    """Return (change, median wall s, median processor s)."""
+    scene = edits.added(edits.start_scene(), "ball", bumpy_ball(faces))
+    rows, all_walls = [], []
+    for name, change in changes(scene).items():
+        live, seconds = LiveScene(), []
+        for number in range(COMPILED + TIMED):
+            changed = change(scene, number)
+            fresh = replace(changed, objects=tuple(replace(one) for one in changed.objects))
+            seconds.append(clocked(lambda now=fresh, on=live: on.picture(now, 0, width=WIDTH, height=HEIGHT)))
+        timed = np.array(seconds[COMPILED:])
+        rows.append((name, *np.median(timed, axis=0).tolist()))
+        all_walls += timed.tolist()
+    rows.append(("any of these", *np.median(all_walls, axis=0).tolist()))
+    refined(scene, 0, width=WIDTH, height=HEIGHT)
+    rows.append(("refined, once still", *clocked(lambda: refined(scene, 0, width=WIDTH, height=HEIGHT))))
+    return rows
+
+
+def opening(faces: int) -> list[tuple[str, float, float]]:
+    """Return what opening a scan of so many triangles takes, step by step."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "large.ply"
+        ball = bumpy_ball(faces)
+        write_ply(path, ObjectMesh(ball.vertices, ball.faces))
+        made: dict[str, ObjectMesh] = {}
+        live = LiveScene()
+        live.picture(edits.start_scene(), 0, width=WIDTH, height=HEIGHT)
+        rows = [
+            ("read", *clocked(lambda: made.update(mesh=read_mesh(path)))),
+            ("made small for the 3-D view", *clocked(lambda: display_mesh(made["mesh"]))),
+            (
+                "first picture, of all its triangles",
+                *clocked(
+                    lambda: live.picture(
+                        edits.added(edits.start_scene(), "it", made["mesh"]), 0, width=WIDTH, height=HEIGHT
+                    )
+                ),
+            ),
+        ]
+    return [*rows, ("a scan opened", *np.sum([row[1:] for row in rows], axis=0).tolist())]
+
+
+def main() -> None:
+    """Print the tables; with --write put them into docs/studio.md."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--faces", type=int, default=100_000)
+    arguments = parser.parse_args()
+    busy, cores = os.getloadavg()[0], os.cpu_count()
+    text = ""
+    for title, rows in (
+        (f"{arguments.faces:,} triangles", latencies(arguments.faces)),
+        (f"{LARGE:,} triangles", opening(LARGE)),
+    ):
+        text += f"| {title} | seconds | processor seconds |\n|---|---|---|\n"
+        text += "".join(f"| {name} | {wall:.2f} | {processor:.2f} |\n" for name, wall, processor in rows) + "\n"
+    text += (
+        f"Measured on {cores} cores by `benchmarks/bench_studio.py`; {busy:.1f} processes wanted them at its start.\n"
+    )
+    print(text)
+    if arguments.write:
+        put(DOCS / "studio.md", "latency", text)
+
+
+if __name__ == "__main__":
+    main()
