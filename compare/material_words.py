@@ -15,6 +15,8 @@ CAUSES = {
     "highlights": "highlights of another shape",
     "body": "a matte body of another kind",
 }
+TELLING_SIZE = ("direction", "intensity", "ambient", "normals")
+"""Causes of one number of one unit; the others are curves or poses."""
 
 
 def material_words(twin: dict[str, Any]) -> str:
@@ -22,7 +24,7 @@ def material_words(twin: dict[str, Any]) -> str:
     material = twin.get("material") or {}
     if not material.get("sentence"):
         return ""
-    text = f"<h3>What the object is said to be made of</h3><p>{escape(str(material['sentence']))}.</p>"
+    text = f"<h3>What the object is said to be made of</h3><p>The object is {escape(str(material['sentence']))}.</p>"
     if not is_number(material.get("relative_rmse")):
         return text
     frames = [value if is_number(value) else float("nan") for value in material["relative_rmse_per_frame"]]
@@ -41,7 +43,7 @@ def material_words(twin: dict[str, Any]) -> str:
         (
             escape(CAUSES.get(name) or name),
             percent(part.get("explains")),
-            f"{number(part.get('size'), 3)} {escape(str(part.get('unit') or ''))}",
+            f"{number(part.get('size'), 3)} {escape(str(part.get('unit') or ''))}" if name in TELLING_SIZE else "–",
         )
         for name, part in sorted(material["explained_by"].items(), key=lambda item: -(item[1].get("explains") or 0))
     ]

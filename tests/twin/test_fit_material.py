@@ -79,7 +79,7 @@ def test_roughness_and_specularity_come_back(roughness: float, specularity: floa
 
 @pytest.mark.parametrize(("covered", "specularity"), [(0.0, 1.0), (0.3, 0.3), (0.7, 0.4)])
 def test_a_body_that_lies_partly_bare_is_found(covered: float, specularity: float) -> None:
-    lights = dome(24)
+    lights = dome(12)
     fit = fit_material(made(0.25, specularity, lights, covered=covered), lights)
     assert abs(fit.covered - covered) < 0.02
     assert abs(fit.roughness / 0.25 - 1) < 0.01
@@ -88,7 +88,7 @@ def test_a_body_that_lies_partly_bare_is_found(covered: float, specularity: floa
 
 
 def test_what_no_coat_does_is_said() -> None:
-    lights = dome(24)
+    lights = dome(12)
     brighter = fit_material(made(0.25, 1.4, lights), lights)
     assert abs(brighter.specularity / 1.4 - 1) < 0.01
     assert any("1.40 times those of a full coat" in text for text in brighter.warnings)
@@ -166,7 +166,7 @@ def test_the_residual_names_its_cause() -> None:
 
 
 def test_a_second_lobe_is_wanted_where_there_is_one() -> None:
-    lights = dome(24)
+    lights = dome(12)
     one = made(0.1, 0.3, lights)
     assert material_residual(one, fit_material(one, lights), lights).doubts == ()
     gloss = reflected(coat(0.5), one.normals, one.views, one.toward)[1]
