@@ -49,8 +49,12 @@ class Folder:
 
     @property
     def name(self) -> str:
+        """The session's, or the folder's."""
+        from compare.facts import read_optional
+
         here = self.store.folder.resolve()
-        return f"{here.parent.name} twin" if here.name == "twin" else here.name
+        told = (read_optional(self.store, "summary.json") or {}).get("name")
+        return str(told or (f"{here.parent.name} twin" if here.name == "twin" else here.name))
 
 
 def open_folder(path: Path) -> Folder:

@@ -11,6 +11,7 @@ from lab.compare_folders import NUMBERS, compare_folders
 from lab.counterparts.captures import write_capture
 from lab.counterparts.experiments import EXPERIMENTS, METHODS, Experiment, Setup
 from lab.counterparts.renderings import write_rendering
+from scene.errors import SceneError
 from scene.files import write_json
 from scene.spheres import Sphere
 from scene.store import Store
@@ -81,6 +82,8 @@ def reference_balls(out: Path) -> list[Sphere]:
             job.run(STEPS, "calibrate")
         write_json(known, Store(folder / "out").read_json("spheres.json"))
     found = Store(folder / "out").load_spheres()
+    if len(found) != len(BALLS):
+        raise SceneError(f"{folder}: found {len(found)} of {len(BALLS)} balls; no other session can go by them.")
     ordered = []
     for kind, _, center in BALLS:
         near = [sphere for sphere in found if sphere.kind == kind]
@@ -94,7 +97,6 @@ def process_capture(folder: Path, setup: Setup, balls: Sequence[Sphere]) -> Path
     from lab.plan import STEPS
     from lab.run import open_job
     from lab.summary import write_summary
-    from scene.files import write_json
 
     store, done = Store(folder), folder / "out"
     if not store.path("session.toml").exists():

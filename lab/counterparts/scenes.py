@@ -37,7 +37,7 @@ MATERIALS: dict[str, Material] = {
     "object": Diffuse((REFLECTANCE, REFLECTANCE, REFLECTANCE)),
     "white": Diffuse((REFLECTANCE, REFLECTANCE, REFLECTANCE)),
     "chrome": Conductor("none", 0.0),
-    "table": Diffuse((0.12, 0.12, 0.12)),
+    "table": Diffuse((0.2, 0.2, 0.2)),
 }
 
 

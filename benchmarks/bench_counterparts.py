@@ -1,0 +1,73 @@
+"""The seed's experiments on real things: virtual captures against synthetic counterparts; into docs/counterparts.md.
+
+    .venv/bin/python -m benchmarks.bench_counterparts [--write] [--out out/counterparts]
+
+Goes on where it was stopped. The charts are written to docs/virtual-EXPERIMENT.svg.
+"""
+
+import argparse
+import os
+import time
+from pathlib import Path
+
+from benchmarks.pages import put
+from compare.line_chart import line_chart
+from lab.counterparts.experiments import METHODS, Experiment
+from lab.counterparts.pairs import Pair, run_experiments
+
+ROOT = Path(__file__).resolve().parents[1]
+SHOWN = ("ls", "iterative", "hsh")
+"""In the charts: each twice, virtual and rendered."""
+
+
+def chart(experiment: Experiment, pairs: list[Pair]) -> str:
+    """Return the SVG of both sides' errors over the level."""
+    levels = [pair.level for pair in pairs]
+    lines = {
+        f"{name}, {words}": (levels, [pair.medians(kind)[name] for pair in pairs])
+        for name in SHOWN
+        for kind, words in (("real", "virtual"), ("twin", "rendered"))
+    }
+    return line_chart(lines, x_title=experiment.axis, y_title="median angular error, degrees", log_x=experiment.log)
+
+
+def rows(experiment: Experiment, pairs: list[Pair]) -> list[str]:
+    """Return an experiment's table: medians virtual / rendered, rank correlation, verdict."""
+    head = (experiment.axis, *METHODS, "Spearman of the methods", "tau, 90 %", "size", "place", "order", "verdict")
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    for pair in pairs:
+        real, twin, order = pair.medians("real"), pair.medians("twin"), pair.found["order"]
+        tau = f"{order['tau']:.2f}, {order['tau_low']:.2f} to {order['tau_high']:.2f}"
+        fields = [f"{pair.level:g}", *(f"{real[name]:.1f} / {twin[name]:.1f}" for name in METHODS)]
+        fields += [f"{pair.spearman:.2f}", tau, *(pair.found["reasons"][key] for key in ("level", "pattern", "order"))]
+        lines.append("| " + " | ".join([*fields, f"**{pair.found['verdict']}**"]) + " |")
+    return lines
+
+
+def main() -> None:
+    """Run what is missing, print the tables, and write them into the documentation if asked."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--out", type=Path, default=Path("out") / "counterparts")
+    options = parser.parse_args()
+    start, text = time.process_time(), []
+    for experiment, pairs in run_experiments(options.out):
+        sigma = [pair.found["captures"]["real"]["carried"]["direction_sigma_deg"] for pair in pairs]
+        told = ", ".join("unknown" if one is None else f"{one:.2f}°" for one in sigma)
+        text += [f"### {experiment.title} (virtual)", "", *rows(experiment, pairs), ""]
+        text += [f"Stated sigma of the light directions: {told}.", ""]
+        text += [
+            f"![{experiment.title}: error over the level, virtual and rendered](virtual-{experiment.name}.svg)",
+            "",
+        ]
+        if options.write:
+            (ROOT / "docs" / f"virtual-{experiment.name}.svg").write_text(chart(experiment, pairs))
+    spent = f"{(time.process_time() - start) / 60:.1f} processor minutes"
+    text.append(f"320 x 240 pixels, 16 flashes. This run: {spent}, on {os.cpu_count()} cores, of what was missing.")
+    print("\n".join(text))
+    if options.write:
+        put(ROOT / "docs" / "counterparts.md", "counterparts", "\n".join(text) + "\n")
+
+
+if __name__ == "__main__":
+    main()
