@@ -19,7 +19,7 @@ ARGUMENTS = [
     "--disable-sync",
     "--no-first-run",
 ]
-PATIENCE_S = 120
+PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[3] / "out" / "studio"
 """Where screenshots are left to be looked at."""
@@ -82,6 +82,7 @@ class Visitor:
 
     def preview(self, change):
         """Make a change, and return the previews that come of it, the refined one last."""
+        self.see("refined")
         drawn, show = [], self.desk.show_preview
         self.desk.show_preview = lambda one: (drawn.append(one), show(one))
         change()
