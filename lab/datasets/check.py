@@ -161,7 +161,9 @@ def _tell_axes(
     way, axes, given, best = how
     relation = AXES[axes]
     alone = axes_by_themselves(normals, mask, AXES)
-    own = alone.by_rim if wrong else alone.plain
+    # Of a hollow the rim misleads: it counts only where it leaves nothing for the lights to be wrong in.
+    by_rim = wrong and (alone.plain or np.array_equal(AXES[alone.by_rim], relation))
+    own = alone.by_rim if by_rim else alone.plain
     if not wrong and not own and alone.by_rim:
         found.notes.append(
             f"{found.normals_name}: the normals point inward at the object's rim. That is right for a hollow; of any "

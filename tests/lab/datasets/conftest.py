@@ -23,10 +23,12 @@ def surface():
     return mask, np.where(mask[..., None], normals, 0)
 
 
-def write(folder: Path, *, gloss=0.0, ambient=0.0):
-    """Write the dataset: Lambert, with a highlight and light from everywhere if asked."""
+def write(folder: Path, *, gloss=0.0, ambient=0.0, hollow=False):
+    """Write the dataset: Lambert, with a highlight, light from everywhere, or as a hollow if asked."""
     generator = np.random.default_rng(10001)
     mask, normals = surface()
+    if hollow:
+        normals = normals * [-1, -1, 1]
     z = generator.uniform(0.5, 0.98, 12)
     around = generator.uniform(0, 2 * np.pi, 12)
     lights = np.stack([np.sqrt(1 - z**2) * np.cos(around), np.sqrt(1 - z**2) * np.sin(around), z], -1)
@@ -56,5 +58,5 @@ def dented(tmp_path):
 
 @pytest.fixture
 def write_dented():
-    """What writes it elsewhere, glossy or in ambient light."""
+    """What writes it elsewhere, glossy, in ambient light, or as a hollow."""
     return write

@@ -75,6 +75,15 @@ def test_axes_of_the_lights_are_told(dented, mended):
     assert check_dataset(dented).faults == ()
 
 
+def test_the_rim_of_a_hollow_does_not_mislead(tmp_path, write_dented):
+    folder = write_dented(tmp_path / "hollow", hollow=True)
+    verdict = check_dataset(folder)
+    assert verdict.faults == ()
+    assert any("right for a hollow" in note for note in verdict.notes)
+    change(folder, LIGHTS, lambda rows: rows * [-1, 1, 1])
+    assert only_fault(folder).startswith("light_directions.txt: x points left")
+
+
 @pytest.mark.parametrize("mended", NORMAL_AXES, ids=lambda axes: str(Axes(axes)))
 def test_axes_of_the_normals_are_told(dented, mended):
     change(dented, NORMALS, lambda normals: normals @ mended)
