@@ -102,8 +102,7 @@ class MaterialsPanel:
 
     def _change(self) -> None:
         name = self._desk.scene.objects[self._desk.object].material
-        done = self._desk.attempt(lambda: self._desk.change(f"material {name}", lambda s: self._changed(s, name)))
-        if not done:
+        if not self._desk.change(f"material {name}", lambda s: self._changed(s, name)):
             self.refresh()
 
     def _changed(self, scene: edits.TwinScene, name: str) -> edits.TwinScene:
