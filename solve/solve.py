@@ -268,9 +268,13 @@ def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts
 
 
 def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
-    """Return the lights that a method recovered: (F, 3), direction times what the calibrated intensities leave over."""
+    """Return the lights that a method recovered: (F, 3), direction times what the calibrated intensities leave over.
+
+    A light of no strength has no direction: NaN.
+    """
     strength = np.linalg.norm(found, axis=1, keepdims=True)
-    return Lights(lights.names, found / strength, lights.intensities * strength).normalised()
+    directions = np.divide(found, strength, out=np.full_like(found, np.nan), where=strength > 0)
+    return Lights(lights.names, directions, lights.intensities * strength).normalised()
 
 
 def _judgements(frames, lights, camera, mask, parts, found, gray, geometry, z_mm):

@@ -10,9 +10,9 @@ from scene.normals import angular_error_deg, unit
 from solve.solve import UNCALIBRATED, solve
 
 
-@pytest.mark.parametrize("method", UNCALIBRATED)
-def test_normals_albedo_and_lights_whatever_the_directions_that_are_given(method):
-    size, count = 64, 24
+def ball(count=24, dark=()):
+    """Return frames of a ball, some of which missed the flash, with mask, lights, normals and color."""
+    size = 64
     k = np.arange(count) + 0.5
     z = 1 - 0.4 * k / count
     directions = np.stack([np.sqrt(1 - z**2) * np.cos(2.4 * k), np.sqrt(1 - z**2) * np.sin(2.4 * k), z], -1)
@@ -26,12 +26,35 @@ def test_normals_albedo_and_lights_whatever_the_directions_that_are_given(method
     shade = np.maximum(np.einsum("hwi,fi->fhw", normals, directions), 0) * mask
     color = np.array([0.5, 0.3, 0.2])
     images = shade[..., None] * color * truth.intensities[:, None, None]
-    frames = Frames(truth.names, images, np.ones(count), saturation=np.inf)
-    wrong = Lights(truth.names, unit(rng.normal(size=(count, 3)) + [0, 0, 1]), truth.intensities)
-    found = solve(method, frames, wrong, Camera(size, size, 100.0, 100.0, size / 2, size / 2), mask)
+    images[list(dark)] = 0
+    return Frames(truth.names, images, np.ones(count), saturation=np.inf), mask, truth, normals, color
+
+
+def solved(method, frames, mask, truth):
+    """Solve with the directions of other lights."""
+    rng = np.random.default_rng(20_021)
+    wrong = Lights(truth.names, unit(rng.normal(size=(len(truth), 3)) + [0, 0, 1]), truth.intensities)
+    size = len(mask)
+    return solve(method, frames, wrong, Camera(size, size, 100.0, 100.0, size / 2, size / 2), mask)
+
+
+@pytest.mark.parametrize("method", UNCALIBRATED)
+def test_normals_albedo_and_lights_whatever_the_directions_that_are_given(method):
+    frames, mask, truth, normals, color = ball()
+    found = solved(method, frames, mask, truth)
     assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
     np.testing.assert_allclose(np.median(found.albedo[mask], 0), color, rtol=0.02)
     assert found.lights is not None
-    assert angular_error_deg(found.lights.directions, directions).max() < 1
+    assert angular_error_deg(found.lights.directions, truth.directions).max() < 1
     np.testing.assert_allclose(found.lights.intensities, truth.intensities, rtol=0.03)
     assert np.nanmedian(found.sigma_deg) < 0.5
+
+
+@pytest.mark.parametrize("method", UNCALIBRATED)
+def test_a_frame_without_any_light_has_no_direction_and_the_others_do_not_suffer(method):
+    frames, mask, truth, normals, _ = ball(dark=(5,))
+    found = solved(method, frames, mask, truth)
+    assert angular_error_deg(found.normals, normals)[mask].mean() < 0.5
+    lit = np.arange(len(truth)) != 5
+    assert angular_error_deg(found.lights.directions, truth.directions)[lit].max() < 1
+    assert np.isnan(found.lights.directions[5]).all()
