@@ -12,7 +12,8 @@ from lab.studio.review.mirror import mirrored_px, residuals_px, rms_px
 from lab.studio.review.plane import ROOT, Plane, add_lines, add_picture, cross, segments
 from lab.studio.review.shown import Shown
 
-FITTED, MOVED, SEEN, MISSES = (60, 220, 90), (255, 150, 0), (255, 235, 60), (255, 70, 200)
+FITTED, MOVED, AGAIN = (60, 220, 90), (255, 150, 0), (60, 170, 255)
+SEEN, MISSES = (255, 235, 60), (255, 70, 200)
 CROP_WIDTH = 500
 
 
@@ -28,6 +29,7 @@ class BallMarks:
         desk, add = self._desk, self._shown.once
         review, ball = desk.reading, desk.ball
         add("outlines", (review, desk.outlines, ball), lambda: self._add_outlines(plane))
+        add("refitted", (review, id(desk.refitted), ball), lambda: self._add_refitted(plane))
         add("crop", (review, ball, len(desk.outlines)), lambda: self._add_crop(plane))
         add("highlights", (review, ball, desk.frame, len(desk.outlines)), lambda: self._add_highlights(plane))
         add("knobs", (review, ball, len(desk.outlines)), lambda: self._add_knobs(plane))
@@ -43,12 +45,20 @@ class BallMarks:
             is_chosen = desk.ball == index
             if ball.apart and not is_chosen:
                 continue
-            line = segments(plane.place(ball.sphere.outline(camera, 180), lift=0.02))
+            line = segments(plane.place(ball.sphere.outline(camera, 180), lift=0.002))
             colour = MOVED if ball.is_moved else FITTED
             handles.append(add_lines(self._view, f"outline_{index}", line, colour, 3.0 if is_chosen else 2.0))
-            corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.02)
+            corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
             label = f"{ball.kind} ball {index + 1}"
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", label, position=tuple(corner)))
+        return handles
+
+    def _add_refitted(self, plane: Plane) -> list[Any]:
+        camera, handles = self._desk.review.material.camera, []
+        for index, sphere in enumerate(self._desk.refitted):
+            if camera is not None and (not sphere.apart or self._desk.ball == index):
+                line = segments(plane.place(sphere.outline(camera, 180), lift=0.0022))
+                handles.append(add_lines(self._view, f"refitted_{index}", line, AGAIN, 2.0))
         return handles
 
     def _add_crop(self, plane: Plane) -> list[Any]:
@@ -74,12 +84,12 @@ class BallMarks:
             image = exposure.develop(pictures.shrink(image, CROP_WIDTH))
         middle = [(box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2]
         wide, high = box.width * plane.per_px, box.height * plane.per_px
-        return [add_picture(self._view, "crop", image, wide, high, plane.place(middle, lift=0.005))]
+        return [add_picture(self._view, "crop", image, wide, high, plane.place(middle, lift=0.001))]
 
     def _knob_places(self, plane: Plane, index: int) -> list[NDArray[np.float64]]:
         ball = self._desk.outlines[index]
         rim = np.add(ball.center_px, [ball.radius_px, 0])
-        return [plane.place(ball.center_px, lift=0.03), plane.place(rim, lift=0.03)]
+        return [plane.place(ball.center_px, lift=0.003), plane.place(rim, lift=0.003)]
 
     def _add_knobs(self, plane: Plane) -> list[Any]:
         desk, camera, index = self._desk, self._desk.review.material.camera, self._desk.ball
@@ -126,16 +136,16 @@ class BallMarks:
             return []
         sphere = review.spheres[index]
         arm = 0.03 * sphere.radius_px * plane.per_px
-        crosses = np.concatenate([cross(plane.place(pixel, lift=0.025), arm) for pixel in seen[index][known]])
+        crosses = np.concatenate([cross(plane.place(pixel, lift=0.0024), arm) for pixel in seen[index][known]])
         misses = residuals_px(camera, sphere, lights, seen[index])
         start = mirrored_px(camera, sphere, lights)
         ends = np.stack([start, start + magnification(rms_px(misses), sphere.radius_px) * misses], 1)[known]
         handles = [
             add_lines(self._view, "seen", crosses, SEEN, 2.0),
-            add_lines(self._view, "misses", plane.place(ends, lift=0.026), MISSES, 3.0),
+            add_lines(self._view, "misses", plane.place(ends, lift=0.0027), MISSES, 3.0),
         ]
         if known[desk.frame]:
-            ring = plane.place(seen[index][desk.frame], lift=0.027) + 2 * arm * _ring(32)
+            ring = plane.place(seen[index][desk.frame], lift=0.0024) + 2 * arm * _ring(32)
             handles.append(add_lines(self._view, "this_frame", segments(ring), SEEN, 3.0))
         return handles
 

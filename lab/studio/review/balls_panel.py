@@ -46,7 +46,9 @@ class BallsPanel:
         with gui.add_folder("Calibrate again"):
             self._again = desk.on_click(gui.add_button("Calibrate again", color="green"), self._start)
             self._bar = gui.add_progress_bar(0, visible=False)
-            self._changes = gui.add_markdown("Nothing is written: what would change is shown here.")
+            self._changes = gui.add_markdown(
+                "Nothing is written: what would change is shown here, and the outlines as they are found again (blue)."
+            )
             self._keep = desk.on_click(gui.add_button("Keep these balls", disabled=True), self._keep_balls)
         desk.on_input(self._ball, self._choose)
         desk.on_close(self._close)
@@ -60,6 +62,7 @@ class BallsPanel:
         for handle in (self._center, self._radius, self._remove):
             handle.disabled = desk.ball is None
         self._facts.content = facts_text(desk)
+        self._keep.disabled = not desk.refitted
         if desk.ball is not None:
             ball = desk.outlines[desk.ball]
             self._center.value = tuple(round(value, 2) for value in ball.center_px)
@@ -85,13 +88,13 @@ class BallsPanel:
         desk, camera = self._desk, self._desk.review.material.camera
         if camera is None:
             raise SceneError(f"camera: {desk.review.missing['camera']}")
-        desk.outlines = added(desk.outlines, self._kind.value, camera)
+        desk.outlines, desk.refitted = added(desk.outlines, self._kind.value, camera), ()
         desk.choose(ball=len(desk.outlines) - 1, view="Photograph")
 
     def _take_out(self) -> None:
         desk = self._desk
         if desk.ball is not None:
-            desk.outlines, desk.ball = removed(desk.outlines, desk.ball), None
+            desk.outlines, desk.refitted, desk.ball = removed(desk.outlines, desk.ball), (), None
             desk.refresh()
 
     def _start(self) -> None:
@@ -109,7 +112,7 @@ class BallsPanel:
         def work() -> None:
             try:
                 change = change_of(review, calibrate_again(review, outlines, progress=told))
-                desk.post(lambda: self._show(change, review is desk.review))
+                desk.post(lambda: self._show(change, review is desk.review and outlines is desk.outlines))
             except Exception as error:
                 fault = error
                 desk.post(lambda: self._fail(fault))
@@ -126,7 +129,9 @@ class BallsPanel:
         self._idle()
         names = () if self._desk.review.material.frames is None else self._desk.review.material.frames.names
         self._changes.content = change_text(change, names)
-        self._keep.disabled = not is_current
+        if is_current:
+            self._desk.refitted = change.spheres
+            self._desk.refresh()
 
     def _fail(self, fault: Exception) -> None:
         self._idle()

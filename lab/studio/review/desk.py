@@ -15,6 +15,7 @@ from lab.studio.review.corrections import Outlines, outlines_of
 from lab.studio.review.folder import Review
 from lab.studio.review.photograph import Look
 from lab.studio.workspace import Workspace
+from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 View = Literal["Photograph", "Lights in 3-D", "Scan"]
@@ -56,6 +57,8 @@ class ReviewDesk(Desk):
         self.view: View = "Photograph"
         self.beside: Beside | None = None
         self.outlines: Outlines = outlines_of(self.review)
+        self.refitted: tuple[Sphere, ...] = ()
+        """The balls as calibrating again has found them."""
         self.factor = 1
         """By how much the lights' sigmas are drawn larger."""
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
@@ -101,12 +104,12 @@ class ReviewDesk(Desk):
 
     def correct(self, outlines: Outlines) -> None:
         """Take other balls for calibrating again."""
-        self.outlines = outlines
+        self.outlines, self.refitted = outlines, ()
         self.refresh()
 
     def read_again(self) -> None:
         """Read the folder again; corrections that were not kept are dropped."""
         self.review = Review.read(self.review.store.folder, self.session_path)
         self.reading += 1
-        self.outlines, self.beside = outlines_of(self.review), None
+        self.outlines, self.refitted, self.beside = outlines_of(self.review), (), None
         self.refresh()

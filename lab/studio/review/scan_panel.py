@@ -22,8 +22,8 @@ class ScanPanel:
 
     def __init__(self, desk: ReviewDesk, wall: Wall, stage: LightStage) -> None:
         self._desk, self._wall, self._stage, gui = desk, wall, stage, desk.client.gui
-        self._picks, self._shown, self._strokes = Picks(), Shown(), np.zeros((0, 2, 2))
-        self._reading, self._ended = 0, 0
+        self.picks, self.found, self._strokes = Picks(), None, np.zeros((0, 2, 2))
+        self._shown = Shown()
         self._facts = gui.add_markdown("")
         with gui.add_folder("Pick points"):
             gui.add_markdown(
@@ -40,7 +40,7 @@ class ScanPanel:
         """Follow the desk."""
         desk, review = self._desk, self._desk.review
         self._facts.content = self._text()
-        picks, plane = self._picks, self._wall.plane
+        picks, plane = self.picks, self._wall.plane
         self._go.label = "Start picking" if desk.on_photograph is None else "Stop picking"
         if plane is not None:
             self._shown.once("pixels", (desk.reading, picks.pixels), self._add_pixels)
@@ -75,15 +75,15 @@ class ScanPanel:
         desk.choose(view="Photograph")
 
     def _take_pixel(self, pixel: tuple[float, float]) -> None:
-        self._picks = self._picks.with_pixel(pixel)
-        self._desk.choose(view="Scan" if len(self._picks.pixels) > len(self._picks.points) else "Photograph")
+        self.picks = self.picks.with_pixel(pixel)
+        self._desk.choose(view="Scan" if len(self.picks.pixels) > len(self.picks.points) else "Photograph")
 
     def _take_point(self, point: Any) -> None:
-        self._picks = self._picks.with_point(point)
+        self.picks = self.picks.with_point(point)
         self._desk.choose(view="Photograph")
 
     def _take_back(self) -> None:
-        self._picks = self._picks.without_last()
+        self.picks = self.picks.without_last()
         self._desk.refresh()
 
     def _pose(self) -> None:
@@ -91,19 +91,19 @@ class ScanPanel:
 
         review = self._desk.review
         mesh = load_scan(review)
-        found = pose_of(review, self._picks, mesh)
+        found = self.found = pose_of(review, self.picks, mesh)
         assert review.material.camera is not None
         self._strokes = outline(mesh, found.pose, review.material.camera)
         self._desk.choose(view="Photograph")
         told = "".join(f"\n\n**Warning:** {text}" for text in found.warnings)
         self._status.content = (
-            f"{self._picks.pairs} pairs, {found.residual_px:.1f} px rms apart at the pose that they give. Its outline "
+            f"{self.picks.pairs} pairs, {found.residual_px:.1f} px rms apart at the pose that they give. Its outline "
             f"is drawn in pink: a start, which the step `align` refines.{told}"
         )
 
     def _keep_picks(self) -> None:
         desk = self._desk
-        folder = write_amended(desk.review, picks=write_picks(desk.review, self._picks))
+        folder = write_amended(desk.review, picks=write_picks(desk.review, self.picks))
         name, out = desk.workspace.name(folder), desk.workspace.name(desk.review.store.folder)
         self._status.content = (
             f"Kept in `{desk.workspace.name(folder / 'session.toml')}`; your own session.toml is as it was. To "
@@ -113,8 +113,8 @@ class ScanPanel:
     def _add_pixels(self) -> list[Any]:
         plane, view, handles = self._wall.plane, self._desk.client.scene, []
         assert plane is not None
-        for index, pixel in enumerate(self._picks.pixels):
-            place = tuple(plane.place(pixel, lift=0.03))
+        for index, pixel in enumerate(self.picks.pixels):
+            place = tuple(plane.place(pixel, lift=0.003))
             handles.append(view.add_icosphere(f"{ROOT}/pick_{index}", radius=0.04, color=PICKED, position=place))
             handles.append(view.add_label(f"{ROOT}/pick_number_{index}", str(index + 1), position=place))
         return handles
@@ -123,4 +123,4 @@ class ScanPanel:
         plane = self._wall.plane
         if plane is None or not len(self._strokes):
             return []
-        return [add_lines(self._desk.client.scene, "picked", plane.place(self._strokes, lift=0.02), OUTLINE, 2.0)]
+        return [add_lines(self._desk.client.scene, "picked", plane.place(self._strokes, lift=0.002), OUTLINE, 2.0)]
