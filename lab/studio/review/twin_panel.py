@@ -19,6 +19,7 @@ class TwinPanel:
         self._desk, gui = desk, desk.client.gui
         self._scene: tuple[int, Any] | None = None
         self._drawn: Any = None
+        self._reading = desk.reading
         self._beside = gui.add_dropdown("beside the photograph", (NOTHING, SAME, ANYWHERE))
         self._zenith = gui.add_slider("from the axis, deg", min=0, max=85, step=1, initial_value=45, visible=False)
         self._azimuth = gui.add_slider("azimuth, deg", min=-180, max=180, step=1, initial_value=90, visible=False,
@@ -31,8 +32,9 @@ class TwinPanel:
     def refresh(self) -> None:
         """Let the twin follow the frame."""
         desk = self._desk
-        if desk.beside is None and self._beside.value == ANYWHERE and self._drawn != desk.reading:
-            self._beside.value = NOTHING
+        if self._reading != desk.reading:
+            # What stood beside the photograph was taken away with what it was made of.
+            self._reading, self._drawn, self._beside.value = desk.reading, None, NOTHING
         self._zenith.visible = self._azimuth.visible = self._beside.value == ANYWHERE
         if self._beside.value == SAME and self._drawn != (desk.reading, desk.frame, desk.look.brightness):
             self._drawn = (desk.reading, desk.frame, desk.look.brightness)
@@ -74,7 +76,6 @@ class TwinPanel:
         if drawn.picture is None:
             self._facts.content = f"**Not drawn.** {drawn.fault}"
             return
-        self._drawn = desk.reading
         stage = "refined" if drawn.is_refined else "first picture"
         self._facts.content = f"The scan with its measured albedo, matte, drawn small: {stage}, {drawn.seconds:.2f} s."
         desk.stand_beside(Beside(whole_picture(drawn.picture, self._exposure()), "light from anywhere"))

@@ -19,6 +19,7 @@ from lab.studio.review.photograph import CLIPPED_COLOUR, Look, photograph
 from lab.studio.review.plane import Plane
 from lab.studio.review.relight import twin_picture
 from lab.studio.review.scan_picks import Picks, load_scan, met, pose_of
+from lab.studio.review.steps_run import StepsRun
 from lab.studio.review.warned import targets
 from scene.errors import SceneError
 
@@ -324,3 +325,14 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     assert met(mesh, mesh.center_mm + [0, 0, 500], np.array([0.0, 0.0, 1.0])) is None
     with pytest.raises(SceneError, match="too few"):
         pose_of(review, Picks(picks.pixels[:3], picks.points[:3]), mesh)
+
+
+def test_what_stops_the_steps_is_told(made):
+    """The command line in its own process: photographs that are no pictures end it, with the line that says so."""
+    said, ended = [], []
+    run = StepsRun(made.session, made.folder.parent / "again", said.append, ended.append)
+    run.wait()
+    (fault,) = ended
+    assert "flash_0.png" in fault
+    assert not fault.startswith("rgbn")
+    assert "Traceback" not in "".join(said)
