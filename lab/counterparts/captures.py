@@ -3,6 +3,7 @@
 Its lights are found on the balls, as a real session's are; the true ones are written nowhere that a step reads.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
@@ -29,6 +30,8 @@ SAMPLES = 4
 PATHS = 64
 BRIGHTEST, BRIGHTEST_SHARE = 0.75, 0.995
 """The exposure: so many of the object's samples are at most so bright."""
+DARK_SHARE = 0.3
+"""Of the median frame's light on and about the white ball: below, it stands in the object's shadow."""
 _FIRST_SHOT = datetime(2000, 1, 1, 12, 0)
 
 
@@ -67,7 +70,7 @@ def write_capture(folder: Store, setup: Setup, name: str, balls: Sequence[Sphere
     folder.save_mask(mask)
     write_npy(folder.path("truth.npy"), truth)
     write_json(folder.path(VIRTUAL), {"virtual": True, "setup": asdict(setup), "samples": SAMPLES})
-    write_text(folder.path("session.toml"), _manifest(camera, name, balls))
+    write_text(folder.path("session.toml"), _manifest(camera, name, balls, _in_shadow(scene, images)))
 
 
 def object_maps(setup: Setup) -> tuple[NDArray[np.bool_], Images]:
@@ -162,7 +165,18 @@ def whole(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = Fals
     return images
 
 
-def _manifest(camera: Camera, name: str, balls: Sequence[Sphere]) -> str:
+def _in_shadow(scene: TwinScene, images: Images) -> list[str]:
+    """Return the frames in which the white ball is dark: the object stands in its light, as a look at them tells."""
+    center, radius = next((center, radius) for kind, radius, center in BALLS if kind == "white")
+    u, v = scene.camera.project(np.array([center]))[0]
+    reach = int(scene.camera.fx * radius / -center[2])
+    ball = images[:, int(v) - reach : int(v) + reach, int(u) - reach : int(u) + reach]
+    brightness = ball.mean((1, 2, 3))
+    dark = brightness < DARK_SHARE * np.median(brightness)
+    return [name for name, left_out in zip(scene.lights.names, dark, strict=True) if left_out]
+
+
+def _manifest(camera: Camera, name: str, balls: Sequence[Sphere], skip: Sequence[str]) -> str:
     lines = [
         "# A virtual capture: rendered by rgbn, photographed by its virtual camera.",
         "version = 1",
@@ -170,6 +184,7 @@ def _manifest(camera: Camera, name: str, balls: Sequence[Sphere]) -> str:
         "",
         "[frames]",
         'flash = "raw/flash_*.dng"',
+        *([f"skip = {json.dumps([f'{one}.dng' for one in skip])}"] if skip else []),
         "",
         "[camera]",
         f"width = {camera.width}",
