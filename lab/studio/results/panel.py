@@ -29,7 +29,7 @@ class ResultsPanel:
         self._desk, gui = desk, desk.client.gui
         self._shown, self._looked = Shown(), None
         self._root = desk.client.scene.add_frame(ROOT, show_axes=False, visible=False)
-        self._reading, self._lit = -1, {}
+        self._pictures: Any = None
         self._read()
         self.choice = Choice("normals", *self._results.first_pair)
         desk.on_click(gui.add_button("Show side by side"), self._look)
@@ -86,7 +86,8 @@ class ResultsPanel:
         if desk.view != VIEW:
             self._looked = None
             return
-        self._shown.once("pictures", (self._reading, choice), self._add_pictures)
+        self._shown.once("frame", self._reading, self._add_pictures)
+        self._shown.once("pictures", (self._reading, choice), self._draw)
         self._face()
         methods = [source.method for source in (choice.left, choice.right) if source.method in results.methods]
         self._shown.once("errors", (self._reading, tuple(methods)), lambda: self._add_errors(methods))
@@ -126,9 +127,8 @@ class ResultsPanel:
 
     def _add_pictures(self) -> list[Any]:
         results, high = self._results, self._high()
-        layout, window = layout_of(results), window_of(results, self.choice)
         # Without loss: a colour is a value.
-        handle = self._desk.client.scene.add_image(
+        self._pictures = self._desk.client.scene.add_image(
             f"{ROOT}/pictures", side_by_side(results, self.choice), WIDE, high, format="png", wxyz=UPRIGHT,
             cast_shadow=False, receive_shadow=False,
         )  # fmt: skip
@@ -136,12 +136,18 @@ class ResultsPanel:
         async def _(event: Any) -> None:
             origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
             x, y, _ = origin - origin[2] / direction[2] * direction
-            pixel = layout.pixel(window, x / WIDE + 0.5, 0.5 - y / high)
+            window = window_of(results, self.choice)
+            pixel = layout_of(results).pixel(window, x / WIDE + 0.5, 0.5 - y / high)
             if pixel is not None:
                 self._desk.post(lambda: self.point(*pixel))
 
-        handle.on_click(_)
-        return [handle]
+        self._pictures.on_click(_)
+        return [self._pictures]
+
+    def _draw(self) -> list[Any]:
+        """Draw anew what has changed, in the same place: nothing flickers."""
+        self._pictures.image = side_by_side(self._results, self.choice)
+        return []
 
     def _add_errors(self, methods: list[str]) -> list[Any]:
         gui = self._desk.client.gui

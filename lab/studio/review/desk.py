@@ -18,7 +18,7 @@ from lab.studio.workspace import Workspace
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-View = Literal["Photograph", "Lights in 3-D", "Scan"]
+View = Literal["Photograph", "Lights in 3-D", "Scan", "Results"]
 VIEWS: tuple[View, ...] = get_args(View)
 
 

@@ -1,5 +1,6 @@
 """The panels of a review, put on a browser's desk."""
 
+from lab.studio.results.panel import ResultsPanel
 from lab.studio.review.balls_panel import BallsPanel
 from lab.studio.review.desk import ReviewDesk
 from lab.studio.review.frames_panel import FramesPanel
@@ -23,6 +24,7 @@ def furnish(desk: ReviewDesk) -> None:
         "Lights": LightsPanel,
         "Scan": lambda desk: ScanPanel(desk, wall, stage),
         "Twin": TwinPanel,
+        "Results": ResultsPanel,
         f"Warnings ({len(desk.review.warnings)})": WarningsPanel,
         "Run": RunPanel,
     }
