@@ -24,7 +24,7 @@ def material_words(twin: dict[str, Any]) -> str:
     material = twin.get("material") or {}
     if not material.get("sentence"):
         return ""
-    text = f"<h3>What the object is said to be made of</h3><p>The object is {escape(str(material['sentence']))}.</p>"
+    text = "<h3>What the object is said to be made of</h3>" + _made_of(material)
     if not is_number(material.get("relative_rmse")):
         return text
     frames = [value if is_number(value) else float("nan") for value in material["relative_rmse_per_frame"]]
@@ -49,3 +49,15 @@ def material_words(twin: dict[str, Any]) -> str:
     ]
     head = ("what might be wrong", "share of the rest that it alone would explain", "how much of it that takes")
     return text + f'<div class="pair"><figure>{chart}</figure>{table(head, rows, kind="numbers")}</div>'
+
+
+def _made_of(material: dict[str, Any]) -> str:
+    """Return the sentence; of several places, one of each below it."""
+    places = material.get("places") or []
+    if not places:
+        return f"<p>The object is {escape(str(material['sentence']))}.</p>"
+    lines = "".join(
+        f"<li>Place {k + 1}, {percent(one.get('share'))} of the pixels: {escape(str(one.get('sentence')))}.</li>"
+        for k, one in enumerate(places)
+    )
+    return f"<p>The object is of two materials: {escape(str(material.get('why')))}.</p><ul>{lines}</ul>"

@@ -78,7 +78,9 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
         depth = float(lights.reference_point_mm[2])
         scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, albedo_depth_mm=depth, sampling=sampling)
         return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings]
-    scene, warnings = material_scene(found.fit, found.albedo, mesh, pose, camera, lights, sampling)
+    scene, warnings = material_scene(
+        found.places.fits, found.labels, found.albedo, mesh, pose, camera, lights, sampling
+    )
     return scene, found.facts(), [*found.warnings, *warnings]
 
 

@@ -1,4 +1,4 @@
-"""Light that reaches a sample by way of the object's other parts: rendered small, with the material found so far."""
+"""The scene of fitted materials, and light that reaches a sample by way of the object's other parts, rendered small."""
 
 from dataclasses import replace
 from typing import Any
@@ -13,9 +13,11 @@ from scene.pose import Pose
 from twin.description import Sampling, TwinScene
 from twin.fit_material import MaterialFit
 from twin.material_samples import Samples
-from twin.materials import Diffuse, RoughPlastic
+from twin.materials import Diffuse, Material, RoughPlastic
 from twin.mitsuba_scene import mitsuba_scene
+from twin.object_mesh import ObjectMesh
 from twin.scan_scene import scan_scene
+from twin.visibility import Sight
 
 SIDE = 112
 """Pixels across the object: light from elsewhere changes slowly."""
@@ -23,7 +25,8 @@ SAMPLES, DEPTH = 36, 4
 
 
 def material_scene(
-    fit: MaterialFit,
+    fits: tuple[MaterialFit, ...],
+    labels: NDArray[np.int8] | None,
     albedo: NDArray[np.float32],
     mesh: Mesh,
     pose: Pose,
@@ -31,19 +34,67 @@ def material_scene(
     lights: Lights,
     sampling: Sampling,
 ) -> tuple[TwinScene, tuple[str, ...]]:
-    """Return the scene of a scan made of a fitted material, and what is suspicious about it.
+    """Return the scene of a scan made of fitted materials, and what is suspicious about it.
 
-    Parameters and errors: see `twin.scan_scene.scan_scene`; `albedo` (H, W, 3) is that of the fit, of the body.
+    Parameters and errors: see `twin.scan_scene.scan_scene`; `albedo` (H, W, 3) is that of the fits, of the body.
+    `labels` (H, W): which of the fits a pixel is of, -1 where unknown; None if there is but one.
+
+    Notes
+    -----
+    Of several materials each gets the faces that mostly its pixels see, and those unseen whose nearest seen face is
+    its: one object each, with the same normals at the border.
     """
     scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, sampling=sampling)
-    if fit.model == "matte":
-        return scene, warnings
     ((name, body),) = scene.materials.items()
     assert isinstance(body, Diffuse)
     # Where the white value is unknown, the scene has taken one.
-    specularity = float(np.mean(fit.strength) / np.mean(scene.white))
-    glossy = RoughPlastic(body.reflectance, fit.roughness, min(specularity, 1.0), fit.index, covered=fit.covered)
-    return replace(scene, materials={name: glossy}), warnings
+    made = [_made(fit, body, float(np.mean(scene.white))) for fit in fits]
+    if len(made) == 1 or labels is None:
+        return replace(scene, materials={name: made[0]}), warnings
+    (whole,) = scene.objects
+    of_face = _face_labels(whole.mesh, camera, labels, len(fits))
+    parts = [(number, np.flatnonzero(of_face == number)) for number in range(len(fits)) if (of_face == number).any()]
+    return replace(
+        scene,
+        materials={f"{name}_{number + 1}": made[number] for number, _ in parts},
+        objects=tuple(
+            replace(
+                whole, name=f"{whole.name}_{number + 1}", material=f"{name}_{number + 1}", mesh=_part(whole.mesh, faces)
+            )
+            for number, faces in parts
+        ),
+    ), warnings
+
+
+def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
+    if fit.model == "matte":
+        return body
+    specularity = min(float(np.mean(fit.strength)) / white, 1.0)
+    return RoughPlastic(body.reflectance, fit.roughness, specularity, fit.index, covered=fit.covered)
+
+
+def _face_labels(mesh: ObjectMesh, camera: Camera, labels: NDArray[np.int8], count: int) -> NDArray[np.intp]:
+    """Return (T,) the label of most pixels that see a face; of an unseen one, that of the nearest seen one."""
+    from scipy.spatial import KDTree
+
+    rows, columns = np.nonzero(labels >= 0)
+    face = Sight(mesh.vertices, mesh.faces, camera).at(np.stack([columns, rows], -1).astype(np.float64))[0]
+    hit = face >= 0
+    votes = np.zeros((len(mesh.faces), count), np.intp)
+    np.add.at(votes, (face[hit], labels[rows, columns][hit]), 1)
+    seen = votes.sum(1) > 0
+    found = np.argmax(votes, 1)
+    middle = mesh.vertices[mesh.faces].mean(1)
+    if seen.any() and not seen.all():
+        found[~seen] = found[seen][KDTree(middle[seen]).query(middle[~seen])[1]]
+    return found
+
+
+def _part(mesh: ObjectMesh, faces: NDArray[np.intp]) -> ObjectMesh:
+    """Return some faces (T,) of a mesh, with the corners that they have."""
+    used, corner = np.unique(mesh.faces[faces], return_inverse=True)
+    at_corners = (None if a is None else a[used] for a in (mesh.normals, mesh.texcoords, mesh.colours))
+    return ObjectMesh(mesh.vertices[used], corner.reshape(-1, 3), *at_corners)
 
 
 def onward_light(
@@ -81,7 +132,7 @@ def onward_light(
     small = camera.scaled(int(np.ceil(camera.width * scale)), int(np.ceil(camera.height * scale)), scale, scale)
     row, column = ((place + 0.5) * scale - 0.5 for place in (samples.rows, samples.columns))
     body, sampling = replace(fit, model="matte"), Sampling("many", SAMPLES, DEPTH)
-    scene, _ = material_scene(body, _picture(row, column, albedo, small), mesh, pose, small, lights, sampling)
+    scene, _ = material_scene((body,), None, _picture(row, column, albedo, small), mesh, pose, small, lights, sampling)
     film = scene.film()
     images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
     return _looked_up(images, row - film.rows.start, column - film.columns.start)
