@@ -11,7 +11,6 @@ from lab.studio.results.maps import Results, Source
 from lab.studio.results.pixel import Numbers, Pixel, shade_of
 
 BINS = 60
-HEIGHT = 300
 SAMPLES = (
     ("sample", {"symbol": "circle", "color": "#202124", "size": 7}),
     ("shadowed", {"symbol": "x-thin-open", "color": "#80868b", "size": 8, "line": {"width": 2}}),
@@ -42,7 +41,8 @@ def pixel_chart(pixel: Pixel, reference: str | None = None) -> Any:
                 y=fit.gray[order],
                 name=fit.source.method,
                 mode="lines+markers",
-                line={"color": COLOURS[number % len(COLOURS)], "width": 1.5},
+                # Where two agree, the one below is seen on both sides of the other.
+                line={"color": COLOURS[number % len(COLOURS)], "width": 1.5 + 2 * (len(pixel.fits) - 1 - number)},
                 marker={"size": 4},
                 hovertemplate="%{y:.4f}",
             )
@@ -55,11 +55,11 @@ def pixel_chart(pixel: Pixel, reference: str | None = None) -> Any:
                 name=name,
                 mode="markers",
                 marker=marker,
+                cliponaxis=False,
                 text=[f"{i + 1} {escape(pixel.names[i])}" for i in np.flatnonzero(chosen)],
                 hovertemplate="%{text}: %{y:.4f}",
             )
     by = "light" if reference is None else f"n · l, n of {'the ground truth' if reference == 'truth' else reference}"
-    figure.update_layout(title={"text": f"{pixel.side}, pixel {pixel.u}, {pixel.v}", "font": {"size": 13}})
     figure.update_xaxes(title=by)
     figure.update_yaxes(title="gray / light's intensity", rangemode="tozero")
     return figure
@@ -128,8 +128,7 @@ def _figure() -> Any:
 
     figure = go.Figure()
     figure.update_layout(
-        height=HEIGHT,
-        margin={"l": 52, "r": 8, "t": 34, "b": 44},
+        margin={"l": 52, "r": 8, "t": 44, "b": 44},
         template="plotly_white",
         font={"size": 11},
         legend={"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 0, "font": {"size": 10}},

@@ -19,6 +19,7 @@ ROOT = "/results"
 VIEW: View = "Results"
 WIDE = 8.0
 """Width of both pictures in the view's units."""
+PLOT: dict[str, Any] = {"aspect": 0.75, "config": {"displayModeBar": False}}
 STEPS = {"left": (-0.5, 0.0), "right": (0.5, 0.0), "up": (0.0, -0.5), "down": (0.0, 0.5)}
 
 
@@ -80,7 +81,7 @@ class ResultsPanel:
         if self._by.options != references:
             self._by.options = references
             self._by.value = references[0]
-        self._zoom.value = f"{choice.zoom} x"
+        self._what.value, self._zoom.value = choice.what, f"{choice.zoom} x"
         if choice.cursor is not None:
             self._cursor.value = choice.cursor
         if desk.view != VIEW:
@@ -156,7 +157,7 @@ class ResultsPanel:
                 why = "there is no ground truth" if self._results.review.truth is None else "no normals are known"
                 return [gui.add_markdown(f"No errors: {why}.")]
             figure, words = error_chart(self._results, methods)
-            return [gui.add_plotly(figure, aspect=1.35), gui.add_markdown(words)]
+            return [gui.add_plotly(figure, **PLOT), gui.add_markdown(words)]
 
     def _add_pixel(self) -> list[Any]:
         gui, cursor = self._desk.client.gui, self.choice.cursor
@@ -171,9 +172,10 @@ class ResultsPanel:
                 pixel = read_pixel(self._results, side, *cursor, lit_from=self._lit[side])
             except SceneError as error:
                 return [*handles, gui.add_markdown(f"**No samples**: {error}")]
-            handles += [gui.add_plotly(pixel_chart(pixel), aspect=1.35), gui.add_markdown(notes_of(pixel))]
+            handles.append(gui.add_markdown(f"**{side}, pixel {pixel.u}, {pixel.v}**"))
+            handles += [gui.add_plotly(pixel_chart(pixel), **PLOT), gui.add_markdown(notes_of(pixel))]
             try:
-                handles.append(gui.add_plotly(pixel_chart(pixel, self._by.value), aspect=1.35))
+                handles.append(gui.add_plotly(pixel_chart(pixel, self._by.value), **PLOT))
             except SceneError as error:
                 handles.append(gui.add_markdown(str(error)))
             return handles

@@ -90,7 +90,7 @@ def side_by_side(results: Results, choice: Choice) -> Image:
         except SceneError as error:
             image[place] = _words(str(error), layout)
         image[place] = _with_cursor(image[place], window, choice.cursor)
-        image = _text(image, f"{choice.what}: {source.label}", (x + 2, layout.above - 11), 0.55, INK)
+        image = _text(image, f"{choice.what}: {source.label}", (x + 2, layout.above - 10), 0.75, INK)
     key = _key(results, choice, layout, white)
     top = layout.above + layout.high + 8
     image[top : top + key.shape[0], : key.shape[1]] = key
@@ -144,7 +144,7 @@ def _with_cursor(picture: Image, window: Window, cursor: tuple[int, int] | None)
     drawn, arm, column, row = picture.copy(), 14, round(x), round(y)
     strokes = [((low - arm, row), (low, row)), ((right, row), (right + arm, row)),
                ((column, top - arm), (column, top)), ((column, bottom), (column, bottom + arm))]  # fmt: skip
-    for colour, thickness in ((PAPER, 3), (MARK, 1)):
+    for colour, thickness in ((PAPER, 5), (MARK, 2)):
         drawn = cv2.rectangle(drawn, (low, top), (right, bottom), colour, thickness)
         for start, end in strokes:
             drawn = cv2.line(drawn, start, end, colour, thickness)
@@ -171,16 +171,16 @@ def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Imag
         ball = legend_ball(80)
         key[:80, :80] = np.where((ball == pictures.PAPER).all(-1, keepdims=True), PAPER, ball)
         words = "a ball facing you: red right, green up, blue toward you"
-        return _text(_text(key, words, (94, 36), 0.5, INK), "pale grey: unknown", (94, 60), 0.5, INK)
+        return _text(_text(key, words, (94, 36), 0.62, INK), "pale grey: unknown", (94, 60), 0.62, INK)
     if choice.what == "albedo":
         words = f"sRGB; white is {white:.3g}, on both sides"
-        return _text(key, words, (2, 28), 0.5, INK)
+        return _text(key, words, (2, 28), 0.62, INK)
     wide, end = layout.wide, results.error_end_deg
     key[6:26, :wide] = error_picture(np.linspace(0, end, wide)[None], end)
     for part in range(5):
         label = f"{end * part / 4:g}" + ("+ deg" if part == 4 else "")
-        key = _text(key, label, (min(part * wide // 4, wide - 58 if part == 4 else wide), 46), 0.5, INK)
-    return _text(key, "angle to the ground truth, one scale for all; pale grey: unknown", (2, 70), 0.5, INK)
+        key = _text(key, label, (min(part * wide // 4, wide - 76 if part == 4 else wide), 46), 0.62, INK)
+    return _text(key, "angle to the ground truth, one scale for all; pale grey: unknown", (2, 70), 0.62, INK)
 
 
 def _text(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[int, int, int]) -> Image:
