@@ -42,7 +42,7 @@ def pixel_chart(pixel: Pixel, reference: str | None = None) -> Any:
                 name=fit.source.method,
                 mode="lines+markers",
                 # Where two agree, the one below is seen on both sides of the other.
-                line={"color": COLOURS[number % len(COLOURS)], "width": 1.5 + 2 * (len(pixel.fits) - 1 - number)},
+                line={"color": COLOURS[number % len(COLOURS)], "width": 1.5 + 2 * min(2, len(pixel.fits) - 1 - number)},
                 marker={"size": 4},
                 hovertemplate="%{y:.4f}",
             )
