@@ -31,8 +31,10 @@ def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
         # cos(angle - 120 degrees) without another cosine: angle is at most 60 degrees.
         second = 0.5 * (np.sqrt(max(3.0 * (1.0 - first * first), 0.0)) - first)
         most, middle = mean + 2.0 * spread * first, mean + 2.0 * spread * second
-        # Not by the third cosine, which cancels; the product of the three is the determinant.
-        condition = np.sqrt(most / (det / (most * middle))) if det > 0.0 else np.inf
+        # Not by the third cosine, which cancels; the product of the three is the determinant. Of a single light both
+        # the middle one and the determinant are rounding, of either sign: the cosines are good to 1e-8.
+        spans = det > 0.0 and middle > 1e-7 * mean
+        condition = np.sqrt(most * (most * middle) / det) if spans else np.inf
     if det <= 0.0:
         return np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     return condition, ia / det, ib / det, ic / det, id_ / det, ie / det, if_ / det

@@ -45,6 +45,15 @@ def test_condition_and_inverse_are_numpys():
     assert condition_and_inverse(1.0, 0.0, 0.0, 1.0, 0.0, 0.0)[0] == np.inf
 
 
+def test_what_is_left_of_one_light_when_others_are_taken_away_has_no_condition():
+    """Sums that lights were added to and taken from: rounding of either sign stands where nothing should."""
+    for vectors in np.random.default_rng(2).normal(size=(20_000, 3, 3)):
+        m = sum(np.outer(v, v) for v in vectors)
+        m = m - np.outer(vectors[0], vectors[0]) - np.outer(vectors[1], vectors[1])
+        condition = condition_and_inverse(m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2])[0]
+        assert condition == np.inf, vectors
+
+
 @pytest.mark.parametrize("method", ["ls", "iterative", "l1", "sbl", "hsh"])
 @pytest.mark.parametrize("heights", [(0.5, 0.95), (0.9, 0.98)])
 def test_sigma_is_what_noise_does_to_the_normals(method, heights):
