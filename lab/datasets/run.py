@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from lab.datasets.checksums import code_checksum
 from lab.datasets.results import write_results
 from lab.datasets.shelf import Entry, contents_of, entries
 from lab.progress import say
-from lab.rooms import ROOT
 from scene.errors import SceneError
 from scene.files import write_json
 
@@ -100,15 +100,7 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
 
 def _key(digest: str, name: str, profile: str, programs: dict[str, Any]) -> str:
     command = programs[name].command if name in programs else profile
-    return hashlib.sha256(json.dumps([digest, name, command, _code()]).encode()).hexdigest()[:24]
-
-
-def _code() -> str:
-    digest = hashlib.sha256()
-    for pattern in _SOURCES:
-        for path in sorted(ROOT.glob(pattern)):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return hashlib.sha256(json.dumps([digest, name, command, code_checksum(_SOURCES)]).encode()).hexdigest()[:24]
 
 
 def _place(out: Path, key: str) -> Path:

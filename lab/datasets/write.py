@@ -4,7 +4,6 @@ import hashlib
 import io
 import json
 from dataclasses import asdict
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.datasets.catalogue import Dataset
-from lab.datasets.checksums import write_checksums
+from lab.datasets.checksums import code_checksum, write_checksums
 from lab.datasets.describe import readme, session_toml
 from lab.datasets.staging import Stack, stack_of
-from lab.rooms import ROOT
 
 RECIPE = "recipe.json"
 _SOURCES = (
@@ -28,16 +26,7 @@ _MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 def mark_of(dataset: Dataset) -> str:
     """Return a hash of a dataset's recipe and of the code that makes it: where it is the same, so are the bytes."""
-    return hashlib.sha256(json.dumps([asdict(dataset), _code()], sort_keys=True).encode()).hexdigest()
-
-
-@cache
-def _code() -> str:
-    digest = hashlib.sha256()
-    for pattern in _SOURCES:
-        for path in sorted(ROOT.glob(pattern)):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()
+    return hashlib.sha256(json.dumps([asdict(dataset), code_checksum(_SOURCES)], sort_keys=True).encode()).hexdigest()
 
 
 def write_dataset(folder: Path, dataset: Dataset) -> None:
