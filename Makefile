@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 
-.PHONY: setup demo test lint check clean
+.PHONY: setup demo test test-all lint check clean
 
 setup: $(READY)
 
@@ -22,6 +22,10 @@ demo: setup
 
 test: setup
 	@$(PYTHON) lab/system_libraries.py --browser
+	$(BIN)/python -m pytest -n 2 --dist loadgroup -q -m "not full"
+
+# As well as what would take `make test` beyond twenty minutes on two cores.
+test-all: setup
 	$(BIN)/python -m pytest -n 2 --dist loadgroup -q
 
 lint: setup

@@ -115,6 +115,7 @@ def test_of_two_chrome_balls_a_wrong_diameter_is_a_contradiction(shot, frames):
     assert np.median(found.lights.direction_sigma_deg) > 0.5
 
 
+@pytest.mark.full
 def test_a_focal_length_a_tenth_wrong_bends_the_lights_no_further_than_stated(shot, frames):
     world = shot[0]
     camera = replace(world.camera, fx=1.1 * world.camera.fx, fy=1.1 * world.camera.fy)
@@ -159,6 +160,7 @@ def test_a_flash_that_did_not_fire(shot, level, kinds):
         calibrate(_exposed(images), world.camera, _asked(world, kinds=kinds))
 
 
+@pytest.mark.full
 def test_a_flash_that_did_not_fire_and_no_white_ball(shot):
     world, images, standing = shot
     images = images.copy()
@@ -167,6 +169,7 @@ def test_a_flash_that_did_not_fire_and_no_white_ball(shot):
         calibrate(_exposed(images), world.camera, _asked(world, kinds=["chrome"]))
 
 
+@pytest.mark.full
 def test_two_flashes_from_one_place(shot):
     world, images, _ = shot
     images, lights, powers = images.copy(), world.lights.copy(), world.powers.copy()
@@ -177,6 +180,7 @@ def test_two_flashes_from_one_place(shot):
     _right(replace(world, lights=lights, powers=powers), found)
 
 
+@pytest.mark.full
 def test_gamma_encoded_frames(shot, frames):
     """8 bits of sRGB, said to be linear: an ambient light of 70 % of the flash hid it, with strengths 16 % off."""
     world = shot[0]
@@ -202,6 +206,7 @@ def _flagged(world, images, ball, frame, *, half_mm):
     return images
 
 
+@pytest.mark.full
 def test_a_chrome_ball_in_shadow(shot):
     world, images, _ = shot
     found = calibrate(_exposed(_flagged(world, images, 0, 1, half_mm=60)), world.camera, _asked(world))
@@ -212,6 +217,7 @@ def test_a_chrome_ball_in_shadow(shot):
     assert off.max() < 0.03
 
 
+@pytest.mark.full
 def test_a_white_ball_in_shadow(shot):
     world, images, _ = shot
     with pytest.raises(CalibrationError, match=r"flash_001 \(.*white ball stood in shadow"):
@@ -221,6 +227,7 @@ def test_a_white_ball_in_shadow(shot):
 # Bad balls.
 
 
+@pytest.mark.full
 def test_half_a_ball_beyond_the_border(small):
     """The half that is left shows other things for the flash: 130 degrees off, and all strengths by 7 %."""
     world = small((-358, -60), (220, 130))
@@ -230,6 +237,7 @@ def test_half_a_ball_beyond_the_border(small):
     assert off.max() < 0.05
 
 
+@pytest.mark.full
 def test_dusty_and_scratched_balls(small):
     world = small((-215, -110), (220, 130))
     rng = np.random.default_rng(10007)
@@ -243,6 +251,7 @@ def test_dusty_and_scratched_balls(small):
         _said(found, name)
 
 
+@pytest.mark.full
 def test_a_white_ball_given_by_hand_is_white(shot, frames):
     """The outline found around the circle was chrome, whatever the user said."""
     world = shot[0]

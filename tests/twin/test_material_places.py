@@ -133,6 +133,7 @@ def test_every_pixel_of_the_mask_is_of_the_nearest_sample() -> None:
 
 @pytest.mark.render
 @pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
+@pytest.mark.full
 def test_the_twin_of_two_materials_looks_like_the_object() -> None:
     import_mitsuba()
     lights = dome(12)

@@ -127,6 +127,7 @@ def free_knob(visitor):
     return int(clear.argmax()), places[clear.argmax()]
 
 
+@pytest.mark.full
 def test_a_broken_file_shows_a_message_and_the_studio_lives_on(visitor, tmp_path):
     desk = visitor.desk
     before = desk.scene
@@ -149,6 +150,7 @@ def test_a_broken_file_shows_a_message_and_the_studio_lives_on(visitor, tmp_path
     visitor.until(lambda: desk.scene is not before, "the studio lives on")
 
 
+@pytest.mark.full
 def test_two_browsers_do_not_disturb_each_other(visit, studio):
     one, other = visit(studio), visit(studio)
     mine, theirs = one.desk, other.desk
@@ -170,6 +172,7 @@ def test_two_browsers_do_not_disturb_each_other(visit, studio):
     assert mine in studio.desks
 
 
+@pytest.mark.full
 def test_a_picture_comes_at_once(visitor):
     """Not a matter of seconds, which a busy machine stretches: the first picture needs no refinement."""
     if pick_variant()[0] != FAST:

@@ -42,6 +42,7 @@ def strip_middle(desk, index):
     return np.array([8 * (across - 0.5), -plane.high / 2 - 0.25 - 8 * (index // columns + 0.4) * cell_high / wide, 0.0])
 
 
+@pytest.mark.full
 def test_a_half_done_session_is_put_right(visit, calibrated):
     """No mask, no scan, no twin: said so. A ball is dragged wrong, calibrated again, kept; another window is left."""
     studio = Studio(Workspace.at(calibrated.root), port=0, review=(calibrated.folder, calibrated.session))
@@ -106,6 +107,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated):
         studio.close()
 
 
+@pytest.mark.full
 def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
     """Four points clicked in the photograph and on the scan give the pose at which both were made."""
     studio = Studio(Workspace.at(tmp_path), port=0, review=(made.folder, made.session))
