@@ -61,6 +61,7 @@ class Desk:
         self._preview = preview
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"desk {client.client_id}")
         self._closers: list[Callable[[], None]] = []
+        self._is_gone = False
 
     @property
     def scene(self) -> TwinScene:
@@ -111,6 +112,8 @@ class Desk:
         except ValidationError as error:
             self.tell_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
         except Exception as error:
+            if self._is_gone:
+                return False  # There is nobody to show it to: viser warns of every message.
             traceback.print_exc()
             self.tell_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
         else:
@@ -170,6 +173,7 @@ class Desk:
 
     def close(self) -> None:
         """End what runs for a browser that went away."""
+        self._is_gone = True
         self._preview.forget(self.client.client_id)
         for work in self._closers:
             work()

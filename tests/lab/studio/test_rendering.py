@@ -47,7 +47,8 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     assert counts[-1] == 6
     Rendering(scene, tmp_path / "b", tell, ended.append).wait()
     a, b = (np.load(tmp_path / name / "frames" / "codes.npy") for name in "ab")
-    assert np.array_equal(a, b)
+    # Threads add to a pixel in the order in which they come: the last bit of a float, one code at most.
+    assert np.abs(a.astype(int) - b.astype(int)).max() <= 1
 
 
 def test_a_fault_is_told(tmp_path):
