@@ -1,20 +1,18 @@
 """The command line: `rgbn VERB`."""
 
-import os
 import sys
-import traceback
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import App, Parameter
 
 from lab.datasets.command import dataset
+from lab.endings import end_by
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
 from lab.studio.command import studio
 from lab.sweeps.command import sweep
 from lab.twin_settings import AS_GIVEN, TwinSettings
-from scene.errors import SceneError
 
 app = App(
     name="rgbn",
@@ -264,31 +262,12 @@ def doctor() -> None:
 
 
 def main() -> None:
-    """Run the command line; exit 0 done, 2 the input is at fault, 130 stopped by Ctrl-C, 1 our fault."""
+    """Run the command line; `lab.endings` says what each end is told by."""
     try:
         from lab.rooms import check_rooms
 
         check_rooms()
         app(sys.argv[1:])
         sys.stdout.flush()
-    except SceneError as error:
-        print(f"rgbn: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
-    except KeyboardInterrupt:
-        print("\nrgbn: stopped. What is done is kept; the same command goes on from there.", file=sys.stderr)
-        _leave(130)
-    except BrokenPipeError:
-        # The reader of a pipe went away (`rgbn ... | head`): not our fault, and nothing to say.
-        _leave(0)
-    except Exception:
-        traceback.print_exc()
-        print(
-            "rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.", file=sys.stderr
-        )
-        raise SystemExit(1) from None
-
-
-def _leave(code: int) -> None:
-    """End at once: worker threads may be inside a library call that would hold up an orderly exit."""
-    sys.stderr.flush()
-    os._exit(code)
+    except (Exception, KeyboardInterrupt) as error:
+        end_by(error)

@@ -272,6 +272,26 @@ def test_ctrl_c(session, moment):
     assert not half_written(session)
 
 
+def test_ctrl_c_while_a_compiled_module_loads():
+    """What NumPy and SciPy make of it: an ImportError, caused by the KeyboardInterrupt."""
+    message = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            "from lab.endings import end_by\n"
+            "error = ImportError('initialization failed')\n"
+            "error.__cause__ = KeyboardInterrupt()\n"
+            "end_by(error)",
+        ],
+        capture_output=True,
+        text=True,
+        cwd=Path(__file__).parents[2],
+    )
+    assert message.returncode == 130
+    assert "stopped" in message.stderr
+    assert "Traceback" not in message.stderr
+
+
 def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(session, capsys, monkeypatch):
     out = session / "out"
     process = start(session, out)
