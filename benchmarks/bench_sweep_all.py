@@ -55,13 +55,15 @@ def tolerances(found: dict) -> list[str]:
         place = places.setdefault(f"`{row['solver']}`, {row['profile']}", [])
         ends = " to ".join("more" if row[end] is None else _rounded(row[end]) for end in ("low", "high"))
         if not row["draws"]:
-            place.append("not told them")
+            place.append("failed" if row["failed"] else "not told them")
         elif row["breaks_at"] is None:
             place.append("holds")
         elif row["breaks_at"] == 0:
             place.append("broken without")
         else:
             place.append(f"{_rounded(row['breaks_at'])} {row['unit']} ({ends}), {row['how']}")
+        if row["failed"] and row["draws"]:
+            place[-1] += f" ({row['failed']} failed)"
     return rows + [f"| {who} | " + " | ".join(fields) + " |" for who, fields in places.items()]
 
 

@@ -15,7 +15,8 @@ GOOD, FAIR, BROKEN, NOTHING = "#d3e5f2", "#7fb2d6", "#D55E00", "#8a8f94"
 """Light to dark to another hue: told apart in gray, too."""
 BOX, ROW, LEFT, TOP, GAP, NUMBER = 15.0, 42.0, 112.0, 66.0, 14.0, 112.0
 NARROWEST, LEGEND = 120.0, 1180.0
-"""Of a column, for its title; of the picture, for its legend."""
+SMALL = 4.8
+"""Of a column, for its title; of the picture, for its legend; of a letter of the words under the boxes."""
 BOX_HEIGHT = 17.0
 
 
@@ -40,7 +41,8 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
     lefts, x = {}, LEFT
     for name in names:
         lefts[name] = x
-        x += max(counts[name] * BOX, NARROWEST) + GAP
+        longest = max(len(one.breaks) for one in strips if one.experiment == name)
+        x += max(counts[name] * BOX, NARROWEST, SMALL * longest) + GAP
     borne = {(one.name, one.solver, one.profile): one for one in tolerances}
     numbers = [name for name in PERTURBATIONS if any(one.name == name for one in tolerances)]
     for name in numbers:
@@ -114,7 +116,7 @@ def _colour(level: Level) -> str:
 def _tolerance(one: Tolerance, x: float, y: float) -> list[str]:
     unit = PERTURBATIONS[one.name].unit
     if not one.draws:
-        return [_text(x, y + 13, "not told them", fill="#777", size=10)]
+        return [_text(x, y + 13, "failed" if one.failed else "not told them", fill="#777", size=10)]
     if one.breaks_at is None:
         return [_text(x, y + 13, f"over {PERTURBATIONS[one.name].most:g}{_spaced(unit)}", fill="#777")]
     shown = "broken without" if one.breaks_at == 0 else f"{_rounded(one.breaks_at)}{_spaced(unit)}"
@@ -122,7 +124,8 @@ def _tolerance(one: Tolerance, x: float, y: float) -> list[str]:
     parts = [_text(x, y + 13, shown, weight="600", decoration=line)]
     ends = ["more" if v is None else _rounded(v) for v in (one.low, one.high)]
     spread = f"{ends[0]} to {ends[1]}, " if one.draws > 1 and ends[0] != ends[1] else ""
-    return [*parts, _text(x, y + 29, spread + (one.how or ""), fill="#555", size=9)]
+    failed = f", {one.failed} failed" if one.failed else ""
+    return [*parts, _text(x, y + 29, spread + (one.how or "") + failed, fill="#555", size=9)]
 
 
 def _rounded(value: float) -> str:

@@ -70,19 +70,20 @@ def _row(
 ) -> tuple[dict[str, Any], float | None]:
     """Return the row of one method with one profile, and its processor seconds."""
     p, key, start = photographs, _key(cell, method, profile), time.process_time()
-    if cell.experiment in PERTURBATIONS:
-        if not is_told(method, cell.experiment):
-            return {**key, "status": "not told"}, None
-        strength, estimate = breaking_point(p, cell, method, profile, executor)
-        taken = time.process_time() - start
-        row = {"status": "ok"} if estimate is None else measured(p, method, estimate)
-        return {**key, **row, "breaks_at": strength}, taken
+    if cell.experiment in PERTURBATIONS and not is_told(method, cell.experiment):
+        return {**key, "status": "not told"}, None
     try:
-        estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
+        if cell.experiment in PERTURBATIONS:
+            strength, estimate = breaking_point(p, cell, method, profile, executor)
+            extra = {"breaks_at": strength}
+        else:
+            estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
+            extra = {}
     except Exception as error:
         return {**key, "status": f"failed: {_why(error)}"}, None
     taken = time.process_time() - start
-    return {**key, **measured(p, method, estimate)}, taken
+    row = {"status": "ok"} if estimate is None else measured(p, method, estimate)
+    return {**key, **row, **extra}, taken
 
 
 def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from compare.speed_chart import speed_chart
 from lab.sweeps.atlas import atlas
 from lab.sweeps.experiments import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
 from lab.sweeps.pareto import speed_points
+from lab.sweeps.perturbation import PERTURBATIONS
 from lab.sweeps.stability import stability, strips, tolerances
 from lab.sweeps.summary import (
     STATISTICS,
@@ -74,7 +75,7 @@ def write_page(
             charts.append(chart)
         charts.append(_speed(folder / f"{one.name}-speed.svg", rows, seconds, [one]))
         parts.append(f"<h2>{escape(one.label)}</h2>{_pictures(found, one)}<div class='charts'>{''.join(charts)}</div>")
-        parts.append(_failures(rows, one))
+        parts.append(_failures(rows, one.name))
     write_text(folder / "index.html", "\n".join(parts))
     write_json(
         folder / "statistics.json",
@@ -107,6 +108,7 @@ def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
         "(the experiment's own shapes) and draws. The smallest error of lights, intensities or ambient light: "
         "bisection of a random perturbation's strength on a matte pear under a dome; median and quartiles over "
         "draws.</p>",
+        *(_failures(perturbed, name) for name in PERTURBATIONS),
         "<details><summary>Do the methods know it? How often they doubt their results</summary>"
         f"<table><tr><th></th><th>of the broken</th><th>of the others</th></tr>{lines}</table></details>",
     ]
@@ -218,10 +220,10 @@ def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
     return "".join(shown[level] for level in sorted(shown))
 
 
-def _failures(rows: Rows, experiment: Experiment) -> str:
+def _failures(rows: Rows, experiment: str) -> str:
     counts: dict[tuple[str, str], int] = {}
     for row in rows:
-        if row["experiment"] == experiment.name and row["status"] != "ok":
+        if row["experiment"] == experiment and row["status"].startswith("failed"):
             key = (f"{row['solver']}, {row['profile']}", row["status"])
             counts[key] = counts.get(key, 0) + 1
     if not counts:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lab.sweeps.recipe import Cell, Recipe
+from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
@@ -118,7 +119,7 @@ def breaking_point(
             found = solve(
                 method, frames, lights, photographs.camera, photographs.mask, profile=profile, executor=executor
             )
-        except Exception:
+        except SceneError:
             return True, None
         error = angular_error_deg(found.normals, photographs.normals)[photographs.mask]
         known = error[np.isfinite(error)]

@@ -149,7 +149,9 @@ class Tolerance:
     breaks_at, low, high : float or None
         Median and quartiles over the draws of the smallest strength that breaks it; None: more than was tried.
     draws : int
-        0: the method is not told the quantity.
+        That count; with none failed, 0: the method is not told the quantity.
+    failed : int
+        Draws that ended by a fault of ours, and are in none of the numbers.
     how : str or None
         As in `Level`, at that strength.
     foretold : bool or None
@@ -163,6 +165,7 @@ class Tolerance:
     low: float | None
     high: float | None
     draws: int
+    failed: int
     how: str | None
     foretold: bool | None
 
@@ -174,7 +177,8 @@ def tolerances(perturbed: Rows) -> list[Tolerance]:
         groups.setdefault((row["experiment"], row["solver"], row["profile"]), []).append(row)
     found = []
     for key, rows in groups.items():
-        tried = [row for row in rows if row["status"] != "not told"]
+        tried = [row for row in rows if row["status"] == "ok"]
+        failed = sum(row["status"].startswith("failed") for row in rows)
         strengths = [np.inf if row["breaks_at"] is None else row["breaks_at"] for row in tried]
         broken = [row for row in tried if row["breaks_at"] is not None]
         low, middle, high = (
@@ -185,7 +189,7 @@ def tolerances(perturbed: Rows) -> list[Tolerance]:
         # An estimate that was refused has no error to look at.
         how = Counter(_kind_at_break(row) for row in broken).most_common(1)[0][0] if middle is not None else None
         said = sum(_foretold_at_break(row) for row in broken) >= len(broken) / 2 if middle is not None else None
-        found.append(Tolerance(*key, middle, low, high, len(tried), how, said))
+        found.append(Tolerance(*key, middle, low, high, len(tried), failed, how, said))
     return found
 
 

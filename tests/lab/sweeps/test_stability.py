@@ -13,6 +13,7 @@ from lab.sweeps.error_kinds import FLIP, error_kinds
 from lab.sweeps.pareto import speed_points
 from lab.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS, STEPS, breaking_point, perturbation_cells, perturbed
 from lab.sweeps.stability import candour, kind_of, stability, strips, tolerances
+from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
@@ -173,6 +174,21 @@ def test_bisection_finds_the_strength_that_breaks(monkeypatch, threshold, expect
     assert is_broken == (expected is not None)
 
 
+@pytest.mark.parametrize("fault", [SceneError("too few frames"), ZeroDivisionError()])
+def test_a_refusal_breaks_a_method_and_a_fault_of_ours_does_not(monkeypatch, fault):
+    (cell,) = [c for c in perturbation_cells(("ls",), quick=True) if c.experiment == "intensities off"]
+
+    def solve(*_, **__):
+        raise fault
+
+    monkeypatch.setattr(perturbation, "solve", solve)
+    if isinstance(fault, SceneError):
+        assert breaking_point(stack(), cell, "ls", "default", None) == (0.0, None)
+    else:
+        with pytest.raises(ZeroDivisionError):
+            breaking_point(stack(), cell, "ls", "default", None)
+
+
 def test_a_real_method_breaks_by_wrong_lights_and_not_by_a_little():
     made = stack()
     (cell,) = [c for c in perturbation_cells(("ls",), quick=True) if c.experiment == "light directions off"]
@@ -201,7 +217,17 @@ def test_tolerances_are_medians_over_draws():
     # As the table has it: a column that is empty there.
     told = {**row(experiment="light directions off", solver="tv"), "status": "not told", "breaks_at": None}
     (one,) = tolerances([told])
-    assert (one.breaks_at, one.draws) == (None, 0)
+    assert (one.breaks_at, one.draws, one.failed) == (None, 0, 0)
+
+
+def test_a_draw_that_failed_does_not_count_as_one_that_held():
+    failed = {**row(experiment="intensities off"), "status": "failed: ZeroDivisionError", "breaks_at": None}
+    (one,) = tolerances([borne(4.0), failed, failed])
+    assert (one.breaks_at, one.draws, one.failed) == (4.0, 1, 2)
+    (none,) = tolerances([failed])
+    svg = atlas(strips([row(0)]), [none])
+    assert "failed" in svg
+    assert "over 128" not in svg
 
 
 def test_the_atlas_shows_every_broken_level_and_who_had_said_so():
