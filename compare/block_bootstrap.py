@@ -86,7 +86,8 @@ def drawn_statistics(error_deg: NDArray, draws: Draws) -> Array:
 
     Notes
     -----
-    Quantiles are read off a histogram whose bins hold as many pixels each, linear within a bin.
+    Quantiles are read off a histogram whose bins hold as many pixels each, linear within a bin. A draw that none of a
+    sparse map's pixels is in is the map itself.
     """
     known = np.isfinite(error_deg)
     values = error_deg[known].astype(np.float64)
@@ -100,6 +101,7 @@ def drawn_statistics(error_deg: NDArray, draws: Draws) -> Array:
 def _of_grid(values: Array, bins: NDArray, edges: Array, label: NDArray, weights: NDArray[np.float32]) -> Array:
     counted, blocks, width = label >= 0, weights.shape[1], edges.size - 1
     values, bins, label = values[counted], bins[counted], label[counted]
+    weights = _none_empty(weights, np.bincount(label, minlength=blocks))
     table = np.bincount(label * width + bins, minlength=blocks * width).reshape(blocks, width)
     below = np.cumsum(weights @ table.astype(np.float32), axis=1, dtype=np.float64)
     pixels = below[:, -1]
@@ -126,6 +128,7 @@ def drawn_correlation(a: NDArray, b: NDArray, draws: Draws) -> Array:
         counted, blocks = place >= 0, weights.shape[1]
         products = (np.ones_like(x), x, y, x * x, y * y, x * y)
         sums = np.stack([np.bincount(place[counted], one[counted], blocks) for one in products], 1)
+        weights = _none_empty(weights, sums[:, 0])
         n, sx, sy, sxx, syy, sxy = (weights @ sums).T
         variance = np.maximum((sxx - sx**2 / n) * (syy - sy**2 / n), 1e-300)
         found.append((sxy - sx * sy / n) / np.sqrt(variance))
@@ -214,6 +217,11 @@ def _covariance(centred: Array, known: NDArray[np.bool_], lag: int, axis: int) -
     here, there = (slice(None, -lag), slice(lag, None)) if axis == 0 else (np.s_[:, :-lag], np.s_[:, lag:])
     pairs = int(np.count_nonzero(known[here] & known[there]))
     return float(np.vdot(centred[here], centred[there]) / pairs) if pairs else 0.0
+
+
+def _none_empty(weights: NDArray[np.float32], pixels: NDArray) -> NDArray[np.float32]:
+    """Return the draws (draws, blocks), those that hold none of the pixels (blocks,) replaced by all blocks once."""
+    return np.where((weights @ pixels > 0)[:, None], weights, np.float32(1))
 
 
 def _grids(draws: Draws):

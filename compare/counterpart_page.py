@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare import pictures
+from compare.counterpart_draws import Capture
 from compare.counterpart_words import ANSWERS, TOPICS, badge_of, carried_section, how_to_read_section, names_of
-from compare.counterparts import MARGIN_DEG, MARGIN_SHARE, Capture
+from compare.counterparts import MARGIN_DEG, MARGIN_SHARE
 from compare.interval_chart import interval_chart
 from compare.maps import colour_scale
 from compare.page import absent, is_number, number, percent, picture, section, table
@@ -163,6 +164,8 @@ def _statistics(found: Found) -> str:
         },
         x_title="median angular error, degrees; bars: two sigma to either side",
     )
+    if found["left_out"]:
+        body += absent(f"Left out, without a known error on one of the two: {', '.join(found['left_out'])}.")
     lead = f"As large: closer than {MARGIN_DEG:g}° or {100 * MARGIN_SHARE:.0f} % of their mean, whichever is more."
     return section("statistics", "How large the errors are", f'<div class="speed">{chart}</div>{body}', lead)
 

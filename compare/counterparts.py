@@ -4,80 +4,19 @@ Three questions, each answered alike, differ or not shown: are the errors as lar
 they rank the methods alike.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compare.block_bootstrap import (
-    KEYS,
-    Draws,
-    Memory,
-    draw_blocks,
-    drawn_statistics,
-    memory_of,
-)
+from compare.block_bootstrap import KEYS, memory_of
+from compare.counterpart_draws import Capture, Drawn, drawn_maps, sides_of, thinned
 from compare.error_patterns import error_pattern
 from compare.solver_order import LEVEL, Medians, solver_order
-from compare.statistics import angular_statistics
-
-Array = NDArray[np.float64]
-Map = NDArray[np.float32]
+from scene.errors import SceneError
 
 DRAWS = 1000
-PIXELS = 200_000
-"""Of a map at most so many are looked at, every n-th: more tell nothing that their neighbours do not."""
 MARGIN_DEG, MARGIN_SHARE = 0.5, 0.25
-"""Errors that differ by less than both, degrees and share of their mean, are as large as each other."""
-OVERLAP = 0.5
-"""Of the smaller capture's pixels, that both must have before maps are laid over each other."""
-
-
-@dataclass(frozen=True)
-class Capture:
-    """The methods' errors on one capture.
-
-    Parameters
-    ----------
-    name : str
-    kind : str
-        What it is: photographs, virtual capture, rendering.
-    errors : mapping of str to (H, W) float32
-        By method; degrees, NaN where unknown.
-    shifts : mapping of str to (K, 4) float64
-        By method, as far as they could be had: what `KEYS` of the errors change by when lights and registration move by
-        their sigmas; row k is the same movement for every method.
-    carried : dict
-        What those movements were, for the page.
-    """
-
-    name: str
-    kind: str
-    errors: Mapping[str, Map]
-    shifts: Mapping[str, Array] = field(default_factory=dict)
-    carried: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class _Drawn:
-    """A method's errors on one capture, drawn: point (4,), draws (B, 4), shifts (B, 4)."""
-
-    error: Map
-    point: Array
-    draws: Array
-    shifts: Array
-    memory: Memory
-    blocks: Draws
-
-    @property
-    def inflation(self) -> float:
-        return self.memory.inflation(self.blocks)
-
-    @property
-    def spread(self) -> Array:
-        return (self.draws - self.draws.mean(0)) * self.inflation + self.shifts - self.shifts.mean(0)
+"""As large as each other: errors that differ by less than the larger of the two, degrees and share of their mean."""
 
 
 def compare_counterparts(real: Capture, twin: Capture, *, seed: int = 0, draws: int = DRAWS) -> dict[str, Any]:
@@ -95,11 +34,16 @@ def compare_counterparts(real: Capture, twin: Capture, *, seed: int = 0, draws: 
     Returns
     -------
     dict
-        captures: name, kind, carried of each; laid_over; methods, by name: real and twin (`angular_statistics`, and
-        sigma of each of `KEYS`), difference (by key: deg, sigma_deg, significant), level and pattern (pearson,
-        spearman, their low and high of 95 %, structured shares, verdict); order (`solver_order`); level: p, the
-        chance of so large a largest difference if the errors were as large on both, and
-        verdict; pattern: verdict; verdict and reasons.
+        captures: name, kind, carried of each; laid_over; left_out: methods without any known error on one of the
+        two; methods, by name: real and twin (`angular_statistics`, and sigma of each of `KEYS`), difference (by key:
+        deg, sigma_deg, significant), level and pattern (pixels that both know, pearson, spearman, their low and high
+        of 95 %, structured shares, verdict); order (`solver_order`); level: p, the chance of so large a largest
+        difference if the errors were as large on both, and verdict; pattern: verdict; verdict and reasons.
+
+    Raises
+    ------
+    SceneError
+        No method has a known error on both.
 
     Notes
     -----
@@ -107,26 +51,38 @@ def compare_counterparts(real: Capture, twin: Capture, *, seed: int = 0, draws: 
     Significance is over all methods and statistics together: the largest |difference| / sigma is held against the
     largest of each draw [Westfall1993], degrees of freedom by the number of independent patches.
     """
-    methods = tuple(name for name in real.errors if name in twin.errors)
+    common = tuple(name for name in real.errors if name in twin.errors)
     rng = np.random.default_rng(seed)
-    laid_over = _laid_over(real, twin, methods)
-    drawn = _drawn(real, twin, methods, laid_over, draws, rng)
+    maps, laid_over = thinned(real, twin, common)
+    left_out = [name for name in common if not all(np.isfinite(of[name]).any() for of in maps.values())]
+    methods = tuple(name for name in common if name not in left_out)
+    if not methods:
+        raise SceneError(
+            f"{real.name} against {twin.name}: no method has a known error on both (looked at: {', '.join(common)}). "
+            "Process both again, or by other methods."
+        )
+    drawn = drawn_maps(real, twin, maps, methods, laid_over, draws, rng)
     rows: dict[str, dict[str, Any]] = {}
     for name in methods:
         pair = {"real": drawn["real"][name], "twin": drawn["twin"][name]}
         rows[name] = {
-            kind: {**angular_statistics(one.error), "sigma": dict(zip(KEYS, one.spread.std(0).tolist(), strict=True))}
+            kind: {**one.statistics, "sigma": dict(zip(KEYS, one.spread.std(0).tolist(), strict=True))}
             for kind, one in pair.items()
         }
     level = _levels(rows, drawn, methods, laid_over)
     pattern = _patterns(rows, drawn, methods, laid_over, draws, rng)
-    order = solver_order(methods, *(_medians(side, drawn[kind], methods) for kind, side in _sides(real, twin)))
+    if laid_over:
+        for name in methods:
+            both = np.isfinite(real.errors[name]) & np.isfinite(twin.errors[name])
+            rows[name]["pattern"]["pixels"] = int(np.count_nonzero(both))
+    order = solver_order(methods, *(_medians(side, drawn[kind], methods) for kind, side in sides_of(real, twin)))
     verdict, reasons = _verdict(level, pattern, order, methods)
     return {
         "captures": {
-            kind: {"name": side.name, "kind": side.kind, "carried": side.carried} for kind, side in _sides(real, twin)
+            kind: {"name": side.name, "kind": side.kind, "carried": side.carried} for kind, side in sides_of(real, twin)
         },
         "laid_over": laid_over,
+        "left_out": left_out,
         "methods": rows,
         "level": level,
         "pattern": pattern,
@@ -136,54 +92,8 @@ def compare_counterparts(real: Capture, twin: Capture, *, seed: int = 0, draws: 
     }
 
 
-def _sides(real: Capture, twin: Capture) -> tuple[tuple[str, Capture], ...]:
-    return ("real", real), ("twin", twin)
-
-
-def _laid_over(real: Capture, twin: Capture, methods: tuple[str, ...]) -> bool:
-    a, b = (np.isfinite(side.errors[methods[0]]) for side in (real, twin))
-    if a.shape != b.shape:
-        return False
-    return bool(np.count_nonzero(a & b) >= OVERLAP * min(np.count_nonzero(a), np.count_nonzero(b)))
-
-
-def _drawn(
-    real: Capture, twin: Capture, methods: tuple[str, ...], laid_over: bool, count: int, rng: np.random.Generator
-) -> dict[str, dict[str, _Drawn]]:
-    """Return every method's draws on both captures."""
-    maps = {kind: {name: _thinned(side.errors[name]) for name in methods} for kind, side in _sides(real, twin)}
-    # The methods' common length decides how wide blocks are; what is still cut is put back by each map's own.
-    memories = {kind: {name: memory_of(error) for name, error in of.items()} for kind, of in maps.items()}
-    seen = {kind: np.logical_or.reduce([np.isfinite(error) for error in of.values()]) for kind, of in maps.items()}
-    length = {kind: float(np.median([memory.length_px for memory in of.values()])) for kind, of in memories.items()}
-    if laid_over:
-        shared = draw_blocks(seen["real"] | seen["twin"], max(length.values()), count, rng)
-        blocks = {"real": shared, "twin": shared}
-    else:
-        blocks = {kind: draw_blocks(seen[kind], length[kind], count, rng) for kind in maps}
-    found: dict[str, dict[str, _Drawn]] = {}
-    for kind, side in _sides(real, twin):
-        total = blocks[kind].count
-        moves = rng.integers(1 << 30, size=total)
-        found[kind] = {}
-        for name, error in maps[kind].items():
-            shifts = side.shifts.get(name)
-            moved = np.zeros((total, len(KEYS))) if shifts is None else np.asarray(shifts)[moves % len(shifts)]
-            statistics = angular_statistics(error)
-            point = np.array([statistics[key] for key in KEYS])
-            memory = memories[kind][name]
-            draws = drawn_statistics(error, blocks[kind])
-            found[kind][name] = _Drawn(error, point, draws, moved, memory, blocks[kind])
-    return found
-
-
-def _thinned(error: Map) -> Map:
-    step = int(np.ceil(np.sqrt(max(1.0, np.count_nonzero(np.isfinite(error)) / PIXELS))))
-    return np.asarray(error[::step, ::step], np.float32)
-
-
 def _levels(
-    rows: dict[str, dict[str, Any]], drawn: dict[str, dict[str, _Drawn]], methods: tuple[str, ...], laid_over: bool
+    rows: dict[str, dict[str, Any]], drawn: dict[str, dict[str, Drawn]], methods: tuple[str, ...], laid_over: bool
 ) -> dict[str, Any]:
     """Fill in how much larger the errors of the one capture are, and return what holds for all together."""
     from scipy.stats import norm, t
@@ -225,7 +135,7 @@ def _levels(
 
 def _patterns(
     rows: dict[str, dict[str, Any]],
-    drawn: dict[str, dict[str, _Drawn]],
+    drawn: dict[str, dict[str, Drawn]],
     methods: tuple[str, ...],
     laid_over: bool,
     count: int,
@@ -246,7 +156,7 @@ def _patterns(
     return {"verdict": "alike" if verdicts.count("alike") >= half and "differ" not in verdicts else "not shown"}
 
 
-def _medians(side: Capture, drawn: dict[str, _Drawn], methods: tuple[str, ...]) -> Medians:
+def _medians(side: Capture, drawn: dict[str, Drawn], methods: tuple[str, ...]) -> Medians:
     at = KEYS.index("median_deg")
     of = [drawn[name] for name in methods]
     return Medians(

@@ -203,7 +203,7 @@ def compare(
     if counterpart is not None:
         from lab.compare_folders import compare_folders
 
-        compare_folders(session, counterpart, out, methods=tuple(method.split(",")) if method else None, json=json)
+        compare_folders(session, counterpart, out, methods=method, json=json)
         return
     how = {"profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
     run_session(session, "compare", out=out, json=json, method=method or DEFAULT_METHODS, **how)

@@ -17,7 +17,7 @@ PAGE, NUMBERS = "counterparts.html", "counterparts.json"
 
 
 def compare_folders(
-    real: Path, twin: Path, out: Path | None = None, *, methods: tuple[str, ...] | None = None, json: bool = False
+    real: Path, twin: Path, out: Path | None = None, *, methods: str | None = None, json: bool = False
 ) -> dict[str, Any]:
     """Compare two processed folders, and write counterparts.html and counterparts.json.
 
@@ -27,8 +27,8 @@ def compare_folders(
         Output folders of `process`; or one, and the `twin` in it.
     out : Path or None
         Default: out/REAL-against-TWIN.
-    methods : tuple of str or None
-        Default: all that are in both.
+    methods : str or None
+        Names with commas; default: all that are in both.
     json : bool
         Print the numbers as JSON.
 
@@ -40,7 +40,7 @@ def compare_folders(
     Raises
     ------
     SceneError
-        A folder is not processed, or the two have no method in common.
+        A folder is not processed, a method asked for is not in both, or the two have none in common.
     """
     from compare.counterpart_page import counterpart_page
     from compare.counterparts import compare_counterparts
@@ -68,7 +68,7 @@ def compare_folders(
 
 def capture_of(folder: Folder, methods: tuple[str, ...], seed: int) -> Any:
     """Return a folder's errors, and what its lights and registration leave open."""
-    from compare.counterparts import Capture
+    from compare.counterpart_draws import Capture
 
     shifts, carried = shifts_of(folder, methods, seed=seed)
     return Capture(folder.name, folder.kind, error_maps(folder, methods), shifts, carried)
@@ -80,16 +80,26 @@ def tell(found: dict[str, Any]) -> None:
     print(f"{found['name']}: {found['verdict']}")
     for question, answer in found["reasons"].items():
         print(f"  {words[question]:20} {answer}")
+    if found["left_out"]:
+        print(f"  left out, without a known error on one of the two: {', '.join(found['left_out'])}")
     for kind, told in found["order"]["sentences"].items():
         for text in told:
             print(f"  {kind}: {text}")
 
 
-def _common(folders: dict[str, Folder], asked: tuple[str, ...] | None) -> tuple[str, ...]:
+def _common(folders: dict[str, Folder], asked: str | None) -> tuple[str, ...]:
     there = [folder.methods for folder in folders.values()]
-    common = tuple(name for name in there[0] if name in there[1] and (asked is None or name in asked))
+    names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders.values())
+    common = tuple(name for name in there[0] if name in there[1])
+    if asked is not None:
+        wanted = tuple(dict.fromkeys(word.strip() for word in asked.split(",") if word.strip()))
+        missing = [name for name in wanted if name not in common]
+        if missing or not wanted:
+            raise SceneError(
+                f"--method {asked}: {', '.join(missing) or 'nothing'} is not among the methods that both folders have "
+                f"normals of ({names}). Ask for {', '.join(common) or 'none'}, or process both by it."
+            )
+        return wanted
     if not common:
-        names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders.values())
-        wanted = "" if asked is None else f" among {', '.join(asked)}"
-        raise SceneError(f"compare: no method's normals{wanted} are in both folders ({names}). Process both alike.")
+        raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
     return common

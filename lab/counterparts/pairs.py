@@ -64,7 +64,7 @@ def run_experiments(
                 capture, rendering = out / f"virtual-{label}", out / f"rendered-{label}"
                 processed = process_capture(capture, setup, balls)
                 write_rendering(Store(rendering), setup, f"rendered {label}")
-                compare_folders(processed, rendering, place.folder, methods=METHODS)
+                compare_folders(processed, rendering, place.folder, methods=",".join(METHODS))
             pairs.append(Pair(level, place.read_json(NUMBERS)))
         yield experiment, pairs
 

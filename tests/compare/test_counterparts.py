@@ -5,9 +5,12 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.stats import binom
 
-from compare.block_bootstrap import draw_blocks, drawn_statistics, memory_of, structured_share
-from compare.counterparts import Capture, compare_counterparts
+from compare import counterpart_draws
+from compare.block_bootstrap import draw_blocks, drawn_correlation, drawn_statistics, memory_of, structured_share
+from compare.counterpart_draws import Capture
+from compare.counterparts import compare_counterparts
 from compare.solver_order import kendall_tau
+from scene.errors import SceneError
 
 SIDE, PAIRS, DRAWS = 64, 90, 300
 V, U = np.mgrid[:SIDE, :SIDE]
@@ -120,6 +123,44 @@ def test_maps_of_two_sizes_are_compared_without_laying_them_over_each_other():
     assert found["methods"]["a"]["pattern"] is None
     assert found["reasons"]["pattern"] == "not shown"
     assert found["order"]["tau"] == 1
+
+
+def test_large_maps_are_thinned_alike_and_counted_whole(monkeypatch):
+    """A method that answers fewer pixels than another must not be thinned by another step than it."""
+    monkeypatch.setattr(counterpart_draws, "PIXELS", 800)
+    real, twin = captures(61000)
+    for side in (real, twin):
+        side.errors["b"][:40] = np.nan
+    found = compare_counterparts(real, twin, draws=DRAWS)
+    assert found["laid_over"]
+    for name in "abc":
+        for kind, side in (("real", real), ("twin", twin)):
+            row, error = found["methods"][name][kind], side.errors[name]
+            assert row["pixels"] == np.isfinite(error).sum()
+            assert row["median_deg"] == pytest.approx(np.nanmedian(error), rel=1e-6)
+        assert found["methods"][name]["pattern"]["pixels"] == np.isfinite(real.errors[name]).sum()
+
+
+def test_a_method_without_any_answer_is_left_out_and_named():
+    real, twin = captures(62000)
+    without = {name: np.full_like(error, np.nan) if name == "b" else error for name, error in twin.errors.items()}
+    found = compare_counterparts(real, Capture("twin", "simulated", without), draws=DRAWS)
+    assert found["left_out"] == ["b"]
+    # The others are told as if it had never been.
+    fewer = [Capture("x", "simulated", {name: side.errors[name] for name in "ac"}) for side in (real, twin)]
+    assert found["methods"] == compare_counterparts(*fewer, draws=DRAWS)["methods"]
+    nothing = {name: np.full_like(error, np.nan) for name, error in twin.errors.items()}
+    with pytest.raises(SceneError, match=r"no method has a known error on both \(looked at: a, b, c\)"):
+        compare_counterparts(real, Capture("twin", "simulated", nothing), draws=DRAWS)
+
+
+def test_draws_that_miss_the_few_pixels_of_a_sparse_map_are_numbers():
+    rng = np.random.default_rng(9)
+    sparse = np.full((60, 60), np.nan)
+    sparse[:6, :6] = rng.exponential(2.0, (6, 6))
+    blocks = draw_blocks(np.ones_like(sparse, bool), 3.0, 400, rng)
+    assert np.isfinite(drawn_statistics(sparse, blocks)).all()
+    assert np.isfinite(drawn_correlation(sparse, sparse**2, blocks)).all()
 
 
 def test_draws_of_independent_pixels_have_the_spread_of_the_mean():

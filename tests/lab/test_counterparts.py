@@ -133,6 +133,16 @@ def test_what_cannot_be_compared_is_told_and_nothing_is_written(tmp_path, fault)
     assert not (tmp_path / "out").exists()
 
 
+def test_a_method_asked_for_that_is_not_in_both_is_named(tmp_path):
+    real = folder_of(tmp_path / "real", lights(), lights())
+    twin = folder_of(tmp_path / "twin", lights(), lights(), methods=("ls",))
+    for asked, missing in (("ls,iterativ", "iterativ"), ("ls, iterative", "iterative"), (" ,", "nothing")):
+        with pytest.raises(SceneError, match=rf"--method {asked}: {missing} is not among .*Ask for ls, or process"):
+            compare_folders(real, twin, tmp_path / "out", methods=asked)
+    assert not (tmp_path / "out").exists()
+    assert list(compare_folders(real, twin, tmp_path / "out", methods=" ls ")["methods"]) == ["ls"]
+
+
 def test_the_hand_misses_the_recipe_by_what_a_hand_misses():
     setup = Setup(ring_deg=55.0, frames=400, seed=10001)
     exact, held = object_scene(setup).lights, lab_scene(setup).lights
