@@ -9,7 +9,7 @@ from typing import Any
 
 from lab.datasets.catalogue import Dataset
 from lab.datasets.checksums import FILE
-from lab.datasets.write import RECIPE, mark_of, write_dataset
+from lab.datasets.write import mark_in, mark_of, write_dataset
 from lab.job import locked
 from lab.progress import progress_bar, say
 from lab.sweeps.workers import run_here
@@ -39,7 +39,7 @@ def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = No
     """
     for one in datasets:
         folder = shelf / one.name
-        if folder.exists() and not (folder / RECIPE).exists():
+        if folder.exists() and mark_in(folder) is None:
             raise SceneError(
                 f"{folder}: is there already, and is not a dataset that rgbn made. Move it away, or choose another "
                 "--shelf."
@@ -56,12 +56,8 @@ def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = No
 
 def is_current(shelf: Path, dataset: Dataset) -> bool:
     """Whether a dataset is on the shelf as this recipe and code make it."""
-    import json
-
     folder = shelf / dataset.name
-    if not (folder / FILE).exists() or not (folder / RECIPE).exists():
-        return False
-    return json.loads((folder / RECIPE).read_text())["mark"] == mark_of(dataset)
+    return (folder / FILE).exists() and mark_in(folder) == mark_of(dataset)
 
 
 def _make(shelf: Path, missing: list[Any], processes: int) -> None:
@@ -79,7 +75,7 @@ def _make(shelf: Path, missing: list[Any], processes: int) -> None:
 
 
 def make_one(shelf: Path, dataset: Dataset) -> str | None:
-    """Make one dataset, in a process of its own; return why not, if not."""
+    """Make one dataset, in a process of its own; return why not, if the input is at fault."""
     from multiprocessing import parent_process
 
     if parent_process() is not None:
@@ -99,8 +95,8 @@ def make_one(shelf: Path, dataset: Dataset) -> str | None:
             folder.rename(old)
         unfinished.rename(folder)
         shutil.rmtree(old, ignore_errors=True)
-    except Exception as error:
+    except SceneError as error:
+        return " ".join(str(error).split())
+    finally:
         shutil.rmtree(unfinished, ignore_errors=True)
-        text = " ".join(str(error).split())
-        return text if isinstance(error, SceneError) else f"{type(error).__name__}: {text}"
     return None

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -68,10 +68,11 @@ def run(
             made = {}
             if missing:
                 say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
-                made = _solve(out, entry, missing, method, profile, external)
+                for name, row in _solve(out, entry, missing, method, profile, external):
+                    made[name] = row
+                    if row["status"] == "ok":
+                        write_json(_place(out, keys[name]), row)
             for name in names:
-                if name in made and made[name]["status"] == "ok":
-                    write_json(_place(out, keys[name]), made[name])
                 row = made.get(name) or json.loads(_place(out, keys[name]).read_text())
                 rows.append({"dataset": entry.name, "family": entry.family, **row})
         write_results(out, rows)
@@ -99,8 +100,14 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
 
 
 def _key(digest: str, name: str, profile: str, programs: dict[str, Any]) -> str:
-    command = programs[name].command if name in programs else profile
-    return hashlib.sha256(json.dumps([digest, name, command, code_checksum(_SOURCES)]).encode()).hexdigest()[:24]
+    how = _program(programs[name]) if name in programs else profile
+    return hashlib.sha256(json.dumps([digest, name, how, code_checksum(_SOURCES)]).encode()).hexdigest()[:24]
+
+
+def _program(external: Any) -> list[Any]:
+    """Return what tells one version of a program from another: its words, and those files' sizes and times."""
+    files = [path for path in map(Path, external.words(Path("{data}"), Path("{out}"))) if path.is_file()]
+    return [external.command, *((str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files)]
 
 
 def _place(out: Path, key: str) -> Path:
@@ -109,8 +116,8 @@ def _place(out: Path, key: str) -> Path:
 
 def _solve(
     out: Path, entry: Entry, names: list[str], method: str, profile: str, external: tuple[list[str], float]
-) -> dict[str, dict[str, Any]]:
-    """Return the rows of some methods on one dataset."""
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the rows of some methods on one dataset, each as soon as it is made."""
     import shutil
 
     from lab.plan import STEPS
@@ -119,18 +126,20 @@ def _solve(
 
     folder = out / "work" / entry.name
     how: dict[str, Any] = {"method": method, "profile": profile, "external": external}
-    found = {}
+    left = list(names)
     try:
         with open_job(entry.folder, out=folder, **how) as job:
             job.run(STEPS, "align")
-            for name in names:
-                one: Callable = lambda name=name: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
-                found[name] = _row(name, profile if name not in job.externals else "", job.store, one)
+            while left:
+                one: Callable = lambda name=left[0]: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
+                row = _row(left[0], profile if left[0] not in job.externals else "", job.store, one)
+                yield left.pop(0), row
     except SceneError as error:
-        found |= {name: _failed(name, profile, error) for name in names if name not in found}
-    # Half a gigabyte for a hundred datasets; made again in a second.
-    shutil.rmtree(folder / "frames", ignore_errors=True)
-    return found
+        for name in left:
+            yield name, _failed(name, profile, error)
+    finally:
+        # Half a gigabyte for a hundred datasets; made again in a second.
+        shutil.rmtree(folder / "frames", ignore_errors=True)
 
 
 def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:

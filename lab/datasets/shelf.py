@@ -11,7 +11,7 @@ from lab.datasets.catalogue import catalogue
 from lab.datasets.check import check_dataset
 from lab.datasets.checksums import FILE, checksums_of, differences
 from lab.datasets.make import is_current
-from lab.datasets.write import RECIPE
+from lab.datasets.write import mark_in
 from lab.job import locked
 from scene.errors import SceneError
 from scene.files import write_json
@@ -44,16 +44,15 @@ def entries(shelf: Path) -> list[Entry]:
     """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
     known = catalogue()
     found = [Entry(one.name, one.family, one.text, _state(shelf, one), shelf / one.name) for one in known.values()]
-    for path in sorted(shelf.glob(f"*/{RECIPE}")):
-        recipe, name = json.loads(path.read_text()), path.parent.name
-        base, side = known.get(re.sub(r"-\d+px$", "", name)), recipe["recipe"]["side"]
-        if name not in known and base is not None and not path.parent.is_symlink():
-            found.append(
-                Entry(name, base.family, f"{base.text}; {side} px", _state(shelf, base.sized(side)), path.parent)
-            )
-    for path in sorted((shelf / ADDED).glob("*.json")):
-        note = json.loads(path.read_text())
-        found.append(Entry(note["name"], "added", note["text"], "added", Path(note["folder"])))
+    notes = [json.loads(path.read_text()) for path in sorted((shelf / ADDED).glob("*.json"))]
+    taken = {*known, *(note["name"] for note in notes)}
+    for path in sorted(shelf.glob("*px")):
+        sized = re.fullmatch(r"(.+)-(\d+)px", path.name)
+        base = known.get(sized[1]) if sized else None
+        if sized and base and path.name not in taken and not path.is_symlink() and mark_in(path) is not None:
+            text, one = f"{base.text}; {sized[2]} px", base.sized(int(sized[2]))
+            found.append(Entry(path.name, base.family, text, _state(shelf, one), path))
+    found += [Entry(note["name"], "added", note["text"], "added", Path(note["folder"])) for note in notes]
     return found
 
 
@@ -91,7 +90,11 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
     with locked(shelf):
         place, note = shelf / name, shelf / ADDED / f"{name}.json"
-        if name in catalogue() or place.exists() or note.exists():
+        if (
+            name in catalogue()
+            or place.exists()
+            or (note.exists() and Path(json.loads(note.read_text())["folder"]).exists())
+        ):
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
         if not link:
@@ -101,10 +104,12 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
                 target = unfinished / line.split("  ", 1)[1]
                 target.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(folder / line.split("  ", 1)[1], target)
-            os.replace(unfinished, place)
         text = text or f"{verdict.facts['photographs']} photographs, {verdict.facts['object_pixels']} pixels"
         entry = Entry(name, "added", text, "added", (folder if link else place).resolve())
         write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
+        if not link:
+            # Last: a note whose folder is not there is a name that is free.
+            os.replace(unfinished, place)
     return entry
 
 
@@ -121,7 +126,8 @@ def contents_of(shelf: Path, entry: Entry) -> str:
     else:
         expected = (entry.folder / FILE).read_text()
     if not entry.folder.is_dir():
-        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, or remove {shelf / ADDED}.")
+        note = shelf / ADDED / f"{entry.name}.json"
+        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, add it again, or remove {note}.")
     if said := differences(expected, entry.folder):
         more = f" and {len(said) - 3} more" if len(said) > 3 else ""
         do = (

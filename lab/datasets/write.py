@@ -16,17 +16,28 @@ from lab.datasets.describe import readme, session_toml
 from lab.datasets.staging import Stack, stack_of
 
 RECIPE = "recipe.json"
-_SOURCES = (
-    "scene/*.py", "twin/*.py", "solve/external.py", "lab/sweeps/recipe.py", "lab/sweeps/shapes.py",
-    "lab/sweeps/staging.py", "lab/sweeps/photographs.py", "lab/datasets/catalogue.py", "lab/datasets/checksums.py",
-    "lab/datasets/describe.py", "lab/datasets/preview.py", "lab/datasets/staging.py", "lab/datasets/write.py",
+SOURCES = (
+    "scene/*.py", "twin/*.py", "solve/external.py", "compare/pictures.py", "lab/sweeps/recipe.py",
+    "lab/sweeps/shapes.py", "lab/sweeps/staging.py", "lab/sweeps/photographs.py", "lab/datasets/catalogue.py",
+    "lab/datasets/checksums.py", "lab/datasets/describe.py", "lab/datasets/preview.py", "lab/datasets/staging.py",
+    "lab/datasets/write.py",
 )  # fmt: skip
+"""What decides on a dataset's bytes, beside its recipe."""
 _MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 
 def mark_of(dataset: Dataset) -> str:
     """Return a hash of a dataset's recipe and of the code that makes it: where it is the same, so are the bytes."""
-    return hashlib.sha256(json.dumps([asdict(dataset), code_checksum(_SOURCES)], sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([asdict(dataset), code_checksum(SOURCES)], sort_keys=True).encode()).hexdigest()
+
+
+def mark_in(folder: Path) -> str | None:
+    """Return the mark that `write_dataset` left in a folder; None where it has not made it."""
+    try:
+        found = json.loads((folder / RECIPE).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found.get("mark") if isinstance(found, dict) else None
 
 
 def write_dataset(folder: Path, dataset: Dataset) -> None:

@@ -15,7 +15,8 @@ from scipy.io import loadmat
 from lab.datasets.catalogue import catalogue
 from lab.datasets.check import check_dataset
 from lab.datasets.make import make, make_one
-from lab.datasets.write import mark_of
+from lab.datasets.write import SOURCES, mark_of
+from lab.rooms import ROOMS, ROOT
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
 from twin.variant import FAST, pick_variant
@@ -132,6 +133,56 @@ def test_a_folder_that_is_not_ours_is_left(tmp_path):
     with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
         make(tmp_path, [one])
     assert (tmp_path / one.name / "mine.txt").exists()
+
+
+def test_a_folder_with_a_recipe_of_its_own_is_left(tmp_path):
+    one = small("blob-ambient-0.00")
+    for number, recipe in enumerate(('{"flour": "500 g"}', "[1, 2]", "no json")):
+        folder = tmp_path / str(number) / one.name
+        folder.mkdir(parents=True)
+        (folder / "recipe.json").write_text(recipe)
+        (folder / "SHA256SUMS").write_text("")
+        with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
+            make(folder.parent, [one])
+        assert (folder / "recipe.json").read_text() == recipe
+
+
+def test_a_fault_of_ours_is_no_fault_of_the_input(tmp_path, monkeypatch):
+    def write(folder, dataset):
+        folder.mkdir()
+        raise fault
+
+    monkeypatch.setattr("lab.datasets.make.write_dataset", write)
+    fault = SceneError("no renderer here")
+    assert make_one(tmp_path, small("blob-ambient-0.00")) == "no renderer here"
+    fault = TypeError("a slip")
+    with pytest.raises(TypeError, match="a slip"):
+        make_one(tmp_path, small("blob-ambient-0.00"))
+    assert not list(tmp_path.iterdir())
+
+
+LOADED = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+from lab.datasets.catalogue import catalogue
+from lab.datasets.write import write_dataset
+one = catalogue()["knot-camera-canon"].sized(16)
+write_dataset(Path(sys.argv[1]), replace(one, recipe=replace(one.recipe, count=3)))
+print(*(module.__file__ for module in sys.modules.values() if getattr(module, "__file__", None)), sep="\\n")
+"""
+
+
+def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
+    command = [sys.executable, "-c", LOADED, str(tmp_path / "made")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    files = {Path(line).resolve() for line in done.stdout.splitlines()}
+    house = {path for path in files if any(path.is_relative_to(ROOT / room) for room in ROOMS)}
+    marked = {path for pattern in SOURCES for path in ROOT.glob(pattern)}
+    # The sweeps' levels are in the recipe, which is in the mark.
+    idle = {ROOT / "lab/rooms.py", ROOT / "lab/sweeps/experiments.py"}
+    assert {path for path in house - marked - idle if path.name != "__init__.py"} == set()
+    assert ROOT / "lab/datasets/preview.py" in house & marked
 
 
 def test_an_unknown_name_makes_nothing(tmp_path):

@@ -11,6 +11,7 @@ import pytest
 from pyarrow import parquet
 from scipy.io import loadmat
 
+from lab.datasets import run as run_module
 from lab.datasets.results import grid
 from lab.datasets.run import run
 from lab.datasets.shelf import add, entries
@@ -22,7 +23,7 @@ import sys
 from pathlib import Path
 import cv2, numpy as np
 data, out, calls = map(Path, sys.argv[1:])
-with open(calls, "a") as file:
+with open(calls / "log", "a") as file:
     file.write("x")
 if "dented" in sys.argv[0]:
     sys.exit("no weights here")
@@ -66,8 +67,72 @@ def test_copied_or_linked_it_is_listed_and_must_not_change(dented, tmp_path):
         run(shelf, ["pear-roughness-0.30"], **how)
 
 
+def test_a_dataset_with_a_recipe_of_its_own_is_listed_once(dented, tmp_path):
+    """Whatever lies in it; even under a name that one of ours might have."""
+    (dented / "recipe.json").write_text('{"flour": "500 g"}')
+    shelf = tmp_path / "shelf"
+    for name in ("bread", "pear-roughness-0.30-48px"):
+        add(shelf, dented, name=name)
+    (shelf / "by-hand").mkdir()
+    (shelf / "by-hand" / "recipe.json").write_text("no json")
+    found = [(one.name, one.state) for one in entries(shelf) if one.state]
+    assert found == [("bread", "added"), ("pear-roughness-0.30-48px", "added")]
+    assert [row["status"] for row in run(shelf, [], method="ls", out=tmp_path / "out")] == ["ok", "ok"]
+
+
+@pytest.mark.parametrize("killed_at", ["lab.datasets.shelf.write_json", "os.replace"])
+def test_what_was_killed_while_it_was_added_can_be_added_again(dented, tmp_path, monkeypatch, killed_at):
+    def kill(*_):
+        raise KeyboardInterrupt
+
+    shelf = tmp_path / "shelf"
+    with monkeypatch.context() as patch:
+        patch.setattr(killed_at, kill)
+        with pytest.raises(KeyboardInterrupt):
+            add(shelf, dented)
+    add(shelf, dented)
+    assert [one.name for one in entries(shelf) if one.state] == ["dented"]
+    assert [row["status"] for row in run(shelf, ["dented"], method="ls", out=tmp_path / "out")] == ["ok"]
+
+
+def test_a_stopped_run_keeps_the_methods_that_were_done(dented, tmp_path, monkeypatch):
+    shelf, asked = tmp_path / "shelf", []
+    add(shelf, dented)
+
+    def counted(name, *more):
+        asked.append(name)
+        if asked == ["ls", "iterative"]:
+            raise KeyboardInterrupt
+        return row_of(name, *more)
+
+    row_of = run_module._row
+    monkeypatch.setattr(run_module, "_row", counted)
+    with pytest.raises(KeyboardInterrupt):
+        run(shelf, ["dented"], method="ls,iterative", out=tmp_path / "out")
+    rows = run(shelf, ["dented"], method="ls,iterative", out=tmp_path / "out")
+    assert asked == ["ls", "iterative", "iterative"]
+    assert [(row["method"], row["status"]) for row in rows] == [("ls", "ok"), ("iterative", "ok")]
+
+
+def test_a_program_that_was_changed_runs_again(dented, tmp_path):
+    shelf, calls, program = tmp_path / "shelf", tmp_path / "calls", tmp_path / "program.py"
+    add(shelf, dented)
+    calls.mkdir()
+    command = f"Fine={shlex.quote(sys.executable)} {program} {{data}} {{out}} {calls}"
+
+    def mean_deg():
+        return run(shelf, [], method="ls", external=([command], 60.0), out=tmp_path / "out")[1]["mean_deg"]
+
+    program.write_text(PROGRAM)
+    first, again = mean_deg(), mean_deg()
+    program.write_text(PROGRAM.replace("normals /", "normals * [1, 1, 2] /"))
+    assert first == again < mean_deg() - 5
+    assert (calls / "log").read_text() == "xx"
+
+
 def test_programs_join_the_table_and_run_once(dented, tmp_path):
     shelf, out, calls = tmp_path / "shelf", tmp_path / "out", tmp_path / "calls"
+    calls.mkdir()
     add(shelf, dented)
     for name in ("fine", "dented"):
         (tmp_path / f"{name}.py").write_text(PROGRAM)
@@ -79,7 +144,7 @@ def test_programs_join_the_table_and_run_once(dented, tmp_path):
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     rows = run(shelf, [], method="ls", external=([command("fine"), command("dented")], 60.0), out=out)
-    assert calls.read_text() == "xx", "the first program's result was kept"
+    assert (calls / "log").read_text() == "xx", "the first program's result was kept"
     by_method = {row["method"]: row for row in rows}
     assert by_method["ls"]["status"] == by_method["Fine"]["status"] == "ok"
     assert "no weights here" in by_method["Dented"]["status"]
