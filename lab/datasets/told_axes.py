@@ -57,10 +57,9 @@ def _what(turn: Array) -> str:
 def _do(turn: Array, things: str) -> str:
     flips = [axis for axis in range(3) if turn[axis, axis] == -1]
     if np.count_nonzero(np.diag(turn)) == 3:
-        which = " and ".join(("first", "second", "third")[axis] for axis in flips)
-        each = {1: "", 2: ""}.get(len(flips))
-        if each is None:
+        if len(flips) == 3:
             return f"Change the sign of all {things}."
+        which = " and ".join(("first", "second", "third")[axis] for axis in flips)
         return f"Change the sign of the {which} of the {things}."
     return f"Of {things} (x, y, z) write {Axes(turn)}."
 

@@ -7,8 +7,9 @@ import pytest
 
 from lab.compare_folders import NUMBERS, PAGE, compare_folders
 from lab.counterpart_sides import open_folder, shifts_of
+from lab.counterparts import pairs
 from lab.counterparts.captures import object_maps
-from lab.counterparts.experiments import EXPERIMENTS, Setup
+from lab.counterparts.experiments import EXPERIMENTS, Experiment, Setup
 from lab.counterparts.scenes import CENTRE_MM, lab_scene, object_scene
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -16,6 +17,7 @@ from scene.files import write_json, write_npy, write_text
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
+from scene.spheres import Sphere
 from scene.store import Store
 from solve.solve import solve
 
@@ -168,6 +170,56 @@ def test_the_cardboard_opens_toward_the_viewer_by_its_angle(fold_deg):
     assert left[0] > 0 > right[0]
     assert angular_error_deg(left, right) == pytest.approx(180 - fold_deg, abs=0.1)
     assert min(left[2], right[2]) > 0
+
+
+def test_a_pair_is_made_again_when_its_setup_or_the_code_has_changed(tmp_path, monkeypatch):
+    made, stopped = [], []
+
+    def compare(real, twin, out, *, methods):
+        if stopped:
+            raise KeyboardInterrupt
+        made.append(out.name)
+        write_json(out / NUMBERS, {"made": len(made)})
+
+    monkeypatch.setattr(pairs, "reference_balls", lambda out: [])
+    monkeypatch.setattr(pairs, "process_capture", lambda folder, setup, balls: folder)
+    monkeypatch.setattr(pairs, "write_rendering", lambda store, setup, name: None)
+    monkeypatch.setattr(pairs, "compare_folders", compare)
+
+    def run(**fixed):
+        made.clear()
+        one = Experiment("iso", "", "iso", (100.0, 400.0), "", fixed)
+        ((_, found),) = pairs.run_experiments(tmp_path, (one,), tell=lambda text: None)
+        assert [pair.level for pair in found] == [100.0, 400.0]
+        return list(made)
+
+    both = ["iso-100", "iso-400"]
+    assert run() == both
+    assert run() == []
+    assert run(seed=10001) == both
+    with monkeypatch.context() as patch:
+        patch.setattr(pairs, "METHODS", ("ls",))
+        assert run(seed=10001) == both
+    with monkeypatch.context() as patch:
+        patch.setattr(pairs, "code_checksum", lambda patterns: "other code")
+        stopped.append(True)
+        with pytest.raises(KeyboardInterrupt):
+            run(seed=10001)
+        stopped.clear()
+        assert run(seed=10001) == both
+        assert run(seed=10001) == []
+
+
+def test_balls_are_told_apart_by_kind_and_side(tmp_path):
+    def ball(kind, u):
+        return Sphere(kind, np.array([u, 100.0]), 25.0)
+
+    left, right, white = ball("chrome", 5.0), ball("chrome", 90.0), ball("white", 300.0)
+    ordered = pairs.in_order([white, right, left], tmp_path)
+    assert [(one.kind, one.center_px[0]) for one in ordered] == [("chrome", 5.0), ("chrome", 90.0), ("white", 300.0)]
+    for wrong in ([left, right], [left, right, left], [left, white, white]):
+        with pytest.raises(SceneError, match=r"found \d (chrome|white) balls, expected \d; no other session"):
+            pairs.in_order(wrong, tmp_path)
 
 
 def test_every_experiment_goes_from_easy_to_hard_in_four_steps_or_more():
