@@ -16,9 +16,9 @@ ANSWERS = {
         "differ": "The errors of a method are larger on one of the two: by more than the margin, and more than chance.",
     },
     "pattern": {
-        "alike": "Most methods err at the same places.",
+        "alike": "Half of the methods or more err at the same places, and none at others.",
         "not shown": "Whether the methods err at the same places is not shown.",
-        "differ": "The methods err at other places: both patterns are more than noise, and they are not alike.",
+        "differ": "Half of the methods or more err at other places: both patterns are more than noise, and not alike.",
     },
     "order": {
         "alike": "The methods rank alike.",
@@ -49,12 +49,7 @@ def carried_section(found: Found) -> str:
     for kind, title in zip(("real", "twin"), names_of(found), strict=True):
         one = found["captures"][kind]["carried"]
         if not one.get("moves"):
-            why = (
-                "lights and truth are exact: it was rendered from them"
-                if found["captures"][kind]["kind"] == "rendering"
-                else "nothing says how uncertain its lights and registration are"
-            )
-            rows.append((title, "blocks of pixels", why))
+            rows.append((title, "blocks of pixels", escape(one.get("why", "nothing"))))
             continue
         moved = [
             words.format(number(one[key], decimals, unit))

@@ -68,9 +68,10 @@ def solver_order(methods: tuple[str, ...], real: Medians, twin: Medians) -> dict
 
     Notes
     -----
-    Kendall's tau-b [Kendall1938]. A pair contradicts when both differences, of opposite signs, exceed what one of
-    `LEVEL` / pairs of tests would exceed by chance (Student, one-sided): the rule errs at most so often for the whole
-    order, whatever the true differences are [Berger1982].
+    Kendall's tau-b [Kendall1938]. A difference is significant when it exceeds, in either direction, what one of
+    `LEVEL` / pairs of tests would exceed by chance (Student, two-sided). A pair contradicts when both differences are
+    significant and of opposite signs: for the whole order the rule errs more seldom still, whatever the true
+    differences are [Berger1982].
     """
     from scipy.stats import t
 
@@ -81,8 +82,7 @@ def solver_order(methods: tuple[str, ...], real: Medians, twin: Medians) -> dict
         signs = []
         for kind, side in (("real", real), ("twin", twin)):
             difference, sigma, freedom = side.between(b, a)
-            bar = float(t.isf(LEVEL / len(pairs), freedom))
-            significant = bool(abs(difference) > bar * sigma)
+            significant = bool(abs(difference) > t.isf(LEVEL / 2 / len(pairs), freedom) * sigma)
             signs.append(np.sign(difference) * significant)
             row[kind] = {"difference_deg": difference, "sigma_deg": sigma, "significant": significant}
         if signs[0] * signs[1] < 0:
@@ -122,6 +122,6 @@ def _sentences(methods: tuple[str, ...], side: Medians, pairs: int) -> list[str]
     order, told = np.argsort(side.found, kind="stable"), []
     for better, worse in pairwise(order):
         difference, sigma, freedom = side.between(worse, better)
-        word = "significant" if difference > t.isf(LEVEL / pairs, freedom) * sigma else "not significant"
+        word = "significant" if difference > t.isf(LEVEL / 2 / pairs, freedom) * sigma else "not significant"
         told.append(f"`{methods[better]}` beats `{methods[worse]}` by {difference:.2f}°, sigma {sigma:.2f}°: {word}")
     return told

@@ -122,7 +122,8 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
         nothing is to be carried.
     carried : dict
         direction_sigma_deg, intensity_sigma (medians), pose_sigma_deg, pose_sigma_mm; each None where it is zero or
-        unknown; pixels, moves; not_carried: methods that could not be run again.
+        unknown; pixels, moves; not_carried: methods that could not be run again; why, where nothing was moved: the
+        reason, in words.
 
     Notes
     -----
@@ -143,9 +144,9 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
         "pose_sigma_deg": pose.get("sigma_deg"),
         "pose_sigma_mm": pose.get("sigma_mm"),
     }
-    nothing = folder.kind == "rendering" or not any(sigmas.values())
-    if nothing or camera is None or not folder.store.path("frames", "frames.json").exists():
-        return {}, {**dict.fromkeys(sigmas), "moves": 0, "pixels": 0, "not_carried": []}
+    why = _not_moved(folder, any(sigmas.values()), camera)
+    if why or camera is None:
+        return {}, {**sigmas, "moves": 0, "pixels": 0, "not_carried": [], "why": why}
     step = int(np.ceil(np.sqrt(max(1.0, folder.mask.sum() / PIXELS))))
     frames, small = folder.store.load_frames(), _thinned(camera, step)
     thin = replace(
@@ -173,6 +174,20 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
             continue
         shifts[name] = np.array(found[1:]) - found[0]
     return shifts, {**sigmas, "moves": MOVES, "pixels": int(mask.sum()), "not_carried": left_out}
+
+
+def _not_moved(folder: Folder, known: bool, camera: Camera | None) -> str:
+    """Return why lights and registration of a folder cannot be moved; empty where they can."""
+    if folder.kind == "rendering":
+        return "lights and truth are exact: it was rendered from them"
+    if not known:
+        return "nothing says how uncertain its lights and registration are"
+    missing = ["camera.json"] if camera is None else []
+    if not folder.store.path("frames", "frames.json").exists():
+        missing.append("frames/")
+    if not missing:
+        return ""
+    return f"{' and '.join(missing)} missing, so it could not be solved again under moved lights and registration"
 
 
 def _solved(

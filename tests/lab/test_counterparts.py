@@ -1,5 +1,6 @@
 """`rgbn compare REAL TWIN` on folders whose truth is known, and the virtual lab's geometry."""
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -96,6 +97,21 @@ def test_a_rendering_has_nothing_to_carry(tmp_path):
     folder = open_folder(folder_of(tmp_path / "twin", told, told, rendered=True))
     assert folder.kind == "rendering"
     assert shifts_of(folder, ("ls",))[0] == {}
+
+
+@pytest.mark.parametrize("missing", ["camera.json", "frames"])
+def test_sigmas_that_cannot_be_carried_are_kept_and_the_page_says_why(tmp_path, missing):
+    told = off(lights(), np.random.default_rng(0), 3.0)
+    real, twin = folder_of(tmp_path / "real", told, lights()), folder_of(tmp_path / "twin", told, told, rendered=True)
+    gone = real / missing
+    gone.unlink() if gone.is_file() else shutil.rmtree(gone)
+    carried = compare_folders(real, twin, tmp_path / "out", methods="ls")["captures"]["real"]["carried"]
+    assert carried["direction_sigma_deg"] == pytest.approx(3.0)
+    assert carried["moves"] == 0
+    page = (tmp_path / "out" / PAGE).read_text()
+    assert f"{missing}{'/' if missing == 'frames' else ''} missing, so it could not be solved again" in page
+    assert "nothing says how uncertain" not in page
+    assert "lights and truth are exact" in page
 
 
 def test_two_folders_give_a_page_and_its_numbers(tmp_path):
