@@ -1,6 +1,7 @@
 """The panel of the camera, and of how its pictures are rendered."""
 
 from dataclasses import replace
+from typing import Any
 
 from lab.studio import edits
 from lab.studio.desk import Desk
@@ -22,10 +23,14 @@ class CameraPanel:
             self._samples = gui.add_number("samples a pixel", 0, min=0, max=65536, step=1, hint="0: what it takes")
             self._depth = gui.add_number("depth", 3, min=2, max=64, step=1, hint="2: direct light only")
             self._error = gui.add_number("error, %", 1.0, min=0.01, max=50.0, step=0.1, hint="That is aimed at")
-        for handle in (self._width, self._height, self._focal, self._parallel):
-            desk.on_input(handle, lambda value: self._change_camera())
-        for handle in (self._engine, self._samples, self._depth, self._error):
-            desk.on_input(handle, lambda value: self._change_sampling())
+        desk.on_input(self._width, lambda value: self._change_camera(width=int(value)))
+        desk.on_input(self._height, lambda value: self._change_camera(height=int(value)))
+        desk.on_input(self._focal, lambda value: self._change_camera(focal_px=float(value)))
+        desk.on_input(self._parallel, lambda value: self._change_camera(orthographic=bool(value)))
+        desk.on_input(self._engine, lambda value: self._change_sampling(engine=value))
+        desk.on_input(self._samples, lambda value: self._change_sampling(samples=int(value) or None))
+        desk.on_input(self._depth, lambda value: self._change_sampling(max_depth=int(value)))
+        desk.on_input(self._error, lambda value: self._change_sampling(error=float(value) / 100))
 
     def refresh(self) -> None:
         """Show the scene's camera and sampling."""
@@ -36,22 +41,18 @@ class CameraPanel:
         self._engine.value, self._samples.value = sampling.engine, sampling.samples or 0
         self._depth.value, self._error.value = sampling.max_depth, round(100 * sampling.error, 6)
 
-    def _change_camera(self) -> None:
-        size = {"width": int(self._width.value), "height": int(self._height.value)}
-        seen = {"focal_px": float(self._focal.value), "orthographic": bool(self._parallel.value)}
-        if not self._desk.change("camera", lambda scene: edits.with_camera(scene, **size, **seen)):
-            self.refresh()
+    def _change_camera(self, **said: Any) -> None:
+        def edit(scene: edits.TwinScene) -> edits.TwinScene:
+            was = scene.camera
+            now: dict[str, Any] = {"width": was.width, "height": was.height, "focal_px": float(was.fx)}
+            return edits.with_camera(scene, **(now | {"orthographic": was.is_orthographic} | said))
 
-    def _change_sampling(self) -> None:
+        self._desk.change("camera", edit)
+
+    def _change_sampling(self, **said: Any) -> None:
         def edit(scene: edits.TwinScene) -> edits.TwinScene:
             # The table knows what is allowed.
-            table = SamplingTable(
-                engine=self._engine.value,
-                samples=int(self._samples.value) or None,
-                max_depth=int(self._depth.value),
-                error=float(self._error.value) / 100,
-            )
+            table = SamplingTable(**(vars(scene.sampling) | said))
             return edits.with_sampling(scene, replace(scene.sampling, **table.model_dump()))
 
-        if not self._desk.change("sampling", edit):
-            self.refresh()
+        self._desk.change("sampling", edit)

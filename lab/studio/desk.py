@@ -1,67 +1,44 @@
-"""One browser's desk: its scene with its past, what is selected, its panels. Nothing of it is shared with another's."""
+"""One browser's desk for a scene: the scene with its past, and what is selected."""
 
 import time
-import traceback
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from pydantic import ValidationError
-
+from lab.studio.browser_desk import BrowserDesk
 from lab.studio.edits import start_scene
-from lab.studio.history import History
+from lab.studio.history import Document, History
 from lab.studio.preview import Drawn, Preview
-from lab.studio.workspace import Workspace
-from scene.errors import SceneError
+from lab.studio.workspace import MOST_FILES, Listing, Workspace
 from twin.description import TwinScene
 
 Edit = Callable[[TwinScene], TwinScene]
 
 
-class Panel(Protocol):
-    """What shows a scene."""
-
-    def refresh(self) -> None:
-        """Show the desk's scene as it is now."""
-        ...
+def begun(workspace: Workspace, scene: TwinScene | None, folder: Path | None) -> History:
+    """Return the history of a scene, None: a new one, without a past; `folder` is where it was opened from."""
+    scene = scene or start_scene()
+    return History(scene, document=Document(workspace.name(folder) if folder else scene.name, folder))
 
 
-class Desk:
-    """What a browser works on. Its panels call `change`; whatever changed, all panels are refreshed.
+class Desk(BrowserDesk):
+    """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed.
 
     Parameters
     ----------
     client : viser.ClientHandle
     workspace : Workspace
     preview : Preview
-    scene : TwinScene or None
-        None: a new one.
-    folder : Path or None
-        Where the scene was opened from, and is saved to.
-
-    Notes
-    -----
-    Everything runs in the desk's one thread, in the order in which the browser said it.
+    history : History
+        The scene, and what was done to it.
     """
 
-    def __init__(
-        self,
-        client: Any,
-        workspace: Workspace,
-        preview: Preview,
-        scene: TwinScene | None = None,
-        folder: Path | None = None,
-    ) -> None:
-        self.client, self.workspace, self.folder = client, workspace, folder
-        self.history = History(scene or start_scene())
+    def __init__(self, client: Any, workspace: Workspace, preview: Preview, history: History) -> None:
+        super().__init__(client, workspace, preview)
+        self.history = history
         self.object, self.light, self.picked = 0, 0, "object"
-        self.panels: list[Panel] = []
+        self.listing = Listing()
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
-        self._preview = preview
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"desk {client.client_id}")
-        self._closers: list[Callable[[], None]] = []
-        self._is_gone = False
 
     @property
     def scene(self) -> TwinScene:
@@ -69,7 +46,11 @@ class Desk:
 
     def change(self, label: str, edit: Edit) -> bool:
         """Make the scene another one; return whether it could be. A fault is told, and the scene stays."""
-        return self.attempt(lambda: self._adopt(self.history.did(label, edit(self.scene), time.monotonic())))
+        now = time.monotonic()
+        done = self.attempt(lambda: self._keep(self.history.did(label, edit(self.scene), now, self._input)))
+        # What could not be done is taken out of the input that asked for it.
+        self.refresh()
+        return done
 
     def drag(self, edit: Edit) -> None:
         """Show in the preview what the scene would be; nothing is kept of it."""
@@ -77,16 +58,19 @@ class Desk:
 
     def undo(self) -> None:
         """Take the last change back."""
-        self._adopt(self.history.undone())
+        self._keep(self.history.undone())
+        self.refresh()
 
     def redo(self) -> None:
         """Make the change again that was taken back last."""
-        self._adopt(self.history.redone())
+        self._keep(self.history.redone())
+        self.refresh()
 
-    def restart(self, scene: TwinScene, folder: Path | None) -> None:
-        """Work on another scene, without a past."""
-        self.folder, self.object, self.light = folder, 0, 0
-        self._adopt(History(scene))
+    def restart(self, label: str, scene: TwinScene, document: Document) -> None:
+        """Work on another scene. It can be taken back as any change can."""
+        self.object, self.light = 0, 0
+        self._keep(self.history.did(label, scene, time.monotonic(), document=document))
+        self.refresh()
 
     def select(self, what: str, index: int) -> None:
         """Give an object or a light the gizmo: `what` is "object" or "light"."""
@@ -94,8 +78,31 @@ class Desk:
         setattr(self, what, index)
         self.refresh()
 
-    def refresh(self) -> None:
-        """Show the scene as it is now, everywhere."""
+    def on_upload(self, handle: Any, use: Callable[[str], Any]) -> Any:
+        """Keep a file that was sent in the workspace, and call `use` with its name there. Return the handle."""
+
+        async def _(event: Any) -> None:
+            sent = event.target.value
+            self.post(lambda: use(self._kept(sent)))
+
+        handle.on_upload(_)
+        return handle
+
+    def _kept(self, sent: Any) -> str:
+        name = self.workspace.keep_upload(sent.name, sent.content)
+        self.list_files()
+        return name
+
+    def list_files(self) -> None:
+        """Look for files in the workspace again; the panels' lists show them at the next refresh."""
+        self.listing = self.workspace.listing()
+        if self.listing.is_cut:
+            self.tell(
+                "Not every file is listed",
+                f"The lists end at {MOST_FILES} files. Start the studio in a smaller folder to see the others.",
+            )
+
+    def _refresh_panels(self) -> None:
         self.object = min(self.object, len(self.scene.objects) - 1)
         self.light = min(self.light, len(self.scene.lights) - 1)
         with self.client.atomic():
@@ -103,88 +110,11 @@ class Desk:
                 panel.refresh()
         self._wish(self.scene)
 
-    def attempt(self, work: Callable[[], Any]) -> bool:
-        """Do something; tell what was at fault, if anything was, and live on."""
-        try:
-            work()
-        except SceneError as error:
-            self.tell_fault(str(error))
-        except ValidationError as error:
-            self.tell_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
-        except Exception as error:
-            if self._is_gone:
-                return False  # There is nobody to show it to: viser warns of every message.
-            traceback.print_exc()
-            self.tell_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
-        else:
-            return True
-        return False
-
-    def tell_fault(self, text: str) -> None:
-        """Show what was at fault until it is closed."""
-        self.client.add_notification("That cannot be done", text, color="red")
-
-    def tell(self, title: str, text: str = "") -> None:
-        """Show what was done, for a while."""
-        self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
-
-    def post(self, work: Callable[[], Any]) -> None:
-        """Do something in the desk's thread, after what it is at."""
-        try:
-            self._thread.submit(self.attempt, work)
-        except RuntimeError:
-            return  # The browser is gone.
-
-    def on_input(self, handle: Any, use: Callable[[Any], Any]) -> Any:
-        """Call `use` with the value of an input that a person changes. Return the handle."""
-
-        async def _(event: Any) -> None:
-            # What the program writes into an input comes by here too, without a client.
-            if event.client is not None:
-                value = event.target.value
-                self.post(lambda: use(value))
-
-        handle.on_update(_)
-        return handle
-
-    def on_click(self, handle: Any, use: Callable[[], Any]) -> Any:
-        """Call `use` when a button is pressed. Return the handle."""
-
-        async def _(event: Any) -> None:
-            if event.client is not None:
-                self.post(use)
-
-        handle.on_click(_)
-        return handle
-
-    def on_upload(self, handle: Any, use: Callable[[str], Any]) -> Any:
-        """Keep a file that was sent in the workspace, and call `use` with its name there. Return the handle."""
-
-        async def _(event: Any) -> None:
-            sent = event.target.value
-            self.post(lambda: use(self.workspace.keep_upload(sent.name, sent.content)))
-
-        handle.on_upload(_)
-        return handle
-
-    def on_close(self, work: Callable[[], None]) -> None:
-        """Do something when the browser goes away."""
-        self._closers.append(work)
-
-    def close(self) -> None:
-        """End what runs for a browser that went away."""
-        self._is_gone = True
-        self._preview.forget(self.client.client_id)
-        for work in self._closers:
-            work()
-        self._thread.shutdown(wait=False, cancel_futures=True)
-
-    def _adopt(self, history: History) -> None:
+    def _keep(self, history: History) -> None:
         self.history = history
-        self.refresh()
 
     def _wish(self, scene: TwinScene) -> None:
-        self._preview.wish(self.client.client_id, scene, min(self.light, len(scene.lights) - 1), self._drawn)
+        self.preview.wish(self.client.client_id, scene, min(self.light, len(scene.lights) - 1), self._drawn)
 
     def _drawn(self, drawn: Drawn) -> None:
         self.post(lambda: self.show_preview(drawn))

@@ -5,6 +5,8 @@ from pathlib import Path
 
 from lab.studio.desk import Desk
 from lab.studio.edits import start_scene
+from lab.studio.history import Document
+from lab.studio.markdown import code, plain
 from lab.studio.rendering import Progress, Rendering
 from scene.errors import SceneError
 
@@ -21,11 +23,13 @@ class FilesPanel:
         with gui.add_folder("Scene"):
             self._undo = desk.on_click(gui.add_button("Undo"), desk.undo)
             self._redo = desk.on_click(gui.add_button("Redo"), desk.redo)
-            self._name = gui.add_text("name", desk.scene.name, hint="Folder in the workspace")
+            self._document = desk.history.document
+            self._name = gui.add_text("name", self._document.name, hint="Folder in the workspace")
             desk.on_click(gui.add_button("Save scene"), self._save_aloud)
             self._file = gui.add_dropdown("scene", (NONE,))
             desk.on_click(gui.add_button("Open scene"), self._open)
             desk.on_click(gui.add_button("New scene"), self._new)
+            desk.on_click(gui.add_button("Look for files again"), self._look)
         with gui.add_folder("Dataset"):
             desk.on_click(gui.add_button("Export for Mitsuba"), self._export)
             self._render = desk.on_click(gui.add_button("Render dataset", color="green"), self._start)
@@ -33,34 +37,37 @@ class FilesPanel:
             self._bar = gui.add_progress_bar(0, visible=False)
             self._status = gui.add_markdown("")
         desk.on_close(self._close)
-        self._list_files()
 
     def refresh(self) -> None:
-        """Show what can be taken back."""
+        """Show what can be taken back, where the scene is saved to, and what can be opened."""
         history = self._desk.history
+        if history.document is not self._document:
+            self._document, self._name.value = history.document, history.document.name
+        self._file.options = self._desk.listing.scenes or (NONE,)
         self._undo.disabled, self._redo.disabled = not history.past, not history.future
         self._undo.label = f"Undo: {history.past[-1][0]}" if history.past else "Undo"
         self._redo.label = f"Redo: {history.future[0][0]}" if history.future else "Redo"
 
-    def _list_files(self) -> None:
-        self._file.options = self._desk.workspace.files((".toml",)) or (NONE,)
+    def _look(self) -> None:
+        self._desk.list_files()
+        self._desk.refresh()
 
     def _save(self) -> Path:
         """Write the scene into its folder, and return the description's path."""
         from twin.description_check import check_scene
         from twin.description_writer import write_scene
 
-        desk = self._desk
-        folder = desk.workspace.folder_for(self._name.value)
-        if (folder / FILE).exists() and folder != desk.folder:
-            raise SceneError(
-                f"{self._name.value}: holds another scene already. Open that first, or choose another name."
-            )
-        scene = replace(desk.scene, name=folder.name)
+        desk, document, name = self._desk, self._desk.history.document, self._name.value
+        own = document.folder
+        # The workspace itself may be a scene's folder only where the scene was opened from there.
+        folder = own if own and name.strip() == desk.workspace.name(own) else desk.workspace.folder_for(name)
+        if (folder / FILE).exists() and folder != own:
+            raise SceneError(f"{name}: holds another scene already. Open that first, or choose another name.")
+        scene = replace(desk.scene, name=desk.scene.name if folder == desk.workspace.root else folder.name)
         check_scene(scene)
-        path = write_scene(scene, folder)
-        desk.folder = folder
-        self._list_files()
+        path = write_scene(scene, desk.workspace.closed(folder))
+        document.name, document.folder = name, folder
+        self._look()
         return path
 
     def _save_aloud(self) -> None:
@@ -70,18 +77,18 @@ class FilesPanel:
         from twin.description_file import read_scene
 
         if self._file.value == NONE:
-            self._list_files()
+            self._look()
             return
         path = self._desk.workspace.description(self._file.value)
         scene = read_scene(path)
         # Another file than the studio's own is not written over.
         own = path.name == FILE
-        self._desk.restart(scene, path.parent if own else None)
-        self._name.value = self._desk.workspace.name(path.parent if own else path.with_suffix(""))
+        name = self._desk.workspace.name(path.parent if own else path.with_suffix(""))
+        self._desk.restart(f"open {name}", scene, Document(name, path.parent if own else None))
 
     def _new(self) -> None:
-        self._desk.restart(start_scene(), None)
-        self._name.value = self._desk.scene.name
+        scene = start_scene()
+        self._desk.restart("new scene", scene, Document(scene.name))
 
     def _export(self) -> None:
         from twin.mitsuba_files import write_mitsuba
@@ -91,7 +98,8 @@ class FilesPanel:
         first = self._desk.scene.lights.names[0]
         command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"
         where = self._desk.workspace.name(paths[0].parent)
-        self._status.content = "\n\n".join([f"Exported {len(paths) - 1} lights to `{where}`.", f"`{command}`", *notes])
+        lines = [f"Exported {len(paths) - 1} lights to {code(where)}.", code(command), *map(plain, notes)]
+        self._status.content = "\n\n".join(lines)
 
     def _start(self) -> None:
         if self._rendering is not None:
@@ -100,7 +108,7 @@ class FilesPanel:
         out = path.parent / "dataset"
         where = self._desk.workspace.name(out)
         self._bar.value, self._bar.visible, self._stop.disabled, self._render.disabled = 0, True, False, True
-        self._status.content = f"Rendering {len(self._desk.scene.lights)} frames into `{where}` ..."
+        self._status.content = f"Rendering {len(self._desk.scene.lights)} frames into {code(where)} ..."
         post = self._desk.post
         self._rendering = Rendering(
             path,
@@ -114,9 +122,9 @@ class FilesPanel:
             return
         if progress.total:
             self._bar.value = 100 * progress.done / progress.total
-            self._status.content = f"{progress.label}: {progress.done} of {progress.total}"
+            self._status.content = plain(f"{progress.label}: {progress.done} of {progress.total}")
         else:
-            self._status.content = progress.label
+            self._status.content = plain(progress.label)
 
     def _end(self, fault: str, where: str) -> None:
         self._idle()
@@ -124,8 +132,9 @@ class FilesPanel:
             self._status.content = "Not rendered."
             self._desk.tell_fault(fault)
         else:
-            self._status.content = f"Rendered into `{where}`. Solve it with `rgbn process {where}`."
+            self._status.content = f"Rendered into {code(where)}. Solve it with {code(f'rgbn process {where}')}."
             self._desk.tell("Rendered", where)
+            self._look()
 
     def _halt(self) -> None:
         if self._rendering is not None:

@@ -1,12 +1,33 @@
 """Undo: every scene that was, and those that were taken back."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 from twin.description import TwinScene
 
 LONGEST = 200
 TOGETHER_S = 1.0
-"""Changes of one number that follow each other faster are undone together: digits typed, a slider drawn."""
+"""Changes by one input that follow each other faster are undone together: digits typed, a slider drawn."""
+
+
+@dataclass(eq=False)
+class Document:
+    """What is saved as one: the scenes that were made of each other by changes share it.
+
+    Parameters
+    ----------
+    name : str
+        What the browser calls the folder that it is to be saved to.
+    folder : Path or None
+        Where it was opened from, or saved to last; None: nowhere yet.
+    """
+
+    name: str = "scene"
+    folder: Path | None = None
+
+
+Step = tuple[str, TwinScene, Document]
 
 
 @dataclass(frozen=True)
@@ -16,31 +37,68 @@ class History:
     Parameters
     ----------
     scene : TwinScene
-    past, future : tuple of (label, TwinScene)
+    past, future : tuple of (label, TwinScene, Document)
         The label is of the change that led away from the scene (past), or to it (future).
+    last : tuple of (label, control, time_s) or None
+        Of the last change, where an input made it.
+    document : Document
+        Of the scene.
     """
 
     scene: TwinScene
-    past: tuple[tuple[str, TwinScene], ...] = ()
-    future: tuple[tuple[str, TwinScene], ...] = ()
-    last: tuple[str, float] | None = None
+    past: tuple[Step, ...] = ()
+    future: tuple[Step, ...] = ()
+    last: tuple[str, Any, float] | None = None
+    document: Document = field(default_factory=Document)
 
-    def did(self, label: str, scene: TwinScene, now_s: float) -> "History":
-        """Return the history after a change, at a time in seconds."""
-        goes_on = self.last is not None and self.last[0] == label and now_s - self.last[1] < TOGETHER_S
-        past = self.past if goes_on and self.past else (*self.past, (label, self.scene))[-LONGEST:]
-        return History(scene, past, (), (label, now_s))
+    def did(
+        self, label: str, scene: TwinScene, now_s: float, control: Any = None, *, document: Document | None = None
+    ) -> "History":
+        """Return the history after a change.
+
+        Parameters
+        ----------
+        label : str
+        scene : TwinScene
+        now_s : float
+        control : Any
+            The input that made it; None: none did, and it is undone alone.
+        document : Document or None
+            None: the scene's so far.
+        """
+        goes_on = (
+            control is not None
+            and self.last is not None
+            and self.last[:2] == (label, control)
+            and now_s - self.last[2] < TOGETHER_S
+            and self.past
+        )
+        past = self.past if goes_on else (*self.past, self._left(label, scene))[-LONGEST:]
+        last = None if control is None else (label, control, now_s)
+        return History(scene, past, (), last, document or self.document)
 
     def undone(self) -> "History":
         """Return the history before the last change; itself where there is none."""
         if not self.past:
             return self
-        *past, (label, scene) = self.past
-        return History(scene, tuple(past), ((label, self.scene), *self.future))
+        *past, (label, scene, document) = self.past
+        return History(scene, tuple(past), (self._left(label, scene), *self.future), document=document)
 
     def redone(self) -> "History":
         """Return the history with the change that was undone last; itself where there is none."""
         if not self.future:
             return self
-        (label, scene), *future = self.future
-        return History(scene, (*self.past, (label, self.scene)), tuple(future))
+        (label, scene, document), *future = self.future
+        return History(scene, (*self.past, self._left(label, scene)), tuple(future), document=document)
+
+    def _left(self, label: str, now: TwinScene) -> Step:
+        """Return the scene as it is kept when another takes its place: without what it has worked out of itself.
+
+        Two hundred scenes would each keep their vertices in the camera frame.
+        """
+        vars(self.scene).pop("points", None)
+        shared = {id(one) for one in now.objects}
+        for one in self.scene.objects:
+            if id(one) not in shared:
+                vars(one).pop("placed", None)
+        return label, self.scene, self.document

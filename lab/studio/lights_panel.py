@@ -1,16 +1,18 @@
 """The panel of the lights: rings, hemispheres, single ones, a session's own; the environment."""
 
+from typing import Any
+
 import numpy as np
 
 from lab.studio import edits, light_edits
 from lab.studio.desk import Desk
-from lab.studio.workspace import PICTURES
+from lab.studio.markdown import plain
 from scene.light_text import number_rows
 from twin.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
 from twin.light_groups import LightGroup, direction
 from twin.picture_files import read_picture
 
-NONE = "(none)"
+NONE, OTHER = "(none)", "(of the scene)"
 
 
 class LightsPanel:
@@ -49,7 +51,7 @@ class LightsPanel:
             desk.on_input(self._map, self._choose_map)
             desk.on_input(self._map_scale, lambda value: self._surround("map scale", scale=float(value)))
             desk.on_input(self._map_turn, lambda value: self._surround("map turn", rotate_deg=float(value)))
-        self._map_name = NONE
+        self._names: dict[int, tuple[str, Any]] = {}
         self._show_inputs()
 
     def refresh(self) -> None:
@@ -57,7 +59,8 @@ class LightsPanel:
         scene, index = self._desk.scene, self._desk.light
         lights, around = scene.lights, scene.environment
         toward = number_rows(lights.directions[index : index + 1]).strip()
-        self._text.content = f"**{lights.names[index]}**, {index + 1} of {len(lights)}, {lights.model}; toward {toward}"
+        name = plain(lights.names[index])
+        self._text.content = f"**{name}**, {index + 1} of {len(lights)}, {lights.model}; toward {toward}"
         if lights.positions_mm is None:
             self._place.label, shown = "direction", lights.directions[index]
         else:
@@ -65,12 +68,11 @@ class LightsPanel:
         self._place.value = tuple(np.round(shown, 4).tolist())
         self._intensity.value = tuple(np.round(lights.intensities[index], 5).tolist())
         self._ambient.value = tuple(map(float, around.ambient))
-        files = self._desk.workspace.files(PICTURES)
-        name = NONE if around.radiance is None else self._map_name if self._map_name != NONE else "(of the scene)"
-        self._map.options = tuple(dict.fromkeys((NONE, name, *files)))
+        name = NONE if around.radiance is None else self._names.get(id(around.radiance), (OTHER,))[0]
+        self._map.options = tuple(dict.fromkeys((NONE, name, *self._desk.listing.pictures)))
         self._map.value = name
         self._map_scale.value, self._map_turn.value = float(around.scale), round(around.rotate_deg)
-        self._session.options = self._desk.workspace.folders_with("lights.json") or (NONE,)
+        self._session.options = self._desk.listing.sessions or (NONE,)
 
     def _show_inputs(self) -> None:
         kind, near = self._kind.value, self._near.value
@@ -126,16 +128,16 @@ class LightsPanel:
 
     def _edit(self, label: str, edit, *values: object) -> None:
         index = self._desk.light
-        if not self._desk.change(f"{label} of light {index}", lambda scene: edit(scene, index, *values)):
-            self.refresh()
+        self._desk.change(f"{label} of light {index}", lambda scene: edit(scene, index, *values))
 
     def _surround(self, label: str, **changes: object) -> None:
         self._desk.change(label, lambda scene: edits.with_environment(scene, **changes))
 
     def _choose_map(self, name: str) -> None:
         if name == NONE:
-            self._desk.change("map", edits.without_map)
+            self._desk.change("no map", edits.without_map)
         elif not name.startswith("("):
             radiance = read_picture(self._desk.workspace.path(name))
-            self._map_name = name
-            self._surround("map", radiance=radiance)
+            # Kept with the picture itself: its identity is given to no other while it is here.
+            self._names[id(radiance)] = name, radiance
+            self._surround(f"map {name}", radiance=radiance)

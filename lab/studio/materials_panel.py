@@ -1,16 +1,21 @@
 """The panel of the materials: kind, colour, picture, gloss, what lies below the surface."""
 
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from lab.studio import edits
 from lab.studio.desk import Desk
-from lab.studio.workspace import PICTURES
+from lab.studio.markdown import plain
 from twin.materials import VERTEX, Conductor, Diffuse, Material, Measured, Principled, RoughPlastic, Subsurface, Texture
 from twin.picture_files import read_picture
 
 KINDS = {"matte": Diffuse, "glossy": RoughPlastic, "metal": Conductor, "principled": Principled}
 METALS = ("Al", "Ag", "Au", "Cu", "Cr", "W", "none")
+GRAY = (0.5, 0.5, 0.5)
+FIRST_PATH_MM = 2.0
+"""Of light below a surface where it is first let in."""
 COLOUR, VERTICES = "(the colour)", "(the mesh's own colours)"
 
 
@@ -26,29 +31,35 @@ class MaterialsPanel:
             "reflectance", (0.5, 0.5, 0.5), min=(0.0, 0.0, 0.0), max=(1.0, 1.0, 1.0), step=0.01, hint="Linear: R, G, B"
         )
         self._picture = gui.add_dropdown("picture", (COLOUR,), hint="A texture from the workspace")
-        desk.on_upload(gui.add_upload_button("Send a texture from here"), self._send)
+        desk.on_upload(gui.add_upload_button("Send a texture from here"), self._choose_picture)
         self._roughness = gui.add_slider("roughness", min=0.01, max=1.0, step=0.01, initial_value=0.1)
         self._specularity = gui.add_slider("specularity", min=0.0, max=1.0, step=0.01, initial_value=1.0)
         self._index = gui.add_slider("index of refraction", min=1.01, max=2.5, step=0.01, initial_value=1.49)
         self._metallic = gui.add_slider("metallic", min=0.0, max=1.0, step=0.01, initial_value=0.0)
         self._metal = gui.add_dropdown("metal", METALS)
         self._below = gui.add_checkbox("scatters below the surface", False, hint="Wax; the mesh must be closed")
-        self._path = gui.add_number("mean free path, mm", 2.0, min=0.01, step=0.1)
+        self._path = gui.add_number("mean free path, mm", FIRST_PATH_MM, min=0.01, step=0.1)
         self._new = gui.add_text("new material", "")
         desk.on_click(gui.add_button("Add material", hint="A copy of this one, for this object"), self._add)
         desk.on_click(gui.add_button("Remove unused materials"), lambda: desk.change("tidy", _tidied))
         self._textures: dict[str, Texture] = {}
+        desk.on_input(self._kind, lambda label: self._change(lambda was: of_kind(KINDS[label], was)))
         desk.on_input(self._colour, self._from_colour)
-        for handle in (self._kind, self._numbers, self._picture, self._roughness, self._specularity, self._index,
-                       self._metallic, self._metal, self._below, self._path):  # fmt: skip
-            desk.on_input(handle, lambda value: self._change())
+        desk.on_input(self._numbers, lambda value: self._set(reflectance=tuple(map(float, value))))
+        desk.on_input(self._picture, self._choose_picture)
+        for handle, key in ((self._roughness, "roughness"), (self._specularity, "specularity"),
+                            (self._index, "index"), (self._metallic, "metallic")):  # fmt: skip
+            desk.on_input(handle, lambda value, key=key: self._set(**{key: float(value)}))
+        desk.on_input(self._metal, lambda value: self._set(metal=value))
+        desk.on_input(self._below, lambda on: self._set(subsurface=Subsurface(FIRST_PATH_MM) if on else None))
+        desk.on_input(self._path, self._set_path)
 
     def refresh(self) -> None:
         """Show the material of the object that is selected, and only what its kind has."""
-        scene = self._desk.scene
-        name = scene.objects[self._desk.object].material
+        desk, scene = self._desk, self._desk.scene
+        name = scene.objects[desk.object].material
         material = scene.materials[name]
-        self._name.content = f"**{name}**, of *{scene.objects[self._desk.object].name}*"
+        self._name.content = f"**{plain(name)}**, of *{plain(scene.objects[desk.object].name)}*"
         measured = isinstance(material, Measured)
         kind = next((label for label, one in KINDS.items() if isinstance(material, one)), "matte")
         self._kind.value, self._kind.disabled = kind, measured
@@ -57,24 +68,23 @@ class MaterialsPanel:
         if isinstance(reflectance, tuple):
             self._numbers.value = tuple(map(float, reflectance))
             self._colour.value = tuple(_coded(part) for part in reflectance)
-        self._picture.options = (COLOUR, VERTICES, *self._pictures())
-        self._picture.value = self._picture_of(reflectance)
+        shown = self._picture_of(reflectance)
+        names = dict.fromkeys((*self._textures, *(name for name in desk.listing.pictures if not name.endswith(".npy"))))
+        self._picture.options, self._picture.value = (COLOUR, VERTICES, *names), shown
         for handle in (self._colour, self._numbers, self._picture):
             handle.visible = "reflectance" in has
         for key, handle in (("roughness", self._roughness), ("specularity", self._specularity), ("index", self._index),
                             ("metallic", self._metallic), ("metal", self._metal)):  # fmt: skip
             handle.visible = key in has
+            if key == "metal" and key in has:
+                handle.options = tuple(dict.fromkeys((*METALS, has[key])))
             if key in has and not isinstance(has[key], Texture):
-                handle.value = has[key] if key != "metal" or has[key] in METALS else METALS[0]
+                handle.value = has[key]
         below = has.get("subsurface")
         self._below.visible, self._below.value = "subsurface" in has, below is not None
         self._path.visible = below is not None
         if below is not None:
             self._path.value = float(below.mean_free_path_mm)
-
-    def _pictures(self) -> tuple[str, ...]:
-        files = [name for name in self._desk.workspace.files(PICTURES) if not name.endswith(".npy")]
-        return tuple(dict.fromkeys((*self._textures, *files)))
 
     def _picture_of(self, reflectance: Any) -> str:
         if reflectance == VERTEX:
@@ -85,57 +95,39 @@ class MaterialsPanel:
         if known is None:
             known = f"(picture {len(self._textures) + 1} of the scene)"
             self._textures[known] = reflectance
-            self._picture.options = (COLOUR, VERTICES, *self._pictures())
         return known
 
     def _from_colour(self, coded: tuple[int, int, int]) -> None:
         from twin.mesh_files import linear_from_srgb
 
-        self._numbers.value = tuple(float(linear_from_srgb(part / 255)) for part in coded)
-        self._picture.value = COLOUR
-        self._change()
+        self._set(reflectance=tuple(float(linear_from_srgb(part / 255)) for part in coded))
 
-    def _send(self, name: str) -> None:
-        self._picture.options = (COLOUR, VERTICES, *self._pictures())
-        self._picture.value = name
-        self._change()
+    def _choose_picture(self, name: str) -> None:
+        """Take a picture, as its file is now, for the reflectance; or the colour that is shown."""
+        if name == COLOUR:
+            self._set(reflectance=tuple(map(float, self._numbers.value)))
+            return
+        if name == VERTICES:
+            self._set(reflectance=VERTEX)
+            return
+        if name in self._desk.listing.pictures:
+            self._textures[name] = Texture(read_picture(self._desk.workspace.path(name)))
+        self._set(reflectance=self._textures[name])
 
-    def _change(self) -> None:
+    def _set_path(self, value: float) -> None:
+        def edit(was: Any) -> Material:
+            below = was.subsurface or Subsurface(FIRST_PATH_MM)
+            return replace(was, subsurface=replace(below, mean_free_path_mm=float(value)))
+
+        self._change(edit)
+
+    def _set(self, **said: Any) -> None:
+        """Give the material these fields; the others, shown or not, stay."""
+        self._change(lambda was: replace(was, **said))
+
+    def _change(self, edit: Callable[[Any], Material]) -> None:
         name = self._desk.scene.objects[self._desk.object].material
-        if not self._desk.change(f"material {name}", lambda s: self._changed(s, name)):
-            self.refresh()
-
-    def _changed(self, scene: edits.TwinScene, name: str) -> edits.TwinScene:
-        return edits.with_material(scene, name, self._material(scene.materials[name]))
-
-    def _material(self, was: Material) -> Material:
-        """Return what the inputs say; what they do not show is kept."""
-        kind = KINDS[self._kind.value]
-        if kind is Conductor:
-            return Conductor(self._metal.value, self._roughness.value)
-        reflectance = self._reflectance()
-        if kind is Principled:
-            return Principled(reflectance, self._roughness.value, self._metallic.value, self._specularity.value)
-        below = getattr(was, "subsurface", None)
-        if not self._below.value:
-            below = None
-        elif below is None or below.mean_free_path_mm != self._path.value:
-            below = Subsurface(float(self._path.value))
-        if kind is Diffuse:
-            return Diffuse(reflectance, below)
-        given = getattr(was, "specularity", None)
-        specularity = given if isinstance(given, Texture) else self._specularity.value
-        return RoughPlastic(reflectance, self._roughness.value, specularity, self._index.value, below)
-
-    def _reflectance(self) -> Any:
-        picture = self._picture.value
-        if picture == COLOUR:
-            return tuple(float(part) for part in self._numbers.value)
-        if picture == VERTICES:
-            return VERTEX
-        if picture not in self._textures:
-            self._textures[picture] = Texture(read_picture(self._desk.workspace.path(picture)))
-        return self._textures[picture]
+        self._desk.change(f"material {name}", lambda s: edits.with_material(s, name, edit(s.materials[name])))
 
     def _add(self) -> None:
         index, name = self._desk.object, Path(self._new.value.strip()).name
@@ -145,6 +137,15 @@ class MaterialsPanel:
             return edits.assigned(more, index, name)
 
         self._desk.change("add material", edit)
+
+
+def of_kind(kind: type[Material], was: Material) -> Material:
+    """Return a material of another kind with those fields of the old one that it has too; the others are the kind's."""
+    fields = {} if isinstance(was, Measured) else vars(was)
+    if kind is Principled and isinstance(fields.get("specularity"), Texture):
+        fields = {key: value for key, value in fields.items() if key != "specularity"}
+    first: dict[str, Any] = {"metal": METALS[0]} if kind is Conductor else {"reflectance": GRAY}
+    return kind(**(first | {key: value for key, value in fields.items() if key in kind.__dataclass_fields__}))
 
 
 def _tidied(scene: edits.TwinScene) -> edits.TwinScene:

@@ -39,14 +39,10 @@ class ObjectsPanel:
         desk.on_input(self._middle, lambda value: self._place("place", middle_mm=np.array(value)))
         desk.on_input(self._angles, lambda value: self._place("turn", rotate_deg=np.array(value)))
         desk.on_input(self._scale, lambda value: self._place("scale", scale=np.array(value)))
-        self.list_files()
-
-    def list_files(self) -> None:
-        """Look for models in the workspace again."""
-        self._file.options = self._desk.workspace.files(MESHES) or (NONE,)
 
     def refresh(self) -> None:
-        """Show the numbers of the object that is selected."""
+        """Show the models that there are, and the numbers of the object that is selected."""
+        self._file.options = self._desk.listing.models or (NONE,)
         scene, index = self._desk.scene, self._desk.object
         one = scene.objects[index]
         self._object.options = self._names()
@@ -67,14 +63,14 @@ class ObjectsPanel:
 
     def _load(self) -> None:
         if self._file.value == NONE:
-            self.list_files()
+            self._desk.list_files()
+            self._desk.refresh()
         if self._file.value != NONE:
             self._load_file(self._file.value)
 
     def _load_file(self, name: str) -> None:
         from twin.mesh_files import read_mesh
 
-        self.list_files()
         mesh = read_mesh(self._desk.workspace.path(name))
         if self._desk.change(f"load {name}", lambda scene: edits.added(scene, Path(name).stem, mesh)):
             self._desk.select("object", len(self._desk.scene.objects) - 1)
@@ -91,8 +87,7 @@ class ObjectsPanel:
             was = placement_of(scene.objects[index])
             return edits.placed(scene, index, replace(was, **numbers))  # type: ignore[arg-type]
 
-        if not self._desk.change(f"{label} {index}", edit):
-            self.refresh()
+        self._desk.change(f"{label} {index}", edit)
 
     def _assign(self, name: str) -> None:
         index = self._desk.object

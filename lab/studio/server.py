@@ -3,13 +3,16 @@
 import contextlib
 import inspect
 import io
+from collections import deque
 from pathlib import Path
 from typing import Any
 
+from lab.studio.browser_desk import BrowserDesk
 from lab.studio.camera_panel import CameraPanel
-from lab.studio.desk import Desk
+from lab.studio.desk import Desk, begun
 from lab.studio.edits import start_scene
 from lab.studio.files_panel import FilesPanel
+from lab.studio.history import History
 from lab.studio.lights_panel import LightsPanel
 from lab.studio.materials_panel import MaterialsPanel
 from lab.studio.objects_panel import ObjectsPanel
@@ -25,6 +28,8 @@ from twin.description import TwinScene
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 WARM = -1
 """The desk of nobody."""
+MOST_LEFT = 8
+"""Scenes of closed windows that wait for the next ones."""
 
 
 class Studio:
@@ -69,7 +74,8 @@ class Studio:
 
         _check_free(host, port)
         self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
-        self._desks: dict[int, Desk] = {}
+        self._desks: dict[int, BrowserDesk] = {}
+        self._left: deque[History] = deque(maxlen=MOST_LEFT)
         with _own_pages_only(host), contextlib.redirect_stdout(io.StringIO()):
             self._server = viser.ViserServer(host=host, port=port, label="rgbn studio", verbose=False)
         self._server.request_share_url = lambda verbose=True: None
@@ -92,15 +98,18 @@ class Studio:
         return f"http://{f'[{host}]' if ':' in host else host}:{self._server.get_port()}"
 
     @property
-    def desks(self) -> list[Desk]:
+    def desks(self) -> list[BrowserDesk]:
         """Of the browsers that are here."""
         return list(self._desks.values())
 
     def close(self) -> None:
         """Send the browsers away and stop."""
-        for desk in self.desks:
-            desk.close()
+        desks = self.desks
         self._desks.clear()
+        for desk in desks:
+            desk.close()
+        for desk in desks:
+            desk.wait()
         self.preview.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -108,24 +117,39 @@ class Studio:
     def _come(self, client: Any) -> None:
         desk = self._desk_for(client)
         self._desks[client.client_id] = desk
+        # What takes time is done in the desk's own thread, which tells what is at fault.
         desk.post(lambda: _furnish(desk))
+        if client.client_id not in self._server.get_clients():
+            self._go(client)
 
-    def _desk_for(self, client: Any) -> Desk:
-        if self._review is None:
-            return Desk(client, self._workspace, self.preview, self._scene, self._folder)
-        return ReviewDesk(client, self._workspace, self.preview, *self._review)
+    def _desk_for(self, client: Any) -> BrowserDesk:
+        if self._review is not None:
+            return ReviewDesk(client, self._workspace, self.preview, *self._review)
+        try:
+            history = self._left.pop()
+        except IndexError:
+            return Desk(client, self._workspace, self.preview, begun(self._workspace, self._scene, self._folder))
+        desk = Desk(client, self._workspace, self.preview, history)
+        desk.tell("The scene of the window that was closed last", "File, New scene: begins anew.")
+        return desk
 
     def _go(self, client: Any) -> None:
+        """Close the desk of a browser that went away; its scene waits for the next that comes, as after a reload."""
         desk = self._desks.pop(client.client_id, None)
-        if desk is not None:
-            desk.close()
+        if desk is None:
+            return
+        if isinstance(desk, Desk) and (desk.history.past or desk.history.future):
+            self._left.append(desk.history)
+        desk.close()
 
 
-def _furnish(desk: Desk) -> None:
+def _furnish(desk: BrowserDesk) -> None:
     """Put the panels on a desk."""
     if isinstance(desk, ReviewDesk):
         furnish(desk)
         return
+    assert isinstance(desk, Desk)
+    desk.list_files()
     gui = desk.client.gui
     gui.main_panel.dock_right()
     gui.main_panel.set_width(340)

@@ -1,5 +1,6 @@
 """The folder that the studio works in: nothing outside of it is read or written by what the browser asks for."""
 
+import os
 import re
 import tomllib
 from collections.abc import Iterator
@@ -12,11 +13,35 @@ from scene.files import write_whole
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
+SCENES, LIGHTS = (".toml",), "lights.json"
 MOST_FILES = 300
 """That a list shows; more would only be scrolled through."""
+MOST_WALKED = 20_000
+"""Files that are looked at for the lists."""
 UPLOADS = "uploads"
 _FILE_KEYS = {"mesh", "pose", "file", "map"}
 """Keys of a scene description that name files."""
+
+
+@dataclass(frozen=True)
+class Listing:
+    """What a workspace holds, by the names that the browser calls it by, each sorted.
+
+    Parameters
+    ----------
+    models, pictures, scenes : tuple of str
+        Files.
+    sessions : tuple of str
+        Folders with lights.
+    is_cut : bool
+        There is more than is listed.
+    """
+
+    models: tuple[str, ...] = ()
+    pictures: tuple[str, ...] = ()
+    scenes: tuple[str, ...] = ()
+    sessions: tuple[str, ...] = ()
+    is_cut: bool = False
 
 
 @dataclass(frozen=True)
@@ -68,26 +93,43 @@ class Workspace:
             raise SceneError(f"{name!r}: is the workspace itself. Name a folder in it.")
         if found.exists() and not found.is_dir():
             raise SceneError(f"{name!r}: is a file. Name another folder.")
-        return found
+        return self.closed(found)
+
+    def closed(self, folder: Path) -> Path:
+        """Return a folder in which no link leads out of the workspace: what is written below it stays there.
+
+        Raises
+        ------
+        SceneError
+            One does.
+        """
+        for place, folders, files in os.walk(folder):
+            for path in (Path(place, name) for name in (*folders, *files)):
+                if path.is_symlink():
+                    self.path(path)
+        return folder
 
     def name(self, path: Path) -> str:
         """Return what the browser calls a path."""
         return path.resolve().relative_to(self.root).as_posix()
 
-    def files(self, suffixes: tuple[str, ...]) -> tuple[str, ...]:
-        """Return the names of the files that end so, sorted; hidden folders and the frames of renderings left out."""
-        found = []
-        for path in self._walk(self.root, depth=4):
-            if path.suffix.lower() in suffixes:
-                found.append(self.name(path))
-                if len(found) == MOST_FILES:
-                    break
-        return tuple(sorted(found))
-
-    def folders_with(self, file: str) -> tuple[str, ...]:
-        """Return the names of the folders that hold a file of this name, sorted."""
-        found = (self.name(path.parent) for path in self._walk(self.root, depth=4) if path.name == file)
-        return tuple(sorted(set(found)))[:MOST_FILES]
+    def listing(self) -> "Listing":
+        """Return what there is to choose from; hidden folders, links and the frames of renderings are left out."""
+        found: dict[str, list[str]] = {kind: [] for kind in ("models", "pictures", "scenes", "sessions")}
+        is_cut = False
+        for number, path in enumerate(self._walk(self.root, depth=4)):
+            if number == MOST_WALKED:
+                is_cut = True
+                break
+            kinds = {"models": MESHES, "pictures": PICTURES, "scenes": SCENES}
+            kind = next((kind for kind, ends in kinds.items() if path.suffix.lower() in ends), None)
+            if path.name == LIGHTS:
+                kind, path = "sessions", path.parent
+            if kind is None:
+                continue
+            is_cut |= len(found[kind]) == MOST_FILES
+            found[kind] = [*found[kind], self.name(path)][:MOST_FILES]
+        return Listing(**{kind: tuple(sorted(names)) for kind, names in found.items()}, is_cut=is_cut)
 
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.pictures import Image
-from lab.studio.desk import Desk
+from lab.studio.browser_desk import BrowserDesk
 from lab.studio.preview import Preview
 from lab.studio.review.corrections import Outlines, outlines_of
 from lab.studio.review.folder import Review
@@ -30,7 +30,7 @@ class Beside:
     caption: str
 
 
-class ReviewDesk(Desk):
+class ReviewDesk(BrowserDesk):
     """What a browser reviews. Its panels call `show`, `choose` and `correct`; then all panels are refreshed.
 
     Parameters
@@ -42,21 +42,26 @@ class ReviewDesk(Desk):
         The output folder.
     session_path : Path or None
         None: the session that the folder names.
+
+    Notes
+    -----
+    `read` is to be called before anything is shown.
     """
+
+    review: Review
 
     def __init__(
         self, client: Any, workspace: Workspace, preview: Preview, folder: Path, session_path: Path | None = None
     ) -> None:
         super().__init__(client, workspace, preview)
-        self.preview, self.review = preview, Review.read(folder, session_path)
-        self.session_path = session_path
+        self.folder, self.session_path = folder, session_path
         self.reading = 0
         """How often the folder was read again: whatever is shown of it is older than that, or as old."""
         self.frame, self.look, self.looks = 0, Look(), 0
         self.ball: int | None = None
         self.view: View = "Photograph"
         self.beside: Beside | None = None
-        self.outlines: Outlines = outlines_of(self.review)
+        self.outlines: Outlines = ()
         self.refitted: tuple[Sphere, ...] = ()
         """The balls as calibrating again has found them."""
         self.factor = 1
@@ -66,8 +71,12 @@ class ReviewDesk(Desk):
         self.on_scan: Callable[[Array], None] | None = None
         """Who wants the points that are clicked on the scan, mm."""
 
-    def refresh(self) -> None:
-        """Show everything as it is now."""
+    def read(self) -> None:
+        """Read the folder."""
+        self.review = Review.read(self.folder, self.session_path)
+        self.outlines = outlines_of(self.review)
+
+    def _refresh_panels(self) -> None:
         frames = self.review.material.frames
         self.frame = min(self.frame, len(frames) - 1) if frames is not None else 0
         if self.ball is not None and self.ball >= len(self.outlines):
@@ -109,7 +118,7 @@ class ReviewDesk(Desk):
 
     def read_again(self) -> None:
         """Read the folder again; corrections that were not kept are dropped."""
-        self.review = Review.read(self.review.store.folder, self.session_path)
+        self.read()
         self.reading += 1
-        self.outlines, self.refitted, self.beside = outlines_of(self.review), (), None
+        self.refitted, self.beside = (), None
         self.refresh()

@@ -15,6 +15,7 @@ from lab.studio.review.warnings_panel import WarningsPanel
 
 def furnish(desk: ReviewDesk) -> None:
     """Put the panels of a review on a desk."""
+    desk.read()
     gui = desk.client.gui
     wall, stage = Wall(desk), LightStage(desk)
     tabs = gui.add_tab_group()

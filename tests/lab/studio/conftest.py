@@ -1,8 +1,13 @@
-"""Chromium for the studio's tests, and where things stand on its screen."""
+"""Chromium for the studio's tests and where things stand on its screen; and a client that nobody sits at."""
 
+import asyncio
+import contextlib
+import io
 import os
 import shutil
+import threading
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -38,6 +43,76 @@ def chromium():
         browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def viser_server():
+    """A server of viser's that no browser comes to."""
+    import viser
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        yield server
+        server.stop()
+
+
+class Nobody:
+    """A client that nobody sits at: viser's own inputs and view, used as its server uses them for a browser."""
+
+    def __init__(self, server, number=1):
+        self.client_id, self._server, self.gui, self.scene = number, server, server.gui, server.scene
+        self.camera, self.told = SimpleNamespace(fov=0.8, aspect=1.5), []
+        self.atomic = server.atomic
+
+    def add_notification(self, title, text, **look):
+        self.told.append(f"{title}: {text}")
+
+    def input(self, label):
+        """Return the input or button of these words that was made last."""
+        handles = self.gui._gui_input_handle_from_uuid.values()
+        return [one for one in handles if (getattr(one, "label", None) or "").partition(":")[0] == label][-1]
+
+    def says(self, handle, value=True):
+        """Change an input, or press a button, given itself or its words."""
+        handle = self.input(handle) if isinstance(handle, str) else handle
+        handle._impl.value = value
+        for call in handle._impl.update_cb:
+            asyncio.run(call(SimpleNamespace(client=self, client_id=self.client_id, target=handle)))
+
+    def sends(self, label, name, content):
+        """Send a file by a button."""
+        self.says(label, SimpleNamespace(name=name, content=content))
+
+
+@pytest.fixture
+def nobody(viser_server):
+    """Return what makes a client that nobody sits at."""
+    yield lambda number=1: Nobody(viser_server, number)
+    viser_server.gui.reset()
+    viser_server.scene.reset()
+
+
+@pytest.fixture
+def no_preview():
+    """A preview that draws nothing, and what was asked of it, in order."""
+    asked = []
+    return SimpleNamespace(
+        asked=asked,
+        wish=lambda desk, *rest: asked.append(("wish", desk)),
+        forget=lambda desk: asked.append(("forget", desk)),
+    )
+
+
+@pytest.fixture
+def settle():
+    """Return what waits until a desk has done all that was said so far."""
+
+    def wait(desk):
+        done = threading.Event()
+        desk.post(done.set)
+        assert done.wait(60), "the desk is stuck"
+
+    return wait
 
 
 class Visitor:

@@ -22,11 +22,12 @@ from twin.variant import FAST, pick_variant
 pytestmark = [pytest.mark.render, pytest.mark.slow, pytest.mark.xdist_group("studio")]
 
 
-@pytest.fixture(scope="module")
-def studio(tmp_path_factory):
-    """A studio whose camera takes small pictures, with one model and one broken one in its workspace."""
-    root = tmp_path_factory.mktemp("bench")
+@pytest.fixture
+def studio(tmp_path):
+    """A studio whose camera takes small pictures, with one model in its workspace."""
+    root = tmp_path / "bench"
     cone = built_in("cone")
+    root.mkdir()
     write_ply(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
     small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
     # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
@@ -170,6 +171,14 @@ def test_two_browsers_do_not_disturb_each_other(visit, studio):
     other.page.close()
     one.until(lambda: theirs not in studio.desks, "the desk of a browser that went away is cleared")
     assert mine in studio.desks
+    one.tab("Camera")
+    one.page.get_by_label("orthographic").click(force=True)
+    one.until(lambda: mine.history.past, "changed again")
+    one.page.reload()
+    one.button("Load model").wait_for()
+    one.until(
+        lambda: [desk.history for desk in studio.desks] == [mine.history], "a reload keeps the scene and its past"
+    )
 
 
 @pytest.mark.full

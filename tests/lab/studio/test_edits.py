@@ -222,10 +222,32 @@ def test_digits_typed_are_undone_together():
     start, scenes = History(one_object()), [one_object() for _ in range(3)]
     history = start
     for number, scene in enumerate(scenes):
-        history = history.did("place 0", scene, now_s=0.5 * TOGETHER_S * number)
+        history = history.did("place 0", scene, 0.5 * TOGETHER_S * number, "place")
     assert history.undone().scene is start.scene
-    later = history.did("place 0", scenes[0], now_s=5 * TOGETHER_S)
+    later = history.did("place 0", scenes[0], 5 * TOGETHER_S, "place")
     assert later.undone().scene is scenes[2]
+    other = history.did("place 0", scenes[0], 1.1 * TOGETHER_S, "scale")
+    assert other.undone().scene is scenes[2], "another input's change is another"
+    pressed = history.did("add", scenes[0], 1.1 * TOGETHER_S).did("add", scenes[1], 1.2 * TOGETHER_S)
+    assert pressed.undone().scene is scenes[0], "a button pressed twice"
+
+
+def test_the_past_keeps_no_vertices_but_the_meshes_own():
+    """What a scene works out of itself is let go with it; what the next one shares with it is not worked out again."""
+    scene = edits.added(one_object(), "second", built_in("sphere"))
+    assert scene.points is scene.points
+    still, turned = scene.objects
+    moved = edits.turned(scene, 1, np.array([1.0, 2, -700]), np.eye(3))
+    history = History(scene).did("turn", moved, 0.0)
+    assert "points" not in vars(scene)
+    assert "placed" not in vars(turned)
+    assert "placed" in vars(still)
+    assert moved.points is moved.points
+    back = history.undone()
+    assert "points" not in vars(moved)
+    assert back.scene.points is back.scene.points
+    back.redone()
+    assert "points" not in vars(scene)
 
 
 def test_a_scene_edited_is_saved_and_read_again(tmp_path):

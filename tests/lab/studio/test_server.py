@@ -3,10 +3,13 @@
 import http.client
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
 
+from lab.studio import edits
+from lab.studio.review.folder import Review
 from lab.studio.server import Studio
 from lab.studio.workspace import Workspace
 from scene.errors import SceneError
@@ -77,6 +80,76 @@ def test_the_web_relay_is_shut(studio):
         handle(0, _messages.ShareUrlRequest())
     server._thread_executor.submit(int).result()
     assert server._share_tunnel is None
+
+
+def test_a_window_that_is_loaded_again_goes_on_with_its_scene(studio, nobody, monkeypatch):
+    """Every closed window's scene, with its past, comes to a window that is opened; nothing is lost or shared."""
+    here = {}
+    monkeypatch.setattr(studio._server, "get_clients", lambda: here)
+
+    def come(number):
+        here[number] = nobody(number)
+        studio._come(here[number])
+        return studio._desks[number]
+
+    def go(number):
+        studio._go(here.pop(number))
+
+    first, second, idle = come(1), come(2), come(3)
+    for desk, width in ((first, 64), (second, 80)):
+        desk.post(lambda desk=desk, width=width: desk.change("camera", resized(width)))
+    for desk in (first, second, idle):
+        done = threading.Event()
+        desk.post(done.set)
+        assert done.wait(60)
+    pasts = {desk.scene.camera.width: desk.history for desk in (first, second)}
+    for number in (1, 2, 3):
+        go(number)
+    found = [come(number) for number in (4, 5, 6)]
+    assert {desk.scene.camera.width for desk in found} == {64, 80, 640}, "one begins anew"
+    for desk in found[:2]:
+        assert desk.history is pasts[desk.scene.camera.width]
+        assert "closed last" in desk.client.told[0]
+    for number in (4, 5, 6):
+        go(number)
+    studio._left.clear()
+
+
+def resized(width):
+    return lambda scene: edits.with_camera(scene, width=width, height=60, focal_px=200.0, orthographic=False)
+
+
+def test_a_browser_that_is_gone_before_its_desk_is_made_leaves_none(studio, nobody, monkeypatch):
+    monkeypatch.setattr(studio._server, "get_clients", dict)
+    gone = nobody(7)
+    studio._go(gone)
+    studio._come(gone)
+    assert not studio.desks
+
+
+def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(tmp_path, nobody, monkeypatch):
+    """Reading takes long on a large folder: it is done in the desk's thread, and what fails there is shown."""
+    go_on = threading.Event()
+
+    def read(*_):
+        assert go_on.wait(60)
+        raise OSError("the disk is gone")
+
+    monkeypatch.setattr(Review, "read", read)
+    running = Studio(Workspace.at(tmp_path), port=0, review=(tmp_path, None))
+    try:
+        client = nobody(8)
+        monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
+        running._come(client)
+        (desk,) = running.desks
+        go_on.set()
+        done = threading.Event()
+        desk.post(done.set)
+        assert done.wait(60)
+        assert "the disk is gone" in client.told[0]
+    finally:
+        go_on.set()
+        running.close()
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,8 @@
 
 import pytest
 
-from lab.studio.workspace import MESHES, PICTURES, Workspace
+from lab.studio import workspace
+from lab.studio.workspace import PICTURES, Listing, Workspace
 from scene.errors import SceneError
 
 
@@ -27,7 +28,11 @@ def test_nothing_outside_is_reached(place, name):
 
 
 def test_what_is_inside_is_found(place):
-    assert place.files(MESHES) == ("models/a.ply",), "neither hidden files nor links"
+    (place.root / "models" / "b.PNG").touch()
+    (place.root / "models" / "lights.json").touch()
+    (place.root / "s.toml").touch()
+    found = Listing(("models/a.ply",), ("models/b.PNG",), ("s.toml",), ("models",))
+    assert place.listing() == found, "neither hidden files nor links"
     assert place.path("models/a.ply").read_text() == "ply"
     assert place.path("models/../models/a.ply") == place.path("models/a.ply")
 
@@ -74,3 +79,15 @@ def test_a_folder_for_a_scene_is_in_the_workspace(place):
     with pytest.raises(SceneError, match="not a folder"):
         Workspace.at(place.root / "models" / "a.ply")
     assert ".npy" in PICTURES
+
+
+def test_lists_end(place, monkeypatch):
+    for number in range(4):
+        (place.root / f"{number}.ply").touch()
+    assert not place.listing().is_cut
+    monkeypatch.setattr(workspace, "MOST_FILES", 5)
+    assert (len(place.listing().models), place.listing().is_cut) == (5, False)
+    monkeypatch.setattr(workspace, "MOST_FILES", 4)
+    assert (len(place.listing().models), place.listing().is_cut) == (4, True)
+    monkeypatch.setattr(workspace, "MOST_WALKED", 3)
+    assert (len(place.listing().models), place.listing().is_cut) == (3, True), "a large folder is not walked to its end"
