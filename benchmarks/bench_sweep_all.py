@@ -33,8 +33,9 @@ def means(statistics: list[dict]) -> list[str]:
         for solver in SOLVERS:
             found = [ours[one.name, solver, profile] for profile in ("default", "seed")]
             shown = " / ".join(f"{row['mean']:.1f}" if "mean" in row else "–" for row in found)
-            failed = sum(row["failed"] for row in found)
-            note = f" ({failed} failed)" if failed else ""
+            counts = {key.replace("_", " "): sum(row[key] for row in found) for key in ("no_answer", "failed")}
+            told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
+            note = f" ({told})" if told else ""
             fields.append(f"{shown} / {theirs[one.name, solver]['mean']:.1f}{note}")
         rows.append(f"| {one.label} | " + " | ".join(fields) + " |")
     return rows

@@ -62,6 +62,7 @@ class CoatSearch:
 
     def __init__(self, samples: Samples, white: Array | None, *, bare: bool, about: Fit | None = None) -> None:
         self._samples, self._white = samples, white
+        self._parameters = (2 if white is not None else 4) + bare
         self.weights = _start(samples)
         self.fit = self._anywhere(COVERED if bare else (1.0,)) if about is None else about
         self.noise = self._weigh()
@@ -120,7 +121,7 @@ class CoatSearch:
     def _best(self, surface: Coat) -> tuple[float, Fit]:
         """Return the sum of squares that a surface leaves, and it with its best strength."""
         strength, left = strengths(self._sums(surface), self._white)
-        return left, Fit(surface, strength, 2 if self._white is not None else 4)
+        return left, Fit(surface, strength, self._parameters)
 
     def _anywhere(self, shares: tuple[float, ...]) -> Fit:
         """Return the best coat of any roughness that is tried, covering any of the shares.
@@ -136,10 +137,9 @@ class CoatSearch:
         return self._moved(lambda x: _roughened(fit.surface, x), middle, STEP, 3, ends)
 
     def _along_covered(self, fit: Fit) -> Fit:
-        found = self._moved(
+        return self._moved(
             lambda share: replace(fit.surface, covered=share), fit.surface.covered, COVERED_STEP, 4, (0.0, 1.0)
         )
-        return replace(found, parameters=found.parameters + 1)
 
     def _moved(
         self, surfaces: Callable[[float], Coat], here: float, step: float, most: float, ends: tuple[float, float]

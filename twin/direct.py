@@ -35,7 +35,8 @@ class Direct:
     lights : Lights
         Distant, or points; see `Flashes` for the units.
     error : float
-        Root mean square error that is asked for, over each frame's mean brightness where any light meets an object;
+        Root mean square error of the box that is asked for, over each frame's mean brightness where any light meets an
+        object;
         a frame counts as at least a tenth as bright as the brightest.
 
     Attributes

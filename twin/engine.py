@@ -25,7 +25,7 @@ class Choice:
     ----------
     engine : {"direct", "many", "mitsuba"}
     error : float
-        That was asked for: root mean square over the frames' mean brightness.
+        That was asked for: see `Pilot`.
     samples : int
         Paths a pixel of `many`, or of `mitsuba` for each light.
     reason : str

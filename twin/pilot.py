@@ -29,7 +29,9 @@ TRIED = 0.5, 0.5**0.5, 1.0, 2.0, 4.0
 
 @dataclass(frozen=True)
 class Pilot:
-    """What a pilot of a few thousand pixels tells. Errors are root mean squares over the frames' mean brightness.
+    """What a pilot of a few thousand pixels tells.
+
+    Errors are root mean squares over the film's box, over the frames' mean brightness where anything is seen.
 
     Parameters
     ----------
@@ -124,9 +126,10 @@ def run_pilot(scene: TwinScene, film: Film) -> Pilot | None:
     halves = [_timed(lambda seed=seed: tracer.image(index, PILOT_SAMPLES, seed=seed)) for seed in (1, 2)]
     noise = float(np.mean((halves[0][0] - halves[1][0]) ** 2)) / 2
     whole = straight + onward
-    mean = float(whole.mean())
-    if mean <= 0:
+    seen = whole.max((0, -1)) > 0
+    if not seen.any():
         return None
+    mean = float(whole[:, seen].mean())
     difference = _blocks((halves[0][0] + halves[1][0]) / 2 - whole[index])
     left = float(np.mean(difference**2)) - (noise / 2 + spread / 2) / BLOCK**2
     return Pilot(

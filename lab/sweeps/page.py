@@ -17,6 +17,7 @@ from lab.sweeps.summary import (
     Statistics,
     benchmark_statistics,
     curve,
+    has_failed,
     rank_correlation,
     statistics,
 )
@@ -61,7 +62,8 @@ def write_page(
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'><title>Sweeps</title>",
         f"<style>{STYLE}</style><h1>Where photometric stereo fails</h1>",
-        f"<p>{len(found)} cells, {sum(row['status'] != 'ok' for row in rows)} of {len(rows)} results failed.</p>",
+        f"<p>{len(found)} cells, {len(rows)} results: {sum(row['status'].startswith('no answer') for row in rows)} "
+        f"without an answer, {sum(map(has_failed, rows))} failed.</p>",
         *_stability(folder, rows, perturbed),
         _speed(folder / "speed.svg", rows, seconds, there),
         _correlation_words(correlations),
@@ -75,7 +77,7 @@ def write_page(
             charts.append(chart)
         charts.append(_speed(folder / f"{one.name}-speed.svg", rows, seconds, [one]))
         parts.append(f"<h2>{escape(one.label)}</h2>{_pictures(found, one)}<div class='charts'>{''.join(charts)}</div>")
-        parts.append(_failures(rows, one.name))
+        parts.append(_without_result(rows, one.name))
     write_text(folder / "index.html", "\n".join(parts))
     write_json(
         folder / "statistics.json",
@@ -108,7 +110,7 @@ def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
         "(the experiment's own shapes) and draws. The smallest error of lights, intensities or ambient light: "
         "bisection of a random perturbation's strength on a matte pear under a dome; median and quartiles over "
         "draws.</p>",
-        *(_failures(perturbed, name) for name in PERTURBATIONS),
+        *(_without_result(perturbed, name) for name in PERTURBATIONS),
         "<details><summary>Do the methods know it? How often they doubt their results</summary>"
         f"<table><tr><th></th><th>of the broken</th><th>of the others</th></tr>{lines}</table></details>",
     ]
@@ -179,18 +181,18 @@ def _table(ours: Statistics, there: list[Experiment], solvers: list[str]) -> str
             here = [ours.get((one.name, solver, profile), {}) for profile in ("default", "seed")]
             spans = (f"<span class='{kind}'>{_counts(n)}</span>" for kind, n in zip(("", "seed"), here, strict=True))
             counts += f"<td>{''.join(spans)}</td>"
-        lines.append(f"<tr><th>cells / failed / unanswered</th>{counts}</tr>")
+        lines.append(f"<tr><th>cells / without an answer / failed / pixels without one</th>{counts}</tr>")
     return (
         "<p>Angular error in degrees, of each cell the mean. In each field: the methods as they are, "
         "<span class='seed'>their plain readings (profile seed)</span>, <span class='theirs'>the benchmark's own "
-        "number</span>. Failed cells and unanswered pixels are in no mean.</p>"
+        "number</span>. What has no answer or failed is in no mean.</p>"
         f"<div class='scroll'><table><tr><th></th>{head}</tr>{''.join(lines)}</table></div>"
     )
 
 
 def _counts(numbers: dict[str, float]) -> str:
-    cells, failed, share = (numbers.get(name, 0) for name in ("cells", "failed", "unanswered"))
-    return f"{cells} / {failed} / {100 * share:.0f} %"
+    cells, silent, failed, share = (numbers.get(name, 0) for name in ("cells", "no_answer", "failed", "unanswered"))
+    return f"{cells} / {silent} / {failed} / {100 * share:.0f} %"
 
 
 def _chart(rows: Rows, experiment: Experiment, solvers: list[str], name: str) -> str:
@@ -220,13 +222,13 @@ def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
     return "".join(shown[level] for level in sorted(shown))
 
 
-def _failures(rows: Rows, experiment: str) -> str:
+def _without_result(rows: Rows, experiment: str) -> str:
     counts: dict[tuple[str, str], int] = {}
     for row in rows:
-        if row["experiment"] == experiment and row["status"].startswith("failed"):
+        if row["experiment"] == experiment and row["status"] not in ("ok", "not told"):
             key = (f"{row['solver']}, {row['profile']}", row["status"])
             counts[key] = counts.get(key, 0) + 1
     if not counts:
         return ""
     items = "".join(f"<li>{count} x {escape(who)}: {escape(why)}</li>" for (who, why), count in counts.items())
-    return f"<p>Failed:</p><ul>{items}</ul>"
+    return f"<p>Without a result:</p><ul>{items}</ul>"

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from lab.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS
+from lab.sweeps.summary import has_failed
 from solve.solve import UNCALIBRATED
 
 Rows = list[dict[str, Any]]
@@ -33,8 +34,9 @@ class Level:
     level : int
     label : str
     cells, broken_cells : int
+        Those that failed by a fault of ours are neither.
     median_deg : float or None
-        Median over cells of the median error, a cell without a result counting as worse than any. None: that is none.
+        Median over cells of the median error, a cell without an answer counting as worse than any. None: that is none.
     is_broken : bool
         `median_deg` is past 10 degrees, or half of the cells are.
     how : str or None
@@ -86,7 +88,7 @@ class Strip:
 
 
 def is_broken(row: dict[str, Any]) -> bool:
-    """Tell whether a row has no result, or a median error past 10 degrees, or no normal for half of the object."""
+    """Tell whether a row has no answer, or a median error past 10 degrees, or no normal for half of the object."""
     return row["status"] != "ok" or row["median_deg"] > BREAKS_DEG or row["unanswered"] > 0.5
 
 
@@ -119,7 +121,7 @@ def foretold(row: dict[str, Any]) -> bool:
 def strips(rows: Rows) -> list[Strip]:
     """Return every method and profile over every experiment, in the rows' order."""
     groups: dict[tuple[str, str, str], dict[int, Rows]] = {}
-    for row in rows:
+    for row in (row for row in rows if not has_failed(row)):
         place = groups.setdefault((row["experiment"], row["solver"], row["profile"]), {})
         place.setdefault(row["level"], []).append(row)
     return [Strip(*key, tuple(_level(levels[i]) for i in sorted(levels))) for key, levels in groups.items()]
@@ -177,8 +179,8 @@ def tolerances(perturbed: Rows) -> list[Tolerance]:
         groups.setdefault((row["experiment"], row["solver"], row["profile"]), []).append(row)
     found = []
     for key, rows in groups.items():
-        tried = [row for row in rows if row["status"] == "ok"]
-        failed = sum(row["status"].startswith("failed") for row in rows)
+        failed = sum(map(has_failed, rows))
+        tried = [row for row in rows if row["status"] != "not told" and not has_failed(row)]
         strengths = [np.inf if row["breaks_at"] is None else row["breaks_at"] for row in tried]
         broken = [row for row in tried if row["breaks_at"] is not None]
         low, middle, high = (
@@ -210,8 +212,11 @@ def candour(rows: Rows) -> list[dict[str, Any]]:
     found: dict[tuple[str, str], dict[str, Any]] = {}
     for row in rows:
         start = {"solver": row["solver"], "profile": row["profile"]}
-        start |= dict.fromkeys(("broken", "broken_doubted", "whole", "whole_doubted"), 0)
+        start |= dict.fromkeys(("broken", "broken_doubted", "whole", "whole_doubted", "failed"), 0)
         one = found.setdefault((row["solver"], row["profile"]), start)
+        if has_failed(row):
+            one["failed"] += 1
+            continue
         which = "broken" if is_broken(row) else "whole"
         one[which] += 1
         one[f"{which}_doubted"] += foretold(row)

@@ -20,8 +20,9 @@ def statistics(rows: Rows) -> Statistics:
     Notes
     -----
     min, max, mean, median and std (of the population) over levels, shapes and seeds, as the benchmark's table has
-    them: of each dataset one mean error. `cells` are those that count, `failed` those that have no result and are in no
-    mean; `unanswered`: the mean share of an object's pixels without a normal, which are in no mean either.
+    them: of each dataset one mean error. `cells` are those that count, `no_answer` those that a method refused,
+    `failed` those that ended by a fault of ours: neither is in a mean; `unanswered`: the mean share of an object's
+    pixels without a normal, which are in no mean either.
     """
     groups: dict[tuple[str, str, str], Rows] = {}
     for row in rows:
@@ -30,12 +31,20 @@ def statistics(rows: Rows) -> Statistics:
     for key, group in groups.items():
         good = [row for row in group if row["status"] == "ok"]
         errors = np.array([row["mean_deg"] for row in good], float)
-        numbers: dict[str, float] = {"cells": len(good), "failed": len(group) - len(good)}
+        failed = sum(has_failed(row) for row in group)
+        numbers: dict[str, float] = {
+            "cells": len(good), "no_answer": len(group) - len(good) - failed, "failed": failed
+        }  # fmt: skip
         if len(good):
             numbers |= {name: float(getattr(np, name)(errors)) for name in STATISTICS}
             numbers["unanswered"] = float(np.mean([row["unanswered"] for row in good]))
         found[key] = numbers
     return found
+
+
+def has_failed(row: dict[str, Any]) -> bool:
+    """Tell whether a row is without a result by a fault of ours, and not by the method's own word."""
+    return str(row["status"]).startswith("failed")
 
 
 def benchmark_statistics() -> dict[tuple[str, str], dict[str, float]]:

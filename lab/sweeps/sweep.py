@@ -130,8 +130,10 @@ def _results(cells: list[Cell], work: Work, scheduler: str | None, processes: in
 def join_cells(root: Path, folder: Path, cells: Sequence[Cell]) -> None:
     """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
     mark = hashlib.sha256("".join(cell.key for cell in cells).encode())
-    charts = (ROOT / "compare" / name for name in ("line_chart.py", "speed.py", "speed_chart.py"))
-    for path in (*sorted(Path(__file__).parent.glob("*.py")), *charts):
+    here = Path(__file__).parent
+    charts = (ROOT / "compare").glob("*.py")
+    made = (cell_path(root, cell) for cell in cells)
+    for path in (*sorted(here.glob("*.py")), here / "benchmark_figure7.csv", *sorted(charts), *made):
         mark.update(path.read_bytes())
     seal = folder / "joined.txt"
     if seal.exists() and seal.read_text() == mark.hexdigest():

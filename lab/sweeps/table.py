@@ -25,7 +25,7 @@ RESULTS = KEY | {
 }  # fmt: skip
 """Columns of results.parquet."""
 PERTURBED = KEY | {"breaks_at": "float64"} | {name: kind for name, kind in RESULTS.items() if name not in KEY}
-"""Columns of perturbations.parquet; `status` "not told": the method does not ask for the quantity."""
+"""Columns of perturbations.parquet; `status` may be "not told": the method does not ask for the quantity."""
 SECONDS = KEY | {"seconds": "float64"}
 """Columns of seconds.parquet; `solver` empty: the photographs were made."""
 

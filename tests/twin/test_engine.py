@@ -12,10 +12,12 @@ from twin import engine as engines
 from twin import pilot as pilots
 from twin.description import Environment, Sampling, TwinObject, TwinScene
 from twin.engine import Choice, choose_engine
+from twin.film import film_for
 from twin.layers import render_layers
 from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface
 from twin.object_mesh import built_in
 from twin.path_tracing import PathTracer
+from twin.pilot import run_pilot
 from twin.variant import FAST, pick_variant
 
 pytestmark = [
@@ -133,3 +135,13 @@ def test_the_layers_add_up_to_stock_mitsuba_environment_and_all():
     stock = render_layers(scene, film, Choice("mitsuba", 0.005, 16, ""))
     assert stock.onward is None
     assert np.allclose(stock.frames().mean((1, 2)), layers.frames().mean((1, 2)), rtol=0.01)
+
+
+def test_errors_are_over_the_brightness_of_what_is_seen():
+    """As `direct`'s are: what a wider film adds, nothing at all, is no darker a picture."""
+    found = []
+    for camera in (CAMERA, Camera(96, 80, 150.0, 150.0, 47.5, 39.5)):
+        corners = camera.points_at_depth([[0, 0], [camera.width - 1, camera.height - 1]], -300.0)
+        found.append(run_pilot(ball(camera=camera), film_for(camera, corners)))
+    # Four times the box, three quarters of it empty: the same sum of squares over four times the pixels.
+    assert np.sqrt(found[1].noise) == pytest.approx(np.sqrt(found[0].noise) / 2, rel=0.25)

@@ -77,9 +77,20 @@ def test_exposure_does_not_count_as_an_albedo_error():
 def test_who_fails_says_why_and_the_others_go_on():
     few = replace(CELL, recipe=replace(CELL.recipe, images=3, seed=10004), profiles=("default",))
     rows = {row["solver"]: row for row in run_cell(few)["rows"]}
-    assert "failed: uncalibrated methods: found 3 frames" in rows["ldr"]["status"]
+    assert "no answer: uncalibrated methods: found 3 frames" in rows["ldr"]["status"]
     assert rows["ls"]["status"] == "ok"
     assert "mean_deg" not in rows["ldr"]
+
+
+def test_a_fault_of_ours_is_not_the_methods_answer(monkeypatch):
+    from lab.sweeps import cell
+
+    def divide(*_, **__):
+        raise ZeroDivisionError("by the test")
+
+    monkeypatch.setattr(cell, "solve", divide)
+    (row,) = run_cell(replace(CELL, methods=("ls",), profiles=("default",)))["rows"]
+    assert row["status"] == "failed: ZeroDivisionError: by the test"
 
 
 def test_a_scene_that_cannot_be_rendered_fails_in_every_row():

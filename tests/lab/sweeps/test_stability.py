@@ -76,7 +76,7 @@ def test_a_broken_result_has_the_kind_that_explains_it():
     assert kind_of(row(median=40.0, turn_deg=2.0)) == "turned"
     assert kind_of(row(median=40.0)) == "scattered"
     assert kind_of(row(median=1.0, unanswered=0.6)) == "no answer"
-    assert kind_of({"status": "failed: too few", "solver": "tv"}) == "no answer"
+    assert kind_of({"status": "no answer: too few", "solver": "tv"}) == "no answer"
 
 
 @pytest.mark.parametrize(
@@ -96,13 +96,21 @@ def test_where_it_breaks_is_told_in_words(errors, words):
 
 
 def test_half_of_the_draws_break_a_level_and_who_refuses_is_one_of_them():
-    refused = {**row(seed=2), "status": "failed: too few"}
+    refused = {**row(seed=2), "status": "no answer: too few"}
     (level,) = strips([row(median=1.0), row(median=50.0, seed=1, doubts="noise"), refused, row(seed=3)])[0].levels
     assert (level.cells, level.broken_cells, level.is_broken, level.foretold) == (4, 2, True, True)
     (level,) = strips([row(), row(median=50.0, seed=1), row(seed=2)])[0].levels
     assert (level.broken_cells, level.is_broken, level.foretold) == (1, False, False)
     (level,) = strips([refused, {**refused, "seed": 3}])[0].levels
     assert (level.median_deg, level.how) == (None, "no answer")
+
+
+def test_a_fault_of_ours_is_neither_a_broken_method_nor_one_that_doubted_itself():
+    failed = {**row(seed=2), "status": "failed: ZeroDivisionError"}
+    (level,) = strips([row(median=50.0), failed, {**failed, "seed": 3}, row(seed=4), row(seed=5)])[0].levels
+    assert (level.cells, level.broken_cells, level.is_broken, level.foretold) == (3, 1, False, False)
+    (one,) = candour([row(median=50.0), failed, row(seed=4)])
+    assert (one["broken"], one["broken_doubted"], one["whole"], one["failed"]) == (1, 0, 1, 1)
 
 
 def test_doubts_are_counted_where_they_are_right_and_where_not():
@@ -224,6 +232,9 @@ def test_a_draw_that_failed_does_not_count_as_one_that_held():
     failed = {**row(experiment="intensities off"), "status": "failed: ZeroDivisionError", "breaks_at": None}
     (one,) = tolerances([borne(4.0), failed, failed])
     assert (one.breaks_at, one.draws, one.failed) == (4.0, 1, 2)
+    silent = {**failed, "status": "no answer: no pixel has a normal", "breaks_at": 9.0, "unanswered": 1.0}
+    (one,) = tolerances([borne(4.0), silent, failed])
+    assert (one.high, one.draws, one.failed) == (9.0, 2, 1)
     (none,) = tolerances([failed])
     svg = atlas(strips([row(0)]), [none])
     assert "failed" in svg
