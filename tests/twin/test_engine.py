@@ -13,6 +13,7 @@ from twin import pilot as pilots
 from twin.description import Environment, Sampling, TwinObject, TwinScene
 from twin.engine import Choice, choose_engine
 from twin.film import film_for
+from twin.flashes import import_mitsuba
 from twin.layers import render_layers
 from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface
 from twin.object_mesh import built_in
@@ -139,6 +140,7 @@ def test_the_layers_add_up_to_stock_mitsuba_environment_and_all():
 
 def test_errors_are_over_the_brightness_of_what_is_seen():
     """As `direct`'s are: what a wider film adds, nothing at all, is no darker a picture."""
+    import_mitsuba()
     found = []
     for camera in (CAMERA, Camera(96, 80, 150.0, 150.0, 47.5, 39.5)):
         corners = camera.points_at_depth([[0, 0], [camera.width - 1, camera.height - 1]], -300.0)
