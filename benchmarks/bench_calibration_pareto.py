@@ -96,9 +96,10 @@ def main() -> None:
     for balls in BALLS:
         fields = []
         for count in FRAMES:
-            values = found.get((balls, count))
+            values = found.get((balls, count), [])
             middle = np.median(values, axis=0) if values else None
-            fields.append("refused" if middle is None else f"{middle[0]:.1f} s, {middle[1]:.3f}°")
+            some = f" ({len(values)} of {options.seeds})" if values and len(values) < options.seeds else ""
+            fields.append("refused" if middle is None else f"{middle[0]:.1f} s, {middle[1]:.3f}°{some}")
         rows.append(f"| {balls} | " + " | ".join(fields) + " |")
         there = [np.median(found[balls, count], axis=0) for count in FRAMES if (balls, count) in found]
         if there:
@@ -106,6 +107,7 @@ def main() -> None:
     text = "\n".join(rows) + (
         f"\n\nMedians over {options.seeds} sessions, seeds from {FIRST_SEED}: processor seconds of `calibrate` on "
         "decoded frames of 0.24 megapixels, median error of the directions at the object (one ball: at the ball). "
+        "Where some were refused, it says of how many: "
         f"{len(refused)} of {len(BALLS) * len(FRAMES) * options.seeds} sessions were refused. Measured by "
         "`benchmarks/bench_calibration_pareto.py`.\n\n![Seconds against direction error](calibration-speed.svg)\n"
     )
