@@ -22,11 +22,11 @@ demo: setup
 
 test: setup
 	@$(PYTHON) lab/system_libraries.py --browser
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -q -m "not full"
+	$(BIN)/python -m pytest -n 2 --dist loadfile -q -m "not full"
 
 # As well as what would take `make test` beyond twenty minutes on two cores.
 test-all: setup
-	$(BIN)/python -m pytest -n 2 --dist loadgroup -q
+	$(BIN)/python -m pytest -n 2 --dist loadfile -q
 
 lint: setup
 	$(BIN)/ruff check .

@@ -17,8 +17,7 @@ from scene.normals import angular_error_deg, decode_normals
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 
-# One worker runs the demo once for all of these.
-pytestmark = [pytest.mark.slow, pytest.mark.render, pytest.mark.xdist_group("demo")]
+pytestmark = [pytest.mark.slow, pytest.mark.render]
 
 
 @pytest.fixture(scope="session")

@@ -19,7 +19,7 @@ from twin.object_mesh import ObjectMesh, built_in
 from twin.picture_files import read_picture
 from twin.variant import FAST, pick_variant
 
-pytestmark = [pytest.mark.render, pytest.mark.slow, pytest.mark.xdist_group("studio")]
+pytestmark = [pytest.mark.render, pytest.mark.slow]
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from twin.description import Sampling
 from twin.description_tables import RingTable
 from twin.description_writer import write_scene
 
-pytestmark = [pytest.mark.render, pytest.mark.xdist_group("studio")]
+pytestmark = [pytest.mark.render]
 
 
 def small_scene(folder, samples):

@@ -14,7 +14,7 @@ from lab.studio.server import Studio
 from lab.studio.workspace import Workspace
 from scene.errors import SceneError
 
-pytestmark = [pytest.mark.render, pytest.mark.xdist_group("studio")]
+pytestmark = [pytest.mark.render]
 
 
 @pytest.fixture(scope="module")

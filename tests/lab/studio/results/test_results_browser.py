@@ -9,7 +9,7 @@ from lab.studio.results.side_by_side import layout_of, side_by_side, window_of
 from lab.studio.server import Studio
 from lab.studio.workspace import Workspace
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("studio")]
+pytestmark = [pytest.mark.slow]
 
 
 def place_of(panel, results, pixel, side):

@@ -11,7 +11,7 @@ from lab.studio.review.scan_picks import load_scan, met
 from lab.studio.server import Studio
 from lab.studio.workspace import Workspace
 
-pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("studio")]
+pytestmark = [pytest.mark.slow]
 READY = "Photograph"
 
 
