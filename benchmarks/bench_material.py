@@ -55,9 +55,9 @@ def virtual(seeds: int) -> list[str]:
         fit, assumed = found.fit, (true.roughness, float(true.specularity))  # type: ignore[arg-type]
         wrong = fit.roughness / assumed[0] - 1, fit.specularity / assumed[1] - 1, float(np.median(error))
         off.append(wrong)
-        divided = ", two places" if len(found.places.fits) > 1 else ""
+        what = f"{shape}, two places" if len(found.places.fits) > 1 else shape
         lines.append(
-            f"| {seed} | {shape}{divided} | {'near' if near else 'distant'} | {assumed[0]:.3f} | {100 * wrong[0]:+.1f} % | "
+            f"| {seed} | {what} | {'near' if near else 'distant'} | {assumed[0]:.3f} | {100 * wrong[0]:+.1f} % | "
             f"{assumed[1]:.3f} | {100 * wrong[1]:+.1f} % | {100 * wrong[2]:+.1f} % | "
             f"{100 * np.median(np.abs(error)):.1f} % | {100 * found.residual.whole:.2f} % | {spent:.0f} |"
         )
