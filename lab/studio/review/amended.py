@@ -8,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from capture.session import SphereSpec
-from lab.studio.review.folder import Review
+from lab.studio.review.folder import HEADLINE, KEPT, OWN, Review, is_kept
 from scene.errors import SceneError
 from scene.files import write_text
 
-FOLDER = "review"
-"""Below the output folder."""
-HEADLINE = "# Written by rgbn studio: the session as its own session.toml has it, and what was corrected."
-"""First line: what may be written over."""
+PICKS = "picks.csv"
+"""Beside it."""
 GLOBS = (("frames", "flash"), ("frames", "ambient"), ("frames", "dark"), ("frames", "flat"), ("camera", "charuco"))
 FILES = (("object", "mask"), ("object", "scan"), ("object", "normals"), ("object", "picks"), ("lights", "file"))
 
@@ -40,8 +38,8 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     -----
     The user's own session.toml is read and never written. Its relative paths are written out in full.
     """
-    path, source = review.store.path(FOLDER, "session.toml"), _source(review)
-    if path.exists() and not path.read_text("utf-8-sig", "replace").startswith(HEADLINE):
+    path, source = review.store.path(KEPT, "session.toml"), _source(review)
+    if path.exists() and not is_kept(review.store):
         raise SceneError(f"{path}: was not written by the studio, and is not written over. Move it away.")
     before = _read(path) if path.exists() and path != source else {}
     data = _in_full(_read(source), source.parent)
@@ -54,8 +52,27 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     marked = str(picks.resolve()) if picks is not None else before.get("object", {}).get("picks")
     if marked is not None:
         data["object"] = {**data.get("object", {}), "picks": marked}
-    write_text(path, "\n".join([HEADLINE, *_lines(data), ""]))
+    own = [] if path == source else [f"{OWN}{review.session_path}"]
+    write_text(path, "\n".join([HEADLINE, *own, *_lines(data), ""]))
     return path.parent
+
+
+def forget_kept(review: Review) -> None:
+    """Remove what was kept in OUT/review: the session is then as its own session.toml says.
+
+    Raises
+    ------
+    SceneError
+        Where that lies is not known, or is gone.
+    """
+    path = review.store.path(KEPT)
+    if review.session_path is None or review.session_path == path.resolve():
+        raise SceneError(
+            f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
+            "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
+        )
+    for name in ("session.toml", PICKS):
+        (path / name).unlink(missing_ok=True)
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -21,6 +21,12 @@ from scene.spheres import Sphere
 from scene.store import Store
 
 Array = NDArray[np.float64]
+KEPT = "review"
+"""Folder below the output folder: the session with what was corrected."""
+HEADLINE = "# Written by rgbn studio: the session as its own session.toml has it, and what was corrected."
+"""First line of its session.toml: what may be written over."""
+OWN = "# Its own: "
+"""Begins the second line, which names the session that was corrected."""
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
 """What a part that is missing, or that a killed run left half-made, raises when it is read."""
 
@@ -179,6 +185,21 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
     return (out or Path("out") / load_session(source).name).resolve(), source.resolve()
 
 
+def is_kept(store: Store) -> bool:
+    """Whether corrections were kept in an output folder."""
+    path = store.path(KEPT, "session.toml")
+    return path.is_file() and path.read_text("utf-8-sig", "replace").startswith(HEADLINE)
+
+
+def _own(store: Store, path: Path) -> Path:
+    """Return the session that a session is the correction of, where it is one and that is there; else itself."""
+    if path.resolve() != store.path(KEPT).resolve() or not is_kept(store):
+        return path
+    second = (path / "session.toml").read_text("utf-8-sig", "replace").splitlines()[1]
+    own = Path(second.removeprefix(OWN))
+    return own if second.startswith(OWN) and own.exists() else path
+
+
 def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | None, Path | None, str]:
     """Return the session, where it lies, and why there is none."""
     named = (summary.get("arguments") or {}).get("session") if isinstance(summary, dict) else None
@@ -187,6 +208,7 @@ def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | 
     if path is None:
         return None, None, f"The folder does not say which session it was made from (no summary.json). {remedy}"
     try:
+        path = _own(store, path)
         return load_session(path), path.resolve(), ""
     except SceneError as error:
         return None, None, f"The session cannot be read: {error} {remedy}"

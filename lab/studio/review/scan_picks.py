@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.studio.review.amended import FOLDER
-from lab.studio.review.folder import Review
+from lab.studio.review.amended import PICKS
+from lab.studio.review.folder import KEPT, Review
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
-FILE = "picks.csv"
 
 
 @dataclass(frozen=True)
@@ -83,8 +83,14 @@ def write_picks(review: Review, picks: Picks) -> Path:
     Raises
     ------
     SceneError
-        There is no session or no pair.
+        There is no session or no camera.
     """
+    path = review.store.path(KEPT, PICKS)
+    write_text(path, _table(review, picks))
+    return path
+
+
+def _table(review: Review, picks: Picks) -> str:
     from align.scan import UNITS_MM
     from capture.requests import hint_scale
 
@@ -96,13 +102,11 @@ def write_picks(review: Review, picks: Picks) -> Path:
     for (u, v), point in list(zip(picks.pixels, picks.points, strict=False))[: picks.pairs]:
         x, y, z = (value / unit for value in point)
         rows.append(f"{(u + 0.5) * scale - 0.5:.3f},{(v + 0.5) * scale - 0.5:.3f},{x:.9g},{y:.9g},{z:.9g}")
-    path = review.store.path(FOLDER, FILE)
-    write_text(path, "\n".join(rows) + "\n")
-    return path
+    return "\n".join(rows) + "\n"
 
 
 def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
-    """Return `align.picks.Picked`, the pose that the picks give; picks.csv is written on the way.
+    """Return `align.picks.Picked`, the pose that the picks give. What was kept stays as it is.
 
     Raises
     ------
@@ -112,7 +116,13 @@ def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
     from align.picks import read_picks
     from capture.requests import hint_scale
 
-    camera, session, path = review.material.camera, review.session, write_picks(review, picks)
+    camera, session, text = review.material.camera, review.session, _table(review, picks)
     assert camera is not None
     assert session is not None
-    return read_picks(path, camera, mesh, unit=session.scan_unit, half=hint_scale(session, camera.width) == 2)
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / PICKS
+        path.write_text(text)
+        try:
+            return read_picks(path, camera, mesh, unit=session.scan_unit, half=hint_scale(session, camera.width) == 2)
+        except SceneError as error:
+            raise SceneError(str(error).replace(str(path), "The picks")) from None

@@ -3,10 +3,38 @@
 import subprocess
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from lab.rooms import ROOT
+from scene.errors import SceneError
+
+
+def options_of(summary: dict[str, Any]) -> list[str]:
+    """Return the options of `rgbn process` with which a folder was made, so that what is current stays.
+
+    Parameters
+    ----------
+    summary : dict
+        Of summary.json; empty: the command line's own options.
+
+    Raises
+    ------
+    SceneError
+        The results were judged by a known truth, which `rgbn process` is not given.
+    """
+    if summary.get("truth_check"):
+        raise SceneError(
+            "summary.json: the results here were judged by a known truth, which a run from here would drop. Run the "
+            "command that made them again: `rgbn demo --out OUT` for the demo."
+        )
+    arguments = summary.get("arguments") or {}
+    programs, twin = arguments.get("external") or {}, arguments.get("twin") or {}
+    methods = [name for name in arguments.get("methods") or () if name not in programs]
+    said = {"method": ",".join(methods), "profile": arguments.get("profile"), **twin}
+    options = [f"--{name}" if value is True else f"--{name}={value}" for name, value in said.items() if value]
+    return options + [f"--external={name}={command}" for name, command in programs.items()]
 
 
 class StepsRun:
@@ -19,8 +47,8 @@ class StepsRun:
         Called with each line that it says, from a thread of this.
     ended : callable
         Called at the end with an empty text, or with what stopped it; not after `stop`.
-    methods : tuple of str
-        Those of the run before; empty: the command line's own.
+    options : sequence of str
+        More of the command line.
     """
 
     def __init__(
@@ -29,12 +57,11 @@ class StepsRun:
         out: Path,
         tell: Callable[[str], None],
         ended: Callable[[str], None],
-        methods: tuple[str, ...] = (),
+        options: Sequence[str] = (),
     ) -> None:
-        how = ["--method", ",".join(methods)] if methods else []
         command = [sys.executable, "-c", "from lab.cli import main; main()", "process"]
         self._process = subprocess.Popen(
-            [*command, str(session.resolve()), "--out", str(out.resolve()), *how],
+            [*command, str(session.resolve()), "--out", str(out.resolve()), *options],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,

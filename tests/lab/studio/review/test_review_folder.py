@@ -10,7 +10,7 @@ import pytest
 
 from capture.requests import sphere_requests
 from capture.session import load_session
-from lab.studio.review.amended import write_amended
+from lab.studio.review.amended import forget_kept, write_amended
 from lab.studio.review.contact_sheet import CHOSEN, CLIPPED, WARNED, contact_sheet
 from lab.studio.review.corrections import added, change_of, moved, outlines_of, removed, resized, specs_of
 from lab.studio.review.folder import Review, found_at
@@ -18,8 +18,7 @@ from lab.studio.review.frames_panel import lacks_text
 from lab.studio.review.photograph import CLIPPED_COLOUR, Look, photograph
 from lab.studio.review.plane import Plane
 from lab.studio.review.relight import twin_picture
-from lab.studio.review.scan_picks import Picks, load_scan, met, pose_of
-from lab.studio.review.steps_run import StepsRun
+from lab.studio.review.scan_picks import Picks, load_scan, met, pose_of, write_picks
 from lab.studio.review.warned import targets
 from scene.errors import SceneError
 
@@ -260,6 +259,34 @@ def test_the_command_line_reads_the_balls_that_were_kept(made, half):
     assert load_session(write_amended(review, spheres=kept.spheres)).picks == picks
 
 
+def test_what_was_kept_follows_the_sessions_own_file_and_can_be_forgotten(review, made):
+    """Changes of session.toml after the correction count; by OUT/review, too, the user's own session is found again."""
+    text = (made.session / "session.toml").read_text()
+    balls = moved(outlines_of(review), 0, (33.0, 29.0), made.camera)
+    folder = write_amended(review, spheres=specs_of(review.session, balls, made.camera))
+    (made.session / "session.toml").write_text(text.replace('"cone.ply"', '"cone.ply"\nscan_unit = "cm"'))
+    # As after a run of what was kept, which summary.json names then.
+    (made.folder / "summary.json").write_text(json.dumps({"arguments": {"session": str(folder)}}))
+    again = Review.read(made.folder)
+    assert again.session_path == made.session
+    kept = load_session(write_amended(again))
+    assert kept.scan_unit == "cm"
+    assert kept.spheres[0].center_px == pytest.approx((33.0, 29.0))
+    picks = write_picks(again, Picks(((1.0, 2.0),), ((0.0, 0.0, 1.0),)))
+    forget_kept(again)
+    assert not (folder / "session.toml").exists()
+    assert not picks.exists()
+    assert Review.read(made.folder, made.session).session.spheres[0].center_px is None
+    # Where its own session is gone, what was kept is all that there is.
+    write_amended(review, spheres=kept.spheres)
+    made.session.rename(made.session.with_name("moved"))
+    left = Review.read(made.folder)
+    assert left.session_path in (folder, None)
+    with pytest.raises(SceneError, match="not known here"):
+        forget_kept(left)
+    assert (folder / "session.toml").exists()
+
+
 def test_a_file_that_is_not_the_studios_is_not_written_over(review, made):
     (made.folder / "review").mkdir()
     theirs = made.folder / "review" / "session.toml"
@@ -323,16 +350,9 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     assert found.residual_px < 0.05
     assert (found.pose.inverse() @ made.pose).angle_deg() < 0.5
     assert met(mesh, mesh.center_mm + [0, 0, 500], np.array([0.0, 0.0, 1.0])) is None
-    with pytest.raises(SceneError, match="too few"):
+    kept = write_picks(review, picks)
+    text = kept.read_text()
+    with pytest.raises(SceneError, match=r"^The picks: 3 picks are too few"):
         pose_of(review, Picks(picks.pixels[:3], picks.points[:3]), mesh)
-
-
-def test_what_stops_the_steps_is_told(made):
-    """The command line in its own process: photographs that are no pictures end it, with the line that says so."""
-    said, ended = [], []
-    run = StepsRun(made.session, made.folder.parent / "again", said.append, ended.append)
-    run.wait()
-    (fault,) = ended
-    assert "flash_0.png" in fault
-    assert not fault.startswith("rgbn")
-    assert "Traceback" not in "".join(said)
+    pose_of(review, Picks(picks.pixels[:5], picks.points[:5]), mesh)
+    assert kept.read_text() == text, "a trial leaves what was kept as it is"
