@@ -110,11 +110,15 @@ def test_diligent_folders_are_sessions(tmp_path, name, ls, iterative):
 
 @pytest.mark.render
 def test_a_session_with_known_truth_made_by_another_renderer(tmp_path):
-    """The bunny: no click, no code in common; figures with slack over those in the README."""
+    """The bunny: no click, no code in common; figures with slack over those in the README.
+
+    Its twin by light straight from the flashes alone: nothing here asks for more of it.
+    """
     session = SHARED / "sessions" / "bunny"
     code = (
-        "import sys; from pathlib import Path; from lab.cli import run_session; "
-        "run_session(Path(sys.argv[1]), 'compare', out=Path(sys.argv[2]), json=True, truth=Path(sys.argv[1]))"
+        "import sys; from pathlib import Path; from lab.run import run_session; "
+        "from lab.twin_settings import TwinSettings; run_session(Path(sys.argv[1]), 'compare', out=Path(sys.argv[2]), "
+        "json=True, truth=Path(sys.argv[1]), twin=TwinSettings(engine='direct'))"
     )
     run = subprocess.run([sys.executable, "-c", code, str(session), str(tmp_path)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
