@@ -81,6 +81,7 @@ def test_the_cat_is_found_on_its_photographs(cat):
 
 @pytest.mark.slow
 @needs_captures
+@pytest.mark.full
 def test_surfaces_that_are_not_the_cats_are_refused(cat):
     """A mirror image, and the ball: the one's outline is the cat's own from behind, the other's is a circle."""
     from benchmarks.real_surfaces import diligent_object, mirrored, moved_scan

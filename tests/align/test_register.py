@@ -135,6 +135,7 @@ def test_input_that_cannot_work_is_refused_before_the_search(world):
 
 
 @pytest.mark.slow
+@pytest.mark.full
 def test_the_bunny_of_another_program(tmp_path):
     """The shared session: registered from its RAW frames under its true lights; truth only judges."""
     folder = Path(__file__).parents[2] / ".." / "shared" / "sessions" / "bunny"

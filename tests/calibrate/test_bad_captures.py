@@ -93,6 +93,7 @@ def small(tracer):
 # Wrong statements.
 
 
+@pytest.mark.full
 def test_a_wrong_diameter_of_the_white_ball_is_found_and_named(shot, frames):
     """A tenth too small cost 9 % in the strengths without a word, a fifth 21 %."""
     world = shot[0]

@@ -117,7 +117,7 @@ def test_unknown_diameters_give_the_directions_at_the_balls_middle_and_no_ranges
     np.testing.assert_allclose(result.spheres[0].center_px, requests[0].center_px, atol=0.2)
 
 
-@pytest.mark.parametrize("wrong", [0, 1])
+@pytest.mark.parametrize("wrong", [0, pytest.param(1, marks=pytest.mark.full)])
 def test_one_wrong_diameter_of_two_is_noticed(table, wrong):
     """5 %: highlights cannot fit any more; of two balls nobody knows which."""
     world, frames = table
@@ -158,7 +158,9 @@ def test_a_ball_shot_apart(table):
     assert np.median(angular_error_deg(result.lights.directions, directions)) < 1.0
 
 
-@pytest.mark.parametrize(("chrome_mm", "white_mm"), [(91.0, 70.0), (76.0, 78.0)], ids=["chrome", "white"])
+@pytest.mark.parametrize(
+    ("chrome_mm", "white_mm"), [(91.0, 70.0), pytest.param(76.0, 78.0, marks=pytest.mark.full)], ids=["chrome", "white"]
+)
 def test_wrong_diameters_are_the_first_suspect(table, chrome_mm, white_mm):
     """Chrome 20 % too large bends the lights at the object by 7 degrees, and the highlights still fit."""
     world, frames = table

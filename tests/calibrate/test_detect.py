@@ -43,6 +43,7 @@ def test_every_ball_is_found_and_no_other(table):
     assert all(r.reason for r in rejected)
 
 
+@pytest.mark.full
 def test_order_of_frames_does_not_matter(table):
     world, frames = table
     order = np.random.default_rng(0).permutation(len(frames))

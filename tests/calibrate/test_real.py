@@ -79,6 +79,7 @@ def test_columbia_white_ball_on_a_pedestal(captures):
 
 
 @pytest.mark.slow
+@pytest.mark.full
 def test_bunny_session(captures, tmp_path):
     """Rendered by another program. Balls of 50 px, flashes at 0.8-1.15 m."""
     b = captures.bunny(tmp_path)

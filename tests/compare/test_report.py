@@ -376,6 +376,7 @@ def test_given_lights_an_orthographic_camera_and_balls_apart(session, tmp_path):
     assert "seen from above" not in page.source
 
 
+@pytest.mark.full
 def test_a_large_session_stays_below_fifteen_megabytes(tmp_path):
     """Noise everywhere: nothing compresses, no real session is larger."""
     rng, store = np.random.default_rng(3), Store(tmp_path / "large")

@@ -15,6 +15,7 @@ FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 
 
+@pytest.mark.full
 @pytest.mark.slow
 @pytest.mark.render
 def test_the_fixtures_balls(tmp_path):

@@ -14,7 +14,7 @@ from solve.light_distance import find_positions
 from solve.solve import solve
 
 
-@pytest.fixture(scope="module", params=["blob", "potato"])
+@pytest.fixture(scope="module", params=["blob", pytest.param("potato", marks=pytest.mark.full)])
 def near_session(request):
     """Flashes 0.5 to 0.9 m away; (frames, true lights, camera, mask, normals)."""
     scene = session({"blob": 20_400, "potato": 20_401}[request.param], request.param, 16, 1.5)
