@@ -4,6 +4,7 @@ New objects in Mitsuba cost twice: the rays' tree over all triangles, and kernel
 materials. So a material's new numbers are put into the one that is there, and an object's new place into its vertices.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,8 @@ from twin.materials import Material
 from twin.object_mesh import built_in
 
 Picture = NDArray[np.float32]
+SLICES = 4
+"""In which a refined picture is rendered: between them another may be drawn."""
 ROUGH_ERROR = 100.0
 """Relative error that the first picture may have: any, so one sample a pixel."""
 
@@ -174,13 +177,17 @@ def _placed(image: Picture, film: Film) -> Picture:
     return whole
 
 
-def refined(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Picture:
-    """Return a picture of everything under one light: interreflection, environment, mirrors, discs, wax.
+def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Iterator[Picture | None]:
+    """Render everything under one light in slices: interreflection, environment, mirrors, discs, wax.
 
     Parameters
     ----------
     samples : int
         Paths a pixel, where any are needed.
+
+    Yields
+    ------
+    None after each slice, and the picture in the end. What stock Mitsuba must render is one slice.
 
     Raises
     ------
@@ -189,7 +196,7 @@ def refined(scene: TwinScene, light: int, *, width: int, height: int, samples: i
     """
     from twin.description_check import check_scene
     from twin.engine import Choice, choose_engine
-    from twin.layers import render_layers
+    from twin.layers import Piece, PieceRenderer, standing_light
 
     check_scene(scene)
     small = fitted(scene, width, height)
@@ -199,5 +206,18 @@ def refined(scene: TwinScene, light: int, *, width: int, height: int, samples: i
     choice = choose_engine(asked, film)
     if not lit.environment.is_dark:
         choice = Choice("mitsuba", choice.error, samples, "the environment shines")
-    frame = render_layers(asked, film, choice).frames()[0]
-    return _placed(np.asarray(frame, np.float32), film)
+    renderer, rows = PieceRenderer(asked, film, choice), film.size[0]
+    step = rows if choice.engine == "mitsuba" else -(-rows // SLICES)
+    bands = []
+    for row in range(0, rows, step):
+        yield None
+        bands.append(renderer.render(Piece(slice(0, 1), slice(row, min(row + step, rows)))).frames()[0])
+    frame, standing = np.concatenate(bands), standing_light(asked, film, choice)
+    yield _placed(np.asarray(frame if standing is None else frame + standing, np.float32), film)
+
+
+def refined(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Picture:
+    """Return the picture that `refining` ends with."""
+    *_, picture = refining(scene, light, width=width, height=height, samples=samples)
+    assert picture is not None
+    return picture

@@ -3,10 +3,10 @@
 import threading
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
-from lab.studio.live_scene import LiveScene, Picture, refined
+from lab.studio.live_scene import LiveScene, Picture, refining
 from scene.errors import SceneError
 from twin.description import TwinScene
 
@@ -26,6 +26,8 @@ class Drawn:
     is_refined : bool
     seconds : float
         From the wish to the picture.
+    light : str
+        Name of the light that shines in it.
     fault : str
         Empty where there is a picture.
     """
@@ -33,6 +35,7 @@ class Drawn:
     picture: Picture | None
     is_refined: bool
     seconds: float
+    light: str
     fault: str = ""
 
 
@@ -45,6 +48,8 @@ class _Wish:
     show: Callable[[Drawn], None]
     at: float
     is_rough_done: bool = False
+    slices: Iterator[Picture | None] | None = None
+    """Of the refined picture, once it is begun."""
 
 
 @dataclass
@@ -56,7 +61,11 @@ class _Desk:
 
 
 class Preview:
-    """Draws previews until it is closed. Mitsuba is used by this thread alone."""
+    """Draws the previews of all browsers in one thread until it is closed.
+
+    A refined picture is drawn in slices: first pictures, of whichever browser, come between them, and one that is no
+    longer wanted is dropped.
+    """
 
     def __init__(self) -> None:
         self._desks: dict[int, _Desk] = {}
@@ -106,13 +115,18 @@ class Preview:
             assert found is not None
             desk, wish = found
             drawn = self._drawn(desk, wish)
+            if drawn is None:
+                continue
             with self._change:
-                if desk.wish is wish and (wish.is_rough_done or drawn.is_refined):
+                is_newest = desk.wish is wish
+                if is_newest and drawn.is_refined:
                     desk.wish = None
                 wish.is_rough_done = True
                 desk_is_here = desk in self._desks.values()
-            # A rough picture that failed says nothing yet: the refined one tells all that is at fault.
-            if desk_is_here and (drawn.picture is not None or drawn.is_refined):
+            # While something is dragged there is always a newer wish: an older first picture is better than none. And
+            # one that failed says nothing yet: the refined one tells all that is at fault.
+            wanted = is_newest if drawn.is_refined else drawn.picture is not None
+            if desk_is_here and wanted:
                 try:
                     wish.show(drawn)
                 except Exception:
@@ -130,17 +144,21 @@ class Preview:
         times = [desk.wish.at + STILL_S for desk in self._desks.values() if desk.wish is not None]
         return max(0.01, min(times) - time.monotonic()) if times else None
 
-    def _drawn(self, desk: _Desk, wish: _Wish) -> Drawn:
-        second, fault, picture = wish.is_rough_done, "", None
+    def _drawn(self, desk: _Desk, wish: _Wish) -> Drawn | None:
+        """Return the next picture of a wish; None: a slice of it was drawn."""
+        scene, second, fault, picture = wish.scene, wish.is_rough_done, "", None
         try:
             if second:
-                picture = refined(wish.scene, wish.light, width=WIDTH, height=HEIGHT)
+                wish.slices = wish.slices or refining(scene, wish.light, width=WIDTH, height=HEIGHT)
+                picture = next(wish.slices)
+                if picture is None:
+                    return None
             else:
-                picture = desk.live.picture(wish.scene, wish.light, width=WIDTH, height=HEIGHT)
+                picture = desk.live.picture(scene, wish.light, width=WIDTH, height=HEIGHT)
         except SceneError as error:
             fault = str(error)
         except Exception as error:
             # Whatever a strange mesh does to a renderer, the studio lives on.
             traceback.print_exc()
             fault, desk.live = f"the preview failed ({type(error).__name__}: {error}).", LiveScene()
-        return Drawn(picture, second, time.monotonic() - wish.at, fault)
+        return Drawn(picture, second, time.monotonic() - wish.at, scene.lights.names[wish.light], fault)

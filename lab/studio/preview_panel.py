@@ -4,6 +4,7 @@ import numpy as np
 
 from compare.pictures import Exposure
 from lab.studio.desk import Desk
+from lab.studio.markdown import plain
 from lab.studio.preview import HEIGHT, WIDTH, Drawn
 
 
@@ -42,9 +43,8 @@ class PreviewPanel:
         if drawn is None:
             return
         if drawn.picture is None:
-            self._status.content = f"**No preview.** {drawn.fault}"
+            self._status.content = f"**No preview.** {plain(drawn.fault)}"
             return
         self._picture.image = Exposure(1 / self._gain.value, np.ones(3)).develop(drawn.picture)
-        name = self._desk.scene.lights.names[min(self._desk.light, len(self._desk.scene.lights) - 1)]
         stage = "refined" if drawn.is_refined else "first picture"
-        self._status.content = f"{name}: {stage}, {drawn.seconds:.2f} s after the change"
+        self._status.content = f"{plain(drawn.light)}: {stage}, {drawn.seconds:.2f} s after the change"

@@ -82,13 +82,23 @@ class Rendering:
 
     def _listen(self) -> None:
         assert self._process.stdout is not None
-        with self._process.stdout as lines:
-            for line in lines:
-                self._tell(Progress(**json.loads(line)))
-        code = self._process.wait()
-        self._threads[1].join()
-        if not self._stopped:
-            self._ended("" if code == 0 else "\n".join(self._said[-12:]) or f"the renderer ended with code {code}.")
+        try:
+            with self._process.stdout as lines:
+                for line in lines:
+                    self._tell(_progress(line))
+        finally:
+            code = self._process.wait()
+            self._threads[1].join()
+            if not self._stopped:
+                self._ended("" if code == 0 else "\n".join(self._said[-12:]) or f"the renderer ended with code {code}.")
+
+
+def _progress(line: str) -> Progress:
+    """Return what a line says; one that is no progress, which some library printed, is shown as it is."""
+    try:
+        return Progress(**json.loads(line))
+    except (ValueError, TypeError):
+        return Progress(line.strip())
 
 
 @contextmanager

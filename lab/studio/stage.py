@@ -1,5 +1,6 @@
 """The 3-D view: objects, lights as arrows, the camera. What is selected can be dragged."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -79,7 +80,7 @@ class Stage:
         root = f"/object_{index}"
         if is_picked:
             gizmo = self._view.add_transform_controls(root, scale=1.5 * size, depth_test=False, line_width=3.0, **place)
-            self._follow(gizmo, f"object {index}", lambda scene: self._turn(scene, index, gizmo))
+            self._follow(gizmo, f"object {index}", lambda at, turn: lambda scene: edits.turned(scene, index, at, turn))
         else:
             gizmo = self._view.add_frame(root, show_axes=False, **place)
         mesh = self._view.add_mesh_simple(
@@ -102,19 +103,20 @@ class Stage:
             faces = faces[:, ::-1]
         return own, faces, max(float(np.ptp(own, axis=0).max()) / 2, 1e-4)
 
-    def _turn(self, scene: TwinScene, index: int, gizmo: Any) -> TwinScene:
-        return edits.turned(scene, index, np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz))
-
     def _add_scaler(self, root: str, index: int, size: float) -> None:
         """Add the knob that is drawn out and in to scale."""
         at = 1.15 * size * np.ones(3)
         knob = self._view.add_box(f"{root}/scale", color=PICKED, dimensions=(0.12 * size,) * 3, position=at)
 
         async def _(event: Any) -> None:
-            middle = placement_of(self._desk.scene.objects[index]).middle_mm * UNITS_PER_MM
-            start = np.linalg.norm(np.array(event.start_position) - middle)
-            factor = float(np.linalg.norm(np.array(event.end_position) - middle) / max(start, 1e-9))
-            self._drag(event.phase, "scale", lambda scene: edits.scaled(scene, index, factor))
+            start, end = np.array(event.start_position), np.array(event.end_position)
+
+            def edit(scene: TwinScene) -> TwinScene:
+                middle = placement_of(scene.objects[index]).middle_mm * UNITS_PER_MM
+                away = max(float(np.linalg.norm(start - middle)), 1e-9)
+                return edits.scaled(scene, index, float(np.linalg.norm(end - middle)) / away)
+
+            self._drag(event.phase, "scale", edit)
 
         knob.on_drag("left")(_)
 
@@ -151,7 +153,7 @@ class Stage:
             self._follow(
                 gizmo,
                 f"light {index}",
-                lambda scene: light_edits.moved_light(scene, index, np.array(gizmo.position) / UNITS_PER_MM),
+                lambda at, turn: lambda scene: light_edits.moved_light(scene, index, at),
             )
             handles.append(gizmo)
         return handles
@@ -176,9 +178,12 @@ class Stage:
 
         return _
 
-    def _follow(self, gizmo: Any, name: str, edit: Edit) -> None:
+    def _follow(self, gizmo: Any, name: str, edit_to: Callable[[Array, Array], Edit]) -> None:
+        """Follow a gizmo: `edit_to` makes the edit to a place, mm, and a rotation (3, 3)."""
+
         async def _(event: Any) -> None:
-            self._drag(event.phase, name, edit)
+            at, turn = np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz)
+            self._drag(event.phase, name, edit_to(at, turn))
 
         gizmo.on_update(_)
 

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.charts import COLOURS
+from lab.studio.markdown import plain
 from lab.studio.results.maps import Results, Source
 from lab.studio.results.pixel import Numbers, Pixel, shade_of
 
@@ -67,9 +68,9 @@ def pixel_chart(pixel: Pixel, reference: str | None = None) -> Any:
 
 def notes_of(pixel: Pixel) -> str:
     """Return, as Markdown, which fits are not quite their solver's own prediction, and who has none here."""
-    lines = [f"- {fit.source.method}: drawn {fit.note}." for fit in pixel.fits if fit.note]
+    lines = [f"- {plain(fit.source.method)}: drawn {fit.note}." for fit in pixel.fits if fit.note]
     silent = [fit.source.method for fit in pixel.fits if not np.isfinite(fit.gray).any()]
-    return "\n".join([*lines, *([f"- no fit at this pixel: {', '.join(silent)}."] if silent else [])])
+    return "\n".join([*lines, *([f"- no fit at this pixel: {plain(', '.join(silent))}."] if silent else [])])
 
 
 def numbers_table(rows: list[Numbers]) -> str:
@@ -97,7 +98,7 @@ def error_chart(results: Results, methods: list[str]) -> tuple[Any, str]:
         for source in (Source(method), Source(method, "twin")):
             errors = results.known_errors.get(source)
             if errors is None:
-                lines.append(f"- {source.label}: no errors are known.")
+                lines.append(f"- {plain(source.label)}: no errors are known.")
                 continue
             edges, share = shares(errors, end)
             figure.add_scatter(
@@ -114,7 +115,7 @@ def error_chart(results: Results, methods: list[str]) -> tuple[Any, str]:
                 hovertemplate="%{y:.2f} %",
             )
             beyond = f", {share[-1]:.1%} beyond {end:g}°" if share[-1] else ""
-            lines.append(f"- {source.label}: median {np.median(errors):.2f}°{beyond}")
+            lines.append(f"- {plain(source.label)}: median {np.median(errors):.2f}°{beyond}")
     every = results.some_pixels[2]
     if every > 1:
         lines.append(f"- One pixel in {every} under the mask is counted.")

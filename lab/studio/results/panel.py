@@ -5,6 +5,7 @@ from typing import Any, cast
 
 import numpy as np
 
+from lab.studio.markdown import plain
 from lab.studio.results.charts import error_chart, notes_of, numbers_table, pixel_chart
 from lab.studio.results.maps import SIDES, Results, Side, Source
 from lab.studio.results.pixel import lit_from, numbers_at, read_pixel
@@ -66,17 +67,21 @@ class ResultsPanel:
 
     def refresh(self) -> None:
         """Follow the desk: only what changed is sent."""
-        desk, choice = self._desk, self.choice
+        desk = self._desk
         if self._reading != desk.reading:
             self._read()
+            if not {self.choice.left, self.choice.right} <= set(self._results.sources):
+                # A method that the folder no longer has.
+                left, right = self._results.first_pair
+                self.choice = replace(self.choice, left=left, right=right)
+        results, choice = self._results, self.choice
         self._root.visible = desk.view == VIEW
-        results = self._results
         self._lacks.content = "\n".join(f"- **no {part}**: {why}" for part, why in lacks(results).items())
         labels = tuple(source.label for source in results.sources)
         for handle, source in ((self._left, choice.left), (self._right, choice.right)):
             if handle.options != labels:
                 handle.options = labels
-            handle.value = source.label if source.label in labels else labels[-1]
+            handle.value = source.label
         references = (*results.methods, "truth")
         if self._by.options != references:
             self._by.options = references
@@ -171,13 +176,13 @@ class ResultsPanel:
                     self._lit[side] = lit_from(self._results, side)
                 pixel = read_pixel(self._results, side, *cursor, lit_from=self._lit[side])
             except SceneError as error:
-                return [*handles, gui.add_markdown(f"**No samples**: {error}")]
+                return [*handles, gui.add_markdown(f"**No samples**: {plain(str(error))}")]
             handles.append(gui.add_markdown(f"**{side}, pixel {pixel.u}, {pixel.v}**"))
             handles += [gui.add_plotly(pixel_chart(pixel), **PLOT), gui.add_markdown(notes_of(pixel))]
             try:
                 handles.append(gui.add_plotly(pixel_chart(pixel, self._by.value), **PLOT))
             except SceneError as error:
-                handles.append(gui.add_markdown(str(error)))
+                handles.append(gui.add_markdown(plain(str(error))))
             return handles
 
 

@@ -25,7 +25,7 @@ class BallMarks:
         self._knobs: list[Any] = []
 
     def refresh(self, plane: Plane) -> None:
-        """Draw the desk's balls; a knob that is being dragged stays what it is."""
+        """Draw the desk's balls. A knob is moved, not made anew: it may be under a hand."""
         desk, add = self._desk, self._shown.once
         review, ball = desk.reading, desk.ball
         add("outlines", (review, desk.outlines, ball), lambda: self._add_outlines(plane))
@@ -33,7 +33,7 @@ class BallMarks:
         add("crop", (review, ball, len(desk.outlines)), lambda: self._add_crop(plane))
         add("highlights", (review, ball, desk.frame, len(desk.outlines)), lambda: self._add_highlights(plane))
         add("knobs", (review, ball, len(desk.outlines)), lambda: self._add_knobs(plane))
-        if ball is not None:
+        if ball is not None and self._knobs:
             for knob, place in zip(self._knobs, self._knob_places(plane, ball), strict=True):
                 knob.position = tuple(place)
 

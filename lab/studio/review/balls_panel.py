@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from lab.studio.markdown import code, plain
 from lab.studio.review.amended import write_amended
 from lab.studio.review.ball_marks import magnification
 from lab.studio.review.corrections import (
@@ -144,12 +145,12 @@ class BallsPanel:
         if session is None or camera is None:
             raise SceneError(desk.review.why_no_session or f"camera: {desk.review.missing['camera']}")
         folder = write_amended(desk.review, spheres=specs_of(session, desk.outlines, camera))
-        out = desk.review.store.folder
+        name, out = desk.workspace.name(folder), desk.workspace.name(desk.review.store.folder)
         self._changes.content += (
-            f"\n\nKept in `{desk.workspace.name(folder / 'session.toml')}`; your own session.toml is as it was. To use "
-            f"them: **Run**, or `rgbn process {desk.workspace.name(folder)} --out {desk.workspace.name(out)}`."
+            f"\n\nKept in {code(f'{name}/session.toml')}; your own session.toml is as it was. To use them: **Run**, or "
+            f"{code(f'rgbn process {name} --out {out}')}."
         )
-        desk.tell("Kept", desk.workspace.name(folder / "session.toml"))
+        desk.tell("Kept", f"{name}/session.toml")
 
     def _close(self) -> None:
         if self._worker is not None:
@@ -206,7 +207,7 @@ def change_text(change: Change, names: Any) -> str:
         worst = int(np.argmax(change.turned_deg))
         lines.append(
             f"Lights turn by **{np.median(change.turned_deg):.3f}°** (median), {change.turned_deg[worst]:.3f}° at most "
-            f"({names[worst]})."
+            f"({plain(names[worst])})."
         )
     rows = (("highlights beside their place, px rms", change.rms_px, ".3f"),
             ("sigma of the directions, median, °", change.sigma_deg, ".3f"))  # fmt: skip
@@ -216,7 +217,7 @@ def change_text(change: Change, names: Any) -> str:
     for index, ball in enumerate(change.spheres):
         u, v = ball.center_px
         lines.append(f"| {index + 1} {ball.kind} | {u:.2f}, {v:.2f} | {ball.radius_px:.2f} | {ball.score:.0%} |")
-    lines += [f"\n**Warning:** {text}" for text in change.warnings]
+    lines += [f"\n**Warning:** {plain(text)}" for text in change.warnings]
     return "\n".join(lines)
 
 

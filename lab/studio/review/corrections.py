@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -162,8 +164,11 @@ def calibrate_again(review: Review, balls: Outlines, *, progress: Callable[[int,
         raise SceneError(review.why_no_session or f"frames: {review.missing['frames']}")
     camera = Store(store.path("frames")).load_camera()
     session = replace(review.session, spheres=specs_of(review.session, balls, camera))
-    requests, _ = sphere_requests(session, store)
-    return calibrate(frames, camera, requests, progress=progress)
+    with TemporaryDirectory() as folder:
+        # Photographs of balls that were shot apart are decoded beside the frames, whose place this is not.
+        (Path(folder) / "frames").symlink_to(store.path("frames").resolve())
+        requests, _ = sphere_requests(session, Store(Path(folder)))
+        return calibrate(frames, camera, requests, progress=progress)
 
 
 @dataclass(frozen=True)

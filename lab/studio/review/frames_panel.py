@@ -1,6 +1,7 @@
 """The panel of the photographs: which frame, from where it is looked at, what lies over it; what the folder lacks."""
 
 from compare.facts import read_optional
+from lab.studio.markdown import plain
 from lab.studio.review.desk import VIEWS, ReviewDesk
 from lab.studio.review.photograph import OVERLAYS
 
@@ -45,11 +46,11 @@ class FramesPanel:
         if frames is None:
             self._facts.content = ""
             return
-        facts = [f"**{frames.names[desk.frame]}**, {frames.width} x {frames.height} px"]
+        facts = [f"**{plain(frames.names[desk.frame])}**, {frames.width} x {frames.height} px"]
         if review.clipped_share is not None:
             facts.append(f"clipped {review.clipped_share[desk.frame]:.2%} (red)")
         if review.lights is not None:
-            facts += [f"**{flag}**" for flag in review.lights.flags[desk.frame]]
+            facts += [f"**{plain(flag)}**" for flag in review.lights.flags[desk.frame]]
         self._facts.content = ", ".join(facts)
         self._note.content = _note(desk)
 
@@ -57,7 +58,7 @@ class FramesPanel:
 def lacks_text(missing: dict[str, str], why_no_session: str) -> str:
     """Return what a folder lacks and why, as Markdown; empty where it is whole."""
     lines = [f"- **no {name}**: {why}" for name, why in missing.items()]
-    lines += [f"- **no session**: {why_no_session}"] if why_no_session else []
+    lines += [f"- **no session**: {plain(why_no_session)}"] if why_no_session else []
     return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
 
 

@@ -40,6 +40,7 @@ class LightStage:
         }
         self._looked: Any = None
         self._mesh: tuple[int, Mesh | None] = (-1, None)
+        self._caster: Any = None
 
     def refresh(self) -> None:
         """Show the desk's lights around its object."""
@@ -176,14 +177,24 @@ class LightStage:
         handle = self._view.add_mesh_simple(f"{SCAN}/mesh", shown, faces, color=CLAY, **FLAT)
 
         async def _(event: Any) -> None:
-            origin = np.array(event.ray_origin) / scale + mesh.center_mm
-            point = met(mesh, origin, np.array(event.ray_direction))
-            use = self._desk.on_scan
-            if use is not None and point is not None:
-                self._desk.post(lambda: use(point))
+            ray = np.array(event.ray_origin) / scale + mesh.center_mm, np.array(event.ray_direction)
+            self._desk.post(lambda: self._click(mesh, *ray))
 
         handle.on_click(_)
+        self._caster = None
         return [handle]
+
+    def _click(self, mesh: Mesh, origin: Array, direction: Array) -> None:
+        from align.embree import RayCaster
+
+        use = self._desk.on_scan
+        if use is None:
+            return
+        # Its tree takes a second for a large scan.
+        self._caster = self._caster or RayCaster(mesh)
+        point = met(self._caster, origin, direction)
+        if point is not None:
+            use(point)
 
     def mark(self, points: Array) -> None:
         """Show numbered marks at points (K, 3) of the scan, mm."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from lab.studio.markdown import plain
 from lab.studio.review.desk import ReviewDesk
 from lab.studio.review.hemisphere import FACTORS, directions_deg, fitting_factor, hemisphere_picture
 
@@ -42,7 +43,7 @@ class LightsPanel:
         zenith, azimuth = directions_deg(lights)[index]
         sigma = lights.direction_sigma_deg[index]
         lines = [
-            f"**{index + 1} {lights.names[index]}**, {lights.model}",
+            f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
             f"- {zenith:.1f}° from the camera's axis, azimuth {azimuth % 360:.1f}° (0° right, 90° up)",
             f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
             f"- intensity {lights.intensities[index].mean():.3f}" + _percent(lights.intensity_sigma[index]),
@@ -50,7 +51,7 @@ class LightsPanel:
         if lights.positions_mm is not None:
             away = float(np.linalg.norm(lights.positions_mm[index] - lights.reference_point_mm))
             lines.append(f"- {away:.0f} mm from the object" + self._range_sigma(index))
-        lines += [f"- **{flag}**" for flag in lights.flags[index]]
+        lines += [f"- **{plain(flag)}**" for flag in lights.flags[index]]
         return "\n".join(lines)
 
     def _range_sigma(self, index: int) -> str:

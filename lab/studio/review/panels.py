@@ -26,7 +26,7 @@ def furnish(desk: ReviewDesk) -> None:
         "Scan": lambda desk: ScanPanel(desk, wall, stage),
         "Twin": TwinPanel,
         "Results": ResultsPanel,
-        f"Warnings ({len(desk.review.warnings)})": WarningsPanel,
+        "Warnings": WarningsPanel,
         "Run": RunPanel,
     }
     panels = []

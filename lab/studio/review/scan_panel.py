@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from compare.facts import read_optional
+from lab.studio.markdown import code, plain
 from lab.studio.review.amended import write_amended
 from lab.studio.review.desk import ReviewDesk
 from lab.studio.review.light_stage import LightStage
@@ -95,7 +96,7 @@ class ScanPanel:
         assert review.material.camera is not None
         self._strokes = outline(mesh, found.pose, review.material.camera)
         self._desk.choose(view="Photograph")
-        told = "".join(f"\n\n**Warning:** {text}" for text in found.warnings)
+        told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
         self._status.content = (
             f"{self.picks.pairs} pairs, {found.residual_px:.1f} px rms apart at the pose that they give. Its outline "
             f"is drawn in pink: a start, which the step `align` refines.{told}"
@@ -106,8 +107,8 @@ class ScanPanel:
         folder = write_amended(desk.review, picks=write_picks(desk.review, self.picks))
         name, out = desk.workspace.name(folder), desk.workspace.name(desk.review.store.folder)
         self._status.content = (
-            f"Kept in `{desk.workspace.name(folder / 'session.toml')}`; your own session.toml is as it was. To "
-            f"register from them: **Run**, or `rgbn process {name} --out {out}`."
+            f"Kept in {code(desk.workspace.name(folder / 'session.toml'))}; your own session.toml is as it was. To "
+            f"register from them: **Run**, or {code(f'rgbn process {name} --out {out}')}."
         )
 
     def _add_pixels(self) -> list[Any]:

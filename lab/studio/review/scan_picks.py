@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,9 @@ from lab.studio.review.folder import KEPT, Review
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.mesh import Mesh
+
+if TYPE_CHECKING:
+    from align.embree import RayCaster
 
 Array = NDArray[np.float64]
 
@@ -68,12 +71,10 @@ def load_scan(review: Review) -> Mesh:
     return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
 
 
-def met(mesh: Mesh, origin: Array, direction: Array) -> Array | None:
+def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
     """Return the point (3,) at which a ray first meets a mesh, None where it misses."""
-    from align.embree import RayCaster
-
     direction = np.asarray(direction, np.float64) / np.linalg.norm(direction)
-    hits = RayCaster(mesh).cast(np.asarray(origin, np.float64)[None], direction[None])
+    hits = caster.cast(np.asarray(origin, np.float64)[None], direction[None])
     return np.asarray(origin) + hits.distance[0] * direction if hits.hit[0] else None
 
 

@@ -5,9 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from lab.studio.markdown import plain
 from lab.studio.preview import Drawn
 from lab.studio.review.desk import Beside, ReviewDesk
 from lab.studio.review.relight import one_light, relit_scene, toward, twin_picture, whole_picture
+from scene.errors import SceneError
 
 NOTHING, SAME, ANYWHERE = "nothing", "the twin, same flash", "the object, light from anywhere"
 
@@ -55,8 +57,10 @@ class TwinPanel:
         desk.refresh()
 
     def _exposure(self) -> Any:
-        exposure = self._desk.review.material.exposure
-        assert exposure is not None
+        review = self._desk.review
+        exposure = review.material.exposure
+        if exposure is None:
+            raise SceneError(f"frames: {review.missing['frames']} How bright the twin is shown goes by them.")
         return replace(exposure, white=exposure.white / self._desk.look.brightness)
 
     def _relight(self) -> None:
@@ -74,7 +78,7 @@ class TwinPanel:
         if self._beside.value != ANYWHERE:
             return
         if drawn.picture is None:
-            self._facts.content = f"**Not drawn.** {drawn.fault}"
+            self._facts.content = f"**Not drawn.** {plain(drawn.fault)}"
             return
         stage = "refined" if drawn.is_refined else "first picture"
         self._facts.content = f"The scan with its measured albedo, matte, drawn small: {stage}, {drawn.seconds:.2f} s."

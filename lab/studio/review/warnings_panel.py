@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from lab.studio.markdown import plain
 from lab.studio.review.desk import ReviewDesk
 from lab.studio.review.warned import Warned
 
@@ -27,6 +28,7 @@ class WarningsPanel:
             handle.remove()
         self._handles = []
         warnings = self._desk.review.warnings
+        self._folder.label = f"Warnings ({len(warnings)})"
         with self._folder:
             if not warnings:
                 ended = ", ".join(sorted(self._desk.review.done)) or "none has ended"
@@ -38,7 +40,7 @@ class WarningsPanel:
                 self._handles.append(self._gui.add_markdown(more))
 
     def _add(self, one: Warned) -> None:
-        self._handles.append(self._gui.add_markdown(f"**{one.step}**: {one.text}"))
+        self._handles.append(self._gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"))
         frames = self._desk.review.material.frames
         for frame in one.frames[:4]:
             assert frames is not None

@@ -79,6 +79,22 @@ class Nobody:
         for call in handle._impl.update_cb:
             asyncio.run(call(SimpleNamespace(client=self, client_id=self.client_id, target=handle)))
 
+    def clicks(self, handle, **event):
+        """Click something in the view."""
+        for entry in list(handle._impl.click_cb):
+            asyncio.run(entry.callback(SimpleNamespace(client=self, **event)))
+
+    def drags(self, handle, *places):
+        """Drag something in the view from the first of these places over the others, and let it go."""
+        for phase, place in [("start", places[0]), *(("update", place) for place in places[1:]), ("end", places[-1])]:
+            event = SimpleNamespace(client=self, phase=phase, start_position=places[0], end_position=place)
+            for entry in list(handle._impl.drag_cb):
+                asyncio.run(entry.callback(event))
+
+    def seen(self, name):
+        """Return what stands in the view under a name."""
+        return self.scene._handle_from_node_name[name]
+
     def sends(self, label, name, content):
         """Send a file by a button."""
         self.says(label, SimpleNamespace(name=name, content=content))

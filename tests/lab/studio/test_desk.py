@@ -6,13 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.studio import edits
+from lab.studio import edits, stage
 from lab.studio.camera_panel import CameraPanel
 from lab.studio.desk import Desk, begun
 from lab.studio.files_panel import FilesPanel
 from lab.studio.lights_panel import LightsPanel
 from lab.studio.materials_panel import MaterialsPanel
 from lab.studio.objects_panel import ObjectsPanel
+from lab.studio.placement import placement_of
+from lab.studio.stage import UNITS_PER_MM, Stage
 from lab.studio.workspace import MOST_FILES, Workspace
 from scene.files import write_npy
 from twin.description_file import read_scene
@@ -277,6 +279,27 @@ def rendered(markdown):
 
 def escaped(text):
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+
+
+def test_a_drag_is_worked_out_in_the_desks_thread(furnished, settle, monkeypatch):
+    """No mesh of a million vertices keeps the browser's messages waiting; and twice as far is twice as large."""
+    desk, threads = furnished(Stage), []
+    middle = placement_of(desk.scene.objects[0]).middle_mm
+
+    def watched(one):
+        threads.append(threading.current_thread().name)
+        return placement_of(one)
+
+    monkeypatch.setattr(stage, "placement_of", watched)
+    places = [(middle + [reach, 0, 0]) * UNITS_PER_MM for reach in (60.0, 90.0, 120.0)]
+    desk.client.drags(desk.client.seen("/object_0/scale"), *places)
+    settle(desk)
+    assert threads
+    assert all(name.startswith("desk 1") for name in threads)
+    now = placement_of(desk.scene.objects[0])
+    np.testing.assert_allclose(now.scale, 2 * np.array([60.0, 60, 60]))
+    np.testing.assert_allclose(now.middle_mm, middle, atol=1e-9)
+    assert [label for label, *_ in desk.history.past] == ["drag scale"]
 
 
 def test_what_a_browser_began_ends_after_what_is_at_work(furnished, no_preview):

@@ -2,12 +2,13 @@
 
 import threading
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from lab.studio import edits, light_edits
-from lab.studio.rendering import Rendering
+from lab.studio import edits, light_edits, rendering
+from lab.studio.rendering import Progress, Rendering
 from twin.description import Sampling
 from twin.description_tables import RingTable
 from twin.description_writer import write_scene
@@ -49,6 +50,20 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     a, b = (np.load(tmp_path / name / "frames" / "codes.npy") for name in "ab")
     # Threads add to a pixel in the order in which they come: the last bit of a float, one code at most.
     assert np.abs(a.astype(int) - b.astype(int)).max() <= 1
+
+
+@pytest.mark.parametrize(("code", "fault"), [(0, ""), (3, "the renderer ended with code 3.")])
+def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, code, fault):
+    """A library may print between the lines of progress: that is shown, and nothing waits for ever."""
+    program = tmp_path / "renderer"
+    progress = '{"label": "twin", "done": 1, "total": 2}'
+    program.write_text(f"#!/bin/sh\necho hello\necho '{progress}'\necho '[1, 2]'\necho '{{\"a\": 1}}'\nexit {code}\n")
+    program.chmod(0o755)
+    monkeypatch.setattr(rendering, "sys", SimpleNamespace(executable=str(program)))
+    told, ended = [], []
+    Rendering(tmp_path / "scene.toml", tmp_path / "out", told.append, ended.append).wait()
+    assert told == [Progress("hello"), Progress("twin", 1, 2), Progress("[1, 2]"), Progress('{"a": 1}')]
+    assert ended == [fault]
 
 
 def test_a_fault_is_told(tmp_path):

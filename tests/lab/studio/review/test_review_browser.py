@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from align.embree import RayCaster
 from capture.session import load_session
 from lab.studio.review.light_stage import SCAN_SIZE
 from lab.studio.review.plane import Plane
@@ -58,7 +59,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated):
         visitor.until(lambda: desk.frame == 3, "the small picture was clicked")
         visitor.see(desk.review.material.frames.names[3])
 
-        visitor.page.get_by_role("tab", name="Warnings (2)").click(force=True)
+        visitor.page.get_by_role("tab", name="Warnings", exact=True).click(force=True)
         visitor.press("Show ball 1")
         visitor.until(lambda: desk.ball == 0, "the warning leads to its ball")
         visitor.tab("Balls")
@@ -131,7 +132,7 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
         scale = SCAN_SIZE / (2 * mesh.radius_mm)
         towards = [(-25, 10), (22, 14), (3, -38), (8, 20)]
         for count, (x, y) in enumerate(towards, 1):
-            point = met(mesh, mesh.center_mm + [x, y, 500.0], np.array([0.0, 0.0, -1.0]))
+            point = met(RayCaster(mesh), mesh.center_mm + [x, y, 500.0], np.array([0.0, 0.0, -1.0]))
             pixel = made.camera.project(made.pose.apply(point[None]))[0]
             click(visitor, plane.place(pixel))
             visitor.until(lambda: desk.view == "Scan", "the scan is asked for")

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
+from align.embree import RayCaster
 from capture.requests import sphere_requests
 from capture.session import load_session
 from lab.studio.review.amended import forget_kept, write_amended
@@ -335,10 +336,11 @@ def test_picks_are_pairs():
 def test_picks_give_the_pose_at_which_they_were_made(review, made):
     """Rays from aside meet the scan; the points are seen where the true pose puts them: that pose is found."""
     mesh, generator, picks = load_scan(review), np.random.default_rng(10_007), Picks()
+    caster = RayCaster(mesh)
     while picks.pairs < 7:
         origin = mesh.center_mm + 300 * generator.normal(size=3)
         goal = mesh.center_mm + 15 * generator.normal(size=3)
-        point = met(mesh, origin, 5 * (goal - origin))
+        point = met(caster, origin, 5 * (goal - origin))
         if point is None:
             continue
         # It lies on the ray.
@@ -349,7 +351,7 @@ def test_picks_give_the_pose_at_which_they_were_made(review, made):
     found = pose_of(review, picks, mesh)
     assert found.residual_px < 0.05
     assert (found.pose.inverse() @ made.pose).angle_deg() < 0.5
-    assert met(mesh, mesh.center_mm + [0, 0, 500], np.array([0.0, 0.0, 1.0])) is None
+    assert met(caster, mesh.center_mm + [0, 0, 500], np.array([0.0, 0.0, 1.0])) is None
     kept = write_picks(review, picks)
     text = kept.read_text()
     with pytest.raises(SceneError, match=r"^The picks: 3 picks are too few"):
