@@ -4,8 +4,8 @@ import re
 
 
 def plain(text: str) -> str:
-    """Return a text with every sign that Markdown or HTML could take for its own behind a backslash."""
-    return re.sub(r"([!-/:-@\[-`{-~])", r"\\\1", " ".join(text.split()))
+    """Return a text with every sign that Markdown, its links or HTML could take for its own behind a backslash."""
+    return re.sub(r"([\\`*_{}\[\]()<>#+\-.!|~&:/@=$^])", r"\\\1", " ".join(text.split()))
 
 
 def code(text: str) -> str:

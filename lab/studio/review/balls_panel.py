@@ -8,17 +8,8 @@ import numpy as np
 from lab.studio.markdown import code, plain
 from lab.studio.review.amended import write_amended
 from lab.studio.review.ball_marks import magnification
-from lab.studio.review.corrections import (
-    Change,
-    added,
-    calibrate_again,
-    change_of,
-    moved,
-    outlines_of,
-    removed,
-    resized,
-    specs_of,
-)
+from lab.studio.review.calibrated_again import Change, calibrate_again, change_of
+from lab.studio.review.corrections import added, moved, outlines_of, removed, resized, specs_of
 from lab.studio.review.desk import ReviewDesk
 from lab.studio.review.mirror import residuals_px, rms_px
 from scene.errors import SceneError

@@ -197,7 +197,8 @@ def _own(store: Store, path: Path) -> Path:
         return path
     second = (path / "session.toml").read_text("utf-8-sig", "replace").splitlines()[1]
     own = Path(second.removeprefix(OWN))
-    return own if second.startswith(OWN) and own.exists() else path
+    is_there = own.is_file() or (own / "session.toml").is_file()
+    return own if second.startswith(OWN) and is_there else path
 
 
 def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | None, Path | None, str]:

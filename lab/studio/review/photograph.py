@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from compare.pictures import Box, Image, contours, normal_picture, thumbnail
 from compare.registration import WIDTH, shown_pixels, views
+from lab.studio.light_edits import some
 from lab.studio.review.folder import Review
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -98,16 +99,7 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
         vectors = lights.directions[index]
     else:
         points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        one = replace(
-            lights,
-            names=lights.names[index : index + 1],
-            directions=lights.directions[index : index + 1],
-            intensities=lights.intensities[index : index + 1],
-            positions_mm=lights.positions_mm[index : index + 1],
-            direction_sigma_deg=lights.direction_sigma_deg[index : index + 1],
-            intensity_sigma=lights.intensity_sigma[index : index + 1],
-            flags=lights.flags[index : index + 1],
-        )
+        one = some(lights, [index])
         vectors = one.toward(points)[0].reshape(normals.shape)
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 

@@ -58,8 +58,9 @@ def _difference(review: Review, index: int, place: int) -> float:
 
 def toward(zenith_deg: float, azimuth_deg: float) -> Array:
     """Return the unit direction (3,) so far from the camera's axis, azimuth 0 right and 90 up."""
-    zenith, azimuth = np.radians([zenith_deg, azimuth_deg])
-    return np.array([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)])
+    from twin.light_groups import direction
+
+    return direction(azimuth_deg, 90 - zenith_deg)
 
 
 def one_light(lights: Lights, direction: Array) -> Lights:

@@ -225,4 +225,7 @@ def test_where_a_solver_gave_no_answer_it_has_no_fit(made):
     results = made.read(made.folder)
     pixel = read_pixel(results, "photographs", 1, 1, lit_from=0.0)
     assert notes_of(pixel) == "- no fit at this pixel: ls, iterative."
-    assert {one.name for one in pixel_chart(pixel).data} <= {"sample", "shadowed"}
+    names = [one.name for one in pixel_chart(pixel).data]
+    assert set(names) <= {"sample", "shadowed"}
+    drawn = sum(len(one.x) for one in pixel_chart(pixel).data)
+    assert drawn == len(results.review.material.frames), "the samples themselves are drawn, each once"

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lab.run import run_session
+from lab.studio.review.mirror import mirrored_px
 from scene.camera import Camera
 from scene.files import write_json
 from scene.frames import Frames
@@ -81,9 +82,11 @@ def made(tmp_path):
     Store(store.path("twin")).save_frames(Frames.from_linear(lights.names, 0.9 * linear))
     factors = generator.normal(0, 6, (5, 3, 3))
     covariance = factors @ factors.transpose(0, 2, 1)
+    highlights = np.array([mirrored_px(CAMERA, ball, lights) for ball in balls()]) + [0.3, -0.4]
+    highlights[0, 3] = highlights[2] = np.nan
     write_json(
         store.path("calibration.json"),
-        {"highlights_px": np.full((3, 5, 2), np.nan), "rejected": [], "position_covariance_mm2": covariance},
+        {"highlights_px": highlights, "rejected": [], "position_covariance_mm2": covariance},
     )
     rows = [{"name": name, "saturated_share": 200 / 19200 if i == 1 else 0.0} for i, name in enumerate(lights.names)]
     steps = {name: {"warnings": [], "result": {}} for name in ("check", "calibrate", "align", "solve", "twin")}

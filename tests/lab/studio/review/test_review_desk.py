@@ -10,7 +10,8 @@ import pytest
 
 from align import embree
 from lab.studio.review.balls_panel import BallsPanel
-from lab.studio.review.corrections import calibrate_again, outlines_of
+from lab.studio.review.calibrated_again import calibrate_again
+from lab.studio.review.corrections import outlines_of
 from lab.studio.review.desk import ReviewDesk
 from lab.studio.review.folder import Review
 from lab.studio.review.frames_panel import FramesPanel
