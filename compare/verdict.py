@@ -167,14 +167,23 @@ def _twin(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None
         level = "care"
         text += (
             f" The twin fails where the object does, but less: {number(row.get('median_difference_deg'), 1, '°')} of "
-            "the median comes from what the twin lacks (noise, material, calibration, registration)."
+            f"the median comes from what the twin lacks ({_lacking(summary)})."
         )
     elif level == "good":
         text += " The twin fails where the object does, and may be used to ask why."
     else:
-        text += " What the twin lacks (material, light, registration) makes errors of its own kind: do not read the "
-        text += "object's failures off the twin."
+        text += f" What the twin lacks ({_lacking(summary)}) makes errors of its own kind: do not read the object's "
+        text += "failures off the twin."
     return Statement("Twin", level, text)
+
+
+def _lacking(summary: dict[str, Any]) -> str:
+    """Return what a twin does not have of the photographs it is of."""
+    twin = summary.get("twin") or {}
+    left = (twin.get("material") or {}).get("relative_rmse")
+    unfitted = f"the {100 * left:.1f} % that its material leaves unexplained" if is_number(left) else ""
+    noise = "" if twin.get("sensor") else "noise"
+    return ", ".join(filter(None, (noise, unfitted or "material", "errors of calibration and registration")))
 
 
 def _lights(summary: dict[str, Any], compared: dict[str, Any]) -> Statement | None:

@@ -68,6 +68,14 @@ def test_a_twin_that_fails_alike_but_much_less_is_not_called_good():
     assert levels(summary_of(4.5, 1.0))["Twin"] == "care"
 
 
+def test_what_a_twin_has_is_not_said_to_lack():
+    told = text_of(summary_of(4.5, 1.0), "Twin")
+    assert "(noise, material, errors of" in told
+    fitted = summary_of(4.5, 1.0) | {"twin": {"material": {"relative_rmse": 0.0123}, "sensor": {"iso": 100}}}
+    told = text_of(fitted, "Twin")
+    assert "(the 1.2 % that its material leaves unexplained, errors of" in told
+
+
 @pytest.mark.parametrize(
     ("part", "key", "value", "topic", "level"),
     [
