@@ -21,7 +21,8 @@ class TwinSettings:
     engine : {"auto", "direct", "many", "mitsuba"} or None
         None: as the scene description says; of a session's twin `auto`.
     error : float or None
-        Relative root-mean-square error that is aimed at; None: as the scene description says, 0.01 of a session's.
+        Relative root-mean-square error that is aimed at; None: as the scene description says, of a session's twin
+        0.01, or half of what its material leaves unexplained where that is more.
     layers : bool
         Keep direct and indirect light apart too.
     photograph : bool

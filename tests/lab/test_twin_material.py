@@ -1,11 +1,11 @@
-"""What a session's twin is made of where the material cannot be fitted: said, not passed over."""
+"""What a session's twin is made of where the material cannot be fitted, and how exactly it is rendered."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from lab.twin_settings import AS_GIVEN
+from lab.twin_settings import AS_GIVEN, TwinSettings
 from lab.twin_step import twin_scene
 from scene.camera import Camera
 from scene.files import write_npy
@@ -21,7 +21,9 @@ from twin.materials import Diffuse
 pytestmark = pytest.mark.render
 
 
-def test_an_object_of_few_pixels_is_matte_and_says_why(tmp_path):
+@pytest.fixture
+def job(tmp_path):
+    """A flat square of twelve by twelve pixels, registered and solved."""
     import_mitsuba()
     store = Store(tmp_path)
     camera = Camera(40, 30, 60.0, 60.0, 19.5, 14.5)
@@ -44,7 +46,10 @@ def test_an_object_of_few_pixels_is_matte_and_says_why(tmp_path):
     mesh = Mesh(square, np.array([[0, 1, 2], [0, 2, 3]]))
     pose = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0]))
     store.save_pose(pose, residual_px=0.1, sigma_mm=0.1, sigma_deg=0.1)
-    job = SimpleNamespace(store=store, twin=AS_GIVEN, methods=("ls",), load_scan=lambda: mesh)
+    return SimpleNamespace(store=store, twin=AS_GIVEN, methods=("ls",), load_scan=lambda: mesh)
+
+
+def test_an_object_of_few_pixels_is_matte_and_says_why(job):
     scene, material, warnings = twin_scene(job)  # type: ignore[arg-type]
     ((_, made_of),) = scene.materials.items()
     assert isinstance(made_of, Diffuse)
@@ -52,3 +57,21 @@ def test_an_object_of_few_pixels_is_matte_and_says_why(tmp_path):
     assert "of the albedo of ls" in material["sentence"]
     assert "expected 100 or more" in material["sentence"]
     assert warnings[0] == f"The twin is {material['sentence']}"
+
+
+@pytest.mark.parametrize(
+    ("unexplained", "said", "error"), [(0.012, None, 0.01), (0.056, None, 0.028), (0.056, 0.004, 0.004)]
+)
+def test_a_rendering_is_no_more_exact_than_its_material(job, monkeypatch, unexplained, said, error):
+    import twin.material_light
+    import twin.scan_material
+
+    found = SimpleNamespace(
+        residual=SimpleNamespace(whole=unexplained), places=SimpleNamespace(fits=()), labels=None, albedo=None,
+        facts=dict, warnings=(),
+    )  # fmt: skip
+    monkeypatch.setattr(twin.scan_material, "scan_material", lambda *_, **__: found)
+    monkeypatch.setattr(twin.material_light, "material_scene", lambda *given: (given[-1], []))
+    job.twin = TwinSettings(error=said)
+    sampling = twin_scene(job)[0]
+    assert sampling.error == pytest.approx(error)
