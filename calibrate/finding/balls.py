@@ -17,7 +17,9 @@ from scene.spheres import Kind, Sphere, SphereRequest
 
 Array = NDArray[np.float64]
 HINT_REACH = 0.2
-"""Share of its radius by which a circle given by hand may be wrong: the outline is sought that far around it."""
+"""Share of its radius by which a circle given by hand may be wrong, 3 px at least: the outline is sought so far."""
+HINT_SCORE = 0.6
+"""Share of its outline that a ball must show before it is moved off the circle given by hand."""
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
 
@@ -150,13 +152,15 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
     """Return the best outline around a circle given by hand, or None: a hand slips by a tenth of the radius.
 
     The standing circles around it come first: beside an outline there is always some weaker edge, and a search of a
-    few pixels around the given circle would take it. Its own outline wins only where it shows clearly more.
+    few pixels around the given circle would take it. A matte ball's own outline wins only where it shows clearly more.
+    A mirror's may stand clearer than what it mirrors and still be missed among the standing circles, where noise hides
+    all but the rim of the mirrored dark: it is always looked at, and of equals the outermost wins.
     """
-    reach = 3 + HINT_REACH * hint.radius_px
+    reach = max(3.0, HINT_REACH * hint.radius_px)
 
     def fit(start: Sphere, search_px: float) -> list[OutlineFit]:
         one = fit_outline(frames, camera, start, search_px=search_px)
-        if one is None or one.sphere.score <= 0.5:
+        if one is None or one.sphere.score < HINT_SCORE:
             return []
         off = np.hypot(*(one.sphere.center_px - hint.center_px))
         return [one] if max(off, abs(one.sphere.radius_px - hint.radius_px)) < reach else []
@@ -165,10 +169,13 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
     for start in around_hint(coarse, hint, reach_px=reach)[:2]:
         standing += fit(start, 1.4 * coarse.factor + 0.6)
     best = best_outline(standing, hint.kind) if standing else None
-    if best is None or best.sphere.score < 0.9:
-        for own in fit(hint, max(3.0, 0.04 * hint.radius_px)):
-            if best is None or 0.9 * own.sphere.score > best.sphere.score:
-                best = own
+    if best is not None and best.sphere.score >= 0.9 and hint.kind == "white":
+        return best
+    for own in fit(hint, max(3.0, 0.04 * hint.radius_px)):
+        if hint.kind == "chrome":
+            best = best_outline([*standing, own], hint.kind)
+        elif best is None or 0.9 * own.sphere.score > best.sphere.score:
+            best = own
     return best
 
 

@@ -114,6 +114,29 @@ def test_a_hint_is_a_hint(table, ball, slip):
     assert balls[0].sphere.radius_px == pytest.approx(radius, abs=0.1 if kind == "chrome" else 0.3)
 
 
+@pytest.mark.parametrize(("electrons", "stays"), [(400.0, False), (12.0, True)])
+@pytest.mark.parametrize("seed", [10001, 10002])
+def test_a_given_mirror_is_not_lost_in_noise(seed, electrons, stays):
+    """On a wide table its outline has no contrast, and the rim of the dark that it mirrors all: 6 px inside of 25."""
+    camera = Camera(150, 140, 480.0, 480.0, 75.3, 68.6)
+    wide = {"table_normal": np.array([0, 0, 1.0]), "table_point": np.array([0, 0, -1015.0]), "table_half": 3000.0}
+    world = World(camera, [], flashes(10, seed=seed), np.full((10, 3), 0.8), table_albedo=0.2, **wide)
+    world.balls.append(ball_scene.Ball("chrome", np.array([12.0, -8.0, -960.0]), 50.0, albedo=1.0))
+    frames = ball_scene.render(world, electrons=electrons, read_noise=4.0 / electrons, seed=seed)
+    ((_, center, radius),) = _truth(world)
+    true = np.array([*center, radius])
+    u, v, r = given = true + [0.9, -0.7, -0.6]
+    (ball,), _, warnings = find_balls(frames, camera, [SphereRequest("chrome", center_px=(u, v), radius_px=r)])
+    found = np.array([*ball.sphere.center_px, ball.sphere.radius_px])
+    assert np.all(np.abs(found - true) < 3 * np.sqrt(np.diag(ball.covariance)))
+    if stays:
+        assert np.array_equal(found, given)
+        assert "it is taken as it is" in warnings[0]
+    else:
+        assert np.abs(found - true).max() < 0.5
+        assert not warnings
+
+
 def test_a_hint_where_no_ball_is_gets_a_doubt_of_its_size():
     rng = np.random.default_rng(0)
     frames = Frames.from_linear(tuple("abcd"), 0.2 + 0.01 * rng.normal(size=(4, 200, 240, 3)).astype(np.float32))
