@@ -1,8 +1,9 @@
 """The seed's experiments on real things: virtual captures against synthetic counterparts; into docs/counterparts.md.
 
-    .venv/bin/python -m benchmarks.bench_counterparts [--write] [--out out/counterparts]
+    .venv/bin/python -m benchmarks.bench_counterparts [--only iso] [--write] [--out out/counterparts]
 
-Goes on where it was stopped. The charts are written to docs/virtual-EXPERIMENT.svg.
+Goes on where it was stopped. Each experiment has a block of its own in the page, and a chart,
+docs/virtual-EXPERIMENT.svg.
 """
 
 import argparse
@@ -12,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.pages import put
 from compare.line_chart import line_chart
-from lab.counterparts.experiments import METHODS, Experiment
+from lab.counterparts.experiments import EXPERIMENTS, METHODS, Experiment
 from lab.counterparts.pairs import Pair, run_experiments
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -44,29 +45,35 @@ def rows(experiment: Experiment, pairs: list[Pair]) -> list[str]:
     return lines
 
 
+def block(experiment: Experiment, pairs: list[Pair], spent_min: float) -> str:
+    """Return an experiment's part of the page."""
+    sigma = [pair.found["captures"]["real"]["carried"]["direction_sigma_deg"] for pair in pairs]
+    told = ", ".join("unknown" if one is None else f"{one:.2f}°" for one in sigma)
+    lines = [f"### {experiment.title} (virtual)", "", *rows(experiment, pairs), ""]
+    lines += [
+        f"Stated sigma of the light directions: {told}. 320 x 240 pixels, 16 flashes; {spent_min:.1f} processor "
+        f"minutes, on {os.cpu_count()} cores, for what was missing.",
+        "",
+        f"![{experiment.title}: error over the level, virtual and rendered](virtual-{experiment.name}.svg)",
+    ]
+    return "\n".join(lines) + "\n"
+
+
 def main() -> None:
     """Run what is missing, print the tables, and write them into the documentation if asked."""
     parser = argparse.ArgumentParser()
+    parser.add_argument("--only", choices=[one.name for one in EXPERIMENTS])
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out") / "counterparts")
     options = parser.parse_args()
-    start, text = time.process_time(), []
-    for experiment, pairs in run_experiments(options.out):
-        sigma = [pair.found["captures"]["real"]["carried"]["direction_sigma_deg"] for pair in pairs]
-        told = ", ".join("unknown" if one is None else f"{one:.2f}°" for one in sigma)
-        text += [f"### {experiment.title} (virtual)", "", *rows(experiment, pairs), ""]
-        text += [f"Stated sigma of the light directions: {told}.", ""]
-        text += [
-            f"![{experiment.title}: error over the level, virtual and rendered](virtual-{experiment.name}.svg)",
-            "",
-        ]
+    wanted = [one for one in EXPERIMENTS if options.only in (None, one.name)]
+    start = time.process_time()
+    for experiment, pairs in run_experiments(options.out, wanted):
+        text, start = block(experiment, pairs, (time.process_time() - start) / 60), time.process_time()
+        print(text, flush=True)
         if options.write:
             (ROOT / "docs" / f"virtual-{experiment.name}.svg").write_text(chart(experiment, pairs))
-    spent = f"{(time.process_time() - start) / 60:.1f} processor minutes"
-    text.append(f"320 x 240 pixels, 16 flashes. This run: {spent}, on {os.cpu_count()} cores, of what was missing.")
-    print("\n".join(text))
-    if options.write:
-        put(ROOT / "docs" / "counterparts.md", "counterparts", "\n".join(text) + "\n")
+            put(ROOT / "docs" / "counterparts.md", experiment.name, text)
 
 
 if __name__ == "__main__":
