@@ -37,5 +37,5 @@ def furnish(desk: ReviewDesk) -> None:
     desk.panels += [*(one for one in panels if not isinstance(one, ScanPanel)), wall, stage]
     desk.panels += [one for one in panels if isinstance(one, ScanPanel)]
     gui.main_panel.dock_right()
-    gui.main_panel.set_width(430)
+    gui.main_panel.set_width(480)
     desk.refresh()

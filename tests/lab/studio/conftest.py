@@ -1,6 +1,5 @@
 """Chromium for the studio's tests and where things stand on its screen; and a client that nobody sits at."""
 
-import asyncio
 import contextlib
 import io
 import os
@@ -56,6 +55,12 @@ def viser_server():
         server.stop()
 
 
+def at_once(answer):
+    """Do what a coroutine does; it may wait for nothing. Playwright's own loop may be running in this thread."""
+    with pytest.raises(StopIteration):
+        answer.send(None)
+
+
 class Nobody:
     """A client that nobody sits at: viser's own inputs and view, used as its server uses them for a browser."""
 
@@ -77,19 +82,19 @@ class Nobody:
         handle = self.input(handle) if isinstance(handle, str) else handle
         handle._impl.value = value
         for call in handle._impl.update_cb:
-            asyncio.run(call(SimpleNamespace(client=self, client_id=self.client_id, target=handle)))
+            at_once(call(SimpleNamespace(client=self, client_id=self.client_id, target=handle)))
 
     def clicks(self, handle, **event):
         """Click something in the view."""
         for entry in list(handle._impl.click_cb):
-            asyncio.run(entry.callback(SimpleNamespace(client=self, **event)))
+            at_once(entry.callback(SimpleNamespace(client=self, **event)))
 
     def drags(self, handle, *places):
         """Drag something in the view from the first of these places over the others, and let it go."""
         for phase, place in [("start", places[0]), *(("update", place) for place in places[1:]), ("end", places[-1])]:
             event = SimpleNamespace(client=self, phase=phase, start_position=places[0], end_position=place)
             for entry in list(handle._impl.drag_cb):
-                asyncio.run(entry.callback(event))
+                at_once(entry.callback(event))
 
     def seen(self, name):
         """Return what stands in the view under a name."""
