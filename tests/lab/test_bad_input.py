@@ -257,7 +257,7 @@ def wait_for(process, text):
     raise AssertionError(f"{text!r} was never said")
 
 
-@pytest.mark.parametrize("moment", ["check ...", "calibrate ...", "align ..."])
+@pytest.mark.parametrize("moment", ["check ...", "calibrate ...", pytest.param("align ...", marks=pytest.mark.full)])
 def test_ctrl_c(session, moment):
     out = session / "out"
     process = start(session, out)
