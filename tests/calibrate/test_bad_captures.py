@@ -104,6 +104,7 @@ def test_a_wrong_diameter_of_the_white_ball_is_found_and_named(shot, frames):
     assert float(told.split("unless it is ")[1].split()[0]) == pytest.approx(70, rel=0.01)
 
 
+@pytest.mark.full
 def test_of_two_chrome_balls_a_wrong_diameter_is_a_contradiction(shot, frames):
     """Whichever is right, all lengths scale alike: only sigma must know that millimetres are a guess."""
     world = shot[0]

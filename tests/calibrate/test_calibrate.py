@@ -158,9 +158,8 @@ def test_a_ball_shot_apart(table):
     assert np.median(angular_error_deg(result.lights.directions, directions)) < 1.0
 
 
-@pytest.mark.parametrize(
-    ("chrome_mm", "white_mm"), [(91.0, 70.0), pytest.param(76.0, 78.0, marks=pytest.mark.full)], ids=["chrome", "white"]
-)
+@pytest.mark.full
+@pytest.mark.parametrize(("chrome_mm", "white_mm"), [(91.0, 70.0), (76.0, 78.0)], ids=["chrome", "white"])
 def test_wrong_diameters_are_the_first_suspect(table, chrome_mm, white_mm):
     """Chrome 20 % too large bends the lights at the object by 7 degrees, and the highlights still fit."""
     world, frames = table
@@ -233,7 +232,7 @@ def test_a_file_without_intensities_takes_them_from_the_white_ball(table, tmp_pa
     assert np.isfinite(result.lights.intensity_sigma).all()
 
 
-@pytest.mark.parametrize("kinds", [[], ["chrome"]])
+@pytest.mark.parametrize("kinds", [[], pytest.param(["chrome"], marks=pytest.mark.full)])
 def test_a_file_without_intensities_and_no_white_ball_is_said(table, tmp_path, kinds):
     world, frames = table
     known = _written(tmp_path / "lights.lp", world, frames, OBJECT)
