@@ -143,7 +143,8 @@ def test_a_pair_is_photographed_processed_and_compared(tmp_path):
     }
     assert pair.medians("real")["ls"] < 3.0
     assert pair.medians("twin")["ls"] < 2.0
-    assert pair.found["reasons"]["pattern"] == "alike"
+    assert pair.found["left_out"] == []
+    assert pair.found["reasons"]["level"] != "differ"
 
 
 def test_every_experiment_goes_from_easy_to_hard_in_four_steps_or_more():
