@@ -56,7 +56,8 @@ class Rendering:
         )
         self._tell, self._ended, self._stopped = tell, ended, False
         self._said: list[str] = []
-        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._listen, self._hear)]
+        # The one that tells the end waits for the other, which must have begun by then.
+        self._threads = [threading.Thread(target=work, daemon=True) for work in (self._hear, self._listen)]
         for thread in self._threads:
             thread.start()
 
@@ -88,7 +89,7 @@ class Rendering:
                     self._tell(_progress(line))
         finally:
             code = self._process.wait()
-            self._threads[1].join()
+            self._threads[0].join()
             if not self._stopped:
                 self._ended("" if code == 0 else "\n".join(self._said[-12:]) or f"the renderer ended with code {code}.")
 
