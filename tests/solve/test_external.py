@@ -21,9 +21,14 @@ HEIGHT, WIDTH = 52, 72
 STAND_IN = """
 import subprocess, sys, time
 from pathlib import Path
-import cv2, numpy as np, scipy.io
 data, out, manner = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3]
-print("loading weights", file=sys.stderr)
+print("loading weights", file=sys.stderr, flush=True)
+# Before what takes seconds to load on a busy machine.
+if manner == "slow":
+    late = f"import time, pathlib; time.sleep(3); pathlib.Path({str(out / 'late')!r}).touch()"
+    subprocess.Popen([sys.executable, "-c", late])
+    time.sleep(60)
+import cv2, numpy as np, scipy.io
 assert {path.name for path in data.iterdir()} >= {"filenames.txt", "mask.png"}
 assert not any("gt" in path.name or "truth" in path.name for path in data.iterdir())
 names = (data / "filenames.txt").read_text().split()
@@ -37,10 +42,6 @@ normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9)
 normals[~mask] = 0
 if manner == "crash":
     raise RuntimeError("CUDA out of memory")
-if manner == "slow":
-    late = f"import time, pathlib; time.sleep(3); pathlib.Path({str(out / 'late')!r}).touch()"
-    subprocess.Popen([sys.executable, "-c", late])
-    time.sleep(60)
 if manner == "nan":
     normals[:] = np.nan
 if manner == "part":
