@@ -63,6 +63,7 @@ def run(made, scan, pose):
 
 @pytest.mark.slow
 @needs_captures
+@pytest.mark.full
 def test_the_cat_is_found_on_its_photographs(cat):
     """Half a pixel from where DiLiGenT's makers put it by hand. All frames at full size: docs/registration.md.
 

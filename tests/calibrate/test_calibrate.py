@@ -117,7 +117,8 @@ def test_unknown_diameters_give_the_directions_at_the_balls_middle_and_no_ranges
     np.testing.assert_allclose(result.spheres[0].center_px, requests[0].center_px, atol=0.2)
 
 
-@pytest.mark.parametrize("wrong", [0, pytest.param(1, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("wrong", [0, 1])
 def test_one_wrong_diameter_of_two_is_noticed(table, wrong):
     """5 %: highlights cannot fit any more; of two balls nobody knows which."""
     world, frames = table
