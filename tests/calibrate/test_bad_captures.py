@@ -127,6 +127,7 @@ def test_a_focal_length_a_tenth_wrong_bends_the_lights_no_further_than_stated(sh
     assert off.max() < 0.02
 
 
+@pytest.mark.full
 def test_known_lights_upside_down(shot, frames):
     world = shot[0]
     directions, strengths = world.truth(np.array([0.0, 0.0, -1000.0]))

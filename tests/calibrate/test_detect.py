@@ -192,6 +192,7 @@ def printed():
     return world, ball_scene.render(world, seed=10007)
 
 
+@pytest.mark.full
 def test_print_dust_and_touching_balls_do_not_hide_balls(printed):
     world, frames = printed
     found, rejected = detect(frames, world.camera, shrink(frames, world.camera))

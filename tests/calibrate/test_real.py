@@ -41,6 +41,7 @@ def test_uw_psm_chrome_explains_gray(captures):
 
 
 @pytest.mark.slow
+@pytest.mark.full
 def test_diligent_ball_by_its_own_highlights_and_shading(captures):
     """96 lights that others calibrated with a mirror ball; here from the glossy ball itself, lights put aside.
 

@@ -242,6 +242,7 @@ def crowd(session, tmp_path_factory) -> tuple[Store, dict[str, Any]]:
     return store, summary
 
 
+@pytest.mark.full
 def test_many_methods_stay_readable(crowd):
     _, summary = crowd
     page = Page(write_report(*crowd))

@@ -22,6 +22,7 @@ def small_scene(folder, samples):
     return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
 
 
+@pytest.mark.full
 def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     """What was rendered when it was stopped is kept, and the whole is as if it had never been stopped."""
     scene = small_scene(tmp_path / "scene", samples=1600)
