@@ -107,7 +107,7 @@ def main() -> None:
     text = "\n".join(rows) + (
         f"\n\nMedians over {options.seeds} sessions, seeds from {FIRST_SEED}: processor seconds of `calibrate` on "
         "decoded frames of 0.24 megapixels, median error of the directions at the object (one ball: at the ball). "
-        "Where some were refused, it says of how many: "
+        "Where one was refused, the field says of how many the median is. "
         f"{len(refused)} of {len(BALLS) * len(FRAMES) * options.seeds} sessions were refused. Measured by "
         "`benchmarks/bench_calibration_pareto.py`.\n\n![Seconds against direction error](calibration-speed.svg)\n"
     )

@@ -30,31 +30,36 @@ HARD = (
 """Near, noisy, glossy, shadowed, few lights, lights from one side."""
 LIGHTS, POWER, NORMALS = "light_directions.txt", "light_intensities.txt", "Normal_gt.mat"
 FLIP_X, FLIP_Y, FLIP_Z, SWAP = np.diag([-1, 1, 1]), np.diag([1, -1, 1]), np.diag([1, 1, -1]), np.eye(3)[[1, 0, 2]]
-AXES = "{}: {}; expected x right"
-"""The whole of what is wrong: `x points left` is not `x points left and y down`."""
+
+
+def turned(name: str, words: str) -> str:
+    """Return the pattern of the fault that says how a file's axes are turned: the whole of it, not a part."""
+    return re.escape(f"{name}: {words}; expected x right")
+
+
 WRONG = {
-    "lights: x left": (LIGHTS, lambda rows: rows @ FLIP_X, re.escape(AXES.format(LIGHTS, "x points left"))),
-    "lights: y down": (LIGHTS, lambda rows: rows @ FLIP_Y, re.escape(AXES.format(LIGHTS, "y points down"))),
+    "lights: x left": (LIGHTS, lambda rows: rows @ FLIP_X, turned(LIGHTS, "x points left")),
+    "lights: y down": (LIGHTS, lambda rows: rows @ FLIP_Y, turned(LIGHTS, "y points down")),
     "lights: z away": (
         LIGHTS,
         lambda rows: rows @ FLIP_Z,
-        re.escape(AXES.format(LIGHTS, "z points away from the viewer")),
+        turned(LIGHTS, "z points away from the viewer"),
     ),
     "lights: x and y swapped": (
         LIGHTS,
         lambda rows: rows @ SWAP,
-        re.escape(AXES.format(LIGHTS, "x and y are swapped")),
+        turned(LIGHTS, "x and y are swapped"),
     ),
     "lights: from the light to the surface": (
         LIGHTS,
         lambda rows: -rows,
-        re.escape(AXES.format(LIGHTS, "they go from the light to the surface")),
+        turned(LIGHTS, "they go from the light to the surface"),
     ),
-    "normals: y down": (NORMALS, lambda normals: normals @ FLIP_Y, re.escape(AXES.format(NORMALS, "y points down"))),
+    "normals: y down": (NORMALS, lambda normals: normals @ FLIP_Y, turned(NORMALS, "y points down")),
     "normals: y down, z away": (
         NORMALS,
         lambda normals: normals @ FLIP_Y @ FLIP_Z,
-        re.escape(AXES.format(NORMALS, "y points down and z away from the viewer (OpenCV's frame)")),
+        turned(NORMALS, "y points down and z away from the viewer (OpenCV's frame)"),
     ),
     "normal map mirrored top to bottom": (
         NORMALS,

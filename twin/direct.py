@@ -36,8 +36,7 @@ class Direct:
         Distant, or points; see `Flashes` for the units.
     error : float
         Root mean square error of the box that is asked for, over each frame's mean brightness where any light meets an
-        object;
-        a frame counts as at least a tenth as bright as the brightest.
+        object; a frame counts as at least a tenth as bright as the brightest.
 
     Attributes
     ----------

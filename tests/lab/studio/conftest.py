@@ -125,6 +125,23 @@ def no_preview():
 
 
 @pytest.fixture
+def furnish():
+    """Return what puts panels on a desk and shows them; all desks are closed in the end."""
+    desks = []
+
+    def put(desk, panels):
+        desks.append(desk)
+        desk.panels += [panel(desk) for panel in panels]
+        desk.refresh()
+        return desk
+
+    yield put
+    for desk in desks:
+        desk.close()
+        desk.wait()
+
+
+@pytest.fixture
 def settle():
     """Return what waits until a desk has done all that was said so far."""
 

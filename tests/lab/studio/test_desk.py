@@ -23,23 +23,16 @@ from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
 
 
 @pytest.fixture
-def furnished(nobody, no_preview, tmp_path):
-    """Return what puts panels on a desk, whose client is `desk.client`."""
-    desks = []
+def furnished(nobody, no_preview, tmp_path, furnish):
+    """Return what makes a desk with panels, whose client is `desk.client`."""
 
     def made(*panels, scene=None, folder=None):
         workspace = Workspace.at(tmp_path)
         desk = Desk(nobody(), workspace, no_preview, begun(workspace, scene, folder))
         desk.list_files()
-        desk.panels += [panel(desk) for panel in panels]
-        desk.refresh()
-        desks.append(desk)
-        return desk
+        return furnish(desk, panels)
 
-    yield made
-    for desk in desks:
-        desk.close()
-        desk.wait()
+    return made
 
 
 def slowly(desk):

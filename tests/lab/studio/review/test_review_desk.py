@@ -24,22 +24,15 @@ from lab.studio.workspace import Workspace
 
 
 @pytest.fixture
-def reviewing(made, nobody, no_preview):
-    """Return what puts panels on the desk of a review of the folder that was made."""
-    desks = []
+def reviewing(made, nobody, no_preview, furnish):
+    """Return what makes the desk of a review of the folder that was made, with panels."""
 
     def furnished(*panels):
         desk = ReviewDesk(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
         desk.read()
-        desk.panels += [panel(desk) for panel in panels]
-        desk.refresh()
-        desks.append(desk)
-        return desk
+        return furnish(desk, panels)
 
-    yield furnished
-    for desk in desks:
-        desk.close()
-        desk.wait()
+    return furnished
 
 
 def test_a_click_on_the_scan_is_met_in_the_desks_own_thread(reviewing, settle, monkeypatch, made):
