@@ -20,7 +20,7 @@ from capture.fan_out import fan_out
 from capture.photograph import SATURATION
 from capture.session import Session
 from scene.camera import Camera
-from scene.files import create_array, write_npy
+from scene.files import create_array, remove, write_npy
 from scene.frames import Frames
 from scene.store import Store
 
@@ -122,7 +122,7 @@ def decode(
         recipe = _with_corrections(session, recipe, scratch, steps)
         ambient, ambient_exif = _ambient(session, recipe, reference, steps)
         # From here on an older header would speak of frames that are gone.
-        store.path("frames", "frames.json").unlink(missing_ok=True)
+        remove(store.path("frames", "frames.json"))
         shape = (len(session.flash), height, width, 3)
         with create_array(store.path("frames", "codes.npy"), shape, first.codes.dtype) as codes:
             frame_bytes = codes.nbytes // len(codes)
@@ -146,7 +146,7 @@ def decode(
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
     finally:
         for path in scratch.values():
-            path.unlink(missing_ok=True)
+            remove(path)
     report = CaptureReport(
         session.names,
         width,

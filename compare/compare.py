@@ -12,7 +12,7 @@ from compare.four_ways import four_ways, is_measured_so
 from compare.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
 from compare.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
-from scene.files import write_npy, write_png
+from scene.files import remove, write_npy, write_png
 from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.store import Store
@@ -100,7 +100,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
     # A map that a former run left would speak of normals that are gone.
     for stale in store.path("compare").glob("error_*"):
         if stale.name not in written:
-            stale.unlink()
+            remove(stale)
     return result
 
 

@@ -13,6 +13,7 @@ from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
 from lab.studio.command import studio
 from lab.sweeps.command import sweep
 from lab.twin_settings import AS_GIVEN, TwinSettings
+from scene.errors import SceneError
 
 app = App(
     name="rgbn",
@@ -122,7 +123,8 @@ def align(
 
         with open_job(session, out=out) as job:
             job.run(STEPS, "align")
-            found = check_alignment(job)
+            with job.record.part_of("align"):
+                found = check_alignment(job)
         if not json:
             tell_check(found)
     run_session(session, "align", out=out, json=json)
@@ -151,6 +153,7 @@ def solve(
         check_name(mesh)
         how = {"method": method, "profile": profile, "external": others, "scheduler": scheduler}
         with open_job(session, out=out, **how) as job:
+            job.record.check_free(mesh)
             job.run(STEPS, "solve")
             write_surface(job, mesh)
     run_session(
@@ -230,13 +233,14 @@ def export(
         _tell_export(paths[:1], notes)
         return
     from calibrate.light_files.export import export_lights
-    from lab.plan import STEPS
+    from lab.plan import EXPORTED, STEPS
 
     with open_job(session, out=out) as job:
         job.run(STEPS, "calibrate")
         store, files = job.store, tuple(path.name for path in job.session.flash)
         lights, camera = store.load_lights(), store.load_camera()
-        paths, notes = export_lights(store.path("export"), format, lights, camera, files=files, sfm=sfm)
+        with job.record.part_of(EXPORTED):
+            paths, notes = export_lights(store.path("export"), format, lights, camera, files=files, sfm=sfm)
     _tell_export(paths, notes)
 
 
@@ -261,12 +265,24 @@ def doctor() -> None:
         print(f"{what:32} {finding}")
 
 
+def _check_words(words: list[str]) -> None:
+    """Raise SceneError where a word is empty: as a path that is the current folder, which nobody meant."""
+    for number, word in enumerate(words):
+        if not word or (word.startswith("--") and word.endswith("=")):
+            before = word.rstrip("=") or (words[number - 1] if number else "rgbn")
+            raise SceneError(
+                f"{before}: nothing is given after it. Was a variable of the shell not set? For the current folder "
+                "write a dot."
+            )
+
+
 def main() -> None:
     """Run the command line; `lab.endings` says what each end is told by."""
     try:
         from lab.rooms import check_rooms
 
         check_rooms()
+        _check_words(sys.argv[1:])
         app(sys.argv[1:])
         sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:

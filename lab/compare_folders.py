@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from lab.counterpart_sides import Folder, error_maps, open_folder, shifts_of
-from lab.doctor import versions
-from lab.job import locked
 from lab.progress import say
+from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json, write_text
+from scene.output_folder import open_record
 from scene.store import Store
 
 PAGE, NUMBERS = "counterparts.html", "counterparts.json"
@@ -47,14 +47,15 @@ def compare_folders(
 
     folders = {"real": open_folder(real), "twin": open_folder(twin)}
     common = _common(folders, methods)
-    place = Store(out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}")
-    with locked(place.folder):
+    folder = out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}"
+    with open_record(folder, input_folders=[real, twin]) as record:
+        place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
         sides = {kind: capture_of(folder, common, seed) for seed, (kind, folder) in enumerate(folders.items())}
         found = compare_counterparts(sides["real"], sides["twin"])
         title = f"{sides['real'].name} against {sides['twin'].name}"
         now = datetime.now(UTC).isoformat(timespec="seconds")
-        found = {"name": title, "created": now, "versions": versions(), **found}
+        found = {"name": title, "created": now, "versions": libraries(), **found}
         write_json(place.path(NUMBERS), found)
         subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
         write_text(place.path(PAGE), counterpart_page(found, sides["real"], sides["twin"], title, subtitle))

@@ -2,28 +2,15 @@
 
 import os
 import shutil
-import sys
-from importlib import metadata
 from pathlib import Path
 
-PACKAGES = ("numpy", "scipy", "opencv-contrib-python-headless", "rawpy", "open3d", "mitsuba", "numba", "plotly")
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of Python, rgbn and the packages that results depend on."""
-    found = {"python": sys.version.split()[0]}
-    for name in ("rgbn", *PACKAGES):
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            found[name] = "absent"
-    return found
+from scene.current import libraries
 
 
 def examine() -> list[tuple[str, str]]:
     """Return (what, finding) rows; what is most often missing, the ray caster and the renderer, is really tried."""
     rows = [("machine", f"{os.cpu_count()} cores, {_memory_gb():.0f} GB memory")]
-    rows += [(name, version) for name, version in versions().items()]
+    rows += [(name, version) for name, version in libraries().items()]
     from twin.variant import pick_variant
 
     variant, note = pick_variant()

@@ -1,13 +1,11 @@
 """The steps in the order in which data flow: what each needs, reads and leaves."""
 
-from pathlib import Path
 from typing import Any
 
 from lab import steps
 from lab.job import Job, Step
 from lab.self_test import self_test
 from lab.twin_step import twin
-from solve.solve import METHODS
 
 
 def _frame_inputs(job: Job) -> list[Any]:
@@ -35,74 +33,28 @@ def _object_inputs(job: Job) -> list[Any]:
 
 
 def _methods(job: Job) -> list[Any]:
-    return [job.methods, job.profile, *(program.command for program in job.externals.values())]
+    programs = job.externals.values()
+    return [job.methods, job.profile, *((program.command, program.files) for program in programs)]
 
 
 def _judged_by(job: Job) -> list[Any]:
     return [*_methods(job), *([] if job.truth is None else [job.truth / "truth.json", job.truth / "truth.npz"])]
 
 
-def _paths(job: Job, *names: str) -> list[Path]:
-    return [job.store.path(*name.split("/")) for name in names]
-
-
-def _aligned(job: Job) -> list[Path]:
-    truth = ("normals/truth.npy", "normals/truth.png", "normals/truth_sigma.npy")
-    has_truth = job.session.scan or job.session.normals
-    has_pose = job.session.scan and not job.session.normals
-    return _paths(
-        job, "mask.png", *(truth if has_truth else ()), *(("pose.json", "align/outline.png") if has_pose else ())
-    )
-
-
-def _solved(job: Job, *place: str) -> list[Path]:
-    kinds = (("normals", "npy"), ("normals", "png"), ("albedo", "npy"), ("sigma", "npy"), ("condition", "npy"))
-    return [job.store.path(*place, folder, f"{name}.{end}") for name in job.methods for folder, end in kinds]
-
-
-def _rendered(job: Job) -> list[Path]:
-    return [*_paths(job, "twin/session.toml"), *_solved(job, "twin")] if job.store.path("pose.json").exists() else []
-
-
-LIGHTS = ("lights.json", "light_directions.txt", "light_intensities.txt", "filenames.txt", "lights.lp")
-# `align` moves the lights to the object: what was exported before is of other lights.
-ALIGNED = ("pose.json", "mask.png", "normals/truth*", "align", "export")
-# Other programs' names begin with a capital, ours do not.
-SOLVED = (
-    *(f"{folder}/{name}.*" for name in (*METHODS, "[A-Z]*") for folder in steps.MAPS),
-    "external",
-)
+EXPORTED = "export"
+"""Files for other programs: `calibrate` finds the lights, `align` moves them to the object."""
+REPORTED = "report"
 
 STEPS = {
     step.name: step
     for step in (
-        Step(
-            "check",
-            steps.check,
-            (),
-            _frame_inputs,
-            lambda job: _paths(job, "frames/codes.npy", "frames/frames.json", "frames/camera.json", "camera.json"),
-        ),
-        Step(
-            "calibrate",
-            steps.calibrate,
-            ("check",),
-            _light_inputs,
-            lambda job: _paths(job, "calibration.json", "spheres.json", *LIGHTS),
-            ("calibration.json", "spheres.json", *LIGHTS, "export"),
-        ),
-        Step(
-            "self_test",
-            self_test,
-            ("calibrate",),
-            lambda job: [],
-            lambda job: _paths(job, "self_test.json"),
-            ("self_test.json", "self_test"),
-        ),
-        Step("align", steps.align, ("calibrate",), _object_inputs, _aligned, ALIGNED),
-        Step("solve", steps.solve, ("align",), _methods, _solved, SOLVED),
-        Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin], _rendered, ("twin",)),
-        Step("compare", steps.compare, ("twin",), _judged_by, lambda job: [], ("compare", "report.html")),
+        Step("check", steps.check, (), _frame_inputs),
+        Step("calibrate", steps.calibrate, ("check",), _light_inputs, (EXPORTED,)),
+        Step("self_test", self_test, ("calibrate",), lambda job: []),
+        Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
+        Step("solve", steps.solve, ("align",), _methods),
+        Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
+        Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
     )
 }
 """In the order in which data flow."""

@@ -3,10 +3,8 @@
 import importlib.util
 from pathlib import Path
 
+from scene.current import ROOMS, ROOT
 from scene.errors import SceneError
-
-ROOMS = ("scene", "capture", "calibrate", "align", "solve", "twin", "compare", "lab")
-ROOT = Path(__file__).resolve().parents[1]
 
 
 def check_rooms() -> None:

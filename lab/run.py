@@ -57,23 +57,21 @@ def open_job(
     Raises
     ------
     SceneError
-        Unknown solver or profile, an unreadable session, an output folder that is the session's own or in use.
+        Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
     from capture.session import load_session
-    from lab.job import Job, locked
-    from scene.store import Store
+    from lab.job import Job
+    from scene.current import paths_in
+    from scene.output_folder import open_record
 
     methods, externals = methods_of(method, profile), _externals(*external)
     session = load_session(session_path)
     folder = out or Path("out") / session.name
-    inputs = [session.folder, *(path.parent for path in (*session.flash, session.scan, session.mask) if path)]
-    if any(folder.resolve() == place.resolve() for place in inputs):
-        raise SceneError(
-            f"--out {folder}: the session's own files lie there, and the output has files of the same names. Choose "
-            "another folder; one inside the session's is fine."
-        )
-    with locked(folder), executor_of(scheduler) as executor:
-        yield Job(session, Store(folder), (*methods, *externals), executor, truth, profile, externals, twin=twin)
+    with (
+        open_record(folder, inputs=paths_in(session), input_folders=[session.folder]) as record,
+        executor_of(scheduler) as executor,
+    ):
+        yield Job(session, record, (*methods, *externals), executor, truth, profile, externals, twin=twin)
 
 
 def run_session(
@@ -100,7 +98,7 @@ def run_session(
     session_path, out, method, profile, external, scheduler, truth, twin
         As in `open_job`.
     """
-    from lab.plan import STEPS
+    from lab.plan import REPORTED, STEPS
     from lab.progress import say
     from lab.summary import write_summary
     from lab.tell import tell
@@ -120,7 +118,8 @@ def run_session(
         if wanted == "compare":
             from compare.report import write_report
 
-            page = write_report(job.store, summary)
+            with job.record.part_of(REPORTED):
+                page = write_report(job.store, summary)
             say(f"report: {page}")
     if json:
         print(json_module.dumps(summary, indent=1))

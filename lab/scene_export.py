@@ -3,9 +3,11 @@
 from pathlib import Path
 
 from lab.job import Job
+from lab.plan import EXPORTED
 from lab.run import is_description, open_job
 from lab.twin_step import twin_scene
 from scene.errors import SceneError
+from scene.output_folder import open_record
 
 
 def export_scene(source: Path, out: Path | None) -> tuple[list[Path], list[str]]:
@@ -36,12 +38,13 @@ def export_scene(source: Path, out: Path | None) -> tuple[list[Path], list[str]]
 
     if is_description(source):
         scene = read_scene(source)
-        folder = (out or Path("out") / source.stem) / "export"
-        paths, notes = write_mitsuba(scene, folder)
+        with open_record(out or Path("out") / source.stem, inputs=[source]) as record:
+            paths, notes = write_mitsuba(scene, record.folder / "export")
     else:
         with open_job(source, out=out) as job:
             scene, warnings = _session_scene(job)
-            paths, notes = write_mitsuba(scene, job.store.path("export"))
+            with job.record.part_of(EXPORTED):
+                paths, notes = write_mitsuba(scene, job.store.path("export"))
             notes = [*warnings, *notes]
     first = scene.lights.names[0]
     command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {paths[0]}"

@@ -2,7 +2,6 @@
 
 import json as json_module
 import math
-import shutil
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import replace
@@ -11,14 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from lab.job import locked
 from lab.progress import progress_bar, say
 from lab.twin_settings import TwinSettings
+from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
+from scene.output_folder import open_record
 from scene.store import Store
 
 FACTS = "rendering.json"
+RENDERING = "rendering"
 Bar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
 
@@ -50,33 +51,27 @@ def render_description(
         The description is at fault, or the folder holds something else.
     """
     from twin.description_file import read_scene
-    from twin.unfinished import mark_of
 
     if twin.photograph:
         raise SceneError("--photograph is for a session's twin. A scene description has [camera.sensor].")
     scene = read_scene(source)
     scene = replace(scene, sampling=twin.sampling(scene.sampling))
-    folder = Store(out or Path("out") / source.stem)
-    _check_place(folder, source)
-    mark, path = mark_of(scene, twin.layers), folder.path("session.toml")
-    with locked(folder.folder):
-        done = folder.read_json(FACTS) if folder.path(FACTS).exists() and path.exists() else {}
-        if done.get("mark") == mark:
+    with open_record(out or Path("out") / source.stem, inputs=[source]) as record:
+        folder = Store(record.folder)
+        mark = fingerprint(scene, twin.layers, code=code_fingerprint(__name__))
+        if record.is_current(RENDERING, mark):
             say(f"{scene.name}: rendered already")
         else:
-            done = {"mark": mark, **_render(scene, folder, twin.layers, bar)}
-            write_json(folder.path(FACTS), done)
-    print(json_module.dumps(folder.read_json(FACTS), indent=1) if json else path)
-    return path
+            with record.making(RENDERING, mark):
+                write_json(folder.path(FACTS), _render(scene, folder, twin.layers, bar))
+        print(json_module.dumps(folder.read_json(FACTS), indent=1) if json else folder.path("session.toml"))
+    return folder.path("session.toml")
 
 
 def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
     from twin.render import render_scene
     from twin.session import write_session
 
-    # What is there is of another scene, or was not finished: its manifest goes first.
-    folder.path("session.toml").unlink(missing_ok=True)
-    shutil.rmtree(folder.path("flash"), ignore_errors=True)
     with bar("twin") as progress:
         rendered = render_scene(scene, apart=apart, store=folder, progress=progress, tell=say)
     for warning in rendered.warnings:
@@ -106,17 +101,3 @@ def _marked(mask: Any) -> Any:
     marked = np.zeros_like(mask)
     marked[margin:-margin, margin:-margin] = mask[margin:-margin, margin:-margin]
     return marked
-
-
-def _check_place(folder: Store, source: Path) -> None:
-    """Raise where files that this writes would take the place of others."""
-    from twin.session import HEADLINE
-
-    if folder.folder.resolve() == source.resolve().parent:
-        raise SceneError(
-            f"--out {folder.folder}: the scene description lies there, and the session's files may have the names of "
-            "its own. Choose another folder; one inside is fine."
-        )
-    path = folder.path("session.toml")
-    if path.exists() and not path.read_text(errors="replace").startswith(HEADLINE):
-        raise SceneError(f"{path}: is a session that rgbn did not render. Choose another folder with --out.")

@@ -41,7 +41,7 @@ def self_test(job: Job) -> Outcome:
             "--self-test: this session has no ball that was found, so there is nothing to render. State balls under "
             "[[spheres]], or leave --self-test out."
         )
-    folder = store.path(FOLDER)
+    folder = job.record.scratch(FOLDER)
     shutil.rmtree(folder, ignore_errors=True)
     try:
         with progress_bar("self-test: render") as progress:

@@ -9,14 +9,11 @@ from lab.progress import progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import CalibrationError, SessionError
-from scene.files import write_json
+from scene.files import move_folder, write_json
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.spheres import Sphere
 from scene.store import Store
-
-MAPS = ("normals", "albedo", "sigma", "condition", "depth")
-"""Folders of what a method leaves."""
 
 
 def check(job: Job) -> Outcome:
@@ -165,8 +162,10 @@ def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
         with progress_bar(f"{label}: {method}") as progress:
             how = {"executor": job.executor, "progress": progress}
             if method in job.externals:
-                folder = store.path("external", method)
+                # Unfinished, and so nobody's, until it has ended well: the program writes there too.
+                folder = job.record.scratch("external") / label / method
                 estimate = solve_external(job.externals[method], frames, lights, camera, mask, folder, **how)
+                move_folder(folder, store.path("external", method))
             else:
                 estimate = run(method, frames, lights, camera, mask, profile=job.profile, **how)
         store.save_estimate(estimate)

@@ -3,8 +3,8 @@
 from datetime import UTC, datetime
 from typing import Any
 
-from lab.doctor import versions
 from lab.job import Job
+from scene.current import libraries
 from scene.files import write_json
 
 
@@ -23,7 +23,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
     summary = {
         "name": job.session.name,
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "versions": versions(),
+        "versions": libraries(),
         "arguments": arguments,
         "seconds": {step: entry["seconds"] for step, entry in done.items()},
         "warnings": [{"step": step, "text": text} for step, entry in done.items() for text in entry["warnings"]],

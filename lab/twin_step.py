@@ -34,8 +34,6 @@ def twin(job: Job) -> Outcome:
             apart=job.twin.layers,
             executor=job.executor,
             store=folder,
-            # `twin` is emptied before this step: what a killed run has left lies beside it.
-            unfinished=store.path("twin_unfinished"),
             progress=progress,
             tell=say,
         )

@@ -7,7 +7,7 @@ import contextlib
 import errno
 import json
 import os
-import re
+import shutil
 from collections.abc import Iterator
 from dataclasses import asdict, is_dataclass
 from pathlib import Path
@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
+from scene.output_folder import record_for
+from scene.record import Record
 
 
 @contextlib.contextmanager
@@ -28,7 +30,7 @@ def write_whole(path: Path) -> Iterator[BinaryIO]:
     SceneError
         The disk is full, or the place cannot be written.
     """
-    with _put_in_place(path) as temporary, open(temporary, "wb") as file:
+    with in_place(path) as temporary, open(temporary, "wb") as file:
         yield file
 
 
@@ -38,7 +40,7 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
 
     The disk's blocks are reserved first: a memory map on a full disk would end the process with SIGBUS.
     """
-    with _put_in_place(path) as temporary:
+    with in_place(path) as temporary:
         array = np.lib.format.open_memmap(temporary, mode="w+", dtype=dtype, shape=shape)
         with open(temporary, "r+b") as file:
             if hasattr(os, "posix_fallocate"):
@@ -49,45 +51,99 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
 
 
 @contextlib.contextmanager
-def _put_in_place(path: Path) -> Iterator[Path]:
-    """Give the name to write under; rename it to `path` when the block ends well, remove it otherwise."""
-    temporary = _temporary(path)
+def in_place(path: Path) -> Iterator[Path]:
+    """Give the name to write under, of the same suffix; put it at `path` when the block ends well, else remove it.
+
+    In an output folder that is held (`scene.record`) only files that rgbn wrote are written over.
+    """
+    record, temporary = record_for(path), None
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        if record is None:
+            temporary = path.with_name(f".{os.getpid()}.tmp.{path.name}")
+        else:
+            record.check_free(path)
+            temporary = record.temporary(path)
         yield temporary
-        os.replace(temporary, path)
+        _put(record, temporary, path)
     except OSError as error:
-        raise _disk_error(path, error) from error
+        message = _message(path, temporary, error)
+        if message is None:
+            raise
+        raise SceneError(message) from error
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink()
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                temporary.unlink()
 
 
-TEMPORARY = re.compile(r"^\..+\.\d+\.tmp$")
-"""Names of unfinished files: a dot, the name, the writer's process number, .tmp."""
+def move(source: Path, path: Path) -> None:
+    """Move a finished file, of the same file system, to its place; it counts as written there.
+
+    Raises
+    ------
+    SceneError
+        As `write_whole`; or there is a file that rgbn did not write.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _put(record_for(path), source, path)
+    except OSError as error:
+        raise SceneError(_message(path, source, error) or f"{path}: cannot be written ({error}).") from error
 
 
-def _temporary(path: Path) -> Path:
-    return path.with_name(f".{path.name}.{os.getpid()}.tmp")
+def move_folder(source: Path, folder: Path) -> None:
+    """Move all files below a folder to their places below another; at once, where that is not there yet."""
+    record = record_for(folder)
+    if record is not None and not os.path.lexists(folder):
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        record.put_folder(source, folder)
+        return
+    for path in sorted(source.rglob("*")):
+        if path.is_file():
+            move(path, folder / path.relative_to(source))
+    shutil.rmtree(source)
 
 
-def _disk_error(path: Path, error: OSError) -> Exception:
+def remove(path: Path) -> None:
+    """Remove a file that rgbn wrote, if it is there.
+
+    Raises
+    ------
+    SceneError
+        In an output folder that is held: rgbn did not write it, or it was changed since.
+    """
+    record = record_for(path)
+    if record is None:
+        path.unlink(missing_ok=True)
+    else:
+        record.remove(path)
+
+
+def _put(record: Record | None, source: Path, path: Path) -> None:
+    if record is None:
+        os.replace(source, path)
+    else:
+        record.put(source, path)
+
+
+def _message(path: Path, temporary: Path | None, error: OSError) -> str | None:
+    """Return what an error says of this place; None where the block failed to read something elsewhere."""
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return SceneError(
-            f"{path}: the disk is full ({error.strerror}). Free some space and run again; what is done is kept."
-        )
-    # Only what concerns this place: the block may also have failed to read something elsewhere.
-    is_here = error.filename is not None and Path(error.filename) in {path, _temporary(path), *path.parents}
-    refused = (errno.EACCES, errno.EROFS, errno.ENOTDIR, errno.EISDIR, errno.EPERM, errno.EEXIST)
-    if is_here and error.errno in refused:
-        return SceneError(f"{path}: cannot be written ({error.strerror}). Choose another folder with --out.")
-    return error
+        return f"{path}: the disk is full ({error.strerror}). Free some space and run again; what is done is kept."
+    here = {path, temporary, *path.parents, *(temporary.parents if temporary else ())}
+    named = [Path(name) for name in (error.filename, error.filename2) if isinstance(name, str)]
+    if not (here & set(named)) and not (error.errno in (errno.EFBIG, errno.EIO) and not named):
+        return None
+    if isinstance(error, FileNotFoundError):
+        return f"{path}: its folder was removed while rgbn was writing there. Run the same command again."
+    return f"{path}: cannot be written ({error.strerror}). Choose another folder with --out."
 
 
 def write_json(path: Path, data: Any) -> None:
     """Write arrays, paths, dataclasses and plain values as JSON; NaN and infinity become null."""
     with write_whole(path) as file:
-        file.write(json.dumps(_plain(data), indent=1, allow_nan=False).encode() + b"\n")
+        file.write(json.dumps(plain(data), indent=1, allow_nan=False).encode() + b"\n")
 
 
 def write_text(path: Path, text: str) -> None:
@@ -118,18 +174,18 @@ def write_png(path: Path, image: NDArray) -> None:
         file.write(buffer.tobytes())
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
     """Turn arrays, paths and dataclass values into JSON; NaN and infinity become null."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
+        return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
+        return [plain(item) for item in value]
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        return plain(value.tolist())
     if isinstance(value, np.generic):
-        return _plain(value.item())
+        return plain(value.item())
     if isinstance(value, float) and not np.isfinite(value):
         return None
     if isinstance(value, Path):

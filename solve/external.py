@@ -72,6 +72,11 @@ class External:
             raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0.")
         return cls(name, command, timeout_s)
 
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Files that the command names: the program itself, its weights."""
+        return tuple(path for path in map(Path, self.words(Path("{data}"), Path("{out}"))) if path.is_file())
+
     def words(self, data: Path, out: Path) -> list[str]:
         """Return the command's words, the folders in their places."""
         try:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import RenderError
+from scene.files import in_place
 from twin.mesh_files import linear_from_srgb
 
 Picture = NDArray[np.float32]
@@ -87,12 +88,9 @@ def write_exr(path: Path, picture: Picture) -> None:
     """Write (h, w, 3) or (h, w, 1) as 32-bit OpenEXR."""
     import mitsuba as mi
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # Mitsuba writes by name: under a name of our own first, so that no half file is left.
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}.tmp.exr")
     _have_threads()
-    mi.Bitmap(np.ascontiguousarray(picture, np.float32)).write(os.fspath(temporary))
-    os.replace(temporary, path)
+    with in_place(path) as temporary:
+        mi.Bitmap(np.ascontiguousarray(picture, np.float32)).write(os.fspath(temporary))
 
 
 def _have_threads() -> None:

@@ -5,14 +5,15 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.current import code_fingerprint, fingerprint
 from scene.files import write_npy
 from scene.frames import PEDESTAL, Frames, encode
+from scene.output_folder import scratch_for
 from scene.store import Store
 from twin.description import TwinScene
 from twin.engine import Choice, choose_engine
@@ -20,7 +21,7 @@ from twin.film import Film
 from twin.ground_truth import ground_truth, save_ground_truth
 from twin.layers import Piece, PieceRenderer, pieces_of, standing_light
 from twin.path_tracing import PathTracer
-from twin.unfinished import Unfinished, mark_of
+from twin.unfinished import Unfinished
 from twin.variant import SLOW, pick_variant
 
 SAMPLES_PER_FRAME = 1 << 24
@@ -102,7 +103,6 @@ def render_scene(
     progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] | None = None,
     store: Store | None = None,
-    unfinished: Path | None = None,
 ) -> Rendering:
     """Render a scene, one frame for each light.
 
@@ -122,9 +122,8 @@ def render_scene(
         Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
         `twin.ground_truth`; with `apart` also `truth_direct.npy` and `truth_indirect.npy`, (F, H, W, 3) float16, and
         `truth_standing.npy`, (H, W, 3) float32, where there is an environment. Without a store frames stay in memory.
-    unfinished : Path or None
-        Where a rendering into a store lies until it is done; the store's `unfinished_twin` if not given. Of a run that
-        was killed, the same rendering keeps what is there, and does only what lacks.
+        Until it is done a rendering lies in `scene.record.scratch_for` the store: of a run that was killed, the same
+        rendering keeps what is there, and does only what lacks.
 
     Raises
     ------
@@ -132,8 +131,8 @@ def render_scene(
         The camera sees nothing.
     """
     started = time.perf_counter()
-    film, folder = scene.film(), None if store is None else (unfinished or store.path("unfinished_twin"))
-    kept = Unfinished(folder, "" if folder is None else mark_of(scene, apart))
+    film, folder = scene.film(), None if store is None else scratch_for(store.folder)
+    kept = Unfinished(folder, "" if folder is None else rendering_mark(scene, apart))
     choice = _elsewhere(executor, _choose, scene, film) if kept.notes is None else Choice(**kept.notes)
     if tell is not None:
         tell(str(choice))
@@ -163,6 +162,11 @@ def render_scene(
     seconds = time.perf_counter() - started
     variant, depth, warnings = pick_variant()[0], scene.sampling.max_depth, _warnings(film, choice, noise)
     return Rendering(frames, choice, variant, depth, noise, seconds, len(pieces), found, warnings)
+
+
+def rendering_mark(scene: TwinScene, apart: bool) -> str:
+    """Return what tells a rendering from any other: the scene, the code and the libraries."""
+    return fingerprint(scene, apart, code=code_fingerprint("twin.render"))
 
 
 def _elsewhere(executor: Executor | None, work: Callable[..., Any], *arguments: Any) -> Any:

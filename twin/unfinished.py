@@ -3,21 +3,16 @@
 A run that is killed leaves them; the same rendering, asked for again, goes on where it was.
 """
 
-import hashlib
 import json
-import os
 import shutil
-from collections.abc import Callable, Mapping
-from dataclasses import fields, is_dataclass
-from functools import cache
-from importlib.metadata import version
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.files import create_array, write_json
+from scene.files import create_array, move, write_json
 
 NOTES = "rendering.json"
 
@@ -30,7 +25,7 @@ class Unfinished:
     folder : Path or None
         Where they lie meanwhile; emptied, unless it holds the same rendering. None: in memory, and lost with the run.
     mark : str
-        What tells this rendering from any other; `mark_of`.
+        What tells this rendering from any other; a `scene.current.fingerprint`.
 
     Attributes
     ----------
@@ -85,8 +80,7 @@ class Unfinished:
         assert self.folder is not None
         self.arrays.clear()
         for name, path in places.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            os.replace(self._path(name), path)
+            move(self._path(name), path)
         shutil.rmtree(self.folder)
 
     def _path(self, name: str) -> Path:
@@ -97,39 +91,3 @@ class Unfinished:
         if self.folder is not None:
             state = {"mark": self._mark, "arrays": list(self.arrays), "notes": self.notes, "done": sorted(self.done)}
             write_json(self.folder / NOTES, state)
-
-
-def mark_of(*values: Any) -> str:
-    """Return a hash of values, arrays and dataclasses among them, of this room's sources and of Mitsuba's version."""
-    digest = hashlib.sha256(f"{_code()} {version('mitsuba')}".encode())
-    for value in values:
-        _feed(value, digest.update)
-    return digest.hexdigest()
-
-
-def _feed(value: Any, update: Callable[[Any], Any]) -> None:
-    if is_dataclass(value) and not isinstance(value, type):
-        update(type(value).__name__.encode())
-        for field in fields(value):
-            _feed(getattr(value, field.name), update)
-    elif isinstance(value, np.ndarray):
-        update(f"{value.dtype} {value.shape}".encode())
-        update(np.ascontiguousarray(value).reshape(-1).view(np.uint8).data)
-    elif isinstance(value, Mapping):
-        _feed(tuple(value.items()), update)
-    elif isinstance(value, tuple | list):
-        update(f"{len(value)}".encode())
-        for part in value:
-            _feed(part, update)
-    elif isinstance(value, Path):
-        update(value.read_bytes())
-    else:
-        update(repr(value).encode())
-
-
-@cache
-def _code() -> str:
-    digest = hashlib.sha256()
-    for path in sorted(Path(__file__).parent.glob("*.py")):
-        digest.update(path.read_bytes())
-    return digest.hexdigest()

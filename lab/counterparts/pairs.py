@@ -1,10 +1,7 @@
 """Every level of every experiment: a virtual capture processed, its counterpart rendered, the two compared."""
 
-import hashlib
-import json
-import shutil
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,19 +10,16 @@ from lab.counterparts.captures import write_capture
 from lab.counterparts.experiments import EXPERIMENTS, METHODS, Experiment, Setup
 from lab.counterparts.renderings import write_rendering
 from lab.counterparts.scenes import BALLS
-from lab.datasets.checksums import code_checksum
+from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
-from scene.files import write_json, write_text
+from scene.files import write_json
+from scene.output_folder import open_record
+from scene.record import Record
 from scene.spheres import Sphere
 from scene.store import Store
 
 REFERENCE = Setup(shape="cardboard", fold_deg=160.0)
 """Where the balls are found for all sessions: beside a white sphere nothing tells the white ball from the object."""
-
-MARK = "mark.txt"
-"""Beside what was made: of which setup, methods and code."""
-_SOURCES = ("scene/**/*.py", "capture/**/*.py", "calibrate/**/*.py", "align/**/*.py", "solve/**/*.py", "twin/**/*.py",
-            "compare/*.py", "lab/*.py", "lab/counterparts/*.py")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -56,43 +50,46 @@ def run_experiments(
     Parameters
     ----------
     out : Path
-        Gets virtual-NAME-LEVEL (a session, and out/ in it) and rendered-NAME-LEVEL, and pairs/NAME-LEVEL.
+        Gets virtual-NAME-LEVEL (a session), processed-NAME-LEVEL, rendered-NAME-LEVEL and pairs/NAME-LEVEL.
     experiments : sequence of Experiment
     tell : callable
         Called with what is being done.
     """
-    balls = reference_balls(out)
-    for experiment in experiments:
-        pairs = []
-        for level, setup in experiment.setups():
-            label = f"{experiment.name}-{level:g}"
-            place = Store(out / "pairs" / label)
-            if not _is_current(place.folder, setup):
-                tell(f"{label} ...")
-                capture, rendering = out / f"virtual-{label}", out / f"rendered-{label}"
-                for old in (place.folder, capture, rendering):
-                    shutil.rmtree(old, ignore_errors=True)
-                processed = process_capture(capture, setup, balls)
-                write_rendering(Store(rendering), setup, f"rendered {label}")
-                compare_folders(processed, rendering, place.folder, methods=",".join(METHODS))
-                write_text(place.path(MARK), _mark(setup))
-            pairs.append(Pair(level, place.read_json(NUMBERS)))
-        yield experiment, pairs
+    with open_record(out) as record:
+        out = record.folder
+        balls = reference_balls(record)
+        for experiment in experiments:
+            pairs = []
+            for level, setup in experiment.setups():
+                label = f"{experiment.name}-{level:g}"
+                place, mark = Store(out / "pairs" / label), _mark(setup)
+                if not (record.is_current(label, mark) and place.path(NUMBERS).exists()):
+                    tell(f"{label} ...")
+                    capture, rendering = out / f"virtual-{label}", out / f"rendered-{label}"
+                    with record.making(label, mark):
+                        processed = process_capture(capture, out / f"processed-{label}", setup, balls)
+                        write_rendering(Store(rendering), setup, f"rendered {label}")
+                        compare_folders(processed, rendering, place.folder, methods=",".join(METHODS))
+                pairs.append(Pair(level, place.read_json(NUMBERS)))
+            yield experiment, pairs
 
 
-def reference_balls(out: Path) -> list[Sphere]:
+def reference_balls(record: Record) -> list[Sphere]:
     """Return the balls, found in a session of their own by `calibrate`, in the order of `scenes.BALLS`."""
     from lab.plan import STEPS
     from lab.run import open_job
 
-    folder = out / "virtual-balls"
-    if not _is_current(folder, REFERENCE):
-        shutil.rmtree(folder, ignore_errors=True)
-        write_capture(Store(folder), REFERENCE, folder.name)
-        with open_job(folder, out=folder / "out") as job:
-            job.run(STEPS, "calibrate")
-        write_text(folder / MARK, _mark(REFERENCE))
-    return in_order(Store(folder / "out").load_spheres(), folder)
+    folder, processed, mark = (
+        record.folder / "virtual-balls",
+        Store(record.folder / "processed-balls"),
+        _mark(REFERENCE),
+    )
+    if not (record.is_current("balls", mark) and processed.path("spheres.json").exists()):
+        with record.making("balls", mark):
+            write_capture(Store(folder), REFERENCE, folder.name)
+            with open_job(folder, out=processed.folder) as job:
+                job.run(STEPS, "calibrate")
+    return in_order(processed.load_spheres(), processed.folder)
 
 
 def in_order(found: Sequence[Sphere], folder: Path) -> list[Sphere]:
@@ -110,27 +107,23 @@ def in_order(found: Sequence[Sphere], folder: Path) -> list[Sphere]:
         if len(there) != len(numbers):
             raise SceneError(
                 f"{folder}: found {len(there)} {kind} balls, expected {len(numbers)}; no other session can go by them. "
-                "Look at the pictures of the balls in its out/."
+                "Look at the pictures of the balls there."
             )
         ordered |= dict(zip(numbers, there, strict=True))
     return [ordered[i] for i in range(len(BALLS))]
 
 
 def _mark(setup: Setup) -> str:
-    return hashlib.sha256(json.dumps([asdict(setup), METHODS, code_checksum(_SOURCES)]).encode()).hexdigest()
+    return fingerprint(setup, METHODS, code=code_fingerprint())
 
 
-def _is_current(folder: Path, setup: Setup) -> bool:
-    return (folder / MARK).exists() and (folder / MARK).read_text() == _mark(setup)
-
-
-def process_capture(folder: Path, setup: Setup, balls: Sequence[Sphere]) -> Path:
-    """Photograph a setup and process it; return the output folder."""
+def process_capture(folder: Path, done: Path, setup: Setup, balls: Sequence[Sphere]) -> Path:
+    """Photograph a setup into a session's folder, and process it into another; return that."""
     from lab.plan import STEPS
     from lab.run import open_job
     from lab.summary import write_summary
 
-    store, done = Store(folder), folder / "out"
+    store = Store(folder)
     write_capture(store, setup, folder.name, balls)
     with open_job(folder, out=done, method=",".join(METHODS)) as job:
         job.run(STEPS, "solve")

@@ -1,10 +1,8 @@
-"""The checksums of a dataset's files, in the form that `sha256sum --check` reads; and that of the code behind them."""
+"""The checksums of a dataset's files, in the form that `sha256sum --check` reads."""
 
 import hashlib
-from functools import cache
 from pathlib import Path
 
-from lab.rooms import ROOT
 from scene.files import write_text
 
 FILE = "SHA256SUMS"
@@ -35,13 +33,3 @@ def differences(expected: str, folder: Path) -> list[str]:
     said = [f"{name} is gone" for name in before if name not in now]
     said += [f"{name} has changed" for name in before if name in now and now[name] != before[name]]
     return said + [f"{name} is new" for name in now if name not in before]
-
-
-@cache
-def code_checksum(patterns: tuple[str, ...]) -> str:
-    """Return one checksum of the sources that fit some patterns below the house's root."""
-    digest = hashlib.sha256()
-    for pattern in patterns:
-        for path in sorted(ROOT.glob(pattern)):
-            digest.update(path.read_bytes())
-    return digest.hexdigest()

@@ -1,6 +1,5 @@
 """`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept, and not made again."""
 
-import hashlib
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -9,15 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from lab.datasets.checksums import code_checksum
 from lab.datasets.results import write_results
 from lab.datasets.shelf import Entry, contents_of, entries
 from lab.progress import say
+from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
-
-_SOURCES = ("scene/*.py", "capture/*.py", "calibrate/**/*.py", "align/given.py", "align/mask.py", "solve/**/*.py",
-            "compare/statistics.py", "lab/steps.py", "lab/datasets/run.py")  # fmt: skip
+from scene.output_folder import open_record
 
 
 def run(
@@ -51,7 +48,6 @@ def run(
     SceneError
         No such dataset, method or program; a dataset that has changed.
     """
-    from lab.job import locked
     from lab.run import methods_of
     from solve.external import External
 
@@ -60,11 +56,11 @@ def run(
     names = [*dict.fromkeys(word.strip() for word in method.split(",") if word.strip()), *programs]
     wanted = _wanted(shelf, patterns)
     rows = []
-    with locked(out):
+    with open_record(out) as record:
         for number, entry in enumerate(wanted, 1):
             digest = contents_of(shelf, entry)
             keys = {name: _key(digest, name, profile, programs) for name in names}
-            missing = [name for name in names if not _place(out, keys[name]).exists()]
+            missing = [name for name in names if not record.is_intact(_place(out, keys[name]))]
             made = {}
             if missing:
                 say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
@@ -100,14 +96,9 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
 
 
 def _key(digest: str, name: str, profile: str, programs: dict[str, Any]) -> str:
-    how = _program(programs[name]) if name in programs else profile
-    return hashlib.sha256(json.dumps([digest, name, how, code_checksum(_SOURCES)]).encode()).hexdigest()[:24]
-
-
-def _program(external: Any) -> list[Any]:
-    """Return what tells one version of a program from another: its words, and those files' sizes and times."""
-    files = [path for path in map(Path, external.words(Path("{data}"), Path("{out}"))) if path.is_file()]
-    return [external.command, *((str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files)]
+    program = programs.get(name)
+    how = profile if program is None else (program.command, program.files)
+    return fingerprint(digest, name, how, code=code_fingerprint(__name__))[:24]
 
 
 def _place(out: Path, key: str) -> Path:
@@ -118,8 +109,6 @@ def _solve(
     out: Path, entry: Entry, names: list[str], method: str, profile: str, external: tuple[list[str], float]
 ) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the rows of some methods on one dataset, each as soon as it is made."""
-    import shutil
-
     from lab.plan import STEPS
     from lab.run import open_job
     from lab.steps import solve_all
@@ -129,17 +118,18 @@ def _solve(
     left = list(names)
     try:
         with open_job(entry.folder, out=folder, **how) as job:
-            job.run(STEPS, "align")
-            while left:
-                one: Callable = lambda name=left[0]: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
-                row = _row(left[0], profile if left[0] not in job.externals else "", job.store, one)
-                yield left.pop(0), row
+            try:
+                job.run(STEPS, "align")
+                while left:
+                    one: Callable = lambda name=left[0]: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
+                    row = _row(left[0], profile if left[0] not in job.externals else "", job.store, one)
+                    yield left.pop(0), row
+            finally:
+                # The frames: half a gigabyte for a hundred datasets; made again in a second.
+                job.record.forget(["check"])
     except SceneError as error:
         for name in left:
             yield name, _failed(name, profile, error)
-    finally:
-        # Half a gigabyte for a hundred datasets; made again in a second.
-        shutil.rmtree(folder / "frames", ignore_errors=True)
 
 
 def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:

@@ -1,7 +1,6 @@
 """The shelf: one folder that holds the datasets that were made, and those of others that were checked and added."""
 
 import json
-import os
 import re
 import shutil
 from dataclasses import asdict, dataclass
@@ -10,11 +9,12 @@ from pathlib import Path
 from lab.datasets.catalogue import catalogue
 from lab.datasets.check import check_dataset
 from lab.datasets.checksums import FILE, checksums_of, differences
-from lab.datasets.make import is_current
-from lab.datasets.write import mark_in
-from lab.job import locked
+from lab.datasets.write import mark_of
+from scene.current import fingerprint
 from scene.errors import SceneError
-from scene.files import write_json
+from scene.files import move_folder, write_json
+from scene.output_folder import open_record, read_record
+from scene.record import Record
 
 ADDED = ".added"
 """Folder of the shelf: one NAME.json for each dataset that was added, with its checksums."""
@@ -42,24 +42,24 @@ class Entry:
 
 def entries(shelf: Path) -> list[Entry]:
     """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
-    known = catalogue()
-    found = [Entry(one.name, one.family, one.text, _state(shelf, one), shelf / one.name) for one in known.values()]
+    known, record = catalogue(), read_record(shelf)
+    found = [Entry(one.name, one.family, one.text, _state(record, one), shelf / one.name) for one in known.values()]
     notes = [json.loads(path.read_text()) for path in sorted((shelf / ADDED).glob("*.json"))]
     taken = {*known, *(note["name"] for note in notes)}
     for path in sorted(shelf.glob("*px")):
         sized = re.fullmatch(r"(.+)-(\d+)px", path.name)
         base = known.get(sized[1]) if sized else None
-        if sized and base and path.name not in taken and not path.is_symlink() and mark_in(path) is not None:
+        if sized and base and path.name not in taken and record and record.files_of(path.name):
             text, one = f"{base.text}; {sized[2]} px", base.sized(int(sized[2]))
-            found.append(Entry(path.name, base.family, text, _state(shelf, one), path))
+            found.append(Entry(path.name, base.family, text, _state(record, one), path))
     found += [Entry(note["name"], "added", note["text"], "added", Path(note["folder"])) for note in notes]
     return found
 
 
-def _state(shelf: Path, dataset) -> str:
-    if not (shelf / dataset.name).exists():
+def _state(record: Record | None, dataset) -> str:
+    if record is None or not record.files_of(dataset.name):
         return ""
-    return "made" if is_current(shelf, dataset) else "outdated"
+    return "made" if record.is_current(dataset.name, mark_of(dataset)) else "outdated"
 
 
 def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", link: bool = False) -> Entry:
@@ -88,28 +88,28 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
     name = name or folder.resolve().name
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
-    with locked(shelf):
-        place, note = shelf / name, shelf / ADDED / f"{name}.json"
+    with open_record(shelf, input_folders=[folder]) as record:
+        place, note, work = shelf / name, shelf / ADDED / f"{name}.json", f"{ADDED}/{name}"
         if (
             name in catalogue()
-            or place.exists()
+            or (place.exists() and not record.files_of(work))
             or (note.exists() and Path(json.loads(note.read_text())["folder"]).exists())
         ):
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
-        if not link:
-            unfinished = shelf / f".{name}.part"
-            shutil.rmtree(unfinished, ignore_errors=True)
-            for line in sums.splitlines():
-                target = unfinished / line.split("  ", 1)[1]
-                target.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(folder / line.split("  ", 1)[1], target)
         text = text or f"{verdict.facts['photographs']} photographs, {verdict.facts['object_pixels']} pixels"
         entry = Entry(name, "added", text, "added", (folder if link else place).resolve())
-        write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
-        if not link:
-            # Last: a note whose folder is not there is a name that is free.
-            os.replace(unfinished, place)
+        with record.making(work, fingerprint(sums)):
+            if not link:
+                unfinished = record.scratch("added") / name
+                shutil.rmtree(unfinished, ignore_errors=True)
+                for line in sums.splitlines():
+                    target = unfinished / line.split("  ", 1)[1]
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(folder / line.split("  ", 1)[1], target)
+                move_folder(unfinished, place)
+            # Last: a dataset without a note is a name that is free.
+            write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
     return entry
 
 

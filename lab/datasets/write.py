@@ -1,9 +1,6 @@
 """One dataset as a folder: the DiLiGenT layout, the true maps, pictures for people; the same bytes every time."""
 
-import hashlib
 import io
-import json
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,33 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.datasets.catalogue import Dataset
-from lab.datasets.checksums import code_checksum, write_checksums
+from lab.datasets.checksums import write_checksums
 from lab.datasets.describe import readme, session_toml
 from lab.datasets.staging import Stack, stack_of
+from scene.current import code_fingerprint, fingerprint
 
 RECIPE = "recipe.json"
-SOURCES = (
-    "scene/*.py", "twin/*.py", "solve/external.py", "compare/pictures.py", "lab/sweeps/recipe.py",
-    "lab/sweeps/shapes.py", "lab/sweeps/staging.py", "lab/sweeps/photographs.py", "lab/datasets/catalogue.py",
-    "lab/datasets/checksums.py", "lab/datasets/describe.py", "lab/datasets/preview.py", "lab/datasets/staging.py",
-    "lab/datasets/write.py",
-)  # fmt: skip
-"""What decides on a dataset's bytes, beside its recipe."""
 _MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 
 def mark_of(dataset: Dataset) -> str:
     """Return a hash of a dataset's recipe and of the code that makes it: where it is the same, so are the bytes."""
-    return hashlib.sha256(json.dumps([asdict(dataset), code_checksum(SOURCES)], sort_keys=True).encode()).hexdigest()
-
-
-def mark_in(folder: Path) -> str | None:
-    """Return the mark that `write_dataset` left in a folder; None where it has not made it."""
-    try:
-        found = json.loads((folder / RECIPE).read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found.get("mark") if isinstance(found, dict) else None
+    return fingerprint(dataset, code=code_fingerprint(__name__))
 
 
 def write_dataset(folder: Path, dataset: Dataset) -> None:
@@ -82,7 +64,7 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     write_png(folder / "preview.png", preview(stack))
     write_text(folder / "session.toml", session_toml(dataset, stack))
     write_text(folder / "README.md", readme(dataset, stack, _facts(stack)))
-    write_json(folder / RECIPE, {**asdict(dataset), "mark": mark_of(dataset)})
+    write_json(folder / RECIPE, dataset)
     write_checksums(folder)
 
 

@@ -12,7 +12,8 @@ import numpy as np
 
 from lab.sweeps.error_kinds import error_kinds
 from lab.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
-from lab.sweeps.recipe import Cell, code_hash
+from lab.sweeps.recipe import RUNNER, Cell
+from scene.current import code_fingerprint
 from scene.errors import SceneError
 from solve.solve import UNCALIBRATED, solve
 
@@ -47,7 +48,7 @@ def run_cell(cell: Cell) -> dict[str, Any]:
                 row, taken = _row(cell, photographs, method, profile, one_core)
                 rows.append(row)
                 seconds.append({**_key(cell, method, profile), "seconds": taken})
-        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_hash()}
+        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_fingerprint(RUNNER)}
 
 
 def failed_rows(cell: Cell, why: str) -> list[dict[str, Any]]:

@@ -1,20 +1,11 @@
 """What a cell of a sweep is made from: plain numbers and words, so that its name can be told without rendering."""
 
-import hashlib
-import json
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from functools import cache
-from pathlib import Path
+from dataclasses import dataclass, replace
 
-from lab.rooms import ROOT
+from scene.current import code_fingerprint, fingerprint, sources
 
-_SOURCES = ("scene/*.py", "solve/**/*.py", "twin/*.py", "compare/statistics.py", "lab/sweeps/*.py")
-# What is made of the rows afterwards does not change them.
-_AFTERWARDS = (
-    "atlas", "cell_progress", "command", "experiments", "page", "pareto", "stability", "summary", "sweep", "table",
-    "workers",
-)  # fmt: skip
+RUNNER = "lab.sweeps.cell"
+"""The module that makes a cell's rows: they depend on its code, and on what that imports."""
 
 
 @dataclass(frozen=True)
@@ -101,29 +92,12 @@ class Cell:
     @property
     def key(self) -> str:
         """The cell's name: a hash of all that goes into it, and of the code that makes it."""
-        text = json.dumps([asdict(self), code_hash()], sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:24]
-
-
-@cache
-def code_hash() -> str:
-    """Return a hash of the sources that a cell's rows depend on."""
-    digest = hashlib.sha256()
-    for path in _sources():
-        digest.update(path.read_bytes())
-    return digest.hexdigest()
+        return fingerprint(self, code=code_fingerprint(RUNNER))[:24]
 
 
 def code_times() -> tuple[int, ...]:
     """Return when each of these sources was last written, nanoseconds.
 
-    A process reads a source when it first needs it: while these times stand still, all read what `code_hash` tells.
+    A process reads a source when it first needs it: while these times stand still, all read what the key tells.
     """
-    return tuple(path.stat().st_mtime_ns for path in _sources())
-
-
-def _sources() -> Iterator[Path]:
-    for pattern in _SOURCES:
-        for path in sorted(ROOT.glob(pattern)):
-            if not (path.parent.name == "sweeps" and path.stem in _AFTERWARDS):
-                yield path
+    return tuple(path.stat().st_mtime_ns for path in sources(RUNNER))

@@ -3,7 +3,6 @@
 Cells lie in OUT/cells, one file each, whoever asked for them; OUT/NAME holds what one sweep joins from them.
 """
 
-import hashlib
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -11,17 +10,18 @@ from pathlib import Path
 from typing import Any
 
 from lab.progress import say
-from lab.rooms import ROOT
 from lab.run import executor_of, methods_of
 from lab.sweeps.cell import failed_rows, run_cell
 from lab.sweeps.cell_progress import cell_progress
 from lab.sweeps.experiments import EXPERIMENTS, SOLVERS, experiments_of
 from lab.sweeps.perturbation import PERTURBATIONS, perturbation_cells
-from lab.sweeps.recipe import Cell, code_hash, code_times
+from lab.sweeps.recipe import RUNNER, Cell, code_times
 from lab.sweeps.table import cell_path, read_cells, write_cell, write_tables
 from lab.sweeps.workers import Work, WorkerDied, run_here, run_there
+from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
-from scene.files import write_text
+from scene.output_folder import open_record
+from scene.record import Record
 
 
 def sweep(
@@ -60,8 +60,6 @@ def sweep(
     SceneError
         Unknown experiment or method, no cluster, a full disk, a folder in use.
     """
-    from lab.job import locked
-
     experiments, methods = experiments_of(wanted), methods_of(method, "seed")
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
     if len(experiments) == len(EXPERIMENTS):
@@ -69,14 +67,14 @@ def sweep(
     root = out or Path("out") / "sweeps"
     names = "all" if len(experiments) == len(EXPERIMENTS) else "-".join(one.name for one in experiments)
     folder = root / (f"{names}-quick" if quick else names)
-    with locked(root):
-        run_cells(root, cells, scheduler=scheduler, processes=processes)
-        join_cells(root, folder, cells)
+    with open_record(root) as record:
+        run_cells(record, cells, scheduler=scheduler, processes=processes)
+        join_cells(record, record.folder / folder.name, cells)
     return folder
 
 
 def run_cells(
-    root: Path,
+    record: Record,
     cells: Sequence[Cell],
     *,
     work: Work = run_cell,
@@ -87,8 +85,8 @@ def run_cells(
 
     Parameters
     ----------
-    root : Path
-        Where `cells` is, or will be.
+    record : Record
+        Of the folder where `cells` is, or will be.
     cells : sequence of Cell
     work : callable
         What runs a cell: gives what `run_cell` does.
@@ -100,15 +98,16 @@ def run_cells(
     SceneError
         The code that cells are named after was written to meanwhile, here or on a worker: who can tell what made them?
     """
-    missing = [cell for cell in cells if not cell_path(root, cell).exists()]
+    root = record.folder
+    missing = [cell for cell in cells if not record.is_intact(cell_path(root, cell))]
     if not missing:
         return
-    start, failed, code = time.perf_counter(), 0, code_times()
+    start, failed, times, code = time.perf_counter(), 0, code_times(), code_fingerprint(RUNNER)
     with cell_progress(len(missing)) as report:
         for done, (cell, found) in enumerate(_results(missing, work, scheduler, processes), 1):
             if isinstance(found, WorkerDied):
                 found = {"rows": failed_rows(cell, str(found)), "seconds": [], "picture": None}
-            if code_times() != code or found.get("code", code_hash()) != code_hash():
+            if code_times() != times or found.get("code", code) != code:
                 raise SceneError(
                     f"sweep: the code changed while {cell.experiment} {cell.value} ran, here or on a worker. What is "
                     "done stays. Run the same command again, with the same code on all workers."
@@ -127,20 +126,15 @@ def _results(cells: list[Cell], work: Work, scheduler: str | None, processes: in
         yield from run_there(cells, work, executor)
 
 
-def join_cells(root: Path, folder: Path, cells: Sequence[Cell]) -> None:
+def join_cells(record: Record, folder: Path, cells: Sequence[Cell]) -> None:
     """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
-    mark = hashlib.sha256("".join(cell.key for cell in cells).encode())
-    here = Path(__file__).parent
-    charts = (ROOT / "compare").glob("*.py")
-    made = (cell_path(root, cell) for cell in cells)
-    for path in (*sorted(here.glob("*.py")), here / "benchmark_figure7.csv", *sorted(charts), *made):
-        mark.update(path.read_bytes())
-    seal = folder / "joined.txt"
-    if seal.exists() and seal.read_text() == mark.hexdigest():
+    root, code = record.folder, code_fingerprint(__name__)
+    mark = fingerprint([cell.key for cell in cells], [cell_path(root, cell) for cell in cells], code=code)
+    if record.is_current(folder.name, mark):
         return
     from lab.sweeps.page import write_page
 
-    found = read_cells(root, cells)
-    rows, perturbed, seconds = write_tables(folder, found, [*EXPERIMENTS, *PERTURBATIONS, *cells[0].methods])
-    write_page(folder, rows, found, perturbed=perturbed, seconds=seconds)
-    write_text(seal, mark.hexdigest())
+    with record.making(folder.name, mark):
+        found = read_cells(root, cells)
+        rows, perturbed, seconds = write_tables(folder, found, [*EXPERIMENTS, *PERTURBATIONS, *cells[0].methods])
+        write_page(folder, rows, found, perturbed=perturbed, seconds=seconds)

@@ -35,7 +35,7 @@ def hills(tmp_path):
 
 
 def test_given_normals_are_the_probe(hills):
-    out = hills / "out"
+    out = hills.parent / "out"
     command = [*COMMAND, "calibrate", str(hills), "--out", str(out), "--json"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
@@ -48,7 +48,7 @@ def test_given_normals_are_the_probe(hills):
 
 def test_without_normals_it_is_an_error(hills):
     (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n')
-    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills / "out")]
+    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.parent / "out")]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert "no ball found" in run.stderr

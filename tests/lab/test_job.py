@@ -10,7 +10,9 @@ from capture.session import Session, SphereSpec
 from lab.job import Job, Outcome, Step
 from lab.plan import STEPS
 from scene.camera import Camera
-from scene.store import Store
+from scene.files import write_text
+from scene.output_folder import open_record, read_record
+from scene.record import Record
 
 
 class Bench:
@@ -27,16 +29,16 @@ class Bench:
             self.ran.append(name)
             if self.fails and name == "b":
                 raise KeyboardInterrupt
-            self.folder.joinpath(name).write_text(name)
+            write_text(self.folder / name, name)
             return Outcome({"name": name}, [])
 
-        return Step(name, work, needs, lambda _: [self.values[name]], lambda _: [self.folder / name], (f"{name}*",))
+        return Step(name, work, needs, lambda _: [self.values[name]])
 
     def run(self, wanted="c"):
         self.ran.clear()
         # A new job each time, as a new command has.
-        job = Job(None, Store(self.folder), ())
-        job.run(self.steps, wanted)
+        with open_record(self.folder) as record:
+            Job(None, record, ()).run(self.steps, wanted)
         return "".join(self.ran)
 
 
@@ -70,7 +72,7 @@ def test_a_step_run_alone_leaves_no_old_results_beside_its_new_ones(bench):
     bench.run()
     bench.values["a"] = 2
     assert bench.run("a") == "a"
-    assert set(Store(bench.folder).read_json("steps.json")) == {"a"}
+    assert set(read_record(bench.folder).done) == {"a"}
     assert not (bench.folder / "b").exists()
     assert bench.run() == "bc"
 
@@ -107,10 +109,10 @@ NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
 
 
 def marks(session, folder):
-    job = Job(session, Store(folder), ("ls",))
+    job = Job(session, Record(folder), ("ls",))
     found = {}
     for name, step in STEPS.items():
-        found[name] = job._fingerprint(step)
+        found[name] = job.fingerprint(step)
         job.done[name] = {"fingerprint": found[name]}
     return found
 
@@ -130,9 +132,9 @@ def test_the_scan_is_loaded_with_its_unit_and_its_ball(tmp_path):
     path = tmp_path / "scan.obj"
     path.write_text("v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
     known = replace(session(tmp_path), scan=path, scan_unit="inch")
-    assert np.ptp(Job(known, Store(tmp_path), ()).load_scan().vertices, axis=0) == pytest.approx([76.2, 50.8, 25.4])
+    assert np.ptp(Job(known, Record(tmp_path), ()).load_scan().vertices, axis=0) == pytest.approx([76.2, 50.8, 25.4])
     with pytest.raises(AlignError, match="expects one ball"):
-        Job(replace(known, scan_ball_diameter_mm=38.0), Store(tmp_path), ()).load_scan()
+        Job(replace(known, scan_ball_diameter_mm=38.0), Record(tmp_path), ()).load_scan()
 
 
 @pytest.mark.parametrize("name", ["f", "a", "d", "t", "light_directions.txt", "light_intensities.txt", "m", "s", "n"])

@@ -74,11 +74,11 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
     for name in ("normals", "albedo", "cast", "direct", "indirect"):
         assert (plum / "twin" / f"truth_{name}.npy").is_file()
 
-    before = {path: path.stat().st_mtime_ns for path in (plum / "twin").rglob("*") if path.name != ".lock"}
+    before = {path: path.stat().st_mtime_ns for path in (plum / "twin").rglob("*") if ".rgbn" not in path.parts}
     again = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
     assert again.returncode == 0
     assert "rendered already" in again.stderr
-    assert before == {path: path.stat().st_mtime_ns for path in (plum / "twin").rglob("*") if path.name != ".lock"}
+    assert before == {path: path.stat().st_mtime_ns for path in (plum / "twin").rglob("*") if ".rgbn" not in path.parts}
 
     run = rgbn("process", plum / "twin", "--out", plum / "out", "--method", "near")
     assert run.returncode == 0, run.stderr
@@ -105,7 +105,7 @@ def test_options_of_the_command_line_go_before_the_descriptions(plum):
 def test_nothing_of_anybody_elses_is_written_over(plum):
     (plum / "mine").mkdir()
     (plum / "mine" / "session.toml").write_text('[frames]\nflash = "*.png"\n')
-    for out, message in ((plum, "lies there"), (plum / "mine", "did not render")):
+    for out, message in ((plum, "rgbn did not make it"), (plum / "mine", "rgbn did not make it")):
         run = rgbn("twin", plum / "plum.toml", "--out", out)
         assert run.returncode == 2
         assert message in run.stderr

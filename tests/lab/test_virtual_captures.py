@@ -11,6 +11,7 @@ from lab.counterparts.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene, object_
 from scene.errors import SceneError
 from scene.files import write_json
 from scene.normals import angular_error_deg, unit
+from scene.output_folder import open_record
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -52,7 +53,7 @@ def test_a_pair_is_made_again_when_its_setup_or_the_code_has_changed(tmp_path, m
         write_json(out / NUMBERS, {"made": len(made)})
 
     monkeypatch.setattr(pairs, "reference_balls", lambda out: [])
-    monkeypatch.setattr(pairs, "process_capture", lambda folder, setup, balls: folder)
+    monkeypatch.setattr(pairs, "process_capture", lambda folder, done, setup, balls: done)
     monkeypatch.setattr(pairs, "write_rendering", lambda store, setup, name: None)
     monkeypatch.setattr(pairs, "compare_folders", compare)
 
@@ -71,7 +72,7 @@ def test_a_pair_is_made_again_when_its_setup_or_the_code_has_changed(tmp_path, m
         patch.setattr(pairs, "METHODS", ("ls",))
         assert run(seed=10001) == both
     with monkeypatch.context() as patch:
-        patch.setattr(pairs, "code_checksum", lambda patterns: "other code")
+        patch.setattr(pairs, "code_fingerprint", lambda: "other code")
         stopped.append(True)
         with pytest.raises(KeyboardInterrupt):
             run(seed=10001)
@@ -114,9 +115,9 @@ def test_a_pair_is_photographed_processed_and_compared(tmp_path):
     """One easy level, all the way: the lights are found as they were held, and the two sides err alike."""
     one = Experiment("iso", "", "iso", (100.0,), "", {"frames": 12, "seed": 10001})
     ((_, (pair,)),) = pairs.run_experiments(tmp_path, (one,), tell=lambda text: None)
-    capture, rendering = tmp_path / "virtual-iso-100", tmp_path / "rendered-iso-100"
+    capture, rendering = tmp_path / "processed-iso-100", tmp_path / "rendered-iso-100"
     setup = next(setup for _, setup in one.setups())
-    held, found = lab_scene(setup).lights, Store(capture / "out").load_lights()
+    held, found = lab_scene(setup).lights, Store(capture).load_lights()
     kept = [held.names.index(name) for name in found.names]
     assert len(kept) >= 9
     # Seen from one place: the session's own reference point lies amid the balls.
@@ -125,7 +126,9 @@ def test_a_pair_is_photographed_processed_and_compared(tmp_path):
     # Mirrors of 25 px: a third of a pixel on one is a degree and a half.
     assert np.median(off_deg) < 2.0
     assert (off_deg < 4 * np.sqrt(2) * found.direction_sigma_deg).all()
-    for ball, (kind, radius, center) in zip(pairs.reference_balls(tmp_path), BALLS, strict=True):
+    with open_record(tmp_path) as record:
+        reference = pairs.reference_balls(record)
+    for ball, (kind, radius, center) in zip(reference, BALLS, strict=True):
         u = CAMERA.cx + CAMERA.fx * center[0] / -center[2]
         v = CAMERA.cy - CAMERA.fy * center[1] / -center[2]
         assert ball.kind == kind
@@ -133,8 +136,8 @@ def test_a_pair_is_photographed_processed_and_compared(tmp_path):
         assert ball.center_px == pytest.approx([u, v], abs=0.8)
         assert ball.radius_px == pytest.approx(CAMERA.fx * radius / -center[2], abs=0.8)
     mask, truth = object_maps(setup)
-    assert np.array_equal(Store(capture / "out").load_mask(), mask)
-    assert np.nanmax(angular_error_deg(Store(capture / "out").load_normals("truth")[mask], truth[mask])) < 0.1
+    assert np.array_equal(Store(capture).load_mask(), mask)
+    assert np.nanmax(angular_error_deg(Store(capture).load_normals("truth")[mask], truth[mask])) < 0.1
     exact = Store(rendering).load_lights()
     assert np.max(angular_error_deg(exact.directions, object_scene(setup).lights.directions)) < 0.01
     assert {kind: one["kind"] for kind, one in pair.found["captures"].items()} == {

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from scene.camera import Camera
-from scene.files import TEMPORARY
 from scene.lights import Lights
 from scene.normals import unit
 from scene.store import Store
@@ -24,8 +23,8 @@ from twin.engine import Choice
 from twin.layers import pieces_of, render_layers
 from twin.materials import Diffuse, RoughPlastic
 from twin.object_mesh import built_in
-from twin.render import render_scene
-from twin.unfinished import Unfinished, mark_of
+from twin.render import render_scene, rendering_mark
+from twin.unfinished import Unfinished
 from twin.variant import FAST, pick_variant
 
 pytestmark = pytest.mark.render
@@ -72,7 +71,7 @@ from pathlib import Path
 from scene.store import Store
 from twin import layers, many
 from twin.description_file import read_scene
-from twin.render import render_scene
+from twin.render import render_scene, rendering_mark
 layers.VALUES_PER_BAND = {BAND}
 layers.SAMPLES_PER_CALL = {PATHS}
 many.FIRST_LOOK = 1 << 14
@@ -100,7 +99,7 @@ def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
                 os.kill(process.pid, signal.SIGKILL)
                 break
         assert process.wait() == -signal.SIGKILL
-    left = tmp_path / "killed" / "unfinished_twin"
+    left = tmp_path / "killed" / "unfinished"
     assert (left / "codes.npy").exists()
     assert not (tmp_path / "killed" / "frames").exists(), "no half rendering may look like a whole one"
 
@@ -146,9 +145,9 @@ def test_another_scene_takes_nothing_of_what_was_left(tmp_path):
 
 def test_a_mark_tells_what_makes_a_difference_and_nothing_else():
     scene = scene_for("mitsuba")
-    assert mark_of(scene, False) == mark_of(scene_for("mitsuba"), False)
+    assert rendering_mark(scene, False) == rendering_mark(scene_for("mitsuba"), False)
     assert scene.points.size, "what is computed on the way is no part of it"
-    assert mark_of(scene, False) == mark_of(scene_for("mitsuba"), False)
+    assert rendering_mark(scene, False) == rendering_mark(scene_for("mitsuba"), False)
     moved = replace(scene.objects[0], matrix=scene.objects[0].matrix + 1e-9)
     changes = [
         {"objects": (moved, *scene.objects[1:])},
@@ -158,9 +157,9 @@ def test_a_mark_tells_what_makes_a_difference_and_nothing_else():
         {"environment": Environment(ambient=(0, 0, 0.1))},
         {"radii_mm": np.full(6, 1.0)},
     ]
-    marks = {mark_of(replace(scene, **change), False) for change in changes} | {mark_of(scene, True)}
+    marks = {rendering_mark(replace(scene, **change), False) for change in changes} | {rendering_mark(scene, True)}
     assert len(marks) == len(changes) + 1
-    assert mark_of(scene, False) not in marks
+    assert rendering_mark(scene, False) not in marks
 
 
 def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
@@ -172,12 +171,6 @@ def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
         assert kept.notes is None
         assert not kept.done
         assert not folder.exists()
-
-
-def test_a_run_that_is_killed_leaves_no_name_that_is_taken_for_rubbish():
-    """What the next run tidies away before it starts are temporary files alone."""
-    assert not TEMPORARY.match("unfinished_twin")
-    assert not TEMPORARY.match("codes.npy")
 
 
 @pytest.mark.parametrize("engine", ENGINES)

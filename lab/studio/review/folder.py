@@ -17,6 +17,8 @@ from lab.studio.review.warned import Warned, targets
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.output_folder import read_record
+from scene.record import PLACE
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -89,8 +91,8 @@ class Review:
         """
         store = Store(folder)
         summary = read_optional(store, "summary.json") or {}
-        steps = read_optional(store, "steps.json")
-        steps = steps if isinstance(steps, dict) else {}
+        record = read_record(folder)
+        steps = {} if record is None else record.done
         material = Material.load(store, {})
         lights, spheres, truth, twin = None, [], None, None
         with suppress(*UNREADABLE):
@@ -150,7 +152,7 @@ class Review:
 
 def is_output(folder: Path) -> bool:
     """Whether a folder is the output of a session, whole or in part."""
-    return (folder / "steps.json").is_file() or (folder / "frames" / "frames.json").is_file()
+    return (folder / PLACE).is_dir() or (folder / "frames" / "frames.json").is_file()
 
 
 def is_session(folder: Path) -> bool:
@@ -179,7 +181,7 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
         return source.resolve(), None
     if not is_session(source):
         raise SceneError(
-            f"{source}: neither a session (session.toml) nor the output of `rgbn process` (steps.json). Give one of "
+            f"{source}: neither a session (session.toml) nor the output of `rgbn process` ({PLACE}). Give one of "
             "these, or a scene description, .toml."
         )
     return (out or Path("out") / load_session(source).name).resolve(), source.resolve()

@@ -12,6 +12,7 @@ from compare.registration import WIDTH
 from lab.studio.review.folder import Review
 from scene.errors import SceneError
 from scene.lights import Lights
+from scene.record import Record
 
 Array = NDArray[np.float64]
 
@@ -104,7 +105,7 @@ def relit_scene(review: Review) -> Any:
         raise SceneError("albedo: no method has left one here. Run the step `solve`.")
     # The one that gloss disturbs least.
     method = "iterative" if "iterative" in methods else methods[0]
-    mesh = Job(review.session, store, (method,)).load_scan()
+    mesh = Job(review.session, Record(store.folder), (method,)).load_scan()
     albedo = np.load(store.path("albedo", f"{method}.npy"))
     depth = float(lights.reference_point_mm[2])
     scene, _ = scan_scene(mesh, store.load_pose(), camera, lights, albedo, albedo_depth_mm=depth, sampling=Sampling())

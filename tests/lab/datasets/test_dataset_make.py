@@ -1,7 +1,6 @@
 """What is made: whole or not at all, the same bytes twice, and a truth by which anyone can explain the photographs."""
 
 import hashlib
-import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -15,10 +14,11 @@ from scipy.io import loadmat
 from lab.datasets.catalogue import catalogue
 from lab.datasets.check import check_dataset
 from lab.datasets.make import make, make_one
-from lab.datasets.write import SOURCES, mark_of
-from lab.rooms import ROOMS, ROOT
+from lab.datasets.write import mark_of
+from scene.current import ROOMS, ROOT, sources
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
+from scene.output_folder import open_record
 from twin.variant import FAST, pick_variant
 
 pytestmark = [
@@ -47,8 +47,7 @@ def read(folder):
 @pytest.fixture(scope="module")
 def shelf(tmp_path_factory):
     folder = tmp_path_factory.mktemp("shelf")
-    for name in ("blob-ambient-0.00", "knot-hand-16"):
-        assert make_one(folder, small(name)) is None
+    make(folder, [small(name) for name in ("blob-ambient-0.00", "knot-hand-16")], processes=1)
     return folder
 
 
@@ -108,26 +107,34 @@ def test_every_file_has_its_checksum_and_made_twice_it_is_the_same(shelf, tmp_pa
     assert (again / "SHA256SUMS").read_bytes() == (folder / "SHA256SUMS").read_bytes()
 
 
-def test_what_is_there_is_left_and_what_is_not_current_is_made_anew(shelf):
+def test_what_is_there_is_left_and_what_is_not_current_is_made_anew(shelf, monkeypatch):
     one = small("blob-ambient-0.00")
     folder = shelf / one.name
-    recipe = json.loads((folder / "recipe.json").read_text())
-    assert recipe["mark"] == mark_of(one) != mark_of(replace(one, recipe=replace(one.recipe, seed=10002)))
+    sums = (folder / "SHA256SUMS").read_text()
+    assert mark_of(one) != mark_of(replace(one, recipe=replace(one.recipe, seed=10002)))
     before = (folder / "recipe.json").stat().st_mtime_ns
-    # What a killed run left behind is no dataset.
-    (shelf / f".{one.name}.part").mkdir()
     assert make(shelf, [one]) == [folder]
     assert (folder / "recipe.json").stat().st_mtime_ns == before
-    (folder / "recipe.json").write_text(json.dumps({**recipe, "mark": "of another version"}))
-    (folder / "stray.txt").write_text("")
-    assert make_one(shelf, one) is None
-    assert not (folder / "stray.txt").exists()
-    assert not list(shelf.glob(".*.part")) + list(shelf.glob(".*.old"))
-    assert json.loads((folder / "recipe.json").read_text()) == recipe
+    monkeypatch.setattr("lab.datasets.make.mark_of", lambda _: "of another version")
+    (folder / "mine.txt").write_text("mine")
+    assert make(shelf, [one]) == [folder]
+    assert (folder / "recipe.json").stat().st_mtime_ns > before
+    assert (folder / "mine.txt").read_text() == "mine"
+    (folder / "mine.txt").unlink()
+    assert (folder / "SHA256SUMS").read_text() == sums
+    # A file that somebody has changed is neither kept for ours nor written over.
+    recipe = (folder / "recipe.json").read_text()
+    (folder / "recipe.json").write_text("changed")
+    with pytest.raises(SceneError, match=r"recipe.json: was changed after rgbn wrote it"):
+        make(shelf, [one])
+    assert (folder / "recipe.json").read_text() == "changed"
+    (folder / "recipe.json").write_text(recipe)
 
 
 def test_a_folder_that_is_not_ours_is_left(tmp_path):
     one = small("blob-ambient-0.00")
+    with open_record(tmp_path):
+        pass
     (tmp_path / one.name).mkdir()
     (tmp_path / one.name / "mine.txt").write_text("")
     with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
@@ -139,7 +146,8 @@ def test_a_folder_with_a_recipe_of_its_own_is_left(tmp_path):
     one = small("blob-ambient-0.00")
     for number, recipe in enumerate(('{"flour": "500 g"}', "[1, 2]", "no json")):
         folder = tmp_path / str(number) / one.name
-        folder.mkdir(parents=True)
+        with open_record(folder.parent):
+            folder.mkdir(parents=True)
         (folder / "recipe.json").write_text(recipe)
         (folder / "SHA256SUMS").write_text("")
         with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
@@ -158,7 +166,6 @@ def test_a_fault_of_ours_is_no_fault_of_the_input(tmp_path, monkeypatch):
     fault = TypeError("a slip")
     with pytest.raises(TypeError, match="a slip"):
         make_one(tmp_path, small("blob-ambient-0.00"))
-    assert not list(tmp_path.iterdir())
 
 
 LOADED = """
@@ -178,10 +185,8 @@ def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     files = {Path(line).resolve() for line in done.stdout.splitlines()}
     house = {path for path in files if any(path.is_relative_to(ROOT / room) for room in ROOMS)}
-    marked = {path for pattern in SOURCES for path in ROOT.glob(pattern)}
-    # The sweeps' levels are in the recipe, which is in the mark.
-    idle = {ROOT / "lab/rooms.py", ROOT / "lab/sweeps/experiments.py"}
-    assert {path for path in house - marked - idle if path.name != "__init__.py"} == set()
+    marked = set(sources("lab.datasets.write"))
+    assert house - marked == set()
     assert ROOT / "lab/datasets/preview.py" in house & marked
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from lab.studio import edits, light_edits
 from lab.studio.history import TOGETHER_S, History
 from lab.studio.placement import Placement, matrix_of, placement_of, quaternion, rotation_of
+from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
 from twin.description import Sampling
@@ -18,7 +19,6 @@ from twin.description_tables import GridTable, LightTable, RingTable
 from twin.description_writer import write_scene
 from twin.materials import Diffuse, RoughPlastic
 from twin.object_mesh import ObjectMesh, built_in
-from twin.unfinished import mark_of
 
 ANGLE = st.floats(-89, 89)
 FACTOR = st.floats(0.2, 5)
@@ -201,14 +201,14 @@ def test_undo_gives_back_every_scene_exactly():
     """No edit touches what it is given; undo and redo walk through the very same scenes."""
     history, seen = History(one_object()), []
     for number, (label, edit) in enumerate(EDITS.items()):
-        seen.append((history.scene, mark_of(history.scene)))
+        seen.append((history.scene, fingerprint(history.scene)))
         history = history.did(label, edit(history.scene), now_s=10.0 * number)
-        assert mark_of(history.scene) != seen[-1][1], f"{label} changes something"
+        assert fingerprint(history.scene) != seen[-1][1], f"{label} changes something"
     last = history.scene
     for scene, mark in reversed(seen):
         history = history.undone()
         assert history.scene is scene
-        assert mark_of(scene) == mark
+        assert fingerprint(scene) == mark
     assert history.undone() is history
     for _ in EDITS:
         history = history.redone()
@@ -256,10 +256,10 @@ def test_a_scene_edited_is_saved_and_read_again(tmp_path):
     for edit in EDITS.values():
         scene = edit(scene)
     again = read_scene(write_scene(scene, tmp_path))
-    assert mark_of(again.camera, again.sampling, again.environment) == mark_of(
+    assert fingerprint(again.camera, again.sampling, again.environment) == fingerprint(
         replace(scene.camera, source=again.camera.source), scene.sampling, scene.environment
     )
     np.testing.assert_allclose(again.lights.directions, scene.lights.directions, atol=1e-12)
     np.testing.assert_allclose(again.points, scene.points, atol=1e-6)
     np.testing.assert_allclose(again.irradiance, scene.irradiance)
-    assert mark_of(again.materials["matte"]) == mark_of(scene.materials["matte"])
+    assert fingerprint(again.materials["matte"]) == fingerprint(scene.materials["matte"])

@@ -38,7 +38,7 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     stopped.stop()
     assert not ended, "a stop is no end"
     assert not (tmp_path / "a" / "session.toml").exists()
-    assert (tmp_path / "a" / "unfinished_twin").is_dir()
+    assert (tmp_path / "a" / ".rgbn" / "unfinished").is_dir()
 
     told.clear()
     Rendering(scene, tmp_path / "a", tell, ended.append).wait()

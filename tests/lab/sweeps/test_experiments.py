@@ -1,5 +1,6 @@
 """The nine experiments: what is varied, how often, and under which name a cell is kept."""
 
+import shutil
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -9,6 +10,7 @@ import pytest
 from lab.sweeps import recipe
 from lab.sweeps.experiments import EXPERIMENTS, experiments_of
 from lab.sweeps.recipe import Recipe
+from scene import current
 from scene.errors import SceneError
 
 
@@ -43,13 +45,14 @@ def test_names_tell_cells_apart():
 
 
 def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr(recipe, "ROOT", tmp_path)
+    for room in current.ROOMS:
+        shutil.copytree(current.ROOT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(current, "ROOT", tmp_path)
 
     def hash_with(name):
         path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(path.read_text() + "#" if path.exists() else "#")
-        return recipe.code_hash.__wrapped__()
+        path.write_text(path.read_text() + "#")
+        return current.code_fingerprint.__wrapped__(recipe.RUNNER)
 
     before = hash_with("lab/sweeps/page.py")
     assert hash_with("lab/sweeps/page.py") == hash_with("lab/sweeps/command.py") == before

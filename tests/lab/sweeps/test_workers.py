@@ -14,7 +14,10 @@ import pytest
 from lab.sweeps import recipe, sweep
 from lab.sweeps.cell import failed_rows
 from lab.sweeps.experiments import EXPERIMENTS
+from lab.sweeps.recipe import RUNNER
+from scene.current import code_fingerprint
 from scene.errors import SceneError
+from scene.output_folder import open_record
 
 # Photographs would take minutes: these cells only compute what their recipe says, and some of them die.
 PROGRAM = """
@@ -23,6 +26,7 @@ from pathlib import Path
 from lab.sweeps.experiments import EXPERIMENTS
 from lab.sweeps.sweep import join_cells, run_cells
 from lab.sweeps.cell import failed_rows
+from scene.output_folder import open_record
 
 root = Path(sys.argv[1])
 
@@ -50,15 +54,16 @@ if __name__ == "__main__":
         calls, replace = [], os.replace
 
         def full(*names):
-            calls.append(names)
+            calls.extend(name for name in names[1:] if "/cells/" in str(name))
             if len(calls) > 5:
                 raise OSError(errno.ENOSPC, "No space left on device", str(names[1]))
             replace(*names)
 
         scene.files.os.replace = full
     scheduler = next((word for word in sys.argv if word.startswith("tcp:")), None)
-    run_cells(root, cells, work=work, processes=2, scheduler=scheduler)
-    join_cells(root, root / "ambient", cells)
+    with open_record(root) as record:
+        run_cells(record, cells, work=work, processes=2, scheduler=scheduler)
+        join_cells(record, root / "ambient", cells)
 """
 
 
@@ -188,8 +193,7 @@ def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypa
     source = tmp_path / "code" / "solve" / "ls.py"
     source.parent.mkdir(parents=True)
     source.write_text("one = 1")
-    monkeypatch.setattr(recipe, "ROOT", tmp_path / "code")
-    recipe.code_hash.cache_clear()
+    monkeypatch.setattr(recipe, "sources", lambda _: [source])
     cells = list(EXPERIMENTS["ambient"].cells())[:6]
     made = {"rows": failed_rows(cells[0], "by the test"), "seconds": [], "picture": None}
 
@@ -198,16 +202,15 @@ def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypa
             if number == change:
                 source.write_text("one = 2")
                 source.write_text("one = 1")
-            yield cell, made | {"code": recipe.code_hash() if number != stranger else "another machine's"}
+            yield cell, made | {"code": code_fingerprint(RUNNER) if number != stranger else "another machine's"}
 
     monkeypatch.setattr(sweep, "_results", results)
     for change, stranger, kept in ((3, None, 3), (None, 2, 2), (None, None, 6)):
         root = tmp_path / f"{change}-{stranger}"
-        if kept < 6:
-            with pytest.raises(SceneError, match=r"the code changed while ambient .* ran.*Run the same command again"):
-                sweep.run_cells(root, cells)
-        else:
-            sweep.run_cells(root, cells)
+        with open_record(root) as record:
+            if kept < 6:
+                with pytest.raises(SceneError, match=r"code changed while ambient .* ran.*Run the same command again"):
+                    sweep.run_cells(record, cells)
+            else:
+                sweep.run_cells(record, cells)
         assert len(list((root / "cells").glob("*.json"))) == kept
-    monkeypatch.undo()
-    recipe.code_hash.cache_clear()

@@ -9,10 +9,10 @@ from lab.studio.results.maps import Results
 from lab.studio.review.folder import Review
 from scene.camera import Camera
 from scene.estimate import Estimate
-from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
+from scene.output_folder import open_record
 from scene.store import Store
 from solve.solve import solve
 
@@ -52,6 +52,10 @@ def make(tmp_path):
     def made(*, near=True, noise=0.002, methods=("ls", "iterative"), shot_with=None):
         generator = np.random.default_rng(10_062)
         lights, store = lights_of(near=near), Store(tmp_path / "out")
+        with open_record(store.folder) as record:
+            for step in ("check", "calibrate", "align", "solve", "twin"):
+                with record.making(step, "by the test") as entry:
+                    entry |= {"warnings": [], "result": {}}
         u, v = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
         mask = (np.abs(u - 26) < 20) & (np.abs(v - 17) < 15)
         normals = unit(np.stack([(u - 26) / 50 + 0.05 * np.sin(v), (15 - v) / 40, np.ones_like(u) * 1.0], -1))
@@ -76,8 +80,6 @@ def make(tmp_path):
             store.save_estimate(found[method])
         estimate = solve("ls", rendered.load_frames(), lights, CAMERA, mask)
         rendered.save_estimate(estimate)
-        steps = ("check", "calibrate", "align", "solve", "twin")
-        write_json(store.path("steps.json"), {name: {"warnings": [], "result": {}} for name in steps})
         return SimpleNamespace(store=store, folder=store.folder, lights=lights, mask=mask, truth=truth, linear=linear,
                                twin=twin, frames=frames, found=found, twin_found=estimate,
                                camera=CAMERA, odd=ODD, clipped=CLIPPED_FRAME, shadowed=SHADOW_FRAME,

@@ -13,6 +13,7 @@ from scene.camera import Camera
 from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
@@ -58,41 +59,50 @@ def object_normals():
     return normals.astype(np.float32)
 
 
+def note_steps(record, steps):
+    for name, entry in steps.items():
+        with record.making(name, "by the test") as kept:
+            kept |= entry
+
+
 @pytest.fixture
 def made(tmp_path):
     """A whole output folder: every frame of a colour of its own, one of them clipped in a known block."""
     store, lights, truth = Store(tmp_path / "out"), near_lights(), object_normals()
-    mask = np.isfinite(truth[..., 0])
-    generator = np.random.default_rng(10_002)
-    colours = generator.uniform(0.05, 0.25, (5, 3))
-    linear = np.broadcast_to(colours[:, None, None], (5, 120, 160, 3)).copy()
-    shade = np.nan_to_num(np.maximum(truth @ lights.directions.T, 0))  # (H, W, N)
-    linear += 0.4 * (shade.transpose(2, 0, 1)[..., None] * mask[..., None])
-    linear[1, 100:110, 60:80] = 1.2
-    frames = Frames.from_linear(lights.names, linear)
-    store.save_frames(frames)
-    store.save_camera(CAMERA)
-    Store(store.path("frames")).save_camera(CAMERA)
-    store.save_spheres(balls(), CAMERA)
-    store.save_lights(lights)
-    store.save_mask(mask)
-    store.save_truth(truth, np.where(mask, 0.5, np.nan))
-    pose = Pose.from_rotation_translation(rotation_from_vector(np.array([0.2, 0.3, 0.1])), REFERENCE)
-    store.save_pose(pose, residual_px=0.1, sigma_mm=0.2, sigma_deg=0.05)
-    Store(store.path("twin")).save_frames(Frames.from_linear(lights.names, 0.9 * linear))
-    factors = generator.normal(0, 6, (5, 3, 3))
-    covariance = factors @ factors.transpose(0, 2, 1)
-    highlights = np.array([mirrored_px(CAMERA, ball, lights) for ball in balls()]) + [0.3, -0.4]
-    highlights[0, 3] = highlights[2] = np.nan
-    write_json(
-        store.path("calibration.json"),
-        {"highlights_px": highlights, "rejected": [], "position_covariance_mm2": covariance},
-    )
-    rows = [{"name": name, "saturated_share": 200 / 19200 if i == 1 else 0.0} for i, name in enumerate(lights.names)]
-    steps = {name: {"warnings": [], "result": {}} for name in ("check", "calibrate", "align", "solve", "twin")}
-    steps["check"]["result"] = {"frames_table": rows}
-    steps["calibrate"]["warnings"] = [WARNING]
-    write_json(store.path("steps.json"), steps)
+    with open_record(store.folder) as record:
+        mask = np.isfinite(truth[..., 0])
+        generator = np.random.default_rng(10_002)
+        colours = generator.uniform(0.05, 0.25, (5, 3))
+        linear = np.broadcast_to(colours[:, None, None], (5, 120, 160, 3)).copy()
+        shade = np.nan_to_num(np.maximum(truth @ lights.directions.T, 0))  # (H, W, N)
+        linear += 0.4 * (shade.transpose(2, 0, 1)[..., None] * mask[..., None])
+        linear[1, 100:110, 60:80] = 1.2
+        frames = Frames.from_linear(lights.names, linear)
+        store.save_frames(frames)
+        store.save_camera(CAMERA)
+        Store(store.path("frames")).save_camera(CAMERA)
+        store.save_spheres(balls(), CAMERA)
+        store.save_lights(lights)
+        store.save_mask(mask)
+        store.save_truth(truth, np.where(mask, 0.5, np.nan))
+        pose = Pose.from_rotation_translation(rotation_from_vector(np.array([0.2, 0.3, 0.1])), REFERENCE)
+        store.save_pose(pose, residual_px=0.1, sigma_mm=0.2, sigma_deg=0.05)
+        Store(store.path("twin")).save_frames(Frames.from_linear(lights.names, 0.9 * linear))
+        factors = generator.normal(0, 6, (5, 3, 3))
+        covariance = factors @ factors.transpose(0, 2, 1)
+        highlights = np.array([mirrored_px(CAMERA, ball, lights) for ball in balls()]) + [0.3, -0.4]
+        highlights[0, 3] = highlights[2] = np.nan
+        write_json(
+            store.path("calibration.json"),
+            {"highlights_px": highlights, "rejected": [], "position_covariance_mm2": covariance},
+        )
+        rows = [
+            {"name": name, "saturated_share": 200 / 19200 if i == 1 else 0.0} for i, name in enumerate(lights.names)
+        ]
+        steps = {name: {"warnings": [], "result": {}} for name in ("check", "calibrate", "align", "solve", "twin")}
+        steps["check"]["result"] = {"frames_table": rows}
+        steps["calibrate"]["warnings"] = [WARNING]
+        note_steps(record, steps)
     session = tmp_path / "session"
     (session / "raw").mkdir(parents=True)
     for name in lights.names:

@@ -1,6 +1,5 @@
 """A review's desk without a browser: what is clicked, what is missing, and what is written."""
 
-import json
 import threading
 from dataclasses import replace
 
@@ -21,6 +20,7 @@ from lab.studio.review.twin_panel import TwinPanel
 from lab.studio.review.wall import Wall
 from lab.studio.review.warnings_panel import WarningsPanel
 from lab.studio.workspace import Workspace
+from scene.output_folder import open_record
 
 
 @pytest.fixture
@@ -108,9 +108,8 @@ def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
     desk = reviewing(WarningsPanel)
     folder = desk.panels[0]._folder
     assert folder.label == "Warnings (1)"
-    steps = made.store.read_json("steps.json")
-    steps["solve"]["warnings"] = ["<img src=x> is *bright*"]
-    made.store.path("steps.json").write_text(json.dumps(steps))
+    with open_record(made.folder) as record, record.making("solve", "by the test") as entry:
+        entry["warnings"] = ["<img src=x> is *bright*"]
     desk.read_again()
     assert folder.label == "Warnings (2)"
     assert "\\<img src\\=x\\>" in desk.panels[0]._handles[-1].content

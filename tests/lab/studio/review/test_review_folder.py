@@ -24,6 +24,7 @@ from lab.studio.review.relight import twin_picture
 from lab.studio.review.scan_picks import Picks, load_scan, met, pose_of, write_picks
 from lab.studio.review.warned import targets
 from scene.errors import SceneError
+from scene.output_folder import open_record
 
 PLANE = Plane(160, 120)
 
@@ -77,8 +78,8 @@ def test_each_part_that_is_not_there_is_named_and_no_other(made, file, lacking, 
 
 
 def test_an_unfinished_step_is_said_to_be_unfinished(made):
-    steps = made.store.read_json("steps.json")
-    (made.folder / "steps.json").write_text(json.dumps({"check": steps["check"]}))
+    with open_record(made.folder) as record:
+        record.forget(["calibrate", "align", "solve", "twin"])
     for name in ("lights.json", "mask.png", "pose.json"):
         (made.folder / name).unlink()
     missing = Review.read(made.folder, made.session).missing
@@ -87,7 +88,7 @@ def test_an_unfinished_step_is_said_to_be_unfinished(made):
     assert "`align` has not ended" in missing["mask"]
 
 
-@pytest.mark.parametrize("name", ["steps.json", "calibration.json", "summary.json"])
+@pytest.mark.parametrize("name", [".rgbn/record.jsonl", "calibration.json", "summary.json"])
 def test_a_broken_list_breaks_nothing(made, name):
     (made.folder / name).write_text('{"check": [1, ')
     review = Review.read(made.folder, made.session)

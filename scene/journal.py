@@ -1,0 +1,94 @@
+"""A file of JSON lines that grows line by line: a killed run or a full disk leaves whole lines."""
+
+import errno
+import json
+import os
+import threading
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from scene.errors import SceneError
+
+Line = dict[str, Any]
+
+
+class Journal:
+    """Lines on disk.
+
+    Parameters
+    ----------
+    path : Path
+
+    Attributes
+    ----------
+    count : int
+        Lines that were read or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.count = path, 0
+        self._guard = threading.Lock()
+
+    def append(self, line: Line) -> None:
+        """Add a line, whole or not at all.
+
+        Raises
+        ------
+        SceneError
+            The disk is full, or the file cannot be written.
+        """
+        data = json.dumps(line, allow_nan=False).encode() + b"\n"
+        with self._guard:
+            try:
+                with open(self.path, "ab", buffering=0) as file:
+                    end = file.tell()
+                    try:
+                        if file.write(data) < len(data):
+                            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+                    except OSError:
+                        # No torn line before the next one.
+                        file.truncate(end)
+                        raise
+            except OSError as error:
+                raise SceneError(
+                    f"{self.path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
+                    "--out; what is done is kept."
+                ) from error
+            self.count += 1
+
+    def read(self, use: Callable[[Line], None]) -> bool:
+        """Give each line to a function; return whether the last one is torn.
+
+        Raises
+        ------
+        SceneError
+            A line is damaged: not JSON, or the function raised ValueError, KeyError, TypeError or AttributeError.
+        """
+        lines = self.path.read_bytes().split(b"\n")
+        # A line without its end was being written when a run was killed.
+        torn = bool(lines.pop())
+        try:
+            for line in lines:
+                use(json.loads(line))
+                self.count += 1
+        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+            raise SceneError(
+                f"{self.path}: line {self.count + 1} cannot be read ({error}). Without it rgbn cannot tell which files "
+                "here are its own. Choose another folder with --out, or move this one away."
+            ) from error
+        return torn
+
+    def rewrite(self, lines: Iterable[Line]) -> None:
+        """Replace all lines at once."""
+        data = [json.dumps(line, allow_nan=False) + "\n" for line in lines]
+        temporary = self.path.with_suffix(".new")
+        try:
+            temporary.write_text("".join(data))
+            os.replace(temporary, self.path)
+        except OSError as error:
+            raise SceneError(
+                f"{self.path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
+                "--out; what is done is kept."
+            ) from error
+        self.count = len(data)
