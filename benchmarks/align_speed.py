@@ -24,6 +24,7 @@ from unittest.mock import patch
 import numpy as np
 
 from scene.frames import Frames
+from scene.record import Record
 from scene.store import Store
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -111,7 +112,7 @@ def time_step(folder: Path) -> dict[str, Any]:
     spent: dict[str, list[float]] = {stage: [0.0, 0.0] for stage in STAGES}
     with _watched_memory() as peak, _timed(spent):
         start = _clocks()
-        outcome = align(Job(session, store, ()))
+        outcome = align(Job(session, Record(folder), ()))
         total = _clocks() - start
     rest = total - np.sum(list(spent.values()), axis=0)
     return {

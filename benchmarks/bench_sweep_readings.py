@@ -19,6 +19,7 @@ from lab.sweeps.experiments import CALIBRATED, EXPERIMENTS
 from lab.sweeps.summary import Rows, rank_correlation, statistics
 from lab.sweeps.sweep import run_cells
 from lab.sweeps.table import read_cells
+from scene.output_folder import open_record
 
 ROOT = Path(__file__).resolve().parents[1]
 READINGS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -40,7 +41,8 @@ def read_again(root: Path, name: str, changed: dict[str, Any]) -> Rows:
         replace(cell, recipe=replace(cell.recipe, **changed))
         for cell in replace(one, shapes=one.shapes[:1]).cells(methods=CALIBRATED)
     ]
-    run_cells(root, cells)
+    with open_record(root) as record:
+        run_cells(record, cells)
     return [row for found in read_cells(root, cells) for row in found["rows"]]
 
 

@@ -25,6 +25,7 @@ from lab.sweeps.experiments import EXPERIMENTS
 from lab.sweeps.recipe import Cell
 from lab.sweeps.sweep import run_cells
 from lab.sweeps.table import KEY
+from scene.output_folder import open_record
 
 ROOT = Path(__file__).resolve().parents[1]
 MARKERS = "<!-- survives -->\n", "<!-- end of survives -->"
@@ -129,10 +130,12 @@ def scheduling(folder: Path) -> list[str]:
         with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[attr-defined]
             address = str(cluster.scheduler_address)  # type: ignore[attr-defined]
             # The workers' first cells load the libraries.
-            run_cells(folder / f"first_{workers}", cells[: 4 * workers], work=wait, scheduler=address)
-            start = time.perf_counter()
-            run_cells(folder / f"wait_{workers}", cells, work=wait, scheduler=address)
-            seconds[workers] = time.perf_counter() - start
+            with open_record(folder / f"first_{workers}") as record:
+                run_cells(record, cells[: 4 * workers], work=wait, scheduler=address)
+            with open_record(folder / f"wait_{workers}") as record:
+                start = time.perf_counter()
+                run_cells(record, cells, work=wait, scheduler=address)
+                seconds[workers] = time.perf_counter() - start
     return [
         f"| {workers} Dask workers, {len(cells)} cells that wait {WAIT_S} s | {taken:.2f} s, "
         f"{100 * WAIT_S * len(cells) / workers / taken:.0f} % of ideal |"

@@ -109,11 +109,12 @@ NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
 
 
 def marks(session, folder):
-    job = Job(session, Record(folder), ("ls",))
     found = {}
-    for name, step in STEPS.items():
-        found[name] = job.fingerprint(step)
-        job.done[name] = {"fingerprint": found[name]}
+    with open_record(folder / "out") as record:
+        job = Job(session, record, ("ls",))
+        for name, step in STEPS.items():
+            found[name] = job.fingerprint(step)
+            job.done[name] = {"fingerprint": found[name]}
     return found
 
 
