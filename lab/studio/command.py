@@ -23,12 +23,16 @@ def studio(
 ) -> None:
     """In the browser: make datasets from models, materials and lights; or review a session's frames, balls, lights."""
     import threading
+    import warnings
 
     from lab.progress import say
-    from lab.studio.server import LOOPBACK, Studio
+    from lab.studio.front_door import LOOPBACK
+    from lab.studio.server import Studio
     from lab.studio.workspace import Workspace
     from twin.description_file import read_scene
 
+    # viser's, of each place that still writes when its window is closed.
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
     place = Workspace.at(workspace)
     scene = folder = review = None
     if source is not None and source.is_dir():

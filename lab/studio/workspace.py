@@ -84,6 +84,10 @@ class Workspace:
                 f"{str(name)!r}: lies outside of the workspace {self.root}. Move it there, or start the studio with "
                 "--workspace FOLDER."
             )
+        try:
+            found.exists()
+        except OSError as error:
+            raise SceneError(f"{str(name)[:80]!r}: names no file ({error.strerror}). Choose a shorter name.") from error
         return found
 
     def folder_for(self, name: str) -> Path:
