@@ -2,6 +2,7 @@
 
 import asyncio
 import ctypes
+import sys
 import traceback
 from collections import deque
 from collections.abc import Callable
@@ -192,7 +193,9 @@ def _is_in_loop() -> bool:
 
 
 def _give_back() -> None:
-    """Return to the system what was freed: glibc keeps it for the thread that had it."""
+    """Return to the system what was freed: the renderer keeps it, and glibc for the thread that had it."""
+    if "drjit" in sys.modules:
+        sys.modules["drjit"].flush_malloc_cache()
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)

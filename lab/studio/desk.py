@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,12 +84,14 @@ class Desk(BrowserDesk):
 
         async def _(event: Any) -> None:
             # The button would keep the content until the next file comes.
-            sent, event.target.value.content = replace(event.target.value), b""
+            name, content = event.target.value.name, event.target.value.content
+            event.target.value.content = b""
             if self._is_keeping:
-                self.tell_fault(f"{sent.name}: the last file is just being read. Send it again after that.")
+                self.tell_fault(f"{name}: the last file is just being read. Send it again after that.")
             else:
                 self._is_keeping = True
-                self.post(lambda: use(self._kept(sent.name, sent.content)))
+                if not self._posted(lambda: use(self._kept(name, content))):
+                    self._is_keeping = False
 
         handle.on_upload(_)
         return handle

@@ -23,12 +23,11 @@ import msgspec
 from websockets.asyncio.server import ServerConnection, serve
 
 from lab.progress import say
+from lab.studio.workspace import MOST_UPLOAD
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 MOST_MESSAGE = 2**20
 """Bytes of a message. The page sends files in parts of half of that."""
-MOST_UPLOAD = 200_000_000
-"""Bytes of the files that are on their way from all windows together."""
 MOST_WINDOWS = 16
 MOST_CONNECTIONS = 128
 MOST_FAULTS = 1000

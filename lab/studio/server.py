@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import threading
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,7 @@ class Studio:
         _check_free(host, port)
         self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
         self._desks: dict[int, BrowserDesk] = {}
+        self._furnishing = threading.Semaphore(2)
         self._left: deque[History] = deque(maxlen=MOST_LEFT)
         with contextlib.redirect_stdout(io.StringIO()):
             self._server = FrontDoor(host, port, label="rgbn studio", verbose=False).server
@@ -114,9 +116,15 @@ class Studio:
         desk = self._desk_for(client)
         self._desks[client.client_id] = desk
         # What takes time is done in the desk's own thread, which tells what is at fault.
-        desk.post(lambda: _furnish(desk))
+        desk.post(lambda: self._furnish(desk))
         if client.client_id not in self._server.get_clients():
             self._go(client)
+
+    def _furnish(self, desk: BrowserDesk) -> None:
+        # One after the other: windows that come and go would all hold what belongs to half of their panels.
+        with self._furnishing:
+            if not desk.is_gone:
+                _furnish(desk)
 
     def _desk_for(self, client: Any) -> BrowserDesk:
         if self._review is not None:

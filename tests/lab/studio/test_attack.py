@@ -32,8 +32,8 @@ CAMERA = {
     "type": "ViewerCameraMessage", "wxyz": [1, 0, 0, 0], "position": [0, 0, 5], "fov": 0.8, "near": 0.1, "far": 100,
     "image_height": 480, "image_width": 640, "look_at": [0, 0, 0], "up_direction": [0, 1, 0],
 }  # fmt: skip
-GONE = (ConnectionClosed, InvalidHandshake, OSError, TimeoutError, EOFError)
-"""What a client of whom the studio has enough is told."""
+GONE = (ConnectionClosed, InvalidHandshake, OSError, TimeoutError, EOFError, AttributeError)
+"""What a client of whom the studio has enough is told; the last one by its own library, where it was still sending."""
 
 
 @pytest.fixture(scope="module")
@@ -315,7 +315,7 @@ async def attack_inputs(studio):
                 while at < len(names):
                     at += 1
                     for updates in [*({"value": value} for value in values), *inner]:
-                        await opened.say({"type": "GuiUpdateMessage", "uuid": here[at - 1], "updates": updates})
+                        await opened.say({"type": "GuiUpdateMessage", "uuid": here[at % len(here)], "updates": updates})
                     await opened.hear(0.05)
                 await opened.hear(2)
 
@@ -356,16 +356,17 @@ async def attack_connecting(studio):
 
 def test_an_attack_leaves_the_studio_as_it_was(studio):
     async def proper():
-        """Do what a person does: a window, a shape, the picture of it."""
+        """Do what a person does: a window, a shape, a picture of it."""
         async with window(studio) as opened:
-            before = opened.seen.count("GuiUpdateMessage") + len(opened.inputs)
+            before = len(opened.seen)
             await opened.press("Add shape")
-            await opened.until(lambda: opened.seen.count("GuiUpdateMessage") + len(opened.inputs) > before + 5)
-            await opened.until(lambda: opened.seen[-50:].count("GuiUpdateMessage") > 0)
+            await opened.until(lambda: "MeshMessage" in opened.seen[before:])
+            await opened.until(
+                lambda: "GuiImageMessage" in opened.seen or opened.seen[before:].count("GuiUpdateMessage")
+            )
 
     asyncio.run(proper())
-    idle = memory(studio)
-    report = [f"idle {idle / 1e6:.0f} MB"]
+    told = [f"idle {memory(studio) / 1e6:.0f} MB"]
     for attack in (
         attack_headers, attack_half_open, attack_frames, attack_messages, attack_large, attack_inputs, attack_uploads,
         attack_connecting,
@@ -375,18 +376,12 @@ def test_an_attack_leaves_the_studio_as_it_was(studio):
         if done is not None:
             asyncio.run(done)
         assert studio.process.poll() is None, f"{attack.__name__} ended the studio:\n{studio.said()}"
-        seconds = time.monotonic() - began
-        report.append(f"{attack.__name__} {seconds:.0f} s, {memory(studio) / 1e6:.0f} MB")
+        told.append(f"{attack.__name__}: {time.monotonic() - began:.0f} s, then {memory(studio) / 1e6:.0f} MB")
     asyncio.run(proper())
-    deadline = time.monotonic() + 20
-    while memory(studio) > MOST_BYTES and time.monotonic() < deadline:
-        time.sleep(0.5)
-    report.append(f"in the end {memory(studio) / 1e6:.0f} MB, at most {memory(studio, 'VmHWM') / 1e6:.0f} MB")
+    told.append(f"in the end {memory(studio) / 1e6:.0f} MB, at most {memory(studio, 'VmHWM') / 1e6:.0f} MB")
     said = studio.said()
-    report.append(f"{len(said.splitlines())} lines, {said.count('Traceback')} tracebacks")
-    print("\n".join(report))
+    print("\n".join([*told, f"{len(said.splitlines())} lines on the standard error"]))
     assert "Traceback" not in said, said[-4000:]
-    assert memory(studio) < MOST_BYTES, report
     assert len(said.splitlines()) < MOST_LINES, said[-4000:]
-    outside = [path for path in studio.bench.parent.rglob("*evil*") if studio.bench not in path.parents]
-    assert not outside
+    assert memory(studio) < MOST_BYTES, told
+    assert not [path for path in studio.bench.parent.rglob("*evil*") if studio.bench not in path.parents]
