@@ -23,6 +23,7 @@ import msgspec
 from websockets.asyncio.server import ServerConnection, serve
 
 from lab.progress import say
+from lab.studio.messages import HEARD, Kind, Unfit, check_value, fits
 from lab.studio.workspace import MOST_UPLOAD
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -32,31 +33,9 @@ MOST_WINDOWS = 16
 MOST_CONNECTIONS = 128
 MOST_FAULTS = 1000
 """Of one window, before it is closed."""
-MOST_TEXT, MOST_ITEMS, MOST_NUMBER = 10_000, 100, 1e9
-"""Of one value: characters, parts, and how large a number may be."""
-HEARD = (
-    "ViewerCameraMessage",
-    "GuiUpdateMessage",
-    "SceneNodeClickMessage",
-    "SceneNodeDragMessage",
-    "TransformControlsDragStartMessage",
-    "TransformControlsUpdateMessage",
-    "TransformControlsDragEndMessage",
-    "FileTransferStartUpload",
-    "FileTransferPart",
-)
-"""What the studio's windows say. Other messages of viser's are not waited for, and some are kept for ever."""
 NAME = "websockets"
 """Of the library, in viser's module."""
 LOG = logging.getLogger("rgbn.studio")
-
-
-class _Unfit(Exception):
-    """A message that does not fit."""
-
-
-class _Kind(msgspec.Struct):
-    type: str
 
 
 class _Rationed(logging.Handler):
@@ -166,26 +145,26 @@ class FrontDoor:
 
         Raises
         ------
-        _Unfit, msgspec.MsgspecError
+        Unfit, msgspec.MsgspecError
             It is none, or does not fit.
         """
         if isinstance(sent, str):
-            raise _Unfit("text instead of a message")
-        kind = msgspec.msgpack.decode(sent, type=_Kind).type
+            raise Unfit("text instead of a message")
+        kind = msgspec.msgpack.decode(sent, type=Kind).type
         if kind not in self._heard:
-            raise _Unfit(f"{kind[:40]!r} is nothing that a window says")
+            raise Unfit(f"{kind[:40]!r} is nothing that a window says")
         message = self._heard[kind].decode(sent)
         if kind == "FileTransferStartUpload":
             message = self._begun(sender, message)
         elif kind == "FileTransferPart":
             if not sender.takes_part(message):
                 return None
-        elif not _fits(vars(message)):
-            raise _Unfit(f"{kind}: a number or a text that is too large")
+        elif not fits(vars(message)):
+            raise Unfit(f"{kind}: a number or a text that is too large")
         if kind == "GuiUpdateMessage":
             if message.updates.keys() != {"value"}:
-                raise _Unfit("an input has nothing to change but its value")
-            _check_value(self._input_of(message.uuid), message.updates["value"])
+                raise Unfit("an input has nothing to change but its value")
+            check_value(self._input_of(message.uuid), message.updates["value"])
         return msgspec.msgpack.encode({"type": kind, **vars(message)})
 
     def _begun(self, sender: "Connection", message: Any) -> Any:
@@ -220,7 +199,7 @@ class Connection(ServerConnection):
 
         Raises
         ------
-        _Unfit
+        Unfit
             It is not the next one, or more or less than was announced. The window is closed, which clears the rest.
         """
         if part.transfer_uuid not in self.uploads:
@@ -230,7 +209,7 @@ class Connection(ServerConnection):
         is_last = number == count - 1
         if part.part_index != number or size < 0 or (is_last and size):
             self._faults = MOST_FAULTS
-            raise _Unfit("a file that is not what was announced")
+            raise Unfit("a file that is not what was announced")
         if not is_last:
             self.uploads[part.transfer_uuid] = size, count, number + 1
         return True
@@ -253,7 +232,7 @@ class Connection(ServerConnection):
                 message = self._door.checked(self, sent)
                 if message is not None:
                     return message
-            except (_Unfit, msgspec.MsgspecError, RecursionError, ValueError) as fault:
+            except (Unfit, msgspec.MsgspecError, RecursionError, ValueError) as fault:
                 self._faults += 1
                 LOG.warning("what a window said was dropped: %s", fault)
                 if self._faults >= MOST_FAULTS:
@@ -277,34 +256,3 @@ def _serving(serve: Callable[..., Any]) -> Iterator[None]:
 def _say_fault(loop: Any, context: dict[str, Any]) -> None:
     """Say what went wrong in the server's loop."""
     LOG.warning("%s", context["message"], exc_info=context.get("exception"))
-
-
-def _fits(value: Any) -> bool:
-    """Whether numbers are finite and of a size that things have, and texts and lists short."""
-    if isinstance(value, str):
-        return len(value) <= MOST_TEXT
-    if isinstance(value, dict | list | tuple):
-        inside = value.values() if isinstance(value, dict) else value
-        return len(value) <= MOST_ITEMS and all(map(_fits, inside))
-    return value is None or (isinstance(value, bool | int | float) and abs(value) <= MOST_NUMBER)
-
-
-def _check_value(handle: Any, value: Any) -> None:
-    """Raise where an input cannot have a value; one that is not there any more has none to check."""
-    if handle is None:
-        return
-    label = getattr(handle, "label", "")
-    if not handle.visible or getattr(handle, "disabled", False):
-        raise _Unfit(f"the input {label!r} is not to be changed now")
-    options = getattr(handle, "options", None)
-    if value not in options if options is not None else not _is_like(handle.value, value):
-        raise _Unfit(f"{str(value)[:40]!r} is no value of the input {label!r}")
-
-
-def _is_like(now: Any, value: Any) -> bool:
-    """Whether a value is of the kind that an input has now."""
-    if isinstance(now, tuple):
-        return isinstance(value, list) and len(value) == len(now) and all(map(_is_like, now, value))
-    if isinstance(now, bool | str):
-        return type(value) is type(now)
-    return isinstance(now, int | float) and isinstance(value, int | float) and not isinstance(value, bool)

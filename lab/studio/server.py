@@ -74,7 +74,8 @@ class Studio:
         self._furnishing = threading.Semaphore(2)
         self._left: deque[History] = deque(maxlen=MOST_LEFT)
         with contextlib.redirect_stdout(io.StringIO()):
-            self._server = FrontDoor(host, port, label="rgbn studio", verbose=False).server
+            self._door = FrontDoor(host, port, label="rgbn studio", verbose=False)
+        self._server = self._door.server
         self._server.scene.set_up_direction("+y")
         self._server.scene.world_axes.visible = False
         # Shadows of the view's own lamps would be taken for those of the scene's lights, and they cost time.
