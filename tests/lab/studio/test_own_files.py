@@ -111,6 +111,7 @@ def test_what_is_sent_takes_no_others_name(tmp_path):
 
 SAVES = """
 import sys
+from pathlib import Path
 from lab.studio.own_files import put_own
 
 def write(place, number):
