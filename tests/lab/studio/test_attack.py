@@ -116,7 +116,9 @@ async def window(studio, *, ready=True):
         found = Window(opened)
         await found.say(CAMERA)
         if ready:
-            await found.until(lambda: any(one["props"].get("label") == "Redo" for one in found.inputs.values()))
+            await found.until(
+                lambda: any((one["props"].get("label") or "").startswith("Redo") for one in found.inputs.values())
+            )
         yield found
 
 
