@@ -1,5 +1,8 @@
 """What every browser has: a thread that does what it says in order, panels, and words for what went wrong."""
 
+import asyncio
+import ctypes
+import sys
 import traceback
 from collections import deque
 from collections.abc import Callable
@@ -11,6 +14,9 @@ from pydantic import ValidationError
 from lab.studio.preview import Preview
 from lab.studio.workspace import Workspace
 from scene.errors import SceneError
+
+MOST_WAITING = 1000
+"""Things that a browser has said and that are not done yet. A person cannot be that far ahead."""
 
 
 class Panel(Protocol):
@@ -41,9 +47,12 @@ class BrowserDesk:
         self.panels: list[Panel] = []
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"desk {client.client_id}")
         self._closers: list[Callable[[], None]] = []
+        self._waiting: deque[Callable[[], Any]] = deque()
         self._inputs: deque[Any] = deque()
         self._input: Any = None
-        self._is_behind = self._is_gone = False
+        self._is_behind = self._is_full = False
+        self.is_gone = False
+        """The browser went away: nothing more is done for it."""
 
     def refresh(self) -> None:
         """Show everything as it is now; while more input waits, after that.
@@ -59,7 +68,7 @@ class BrowserDesk:
 
     def attempt(self, work: Callable[[], Any]) -> bool:
         """Do something, unless the browser is gone; tell what was at fault, if anything was, and live on."""
-        if self._is_gone:
+        if self.is_gone:
             return False
         try:
             work()
@@ -68,7 +77,7 @@ class BrowserDesk:
         except ValidationError as error:
             self.tell_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
         except Exception as error:
-            if self._is_gone:
+            if self.is_gone:
                 return False  # There is nobody to show it to: viser warns of every message.
             traceback.print_exc()
             self.tell_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
@@ -85,11 +94,30 @@ class BrowserDesk:
         self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
 
     def post(self, work: Callable[[], Any]) -> None:
-        """Do something in the desk's thread, after what it is at."""
+        """Do something in the desk's thread, after what it is at.
+
+        Where too much waits, what the browser says, in the server's loop, is dropped, and that is told once; what the
+        studio's own threads say never is.
+        """
+        self._posted(work)
+
+    def _posted(self, work: Callable[[], Any]) -> bool:
+        """Do what `post` does; return whether it will be done."""
+        if len(self._waiting) >= MOST_WAITING and _is_in_loop():
+            if not self._is_full:
+                self._is_full = True
+                self.tell_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
+            return False
+        self._is_full = False
         try:
-            self._thread.submit(self.attempt, work)
+            self._waiting.append(work)
+            self._thread.submit(self._next)
         except RuntimeError:
-            return  # The browser is gone.
+            return False  # The browser is gone.
+        return True
+
+    def _next(self) -> None:
+        self.attempt(self._waiting.popleft())
 
     def on_input(self, handle: Any, use: Callable[[Any], Any]) -> Any:
         """Call `use` with the value of an input as a person has changed it. Return the handle.
@@ -102,7 +130,8 @@ class BrowserDesk:
             if event.client is not None:
                 value = event.target.value
                 self._inputs.append(handle)
-                self.post(lambda: self._take(use, value))
+                if not self._posted(lambda: self._take(use, value)):
+                    self._inputs.pop()
 
         handle.on_update(_)
         return handle
@@ -135,9 +164,9 @@ class BrowserDesk:
 
         Whatever that has begun is ended after it.
         """
-        if self._is_gone:
+        if self.is_gone:
             return
-        self._is_gone = True
+        self.is_gone = True
         self._thread.submit(self._leave)
         self._thread.shutdown(wait=False)
 
@@ -152,3 +181,21 @@ class BrowserDesk:
                 work()
             except Exception:
                 traceback.print_exc()
+        _give_back()
+
+
+def _is_in_loop() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
+
+
+def _give_back() -> None:
+    """Return to the system what was freed: the renderer keeps it, and glibc for the thread that had it."""
+    if "drjit" in sys.modules:
+        sys.modules["drjit"].flush_malloc_cache()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)

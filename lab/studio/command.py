@@ -5,6 +5,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+M_ARENA_MAX = -8
+"""Of glibc's malloc.h."""
+
 
 def studio(
     source: Annotated[
@@ -22,13 +25,21 @@ def studio(
     host: Annotated[str, Parameter(help="Who can reach it; 127.0.0.1: this machine alone.")] = "127.0.0.1",
 ) -> None:
     """In the browser: make datasets from models, materials and lights; or review a session's frames, balls, lights."""
+    import ctypes
     import threading
+    import warnings
 
     from lab.progress import say
-    from lab.studio.server import LOOPBACK, Studio
+    from lab.studio.front_door import LOOPBACK
+    from lab.studio.server import Studio
     from lab.studio.workspace import Workspace
     from twin.description_file import read_scene
 
+    # viser's, of each place that still writes when its window is closed.
+    warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
+    # A window's thread would else get memory of its own from glibc, which keeps most of it when the window is closed.
+    if hasattr(ctypes.CDLL(None), "mallopt"):
+        ctypes.CDLL(None).mallopt(M_ARENA_MAX, 2)
     place = Workspace.at(workspace)
     scene = folder = review = None
     if source is not None and source.is_dir():

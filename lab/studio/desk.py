@@ -37,7 +37,7 @@ class Desk(BrowserDesk):
         super().__init__(client, workspace, preview)
         self.history = history
         self.object, self.light, self.picked = 0, 0, "object"
-        self.listing = Listing()
+        self.listing, self._is_keeping = Listing(), False
         self.show_preview: Callable[[Drawn], None] = lambda drawn: None
 
     @property
@@ -76,20 +76,29 @@ class Desk(BrowserDesk):
         """Give an object or a light the gizmo: `what` is "object" or "light"."""
         self.picked = what
         setattr(self, what, index)
+        self._keep(self.history)
         self.refresh()
 
     def on_upload(self, handle: Any, use: Callable[[str], Any]) -> Any:
         """Keep a file that was sent in the workspace, and call `use` with its name there. Return the handle."""
 
         async def _(event: Any) -> None:
-            sent = event.target.value
-            self.post(lambda: use(self._kept(sent)))
+            # The button would keep the content until the next file comes.
+            name, content = event.target.value.name, event.target.value.content
+            event.target.value.content = b""
+            if self._is_keeping:
+                self.tell_fault(f"{name}: the last file is just being read. Send it again after that.")
+            else:
+                self._is_keeping = True
+                if not self._posted(lambda: use(self._kept(name, content))):
+                    self._is_keeping = False
 
         handle.on_upload(_)
         return handle
 
-    def _kept(self, sent: Any) -> str:
-        name = self.workspace.keep_upload(sent.name, sent.content)
+    def _kept(self, name: str, content: bytes) -> str:
+        self._is_keeping = False
+        name = self.workspace.keep_upload(name, content)
         self.list_files()
         return name
 
@@ -103,8 +112,6 @@ class Desk(BrowserDesk):
             )
 
     def _refresh_panels(self) -> None:
-        self.object = min(self.object, len(self.scene.objects) - 1)
-        self.light = min(self.light, len(self.scene.lights) - 1)
         with self.client.atomic():
             for panel in self.panels:
                 panel.refresh()
@@ -112,6 +119,8 @@ class Desk(BrowserDesk):
 
     def _keep(self, history: History) -> None:
         self.history = history
+        self.object = min(self.object, len(self.scene.objects) - 1)
+        self.light = min(self.light, len(self.scene.lights) - 1)
 
     def _wish(self, scene: TwinScene) -> None:
         self.preview.wish(self.client.client_id, scene, min(self.light, len(scene.lights) - 1), self._drawn)

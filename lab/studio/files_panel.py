@@ -7,6 +7,7 @@ from lab.studio.desk import Desk
 from lab.studio.edits import start_scene
 from lab.studio.history import Document
 from lab.studio.markdown import code, plain
+from lab.studio.own_files import put_own
 from lab.studio.rendering import Progress, Rendering
 from scene.errors import SceneError
 
@@ -65,10 +66,10 @@ class FilesPanel:
             raise SceneError(f"{name}: holds another scene already. Open that first, or choose another name.")
         scene = replace(desk.scene, name=desk.scene.name if folder == desk.workspace.root else folder.name)
         check_scene(scene)
-        path = write_scene(scene, desk.workspace.closed(folder))
+        put_own(desk.workspace.closed(folder), lambda place: write_scene(scene, place))
         document.name, document.folder = name, folder
         self._look()
-        return path
+        return folder / FILE
 
     def _save_aloud(self) -> None:
         self._desk.tell("Saved", self._desk.workspace.name(self._save()))
@@ -94,10 +95,11 @@ class FilesPanel:
         from twin.mitsuba_files import write_mitsuba
 
         path = self._save()
-        paths, notes = write_mitsuba(self._desk.scene, path.parent / "export")
+        out, scene = path.parent / "export", self._desk.scene
+        paths, notes = put_own(out, lambda place: write_mitsuba(scene, place))
         first = self._desk.scene.lights.names[0]
         command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"
-        where = self._desk.workspace.name(paths[0].parent)
+        where = self._desk.workspace.name(out)
         lines = [f"Exported {len(paths) - 1} lights to {code(where)}.", code(command), *map(plain, notes)]
         self._status.content = "\n\n".join(lines)
 

@@ -1,8 +1,8 @@
 """The studio's server: viser on the loopback address, a desk for each browser that comes."""
 
 import contextlib
-import inspect
 import io
+import threading
 from collections import deque
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from lab.studio.camera_panel import CameraPanel
 from lab.studio.desk import Desk, begun
 from lab.studio.edits import start_scene
 from lab.studio.files_panel import FilesPanel
+from lab.studio.front_door import FrontDoor
 from lab.studio.history import History
 from lab.studio.lights_panel import LightsPanel
 from lab.studio.materials_panel import MaterialsPanel
@@ -25,7 +26,6 @@ from lab.studio.workspace import Workspace
 from scene.errors import SceneError
 from twin.description import TwinScene
 
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
 WARM = -1
 """The desk of nobody."""
 MOST_LEFT = 8
@@ -55,9 +55,7 @@ class Studio:
 
     Notes
     -----
-    A browser sends the page that a script came from as `Origin`; others than this server's are turned away, so that
-    no page on the web can speak to a studio on the loopback address. viser's way to share a studio through a relay on
-    the web is shut.
+    Who may speak to it, and what may be said, is `front_door`'s matter.
     """
 
     def __init__(
@@ -70,15 +68,14 @@ class Studio:
         folder: Path | None = None,
         review: tuple[Path, Path | None] | None = None,
     ) -> None:
-        import viser
-
         _check_free(host, port)
         self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
         self._desks: dict[int, BrowserDesk] = {}
+        self._furnishing = threading.Semaphore(2)
         self._left: deque[History] = deque(maxlen=MOST_LEFT)
-        with _own_pages_only(host), contextlib.redirect_stdout(io.StringIO()):
-            self._server = viser.ViserServer(host=host, port=port, label="rgbn studio", verbose=False)
-        self._server.request_share_url = lambda verbose=True: None
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._door = FrontDoor(host, port, label="rgbn studio", verbose=False)
+        self._server = self._door.server
         self._server.scene.set_up_direction("+y")
         self._server.scene.world_axes.visible = False
         # Shadows of the view's own lamps would be taken for those of the scene's lights, and they cost time.
@@ -115,12 +112,20 @@ class Studio:
             self._server.stop()
 
     def _come(self, client: Any) -> None:
+        if client.client_id not in self._server.get_clients():
+            return  # Windows that come and go faster than they are furnished leave no desks.
         desk = self._desk_for(client)
         self._desks[client.client_id] = desk
         # What takes time is done in the desk's own thread, which tells what is at fault.
-        desk.post(lambda: _furnish(desk))
+        desk.post(lambda: self._furnish(desk))
         if client.client_id not in self._server.get_clients():
             self._go(client)
+
+    def _furnish(self, desk: BrowserDesk) -> None:
+        # One after the other: windows that come and go would all hold what belongs to half of their panels.
+        with self._furnishing:
+            if not desk.is_gone:
+                _furnish(desk)
 
     def _desk_for(self, client: Any) -> BrowserDesk:
         if self._review is not None:
@@ -157,6 +162,8 @@ def _furnish(desk: BrowserDesk) -> None:
     tabs = gui.add_tab_group()
     for label, panel in (("Objects", ObjectsPanel), ("Material", MaterialsPanel), ("Lights", LightsPanel),
                          ("Camera", CameraPanel), ("File", FilesPanel)):  # fmt: skip
+        if desk.is_gone:
+            return
         with tabs.add_tab(label):
             desk.panels.append(panel(desk))
     desk.panels.append(Stage(desk))
@@ -177,31 +184,3 @@ def _check_free(host: str, port: int) -> None:
                 f"--host {host} --port {port}: cannot be used ({error.strerror}). Choose another with --port, or 0 for "
                 "one that is free."
             ) from error
-
-
-@contextlib.contextmanager
-def _own_pages_only(host: str) -> Any:
-    """Have the server that is made within turn away pages of other origins, and names that are not this machine's."""
-    import websockets.asyncio.server as made
-
-    serve = made.serve
-
-    def guarded(handler: Any, host: str, port: int, **options: Any) -> Any:
-        answer = options.pop("process_request")
-
-        async def checked(connection: Any, request: Any) -> Any:
-            named = request.headers.get("Host", "")
-            origin = request.headers.get("Origin")
-            is_ours = origin is None or origin.partition("//")[2] == named
-            if not is_ours or (host in LOOPBACK and named.rpartition(":")[0].strip("[]") not in LOOPBACK):
-                return connection.respond(403, "rgbn studio: this page may not speak to it.\n")
-            found = answer(connection, request)
-            return await found if inspect.isawaitable(found) else found
-
-        return serve(handler, host, port, process_request=checked, **options)
-
-    made.serve = guarded  # type: ignore[assignment]
-    try:
-        yield
-    finally:
-        made.serve = serve  # type: ignore[assignment]

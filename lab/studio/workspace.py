@@ -1,5 +1,6 @@
 """The folder that the studio works in: nothing outside of it is read or written by what the browser asks for."""
 
+import itertools
 import os
 import re
 import tomllib
@@ -19,6 +20,8 @@ MOST_FILES = 300
 MOST_WALKED = 20_000
 """Files that are looked at for the lists."""
 UPLOADS = "uploads"
+MOST_UPLOAD = 200_000_000
+"""Bytes of the files that are on their way from all windows together."""
 _FILE_KEYS = {"mesh", "pose", "file", "map"}
 """Keys of a scene description that name files."""
 
@@ -84,6 +87,10 @@ class Workspace:
                 f"{str(name)!r}: lies outside of the workspace {self.root}. Move it there, or start the studio with "
                 "--workspace FOLDER."
             )
+        try:
+            found.exists()
+        except OSError as error:
+            raise SceneError(f"{str(name)[:80]!r}: names no file ({error.strerror}). Choose a shorter name.") from error
         return found
 
     def folder_for(self, name: str) -> Path:
@@ -134,19 +141,31 @@ class Workspace:
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.
 
+        Another file of that name stays: this one gets a number.
+
         Raises
         ------
         SceneError
-            Its kind is none that the studio reads.
+            Its kind is none that the studio reads, or it came without content, as those that are too large do.
         """
         stem, suffix = re.sub(r"[^\w.-]+", "_", Path(name).stem).strip("."), Path(name).suffix.lower()
         if suffix not in (*MESHES, *PICTURES) or not stem:
             kinds = ", ".join(dict.fromkeys((*MESHES, *PICTURES)))
             raise SceneError(f"{name}: cannot be used here; expected one of {kinds}.")
-        path = self.path(f"{UPLOADS}/{stem}{suffix}")
-        with write_whole(path) as file:
-            file.write(content)
-        return self.name(path)
+        if not content:
+            raise SceneError(
+                f"{name}: is empty, or larger than what can be sent at a time from all windows together, "
+                f"{MOST_UPLOAD // 10**6} MB. Copy it into {self.root}, and look for files again."
+            )
+        for number in itertools.count(1):
+            path = self.path(f"{UPLOADS}/{stem}{f'_{number}' if number > 1 else ''}{suffix}")
+            if not path.exists():
+                with write_whole(path) as file:
+                    file.write(content)
+            elif path.read_bytes() != content:
+                continue
+            return self.name(path)
+        raise AssertionError
 
     def description(self, name: str) -> Path:
         """Return the path of a scene description, all of whose files lie in the workspace too.

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from capture.session import SphereSpec
-from lab.studio.review.folder import HEADLINE, KEPT, OWN, Review, is_kept
+from lab.studio.own_files import put_own, refuse_foreign, remove_own
+from lab.studio.review.folder import HEADLINE, KEPT, OWN, Review
 from scene.errors import SceneError
 from scene.files import write_text
 
@@ -39,8 +40,7 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     The user's own session.toml is read and never written. Its relative paths are written out in full.
     """
     path, source = review.store.path(KEPT, "session.toml"), _source(review)
-    if path.exists() and not is_kept(review.store):
-        raise SceneError(f"{path}: was not written by the studio, and is not written over. Move it away.")
+    refuse_foreign(path.parent, [path.name])
     before = _read(path) if path.exists() and path != source else {}
     data = _in_full(_read(source), source.parent)
     if review.session is not None:
@@ -53,7 +53,8 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     if marked is not None:
         data["object"] = {**data.get("object", {}), "picks": marked}
     own = [] if path == source else [f"{OWN}{review.session_path}"]
-    write_text(path, "\n".join([HEADLINE, *own, *_lines(data), ""]))
+    text = "\n".join([HEADLINE, *own, *_lines(data), ""])
+    put_own(path.parent, lambda place: write_text(place / path.name, text))
     return path.parent
 
 
@@ -63,7 +64,7 @@ def forget_kept(review: Review) -> None:
     Raises
     ------
     SceneError
-        Where that lies is not known, or is gone.
+        Where that lies is not known, or is gone; or what was kept was changed by somebody else.
     """
     path = review.store.path(KEPT)
     if review.session_path is None or review.session_path == path.resolve():
@@ -71,8 +72,7 @@ def forget_kept(review: Review) -> None:
             f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
             "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
         )
-    for name in ("session.toml", PICKS):
-        (path / name).unlink(missing_ok=True)
+    remove_own(path, ("session.toml", PICKS))
 
 
 def _read(path: Path) -> dict[str, Any]:

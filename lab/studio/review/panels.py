@@ -31,6 +31,8 @@ def furnish(desk: ReviewDesk) -> None:
     }
     panels = []
     for label, make in makers.items():
+        if desk.is_gone:
+            return
         with tabs.add_tab(label):
             panels.append(make(desk))
     # The twin's panel says what stands beside the photograph; the picks' panel marks the scan once it is there.

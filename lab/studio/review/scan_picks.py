@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.studio.own_files import put_own
 from lab.studio.review.amended import PICKS
 from lab.studio.review.folder import KEPT, Review
 from scene.errors import SceneError
@@ -84,10 +85,10 @@ def write_picks(review: Review, picks: Picks) -> Path:
     Raises
     ------
     SceneError
-        There is no session or no camera.
+        There is no session or no camera, or a file that is not the studio's stands in the way.
     """
-    path = review.store.path(KEPT, PICKS)
-    write_text(path, _table(review, picks))
+    path, text = review.store.path(KEPT, PICKS), _table(review, picks)
+    put_own(path.parent, lambda place: write_text(place / PICKS, text))
     return path
 
 

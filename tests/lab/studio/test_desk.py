@@ -13,6 +13,7 @@ from lab.studio.files_panel import FilesPanel
 from lab.studio.lights_panel import LightsPanel
 from lab.studio.materials_panel import MaterialsPanel
 from lab.studio.objects_panel import ObjectsPanel
+from lab.studio.own_files import put_own
 from lab.studio.placement import placement_of
 from lab.studio.stage import UNITS_PER_MM, Stage
 from lab.studio.workspace import MOST_FILES, Workspace
@@ -116,15 +117,15 @@ def test_an_edit_changes_what_it_says_and_nothing_else(furnished, settle, name):
 
 def test_a_picture_sent_again_is_read_again(furnished, settle, tmp_path):
     desk = furnished(MaterialsPanel)
-    for level in (0, 255):
+    for level, name in ((0, "uploads/a.png"), (255, "uploads/a_2.png")):
         desk.client.sends("Send a texture from here", "a.png", png(level))
         settle(desk)
         texture = desk.scene.materials["matte"].reflectance
         assert isinstance(texture, Texture)
         assert texture.values.mean() == pytest.approx(level / 255, abs=1e-6)
-        assert desk.client.input("picture").value == "uploads/a.png"
+        assert desk.client.input("picture").value == name
     desk.undo()
-    assert desk.client.input("picture").value != "uploads/a.png", "the file is no longer what is shown"
+    assert desk.client.input("picture").value == "uploads/a.png", "the first one is as it was"
 
 
 def png(level):
@@ -201,7 +202,8 @@ def test_opening_and_beginning_anew_can_be_taken_back(furnished, settle, tmp_pat
 @pytest.mark.parametrize("where", ["a/penguin", "."])
 def test_a_scene_is_saved_where_it_was_opened_from(furnished, settle, tmp_path, where):
     folder = (tmp_path / where).resolve()
-    path = write_scene(replace(edits.start_scene(), name="penguin"), folder)
+    path = folder / "scene.toml"
+    put_own(folder, lambda place: write_scene(replace(edits.start_scene(), name="penguin"), place))
     desk = furnished(FilesPanel, CameraPanel, scene=read_scene(path), folder=folder)
     desk.client.says("width, px", 64)
     desk.client.says("Save scene")

@@ -1,17 +1,23 @@
 """Who may speak to the studio, and who not."""
 
 import http.client
+import socket
 import subprocess
 import sys
 import threading
 from pathlib import Path
+from types import SimpleNamespace
 
+import msgspec
 import pytest
+from viser.infra import _infra
 
-from lab.studio import edits
+from lab.studio import edits, front_door
+from lab.studio.front_door import NAME
+from lab.studio.messages import Unfit
 from lab.studio.review.folder import Review
 from lab.studio.server import Studio
-from lab.studio.workspace import Workspace
+from lab.studio.workspace import MOST_UPLOAD, Workspace
 from scene.errors import SceneError
 
 pytestmark = [pytest.mark.render]
@@ -69,17 +75,93 @@ def test_a_taken_port_is_told(studio, tmp_path):
         Studio(Workspace.at(tmp_path), port=port)
 
 
-def test_the_web_relay_is_shut(studio):
-    """A server of viser's publishes itself on the web when a browser asks for it; this one does nothing."""
-    from viser import _messages
+def test_a_header_that_comes_twice_is_refused(studio):
+    host = studio.address.removeprefix("http://")
+    for name in ("Host", "Origin", "Upgrade", "Accept-Encoding"):
+        with socket.create_connection(("127.0.0.1", int(host.rpartition(":")[2])), 60) as plug:
+            plug.sendall(f"GET / HTTP/1.1\r\nHost: {host}\r\n{name}: {host}\r\n{name}: {host}\r\n\r\n".encode())
+            assert plug.recv(12) == b"HTTP/1.1 400", name
 
-    server = studio._server
-    handlers = server._websock_server._incoming_handlers[_messages.ShareUrlRequest]
-    assert handlers
-    for handle in handlers:
-        handle(0, _messages.ShareUrlRequest())
-    server._thread_executor.submit(int).result()
-    assert server._share_tunnel is None
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"type": "ShareUrlRequest"},
+        {"type": "GuiFormDirtyMessage", "uuid": "x"},
+        {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"update_cb": []}},
+        {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": float("nan")}},
+        {"type": "GuiUpdateMessage", "uuid": "x", "updates": {"value": "x" * 20_000}},
+        {"type": "TransformControlsUpdateMessage", "name": "x", "wxyz": [1, 0, 0, 0], "position": [0, 0, 1e300]},
+        {"type": "TransformControlsUpdateMessage", "name": "x", "wxyz": [1, 0, 0], "position": [0, 0, 1]},
+        ["x"],
+    ],
+)
+def test_what_no_window_says_does_not_reach_viser(studio, message):
+    """The relay with which viser publishes itself on the web is shut by that too."""
+    with pytest.raises((Unfit, msgspec.ValidationError)):
+        studio._door.checked(None, msgspec.msgpack.encode(message))
+
+
+@pytest.mark.parametrize(
+    ("label", "good", "bad"),
+    [
+        ("a number", 2, ["2", None, True, [2]]),
+        ("a text", "x", [2, None, b"x", ["x"]]),
+        ("a choice", "b", ["c", 1, None]),
+        ("three", [1, 2.5, 3], [[1, 2], [1, 2, "3"], 3, "abc"]),
+        ("a tick", True, [1, "x", None]),
+        ("hidden", None, [True]),
+        ("a file", None, [True, "x", None, {"name": "x", "content": "y"}]),
+    ],
+)
+def test_an_input_takes_only_values_of_its_kind(studio, nobody, monkeypatch, label, good, bad):
+    client = nobody(9)
+    gui = client.gui
+    made = {
+        "a number": lambda: gui.add_number(label, 1.0),
+        "a text": lambda: gui.add_text(label, ""),
+        "a choice": lambda: gui.add_dropdown(label, ("a", "b")),
+        "three": lambda: gui.add_vector3(label, (0.0, 0.0, 1.0)),
+        "a tick": lambda: gui.add_checkbox(label, False),
+        "hidden": lambda: gui.add_checkbox(label, False, visible=False),
+        "a file": lambda: gui.add_upload_button(label),
+    }[label]()
+    monkeypatch.setattr(studio._server, "get_clients", lambda: {9: client})
+
+    def said(value):
+        update = {"type": "GuiUpdateMessage", "uuid": made._impl.uuid, "updates": {"value": value}}
+        return msgspec.msgpack.decode(studio._door.checked(None, msgspec.msgpack.encode(update)))["updates"]["value"]
+
+    if good is not None:
+        assert said(good) == good
+    for value in bad:
+        with pytest.raises(Unfit):
+            said(value)
+
+
+def test_a_file_that_is_too_large_comes_without_content_and_its_parts_are_dropped(studio):
+    sender = SimpleNamespace(uploads={}, on_their_way=0)
+    start = {
+        "type": "FileTransferStartUpload", "source_component_uuid": "x", "transfer_uuid": "t", "filename": "big.ply",
+        "mime_type": "", "part_count": 500, "size_bytes": MOST_UPLOAD + 1,
+    }  # fmt: skip
+    passed = msgspec.msgpack.decode(studio._door.checked(sender, msgspec.msgpack.encode(start)))
+    assert (passed["size_bytes"], passed["part_count"], passed["filename"]) == (0, 0, "big.ply")
+    assert not sender.uploads
+    passed = msgspec.msgpack.decode(
+        studio._door.checked(sender, msgspec.msgpack.encode(start | {"size_bytes": MOST_UPLOAD}))
+    )
+    assert (passed["size_bytes"], passed["part_count"]) == (MOST_UPLOAD, 500)
+    assert sender.uploads == {"t": (MOST_UPLOAD, 500, 0)}
+
+
+def test_viser_still_serves_by_the_name_that_is_exchanged(monkeypatch, tmp_path):
+    """Where another version does not, the studio does not begin, rather than stand open."""
+    assert NAME in vars(_infra)
+    monkeypatch.setattr(front_door, "NAME", "another")
+    monkeypatch.setattr(_infra, "another", _infra.websockets, raising=False)
+    with pytest.raises(RuntimeError, match="its version is not the one expected"):
+        Studio(Workspace.at(tmp_path), port=0)
 
 
 def test_a_window_that_is_loaded_again_goes_on_with_its_scene(studio, nobody, monkeypatch):

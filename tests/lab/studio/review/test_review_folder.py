@@ -300,6 +300,17 @@ def test_a_file_that_is_not_the_studios_is_not_written_over(review, made):
     assert theirs.read_text() == "# mine\n"
 
 
+def test_picks_that_are_not_the_studios_are_neither_written_over_nor_forgotten(review, made):
+    theirs = made.folder / "review" / "picks.csv"
+    theirs.parent.mkdir()
+    theirs.write_text("mine")
+    with pytest.raises(SceneError, match="not written by the studio"):
+        write_picks(review, Picks(((1.0, 2.0),), ((1.0, 2.0, 3.0),)))
+    with pytest.raises(SceneError, match="not written by the studio"):
+        forget_kept(review)
+    assert theirs.read_text() == "mine"
+
+
 def test_corrections_that_cannot_be_said_are_refused(review, made):
     balls, session = outlines_of(review), review.session
     with pytest.raises(SceneError, match=r"lights\.file"):
