@@ -90,7 +90,7 @@ def file_digest(path: Path) -> str | None:
         with open(path, "rb") as file:
             if size <= CHUNK:
                 return hashlib.file_digest(file, "sha256").hexdigest()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     from concurrent.futures import ThreadPoolExecutor
 

@@ -15,7 +15,9 @@ _active: list[Record] = []
 
 
 @contextmanager
-def open_record(folder: Path, *, inputs: Iterable[Path] = (), input_folders: Iterable[Path] = ()) -> Iterator[Record]:
+def open_record(
+    folder: Path, *, inputs: Iterable[Path] = (), input_folders: Iterable[Path] = (), among_others: bool = False
+) -> Iterator[Record]:
     """Hold an output folder for one run.
 
     Parameters
@@ -26,6 +28,8 @@ def open_record(folder: Path, *, inputs: Iterable[Path] = (), input_folders: Ite
         Files that the run reads.
     input_folders : iterable of Path
         Folders whose files it reads: a session's, a dataset's.
+    among_others : bool
+        The user said that files are to lie here, beside his own: the folder may be another's.
 
     Raises
     ------
@@ -37,7 +41,8 @@ def open_record(folder: Path, *, inputs: Iterable[Path] = (), input_folders: Ite
         record = Record(folder.resolve())
     except (OSError, RuntimeError) as error:
         raise _unusable(folder, error) from error
-    _check_place(record.folder, folder, [place.resolve() for place in input_folders])
+    if not among_others:
+        _check_place(record.folder, folder, [place.resolve() for place in input_folders])
     with _locked(record.folder, folder):
         record.load()
         record.refuse_inputs(inputs)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from capture.session import SphereSpec
-from lab.studio.own_files import put_own, refuse_foreign, remove_own
+from lab.studio.own_files import put_own, remove_own
 from lab.studio.review.folder import HEADLINE, KEPT, OWN, Review
 from scene.errors import SceneError
 from scene.files import write_text
@@ -40,7 +40,6 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     The user's own session.toml is read and never written. Its relative paths are written out in full.
     """
     path, source = review.store.path(KEPT, "session.toml"), _source(review)
-    refuse_foreign(path.parent, [path.name])
     before = _read(path) if path.exists() and path != source else {}
     data = _in_full(_read(source), source.parent)
     if review.session is not None:
@@ -54,7 +53,7 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
         data["object"] = {**data.get("object", {}), "picks": marked}
     own = [] if path == source else [f"{OWN}{review.session_path}"]
     text = "\n".join([HEADLINE, *own, *_lines(data), ""])
-    put_own(path.parent, lambda place: write_text(place / path.name, text))
+    put_own(review.store.folder, lambda place: write_text(place / KEPT / path.name, text))
     return path.parent
 
 
@@ -72,7 +71,7 @@ def forget_kept(review: Review) -> None:
             f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
             "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
         )
-    remove_own(path, ("session.toml", PICKS))
+    remove_own(review.store.folder, [f"{KEPT}/{name}" for name in ("session.toml", PICKS)])
 
 
 def _read(path: Path) -> dict[str, Any]:

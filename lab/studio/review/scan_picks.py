@@ -88,7 +88,7 @@ def write_picks(review: Review, picks: Picks) -> Path:
         There is no session or no camera, or a file that is not the studio's stands in the way.
     """
     path, text = review.store.path(KEPT, PICKS), _table(review, picks)
-    put_own(path.parent, lambda place: write_text(place / PICKS, text))
+    put_own(review.store.folder, lambda place: write_text(place / KEPT / PICKS, text))
     return path
 
 

@@ -295,7 +295,7 @@ def test_a_file_that_is_not_the_studios_is_not_written_over(review, made):
     (made.folder / "review").mkdir()
     theirs = made.folder / "review" / "session.toml"
     theirs.write_text("# mine\n")
-    with pytest.raises(SceneError, match="not written by the studio"):
+    with pytest.raises(SceneError, match="rgbn did not write it"):
         write_amended(review, picks=made.session / "cone.ply")
     assert theirs.read_text() == "# mine\n"
 
@@ -304,9 +304,9 @@ def test_picks_that_are_not_the_studios_are_neither_written_over_nor_forgotten(r
     theirs = made.folder / "review" / "picks.csv"
     theirs.parent.mkdir()
     theirs.write_text("mine")
-    with pytest.raises(SceneError, match="not written by the studio"):
+    with pytest.raises(SceneError, match="rgbn did not write it"):
         write_picks(review, Picks(((1.0, 2.0),), ((1.0, 2.0, 3.0),)))
-    with pytest.raises(SceneError, match="not written by the studio"):
+    with pytest.raises(SceneError, match="rgbn did not write it"):
         forget_kept(review)
     assert theirs.read_text() == "mine"
 
