@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
@@ -60,7 +60,9 @@ def open_job(
         Unknown solver or profile, an unreadable session, an output folder that is the session's own or in use.
     """
     from capture.session import load_session
+    from lab.cluster import executor_of
     from lab.job import Job, locked
+    from scene.current import paths_in
     from scene.store import Store
 
     methods, externals = methods_of(method, profile), _externals(*external)
@@ -72,7 +74,7 @@ def open_job(
             f"--out {folder}: the session's own files lie there, and the output has files of the same names. Choose "
             "another folder; one inside the session's is fine."
         )
-    with locked(folder), executor_of(scheduler) as executor:
+    with locked(folder), executor_of(scheduler, folder, paths_in(session)) as executor:
         yield Job(session, Store(folder), (*methods, *externals), executor, truth, profile, externals, twin=twin)
 
 
@@ -160,19 +162,3 @@ def _externals(texts: list[str], timeout_s: float) -> "dict[str, External]":
             raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
         found[program.name] = program
     return found
-
-
-@contextmanager
-def executor_of(address: str | None) -> Iterator[Any]:
-    """Hold the executor of a Dask scheduler for a block; None for threads here."""
-    if address is None:
-        yield None
-        return
-    from dask.distributed import Client
-
-    try:
-        client = Client(address, timeout=10)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"--scheduler {address}: no Dask scheduler answers there ({error}).") from error
-    with client:
-        yield client.get_executor()
