@@ -101,7 +101,7 @@ def _shared_folder(folder: Path | None, files: Iterable[Path]) -> Iterator[Path 
             f"{folder}: cannot be written ({error.strerror}). Choose another folder with --out."
         ) from error
     try:
-        seen = sorted({path.resolve() for path in files})
+        seen = sorted({path.resolve() for path in files if path.is_file()})
         shared.joinpath("files").write_text("".join(f"{path.stat().st_size} {path}\n" for path in seen))
         yield shared
     finally:
@@ -186,6 +186,7 @@ class Cluster(Executor):
         with self._lock:
             if future not in self._units or not future.set_running_or_notify_cancel():
                 return
+            self._forget(future)
             if error is None:
                 future.set_result(result)
             else:
@@ -194,6 +195,8 @@ class Cluster(Executor):
     def _forget(self, future: Future) -> None:
         """Have the cluster forget a unit that is done or cancelled; remove the files that no other unit needs."""
         with self._lock:
+            if future not in self._units:
+                return
             remote, names = self._units.pop(future)
             self._users.subtract(names)
             for name in names:

@@ -97,7 +97,9 @@ def _unseen(run: dict[str, Any]) -> list[str]:
         if found != int(size):
             return [f"it sees another file as {path}: {found} bytes, expected {size}"]
     try:
-        _write(folder / uuid.uuid4().hex, b"")
+        trial = folder / uuid.uuid4().hex
+        _write(trial, b"")
+        trial.unlink()
     except OSError as error:
         return [f"it cannot write into the output folder {folder.parent} ({error.strerror})"]
     return []
