@@ -5,6 +5,9 @@ import time
 
 import pytest
 
+from lab.cluster import executor_of
+from scene.errors import ClusterError
+
 DIES = 'on_open("flash_", lambda count: count < 4 or os.kill(os.getpid(), signal.SIGKILL))'
 DIES_OF_ONE = 'on_open("flash_05", lambda count: os.kill(os.getpid(), signal.SIGKILL))'
 SLOW = """
@@ -14,9 +17,9 @@ def slow(count):
 
 on_open("flash_", slow)
 """
-pytestmark = pytest.mark.full
 
 
+@pytest.mark.full
 def test_the_units_of_a_killed_worker_are_done_by_others(session, cluster, same, finish, tmp_path):
     cluster.start_scheduler()
     dies = cluster.start_worker(habit=DIES)
@@ -27,6 +30,7 @@ def test_the_units_of_a_killed_worker_are_done_by_others(session, cluster, same,
     same(tmp_path / "out")
 
 
+@pytest.mark.full
 def test_a_unit_that_kills_its_workers_ends_with_a_message(session, cluster, same, refused, finish, tmp_path):
     cluster.start_scheduler(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1")
     workers = [cluster.start_worker(habit=DIES_OF_ONE) for _ in range(3)]
@@ -41,6 +45,7 @@ def test_a_unit_that_kills_its_workers_ends_with_a_message(session, cluster, sam
     same(tmp_path / "out")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(
     session, cluster, same, refused, finish, wait_for, tmp_path, how
@@ -61,6 +66,7 @@ def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(
     same(tmp_path / "out")
 
 
+@pytest.mark.full
 def test_without_workers_a_run_says_so_and_waits_for_some(session, cluster, same, finish, wait_for, tmp_path):
     cluster.start_scheduler()
     run = cluster.solve(session[0], tmp_path / "out")
@@ -73,6 +79,7 @@ def test_without_workers_a_run_says_so_and_waits_for_some(session, cluster, same
     same(tmp_path / "out")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("habit", [None, DIES])
 def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, refused, finish, tmp_path, habit):
     cluster.start_scheduler()
@@ -81,3 +88,24 @@ def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, ref
     run = finish(cluster.solve(session[0], tmp_path / "out", DASK_RGBN__WAIT_FOR_WORKERS="12s"))
     refused(run, "it had no worker for 12 s", f"dask worker {cluster.address}")
     assert run.stderr.count("waiting for workers") == 2, "at once, and after ten seconds"
+
+
+def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent_scheduler_all(
+    cluster, monkeypatch, tmp_path
+):
+    monkeypatch.setattr("lab.cluster.SILENCE_S", 2)
+    cluster.start_scheduler()
+    cluster.start_worker()
+    with executor_of(cluster.address, tmp_path) as executor:
+        units = [executor.submit(time.sleep, 0.5), executor.submit(int, "x"), executor.submit(time.sleep, 60)]
+        assert units[2].cancel()
+        assert list(executor.map(len, ["a", "bc"])) == [1, 2]
+        with pytest.raises(ValueError, match="invalid literal"):
+            units[1].result()
+        units.append(executor.submit(time.sleep, 60))
+        cluster.scheduler.send_signal(signal.SIGSTOP)
+        with pytest.raises(ClusterError, match="the scheduler was lost"):
+            units[3].result(timeout=30)
+        with pytest.raises(ClusterError, match="the scheduler was lost"):
+            executor.submit(len, "a")
+    assert not list(tmp_path.glob(".cluster*"))
