@@ -60,7 +60,7 @@ def open_job(
         Unknown solver or profile, an unreadable session, an output folder that is the session's own or in use.
     """
     from capture.session import load_session
-    from lab.cluster import executor_of
+    from lab.cluster.connect import executor_of
     from lab.job import Job, locked
     from scene.current import paths_in
     from scene.store import Store

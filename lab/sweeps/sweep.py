@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from lab.cluster import executor_of
+from lab.cluster.connect import executor_of
 from lab.progress import say
 from lab.rooms import ROOT
 from lab.run import methods_of

@@ -9,7 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from multiprocessing import get_context, parent_process
 from typing import Any
 
-from lab.cluster import WorkerDied
+from lab.cluster.executor import WorkerDied
 from lab.sweeps.recipe import Cell
 
 Work = Callable[[Cell], Any]

@@ -1,5 +1,6 @@
 """What goes to the workers: little through the scheduler, each large array once through the folder that all share."""
 
+import errno
 import pickle
 from concurrent.futures import ThreadPoolExecutor, wait
 from functools import partial
@@ -11,9 +12,10 @@ import trimesh
 
 from capture.decode import decode
 from capture.session import load_session
-from lab.cluster import Cluster
-from lab.cluster_worker import LARGE, content_name, pack, unpack
+from lab.cluster.executor import Cluster
+from lab.cluster.worker import LARGE, content_name, pack, unpack
 from scene.camera import Camera
+from scene.errors import ClusterError
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
@@ -62,6 +64,7 @@ def left(shared):
     return {path.name for path in shared.iterdir()} - {"files"}
 
 
+@pytest.mark.full
 def test_units_of_every_step_are_small_and_give_the_same(session, scales, executor, tmp_path):
     photographs = load_session(session[0])
     frames, _ = decode(photographs, Store(tmp_path / "here"))
@@ -101,6 +104,19 @@ def test_an_array_of_many_units_is_one_file_while_one_of_them_needs_it(scales, e
     assert max(len(files) for files in scales.files) <= 1 + 1 + len(units)
     assert not left(scales.shared)
     assert max(scales.bytes) < MOST
+
+
+def test_a_full_disk_is_told(scales, executor, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    assert executor.submit(len, "a").result() == 1
+    monkeypatch.setattr("lab.cluster.worker.os.replace", full)
+    with pytest.raises(ClusterError, match=r"shared: the disk is full .* run the same command again"):
+        executor.submit(len, np.zeros(LARGE))
+    # By the worker, of what it gives back.
+    with pytest.raises(ClusterError, match="the disk is full"):
+        executor.submit(np.zeros, LARGE).result()
 
 
 def test_what_is_packed_comes_out_the_same(tmp_path):

@@ -1,25 +1,21 @@
 """A Dask cluster as an executor: its workers are checked before they work, arrays go as files, losses are told."""
 
-import logging
-import shutil
-import tempfile
+import errno
 import threading
 import time
 import uuid
-import warnings
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lab import cluster_worker
-from lab.cluster_worker import content_name, pack, unpack
+from lab.cluster import worker
+from lab.cluster.worker import content_name, pack, unpack
 from lab.progress import say
 from scene import current
-from scene.errors import ClusterError, SceneError
+from scene.errors import ClusterError
 
 WAIT_FOR_WORKERS = "120 s"
 """How long a run waits for a worker where there is none; Dask's setting `rgbn.wait-for-workers` replaces it."""
@@ -28,7 +24,6 @@ TELL_S = 10
 SILENCE_S = 60
 """Seconds that a scheduler may take to answer."""
 LOOK_S = 0.5
-PREFIX = ".cluster-"
 SERVE = "exec(text, space := {'__name__': 'rgbn_worker'}) or space['serve'](run, unit)"
 """What a worker evaluates: `eval` is the same function everywhere, whatever else differs."""
 AGAIN = "What is done is kept: run the same command again."
@@ -38,78 +33,8 @@ class WorkerDied(ClusterError):
     """A unit's worker process was killed, or ended itself, every time."""
 
 
-@contextmanager
-def executor_of(address: str | None, folder: Path | None = None, files: Iterable[Path] = ()) -> Iterator[Any]:
-    """Hold the executor of a Dask scheduler for a block; None for threads here.
-
-    Parameters
-    ----------
-    address : str or None
-        Of the scheduler.
-    folder : Path or None
-        Output folder, which all workers see under the same path. None: the units write no files, and their arrays are
-        small.
-    files : iterable of Path
-        What the workers must see besides.
-
-    Raises
-    ------
-    ClusterError
-        No scheduler answers; there is no worker for `WAIT_FOR_WORKERS`; a worker has other code or libraries, or does
-        not see the files. From a unit within the block: the same, or the scheduler was lost; `WorkerDied`, where one
-        worker after the other dies of it.
-    """
-    if address is None:
-        yield None
-        return
-    from distributed import Client, versions
-
-    # What Dask would say of a lost scheduler, and of versions, is said here, once.
-    for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
-        logging.getLogger(name).setLevel(logging.CRITICAL)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", versions.VersionMismatchWarning)
-        try:
-            client = Client(address, timeout=10, set_as_default=False)
-        except (OSError, ValueError) as error:
-            raise ClusterError(
-                f"--scheduler {address}: no Dask scheduler answers there ({error}). Start one with `dask scheduler`, "
-                "or leave --scheduler out to work on this computer."
-            ) from error
-    with client, _shared_folder(folder, files) as shared:
-        cluster = Cluster(client, address, shared)
-        try:
-            cluster.check_workers()
-            yield cluster
-        finally:
-            cluster.shutdown()
-
-
-@contextmanager
-def _shared_folder(folder: Path | None, files: Iterable[Path]) -> Iterator[Path | None]:
-    """Make a folder for arrays within the output folder, for a block; list there what a worker must see."""
-    if folder is None:
-        yield None
-        return
-    for left in folder.glob(f"{PREFIX}*/files"):
-        # Of a run that was killed: only one at a time is at work in an output folder.
-        shutil.rmtree(left.parent, ignore_errors=True)
-    try:
-        shared = Path(tempfile.mkdtemp(prefix=PREFIX, dir=folder.resolve()))
-    except OSError as error:
-        raise SceneError(
-            f"{folder}: cannot be written ({error.strerror}). Choose another folder with --out."
-        ) from error
-    try:
-        seen = sorted({path.resolve() for path in files if path.is_file()})
-        shared.joinpath("files").write_text("".join(f"{path.stat().st_size} {path}\n" for path in seen))
-        yield shared
-    finally:
-        shutil.rmtree(shared, ignore_errors=True)
-
-
 class Cluster(Executor):
-    """The workers of a Dask scheduler; see `executor_of`."""
+    """The workers of a Dask scheduler; see `lab.cluster.connect.executor_of`."""
 
     def __init__(self, client: Any, address: str, shared: Path | None) -> None:
         from dask import config
@@ -119,22 +44,35 @@ class Cluster(Executor):
         self._patience_s = parse_timedelta(config.get("rgbn.wait-for-workers", WAIT_FOR_WORKERS))
         run = {"id": uuid.uuid4().hex, "folder": self._shared, "current": Path(current.__file__).read_text()}
         run |= {"code": current.code_fingerprint(), "libraries": current.libraries()}
-        self._order = {"text": Path(cluster_worker.__file__).read_text(), "run": run}
+        self._order = {"text": Path(worker.__file__).read_text(), "run": run}
         self._units: dict[Future, tuple[Any, set[str]]] = {}
         self._users: Counter[str] = Counter()
         self._lock, self._over = threading.RLock(), threading.Event()
         self._error: ClusterError | None = None
 
     def check_workers(self) -> None:
-        """Wait for workers, make sure that all are fit, and watch over them from then on; see `executor_of`."""
+        """Wait for workers, make sure that all are fit, and watch over them from then on.
+
+        Raises
+        ------
+        ClusterError
+            As `lab.cluster.connect.executor_of` says.
+        """
         next(count for count in self._worker_counts(lambda: True) if count)
-        found = self._client.run(eval, SERVE, {**self._order, "unit": None}, on_error="return")
-        for worker, answer in sorted(found.items()):
+        order = {**self._order, "unit": None}
+        try:
+            # `callback_timeout` is for the client, not for `eval`.
+            found = self._client.run(eval, SERVE, order, on_error="return", callback_timeout=SILENCE_S)
+        except TimeoutError as error:
+            raise self._fault(f"a worker did not answer for {SILENCE_S} s. Start the workers again.") from error
+        except OSError as error:
+            raise self._scheduler_lost() from error
+        for address, answer in sorted(found.items()):
             if isinstance(answer, BaseException):
-                raise self._fault(f"worker {worker} cannot be asked what it has ({answer}). Start it again.")
+                raise self._fault(f"worker {address} cannot be asked what it has ({answer}). Start it again.")
             outcome, value = answer
             if outcome == "unfit":
-                raise self._unfit(worker, *value[1:])
+                raise self._unfit(address, *value[1:])
         threading.Thread(target=self._watch_workers, daemon=True).start()
 
     def submit(self, fn: Callable, /, *args: Any, **kwargs: Any) -> Future:
@@ -143,7 +81,10 @@ class Cluster(Executor):
         with self._lock:
             if self._error is not None:
                 raise self._error
-            unit = pack((fn, args, kwargs), self._shared, content_name)
+            try:
+                unit = pack((fn, args, kwargs), self._shared, content_name)
+            except OSError as error:
+                raise self._of_disk(error) from error
             names = {name for name in (unit[0], *unit[1]) if isinstance(name, str)}
             self._users.update(names)
             key = f"{getattr(getattr(fn, 'func', fn), '__name__', 'unit')}-{uuid.uuid4().hex}"
@@ -177,7 +118,7 @@ class Cluster(Executor):
             self._settle(future, error=self._fault(died, WorkerDied))
         except BaseException as error:
             if remote.status in ("finished", "error"):
-                self._settle(future, error=error)
+                self._settle(future, error=self._of_disk(error))
             elif future in self._units:
                 self._end(self._scheduler_lost())
 
@@ -249,13 +190,19 @@ class Cluster(Executor):
             yield count
             self._over.wait(LOOK_S)
 
+    def _of_disk(self, error: BaseException) -> BaseException:
+        """Return what to tell of an error: of a full disk, the message."""
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return ClusterError(f"{self._shared}: the disk is full ({error.strerror}). Free some space. {AGAIN}")
+        return error
+
     def _scheduler_lost(self) -> ClusterError:
         return self._fault("the scheduler was lost: it was ended, or the network to it was. Start it again.")
 
-    def _unfit(self, worker: str, host: str, reasons: list[str]) -> ClusterError:
+    def _unfit(self, address: str, host: str, reasons: list[str]) -> ClusterError:
         more = [f"{len(reasons) - 3} more"] if len(reasons) > 3 else []
         return self._fault(
-            f"worker {worker} on {host} would not do as this computer does: {'; '.join([*reasons[:3], *more])}. Give "
+            f"worker {address} on {host} would not do as this computer does: {'; '.join([*reasons[:3], *more])}. Give "
             "it the same rgbn, the same libraries (`make setup`) and the same folders under the same paths; start it "
             "again."
         )
