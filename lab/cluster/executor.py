@@ -7,7 +7,6 @@ import uuid
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -87,11 +86,16 @@ class Cluster(Executor):
                 raise self._of_disk(error) from error
             names = {name for name in (unit[0], *unit[1]) if isinstance(name, str)}
             self._users.update(names)
-            key = f"{getattr(getattr(fn, 'func', fn), '__name__', 'unit')}-{uuid.uuid4().hex}"
-            remote = self._client.submit(eval, SERVE, {**self._order, "unit": unit}, key=key, pure=False)
-            self._units[future] = remote, names
+        key = f"{getattr(getattr(fn, 'func', fn), '__name__', 'unit')}-{uuid.uuid4().hex}"
+        remote = self._client.submit(eval, SERVE, {**self._order, "unit": unit}, key=key, pure=False)
         future.add_done_callback(self._forget)
-        remote.add_done_callback(partial(self._finish, future))
+        with self._lock:
+            self._units[future] = remote, names
+            if self._error is not None:
+                # The cluster was lost meanwhile.
+                self._settle(future, error=self._error)
+        # There, and in no thread: one that waits for a client that was closed would hold up the end of the program.
+        self._client.loop.add_callback(self._finish, future, remote)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -100,12 +104,12 @@ class Cluster(Executor):
         for future in list(self._units):
             future.cancel()
 
-    def _finish(self, future: Future, remote: Any) -> None:
-        """Hand on what became of a unit on the cluster."""
+    async def _finish(self, future: Future, remote: Any) -> None:
+        """Wait for a unit on the cluster, and hand on what became of it."""
         from distributed import KilledWorker
 
         try:
-            outcome, value = remote.result()
+            outcome, value = await remote
             if outcome == "unfit":
                 self._end(self._unfit(*value))
             else:
