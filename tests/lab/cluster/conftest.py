@@ -34,8 +34,8 @@ class Cluster:
     """Processes in a folder, and what they say."""
 
     def __init__(self, folder):
-        self.folder, self.address, self.workers = folder, None, []
-        self.scheduler = None
+        self.folder, self.address = folder, None
+        self.scheduler, self.workers, self.runs = None, [], []
 
     def start_scheduler(self, **settings):
         said = self.folder / f"scheduler-{time.time_ns()}"
@@ -71,10 +71,11 @@ class Cluster:
                 [*COMMAND, *map(str, words), *there], env=os.environ | settings, stdout=subprocess.DEVNULL, stderr=said
             )
         process.said = Path(said.name)
+        self.runs.append(process)
         return process
 
     def end(self):
-        for process in (*self.workers, self.scheduler):
+        for process in (*self.runs, *self.workers, self.scheduler):
             if process is not None:
                 process.kill()
                 process.wait()
