@@ -98,7 +98,7 @@ class Cluster:
 
 def finish(process):
     """Wait for a command; return it with what it said."""
-    process.wait(timeout=180)
+    process.wait(timeout=300)
     process.stderr = process.said.read_text()
     return process
 
