@@ -2,31 +2,49 @@
 PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
+PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
+TEST = $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: setup demo test test-all lint check clean
+.PHONY: setup lock demo test test-all test-latest lint check clean
 
 setup: $(READY)
 
 # Made again when the dependencies change; otherwise there is nothing to do.
-$(READY): pyproject.toml
+$(READY): pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "rgbn needs Python 3.11 or later; $(PYTHON) is older. Run: make PYTHON=/path/to/python3.11 setup" >&2; exit 2; }
 	@$(PYTHON) lab/system_libraries.py
 	@$(PYTHON) -m venv .venv || { echo "Run: sudo apt-get install python3-venv" >&2; exit 2; }
 	@echo "installing Python packages into .venv (a minute or two)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(PIP) --require-hashes --requirement requirements.lock
+	@$(PIP) --no-deps --no-build-isolation --editable .
 	@touch $(READY)
+
+# The newest versions that pyproject.toml allows, for every Python and system that it allows, with their hashes.
+lock:
+	@$(PYTHON) -m venv .venv-lock
+	@.venv-lock/bin/python -m pip install --quiet --disable-pip-version-check uv
+	@.venv-lock/bin/uv --no-config pip compile --quiet --upgrade --universal --python-version 3.11 --extra dev \
+		--generate-hashes --custom-compile-command "make lock" --output-file requirements.lock pyproject.toml
 
 demo: setup
 	@$(BIN)/rgbn demo
 
 test: setup
 	@$(PYTHON) lab/system_libraries.py --browser
-	$(BIN)/python -m pytest -n 2 --dist loadfile -q -m "not full"
+	$(TEST) -m "not full"
 
 # As well as what would take `make test` beyond twenty minutes on two cores.
 test-all: setup
-	$(BIN)/python -m pytest -n 2 --dist loadfile -q
+	$(TEST)
+
+# Weekly: the tests of `make test` with the newest versions that pyproject.toml allows. Where they pass, `make lock`.
+test-latest: BIN := .venv-latest/bin
+test-latest:
+	@$(PYTHON) lab/system_libraries.py --browser
+	@$(PYTHON) -m venv --clear .venv-latest
+	@$(PIP) --editable '.[dev]'
+	$(TEST) -m "not full"
 
 lint: setup
 	$(BIN)/ruff check .
@@ -36,4 +54,4 @@ lint: setup
 check: lint test
 
 clean:
-	rm -rf .venv out
+	rm -rf .venv .venv-lock .venv-latest out

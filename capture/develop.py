@@ -102,9 +102,10 @@ def develop(job: Job) -> FrameFacts:
         codes = corrected(codes, _load(recipe.dark), _load(recipe.flat), limit)
         small = reduced(codes)
         facts = replace(facts, small=small, mean=float(small.mean()))
-    # A map of its own, gone with the unit: pages of one shared map would count as this process's memory for long.
-    place = np.memmap(job.out, dtype=codes.dtype, mode="r+", offset=job.offset, shape=codes.shape)
-    place[:] = codes
+    # Written, not mapped: on a network's file system others see what was written when the file is closed.
+    with open(job.out, "r+b") as file:
+        file.seek(job.offset)
+        file.write(np.ascontiguousarray(codes).data)
     return facts
 
 

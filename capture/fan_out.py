@@ -31,7 +31,8 @@ def fan_out(
     ------
     BaseException
         What the first unit raised, or KeyboardInterrupt: units not begun are cancelled, those that run are
-        waited for, since they write into files that the caller is about to remove.
+        waited for, since they write into files that the caller is about to remove. Not those of a cluster: they find
+        their file gone.
     """
     pool = executor or ThreadPoolExecutor(max_workers=os.cpu_count())
     futures = []

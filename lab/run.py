@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.errors import SceneError
@@ -60,6 +60,7 @@ def open_job(
         Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
     from capture.session import load_session
+    from lab.cluster.connect import executor_of
     from lab.job import Job
     from scene.current import paths_in
     from scene.output_folder import open_record
@@ -67,9 +68,10 @@ def open_job(
     methods, externals = methods_of(method, profile), _externals(*external)
     session = load_session(session_path)
     folder = out or Path("out") / session.name
+    files = tuple(paths_in(session))
     with (
-        open_record(folder, inputs=paths_in(session), input_folders=[session.folder]) as record,
-        executor_of(scheduler) as executor,
+        open_record(folder, inputs=files, input_folders=[session.folder]) as record,
+        executor_of(scheduler, record.scratch("cluster"), files) as executor,
     ):
         yield Job(session, record, (*methods, *externals), executor, truth, profile, externals, twin=twin)
 
@@ -159,19 +161,3 @@ def _externals(texts: list[str], timeout_s: float) -> "dict[str, External]":
             raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
         found[program.name] = program
     return found
-
-
-@contextmanager
-def executor_of(address: str | None) -> Iterator[Any]:
-    """Hold the executor of a Dask scheduler for a block; None for threads here."""
-    if address is None:
-        yield None
-        return
-    from dask.distributed import Client
-
-    try:
-        client = Client(address, timeout=10)
-    except (OSError, ValueError) as error:
-        raise SceneError(f"--scheduler {address}: no Dask scheduler answers there ({error}).") from error
-    with client:
-        yield client.get_executor()

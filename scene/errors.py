@@ -23,3 +23,7 @@ class AlignError(SceneError):
 
 class RenderError(SceneError):
     """The twin cannot be rendered from what was given."""
+
+
+class ClusterError(SceneError):
+    """The cluster cannot do the work: no scheduler, no worker, or one that would not give the same results."""

@@ -69,6 +69,30 @@ def test_the_project_installs_every_room_and_every_import():
     assert {distribution.get(name, name) for name in foreign} <= declared
 
 
+def test_the_lock_file_is_that_of_the_project():
+    """Every requirement is locked, in its range, with hashes, from no other place than the usual one."""
+    import tomllib
+
+    from packaging.requirements import Requirement
+    from packaging.utils import canonicalize_name
+
+    pyproject = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    project = pyproject["project"]
+    text = (ROOT / "requirements.lock").read_text()
+    assert not re.search(r"https?:|file:|^ *-(?!-hash)| @ ", text, re.MULTILINE)
+    locked = {}
+    for entry in re.split(r"\n(?=\w)", text.partition("\n#    make lock\n")[2]):
+        assert "--hash=sha256:" in entry, entry.splitlines()[0]
+        name, version = re.match(r"([\w.-]+)==([\w.+!]+)", entry).groups()
+        locked.setdefault(name, []).append(version)
+    extras = project["optional-dependencies"]["dev"]
+    for line in (*project["dependencies"], *extras, *pyproject["build-system"]["requires"]):
+        wanted = Requirement(line)
+        versions = locked.get(canonicalize_name(wanted.name))
+        assert versions, f"{line} is not locked: make lock"
+        assert all(wanted.specifier.contains(version) for version in versions), f"{line}, {versions}: make lock"
+
+
 def test_help_loads_nothing_heavy():
     """`rgbn --help` answers at once: it may load neither a heavy library nor numpy's friends."""
     code = "import sys, lab.cli; print(' '.join(sorted({m.split('.')[0] for m in sys.modules})))"

@@ -9,8 +9,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from lab.cluster.connect import executor_of
 from lab.progress import say
-from lab.run import executor_of, methods_of
+from lab.run import methods_of
 from lab.sweeps.cell import failed_rows, run_cell
 from lab.sweeps.cell_progress import cell_progress
 from lab.sweeps.experiments import EXPERIMENTS, SOLVERS, experiments_of

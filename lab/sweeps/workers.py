@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from multiprocessing import get_context, parent_process
 from typing import Any
 
+from lab.cluster.executor import WorkerDied
 from lab.sweeps.recipe import Cell
 
 Work = Callable[[Cell], Any]
@@ -17,10 +18,6 @@ ATTEMPTS = 3
 CLUSTER_WINDOW = 256
 """Cells that a cluster is given at a time: so few that a stopped run leaves little behind."""
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-
-
-class WorkerDied(Exception):
-    """A cell's worker process was killed, or ended itself, every time."""
 
 
 def run_here(cells: Sequence[Cell], work: Work, *, processes: int) -> Iterator[tuple[Cell, Any]]:
@@ -85,7 +82,9 @@ def run_there(cells: Sequence[Cell], work: Work, executor: Executor) -> Iterator
         done, _ = wait(running, return_when=FIRST_COMPLETED)
         for future in done:
             cell, error = running.pop(future), future.exception()
-            yield cell, WorkerDied(" ".join(str(error).split())) if error else future.result()
+            if error is not None and not isinstance(error, WorkerDied):
+                raise error
+            yield cell, error or future.result()
 
 
 def _submitted(pool: Executor, work: Work, cell: Cell) -> Future:

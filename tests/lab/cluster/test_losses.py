@@ -1,0 +1,119 @@
+"""Workers and schedulers that are killed at work: the same results, or one message and the same results next time."""
+
+import signal
+import time
+
+import pytest
+
+from lab.cluster.connect import executor_of
+from scene.errors import ClusterError
+
+DIES = 'on_open("flash_", lambda count: count < 4 or os.kill(os.getpid(), signal.SIGKILL))'
+DIES_OF_ONE = 'on_open("flash_05", lambda count: os.kill(os.getpid(), signal.SIGKILL))'
+SLOW = """
+def slow(count):
+    time.sleep(0.3)
+    open(os.path.join(os.path.dirname(__file__), "works"), "w").close()
+
+on_open("flash_", slow)
+"""
+
+
+@pytest.mark.full
+def test_the_units_of_a_killed_worker_are_done_by_others(session, cluster, same, finish, tmp_path):
+    cluster.start_scheduler()
+    dies = cluster.start_worker(habit=DIES)
+    cluster.start_worker()
+    done = finish(cluster.solve(session[0], tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    assert dies.poll() == -signal.SIGKILL, "killed with a unit in its hands"
+    same(tmp_path / "out")
+
+
+@pytest.mark.full
+def test_a_unit_that_kills_its_workers_ends_with_a_message(session, cluster, same, refused, finish, tmp_path):
+    cluster.start_scheduler(DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES="1")
+    workers = [cluster.start_worker(habit=DIES_OF_ONE) for _ in range(3)]
+    refused(finish(cluster.solve(session[0], tmp_path / "out")), "2 workers died", "memory", "What is done is kept")
+    assert sum(worker.poll() is not None for worker in workers) == 2, "no more are spent on it"
+    workers[0].kill()
+    for worker in workers:
+        worker.kill()
+        worker.wait()
+    cluster.start_worker()
+    assert finish(cluster.solve(session[0], tmp_path / "out")).returncode == 0
+    same(tmp_path / "out")
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(
+    session, cluster, same, refused, finish, wait_for, tmp_path, how
+):
+    cluster.start_scheduler()
+    cluster.start_worker(habit=SLOW)
+    run = cluster.solve(session[0], tmp_path / "out")
+    wait_for((cluster.folder / "worker-0" / "works").exists, run)
+    cluster.scheduler.send_signal(how)
+    start = time.monotonic()
+    refused(finish(run), "the scheduler was lost", "What is done is kept: run the same command again")
+    assert time.monotonic() - start < 30
+    cluster.scheduler.wait()
+    cluster.start_scheduler()
+    cluster.start_worker()
+    done = finish(cluster.solve(session[0], tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    same(tmp_path / "out")
+
+
+@pytest.mark.full
+def test_without_workers_a_run_says_so_and_waits_for_some(session, cluster, same, finish, wait_for, tmp_path):
+    cluster.start_scheduler()
+    run = cluster.solve(session[0], tmp_path / "out")
+    wait_for(lambda: f"waiting for workers at {cluster.address}: none yet" in run.said.read_text(), run)
+    cluster.start_worker(habit=DIES)
+    wait_for(lambda: run.said.read_text().count("waiting for workers") == 2, run)
+    cluster.start_worker()
+    done = finish(run)
+    assert done.returncode == 0, done.stderr
+    same(tmp_path / "out")
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("habit", [None, DIES])
+def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, refused, finish, tmp_path, habit):
+    cluster.start_scheduler()
+    if habit:
+        cluster.start_worker(habit=habit)
+    run = finish(cluster.solve(session[0], tmp_path / "out", DASK_RGBN__WAIT_FOR_WORKERS="12s"))
+    refused(run, "it had no worker for 12 s", f"dask worker {cluster.address}")
+    assert run.stderr.count("waiting for workers") == 2, "at once, and after ten seconds"
+
+
+def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp_path):
+    monkeypatch.setattr("lab.cluster.executor.SILENCE_S", 2)
+    cluster.start_scheduler()
+    cluster.start_worker().send_signal(signal.SIGSTOP)
+    with pytest.raises(ClusterError, match="a worker did not answer for 2 s"), executor_of(cluster.address, tmp_path):
+        pass
+
+
+def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent_scheduler_all(
+    cluster, monkeypatch, tmp_path
+):
+    monkeypatch.setattr("lab.cluster.executor.SILENCE_S", 2)
+    cluster.start_scheduler()
+    cluster.start_worker()
+    with executor_of(cluster.address, tmp_path) as executor:
+        units = [executor.submit(time.sleep, 0.5), executor.submit(int, "x"), executor.submit(time.sleep, 60)]
+        assert units[2].cancel()
+        assert list(executor.map(len, ["a", "bc"])) == [1, 2]
+        with pytest.raises(ValueError, match="invalid literal"):
+            units[1].result()
+        units.append(executor.submit(time.sleep, 60))
+        cluster.scheduler.send_signal(signal.SIGSTOP)
+        with pytest.raises(ClusterError, match="the scheduler was lost"):
+            units[3].result(timeout=30)
+        with pytest.raises(ClusterError, match="the scheduler was lost"):
+            executor.submit(len, "a")
+    assert not list(tmp_path.glob(".cluster*"))
