@@ -3,8 +3,6 @@
 from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
-
 from lab.job import Job, Outcome
 from lab.progress import progress_bar, say
 from lab.steps import material_method, solve_all
@@ -77,7 +75,7 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
     except RenderError as error:
         method = material_method(job)
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
-        albedo = np.load(store.path("albedo", f"{method}.npy"))
+        albedo = store.read_array("albedo", f"{method}.npy")
         # The solvers evaluate near lights at this one depth; the scan knows better.
         depth = float(lights.reference_point_mm[2])
         scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, albedo_depth_mm=depth, sampling=sampling)

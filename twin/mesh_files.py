@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
+from scene.reading import reading
 from twin.object_mesh import ObjectMesh, smooth
 
 Array = NDArray[np.float64]
@@ -37,12 +38,10 @@ def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
         raise RenderError(f"{path}: not found.")
     # A .ply with coordinates at the vertices keeps its vertices' order; one with coordinates at the faces' corners
     # must be taken apart.
-    with path.open("rb") as file:
-        apart = path.suffix.lower() != ".ply" or b"texcoord" in file.read(4096)
-    try:
+    with reading(path, "no mesh can be read", RenderError, do="Export it again, as .ply or .obj."):
+        with path.open("rb") as file:
+            apart = path.suffix.lower() != ".ply" or b"texcoord" in file.read(4096)
         loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=apart)
-    except Exception as error:
-        raise RenderError(f"{path}: no mesh can be read ({error}). Export it again, as .ply or .obj.") from error
     faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))), np.int64)
     if not len(faces):
         raise RenderError(
