@@ -96,8 +96,8 @@ def _checked(path: Path, lights: Lights) -> Lights:
         bad = np.flatnonzero(~(np.abs(rows) < LARGEST).all(axis=1))
         if len(bad):
             raise CalibrationError(
-                f"{path}: light {bad[0] + 1} has the {what} {rows[bad[0]].tolist()}, not a finite number of sensible size "
-                "each."
+                f"{path}: light {bad[0] + 1} has the {what} {rows[bad[0]].tolist()}, not a finite number of sensible "
+                "size each."
             )
     if (lights.intensities <= 0).any():
         raise CalibrationError(f"{path}: intensities must be positive, found {lights.intensities.min():g}.")
