@@ -10,6 +10,7 @@ from lab.datasets.command import dataset
 from lab.endings import end_by
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.streams import check_words, open_streams
 from lab.studio.command import studio
 from lab.sweeps.command import sweep
 from lab.twin_settings import AS_GIVEN, TwinSettings
@@ -263,10 +264,12 @@ def doctor() -> None:
 
 def main() -> None:
     """Run the command line; `lab.endings` says what each end is told by."""
+    open_streams()
     try:
         from lab.rooms import check_rooms
 
         check_rooms()
+        check_words(sys.argv[1:])
         app(sys.argv[1:])
         sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:

@@ -4,7 +4,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 from lab.job import Job, Outcome
-from lab.progress import progress_bar, say
+from lab.progress import alive, progress_bar, say
 from lab.steps import material_method, solve_all
 from scene.errors import RenderError
 from scene.store import Store
@@ -13,6 +13,7 @@ ENOUGH = 0.5
 """Of the share of the photographs that the material leaves unexplained: an error of the rendering that hides in it."""
 
 
+@alive("twin")
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
     store = job.store
