@@ -14,9 +14,8 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hypothesis import HealthCheck, Phase, given, seed, settings
-
-from fixtures.bad_input.cases import Case, cases, shares
+from fixtures.bad_input.cases import Case, shares
+from fixtures.bad_input.law import take
 from fixtures.bad_input.watch import Watched
 
 BAD = ("fault", "crash", "hang")
@@ -45,7 +44,6 @@ def main() -> None:
     told: dict[str, Told] = defaultdict(Told)
     with tempfile.TemporaryDirectory() as place:
         worker = Watched(Path(place))
-
         for door, count in shares(words.count, words.only).items():
             _run(worker, door, count, words.seed, told[door], words.keep)
         worker.close()
@@ -62,13 +60,7 @@ def main() -> None:
 def _run(worker: Watched, door: str, count: int, number: int, told: Told, keep: Path | None) -> None:
     """Take so many cases to one door."""
 
-    @seed(number)
-    @settings(
-        max_examples=count, phases=[Phase.generate], database=None, deadline=None,
-        suppress_health_check=list(HealthCheck),
-    )  # fmt: skip
-    @given(cases(worker.samples, door))
-    def run(case: Case) -> None:
+    def judge(case: Case) -> None:
         begin = time.perf_counter()
         end, said = worker.judge(*case)
         told.slowest = max(told.slowest, time.perf_counter() - begin)
@@ -78,7 +70,7 @@ def _run(worker: Watched, door: str, count: int, number: int, told: Told, keep: 
             print(f"{door}: {end}: {said.strip().splitlines()[-1][:200]}", flush=True)
             _keep(keep, case, said)
 
-    run()
+    take(worker, door, count, number, judge)
 
 
 def _keep(folder: Path | None, case: Case, said: str) -> None:

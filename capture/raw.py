@@ -72,6 +72,8 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
         elif pattern is not None and pattern.shape == (2, 2) and raw.color_desc == b"RGBG":
             mosaic, site_black = raw.raw_image_visible, np.asarray(black)[pattern]
             letters = "".join("RGBG"[i] for i in pattern.ravel())
+            if sorted(letters) != ["B", "G", "G", "R"]:
+                raise ValueError(f"its colour filter is {letters}")
             decode = _superpixels if half else _bilinear
             codes, is_mosaic = decode(mosaic, site_black, letters, scale), not half
         else:
@@ -157,5 +159,6 @@ def _codes_by_libraw(raw: Any, black: list[float], white: float, scale: float) -
     )
     dn = np.arange(65536) * (white / 65535)
     table = np.clip(np.round((dn - level) / scale * (WHITE - PEDESTAL)) + PEDESTAL, 0, 65535).astype(np.uint16)
-    codes = table[image]
-    return codes if codes.ndim == 3 else np.repeat(codes[..., None], 3, axis=2)
+    codes = table[image].reshape(*image.shape[:2], -1)
+    # A sensor without colour filters gives one value a pixel.
+    return codes if codes.shape[2] == 3 else np.repeat(codes[..., :1], 3, axis=2)

@@ -1,6 +1,7 @@
 """Pictures in files, decoded by OpenCV: what a header claims is looked at before memory is asked for."""
 
 import io
+import os
 import struct
 from pathlib import Path
 
@@ -14,6 +15,8 @@ MOST_PIXELS = 600_000_000
 """No camera has more, with its pixels shifted neither."""
 TIGHTEST = 4000
 """Pixels that a byte of a file can stand for, at most: deflate packs 1032 to 1, LZW and JPEG to the same order."""
+PIXEL_BYTES = 16
+"""Of memory that a pixel takes while it is decoded: its values, and its codes."""
 EXR = b"\x76\x2f\x31\x01"
 BOX = b"dataWindow\0box2i\0"
 PILLOW = ["PNG", "JPEG", "BMP", "PPM", "TGA", "GIF", "WEBP"]
@@ -56,7 +59,8 @@ def pixels_of(data: bytes, flags: int) -> NDArray:
 def check_header(data: bytes) -> None:
     """Raise ValueError for a picture of a size that no camera takes, or that so small a file cannot hold."""
     width, height = claimed_size(data) or (1, 1)
-    if min(width, height) < 1 or width * height > min(MOST_PIXELS, TIGHTEST * len(data)):
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if min(width, height) < 1 or width * height > min(MOST_PIXELS, TIGHTEST * len(data), memory // PIXEL_BYTES):
         raise ValueError(f"its header claims {width} x {height} px, the file has {len(data)} bytes")
 
 
