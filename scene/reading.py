@@ -39,11 +39,11 @@ def reading(
     Raises
     ------
     SceneError
-        Of the type `error`. Errors of that family, and what is wrong with the program itself, pass as they are.
+        Of the type `error`. Errors of that family, and missing modules, pass as they are.
     """
     try:
         yield
-    except (SceneError, ImportError, NameError):
+    except (SceneError, ImportError):
         raise
     except OSError as found:
         raise error(f"{path}: cannot be read ({reason(found)}). {do}") from found
