@@ -8,6 +8,7 @@ the door. --keep writes what went wrong there: the damaged file and what was sai
 
 import argparse
 import re
+import sys
 import tempfile
 import time
 from collections import Counter, defaultdict
@@ -46,6 +47,7 @@ def main() -> None:
         worker = Watched(Path(place))
         for door, count in shares(words.count, words.only).items():
             _run(worker, door, count, words.seed, told[door], words.keep)
+            print(f"{door}: {dict(told[door].ends)}", file=sys.stderr, flush=True)
         worker.close()
     print(f"\n| door | {' | '.join(('cases', *ENDS))} | slowest, s |\n|---{'|---:' * 7}|")
     told["all"] = Told(sum((one.ends for one in told.values()), Counter()), max(one.slowest for one in told.values()))
