@@ -3,6 +3,7 @@
 import glob
 import os
 import re
+from collections import Counter
 from pathlib import Path
 
 RAW_SUFFIXES = (
@@ -43,7 +44,7 @@ def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
     faults : list of str
         A glob that matches nothing, a file that is matched twice.
     """
-    files: list[Path] = []
+    files: dict[Path, None] = {}
     faults: list[str] = []
     for pattern in patterns:
         try:
@@ -59,8 +60,8 @@ def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
             elif path in files:
                 faults.append(f'"{pattern}" matches {path.name} a second time. Name every file once.')
             else:
-                files.append(path)
-    return files, faults
+                files[path] = None
+    return list(files), faults
 
 
 def matches(pattern: str, folder: Path) -> list[Path]:
@@ -122,8 +123,5 @@ def _near_miss(pattern: str, folder: Path) -> str:
 
 def frame_names(files: list[Path]) -> list[str]:
     """Return the stems, with the folder's name in front where two stems are the same."""
-    stems = [path.stem for path in files]
-    return [
-        stem if stems.count(stem) == 1 else f"{path.parent.name}_{stem}"
-        for stem, path in zip(stems, files, strict=True)
-    ]
+    stems = Counter(path.stem for path in files)
+    return [path.stem if stems[path.stem] == 1 else f"{path.parent.name}_{path.stem}" for path in files]

@@ -42,7 +42,9 @@ Pixels = Annotated[PositiveInt, _between(1, 100_000, "no camera has more pixels 
 Place = Annotated[float, _between(-1e6, 1e6, "pixels of the picture")]
 Squares = Annotated[PositiveInt, _between(2, 200, "squares that a photograph can tell apart")]
 Exponent = Annotated[PositiveFloat, _between(0.1, 10, "encodings have exponents about 2.2")]
-Names = Annotated[list[Annotated[str, Field(min_length=1)]], BeforeValidator(_as_list)]
+Names = Annotated[
+    list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
+]
 Globs = Annotated[Names, Field(min_length=1)]
 
 
@@ -124,7 +126,7 @@ class Manifest(Table):
     name: str | None = None
     frames: FramesTable
     camera: CameraTable | None = None
-    spheres: list[SphereTable] = []
+    spheres: list[SphereTable] = Field(default=[], max_length=50)
     lights: LightsTable | None = None
     object: ObjectTable = ObjectTable()
 

@@ -43,7 +43,7 @@ class Resolver:
                         f"frames.{key}: {file.name} is also among frames.flash. Narrow frames.flash, "
                         'as in "flash_*.dng".'
                     )
-        kept = self.kept(flash, frames.skip)
+        kept, names = self.kept(flash, frames.skip), frame_names(flash)
         if known.picks and not known.scan:
             self.faults.append(
                 'object.picks: picks are points of a scan, and there is none. Add scan = "...", or drop it.'
@@ -53,7 +53,7 @@ class Resolver:
             name=manifest.name or self.folder.name,
             folder=self.folder,
             flash=tuple(flash[i] for i in kept),
-            names=tuple(frame_names(flash)[i] for i in kept),
+            names=tuple(names[i] for i in kept),
             kept=tuple(kept),
             ambient=tuple(others["ambient"]),
             dark=tuple(others["dark"]),

@@ -35,6 +35,9 @@ def told(folder, text):
 @pytest.mark.parametrize(
     ("text", "part"),
     [
+        ("[frames]\nflash = [" + '"*",' * 200_000 + "]", "frames.flash: found ["),
+        ('[frames]\nflash = "' + "*a" * 5000 + '"', "frames.flash[0]: found '*a"),
+        (FLASH + '[[spheres]]\nkind = "white"\n' * 2000, "spheres: found ["),
         ("a = " + "[" * 100_000, "nested too deeply"),
         ("a" + ".a" * 5000 + " = 1", "nested too deeply"),
         (FLASH + "x = " + "[" * 300 + "]" * 300, "frames.x: unknown key"),
@@ -42,7 +45,17 @@ def told(folder, text):
         (FLASH + "gamma = " + "9" * 5000, "is not TOML"),
         (FLASH + 'gamma = "' + "x" * 100_000 + '"', "frames.gamma: found 'xxx"),
     ],
-    ids=["deep list", "deep key", "deep value", "huge", "long number", "long text"],
+    ids=[
+        "many globs",
+        "long glob",
+        "many balls",
+        "deep list",
+        "deep key",
+        "deep value",
+        "huge",
+        "long number",
+        "long text",
+    ],
 )
 def test_deep_and_huge_files(folder, text, part):
     assert part in told(folder, text)
@@ -162,3 +175,16 @@ def test_an_unreadable_folder(folder):
     )  # fmt: skip
     assert done.stderr == ""
     assert done.stdout.count("told") == 2
+
+
+def test_a_list_of_many_names_is_read_in_no_time(tmp_path):
+    """Counting each name among all took as long as the square of their number."""
+    import time
+
+    from capture.globs import frame_names
+
+    files = [tmp_path / f"{index % 2}" / f"flash_{index // 2}.png" for index in range(40_000)]
+    begin = time.perf_counter()
+    names = frame_names(files)
+    assert time.perf_counter() - begin < 5
+    assert names[:3] == ["0_flash_0", "1_flash_0", "0_flash_1"]
