@@ -1,6 +1,7 @@
 """Pictures in files, decoded by OpenCV: what a header claims is looked at before memory is asked for."""
 
 import io
+import logging
 import os
 import struct
 from pathlib import Path
@@ -69,8 +70,9 @@ def claimed_size(data: bytes) -> tuple[int, int] | None:
     import tifffile
     from PIL import Image
 
-    # The check is ours: Pillow's own would warn of 90 megapixels.
+    # The check is ours: Pillow's own would warn of 90 megapixels. What tifffile would say of damage, the decoder says.
     Image.MAX_IMAGE_PIXELS = None
+    logging.getLogger("tifffile").addHandler(logging.NullHandler())
     try:
         if data.startswith(EXR):
             left, top, right, bottom = struct.unpack_from("<4i", data, data.index(BOX) + len(BOX) + 4)

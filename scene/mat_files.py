@@ -1,5 +1,6 @@
 """MATLAB's .mat files, 5 to 7.3, read in a process of their own: a single wrong byte can crash their readers."""
 
+import contextlib
 import io
 import os
 import resource
@@ -52,7 +53,9 @@ def arrays_of_mat(
 
 def send() -> None:
     """Write the variables of the file in the first argument to standard output, as .npz."""
-    resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
+    # Where a system has no such limit, the memory is the machine's.
+    with contextlib.suppress(OSError, ValueError):
+        resource.setrlimit(resource.RLIMIT_AS, (MOST_BYTES, MOST_BYTES))
     try:
         found = _variables(sys.argv[1])
         names = np.array(list(found), str)

@@ -103,6 +103,7 @@ class Store:
     def load_camera(self) -> Camera:
         data = self.read_json("camera.json")
         with self._door("camera.json"):
+            numbers([data[name] for name in ("width", "height", "fx", "fy", "cx", "cy")], 6, what="width to cy")
             camera = Camera(**{**data, "distortion": tuple(data["distortion"])})
             self._of_frames_size(self.path("camera.json"), camera.height, camera.width)
             return camera
