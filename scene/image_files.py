@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from scene.errors import SceneError
 from scene.reading import reading
 
+# What it would print of damaged headers, the decoder says in one message.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
+
 MOST_PIXELS = 600_000_000
 """No camera has more, with its pixels shifted neither."""
 TIGHTEST = 4000
@@ -70,9 +73,8 @@ def claimed_size(data: bytes) -> tuple[int, int] | None:
     import tifffile
     from PIL import Image
 
-    # The check is ours: Pillow's own would warn of 90 megapixels. What tifffile would say of damage, the decoder says.
+    # The check is ours: Pillow's own would warn of 90 megapixels.
     Image.MAX_IMAGE_PIXELS = None
-    logging.getLogger("tifffile").addHandler(logging.NullHandler())
     try:
         if data.startswith(EXR):
             left, top, right, bottom = struct.unpack_from("<4i", data, data.index(BOX) + len(BOX) + 4)
