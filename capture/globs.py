@@ -72,13 +72,14 @@ def matches(pattern: str, folder: Path) -> list[Path]:
     ValueError
         `**` leads through more folders than a session has.
     """
-    before, recursive, after = pattern.partition("**")
-    if not recursive:
+    parts = pattern.split("/")
+    if "**" not in parts:
         found = [folder / name for name in glob.glob(pattern, root_dir=folder)]
     else:
+        here = parts.index("**")
+        before, after = "/".join(parts[:here]) + "/" * (here > 0), "/".join(parts[here + 1 :]) or "*"
         starts = [folder / name for name in glob.glob(before, root_dir=folder)] if before else [folder]
-        inner = after.lstrip("/") or "*"
-        found = [path for start in starts for place in _below(start) for path in matches(inner, place)]
+        found = [path for start in starts for place in _below(start) for path in matches(after, place)]
     # A link to a folder above shows its files again.
     real = {path.parent: path.parent.resolve() for path in found}
     return list({real[path.parent] / path.name: path for path in reversed(found)}.values())

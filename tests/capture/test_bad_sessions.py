@@ -120,6 +120,47 @@ def test_a_linked_folder_below_is_followed(tmp_path):
     assert (files, faults) == ([tmp_path / "session" / "raw" / "flash_0.png"], [])
 
 
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        *(
+            "**",
+            "**/*",
+            "**/*.png",
+            "a/**/*.png",
+            "*/**/f*",
+            "a**/*.png",
+            "**/b/*.png",
+            "a/**",
+            "./**/*.png",
+            "**/**/*.png",
+        ),
+        *("*.png", "a/*", "[ab]/*.png", "gone/**/*.png", ".hidden/*.png", "../*/a/*.png", "**/.*"),
+    ],
+)
+def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
+    """Without links the files are glob.glob's own."""
+    import glob
+
+    root = tmp_path / "root"
+    for name in (
+        "f0.png",
+        "a/f1.png",
+        "a/b/f2.png",
+        "a/b/c/g3.png",
+        "b/f4.png",
+        ".hidden/f5.png",
+        "ab/f6.png",
+        "a/.f7.png",
+    ):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(b"")
+    for absolute in ("", f"{root}/"):
+        expected = {root / name for name in glob.glob(absolute + pattern, root_dir=root, recursive=True)}
+        found, _ = expand([absolute + pattern], root)
+        assert {path.resolve() for path in found} == {path.resolve() for path in expected if path.is_file()}
+
+
 def test_a_glob_through_a_whole_disk_ends(tmp_path, monkeypatch):
     monkeypatch.setattr("capture.globs.MOST_FOLDERS", 20)
     for index in range(30):
