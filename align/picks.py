@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pick_pose import misses_px, pose_of, refined
-from align.scan import UNITS_MM
+from align.scan import LARGEST, UNITS_MM
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.ray_casting import import_open3d
+from scene.reading import reading, text_of
 
 Array = NDArray[np.float64]
 
@@ -108,11 +109,13 @@ def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half
 
 def _read(path: Path) -> tuple[list[int], Array]:
     """Return the rows' line numbers, and u, v, x, y, z (K, 5)."""
-    try:
-        text = path.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise AlignError(f"{path}: the picks cannot be read ({error}). Give a CSV file in UTF-8.") from error
-    reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+    picks, do = "the picks cannot be read", "Give a CSV file in UTF-8."
+    text = text_of(path, picks, AlignError, do=do)
+    with reading(path, picks, AlignError, do=do):
+        return _table(path, csv.DictReader(text.splitlines(), skipinitialspace=True))
+
+
+def _table(path: Path, reader: csv.DictReader) -> tuple[list[int], Array]:
     found = [name.strip() for name in reader.fieldnames or []]
     if not set(COLUMNS) <= set(found):
         raise AlignError(
@@ -127,7 +130,7 @@ def _read(path: Path) -> tuple[list[int], Array]:
             numbers = [float(value) for value in values]
         except (TypeError, ValueError):
             numbers = [np.nan]
-        if not np.isfinite(numbers).all():
+        if not (np.abs(numbers) < LARGEST).all():
             raise AlignError(
                 f"{path}: row {reader.line_num} holds {values}; expected five numbers, {', '.join(COLUMNS)}."
             )

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from align.numbers_in_text import parse
 from align.polygons import fans, strips
 from scene.errors import AlignError
+from scene.reading import reading, shortened
 
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -37,7 +38,8 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     AlignError
         The file is no PLY, ends early, is a range grid, or has no vertex positions.
     """
-    data = path.read_bytes()
+    with reading(path, "cannot be read", AlignError):
+        data = path.read_bytes()
     encoding, elements, offset = _header(path, data)
     names = [element.name for element in elements]
     if "range_grid" in names and "face" not in names and "tristrips" not in names:
@@ -45,16 +47,27 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             f"{path}: a range grid, one view as the scanner saw it, without faces. Merge and mesh the views first "
             "(for example with VripPack or MeshLab), and give the merged mesh."
         )
-    try:
+    promised = shortened(", ".join(f"{element.count} {element.name}" for element in elements))
+    do = f"Its header promises {promised}. Export the scan again."
+    with reading(path, "the PLY ends early or is damaged", AlignError, do=do):
+        _check_counts(elements, len(data) - offset, is_text=encoding == "ascii")
         if encoding == "ascii":
             columns = _read_ascii(data[offset:], elements)
         else:
             columns = _read_binary(data, offset, elements, "<" if encoding == "binary_little_endian" else ">")
-    except (ValueError, IndexError) as error:
-        raise AlignError(
-            f"{path}: the PLY ends early or is damaged ({error}); its header promises "
-            f"{', '.join(f'{e.count} {e.name}' for e in elements)}. Export the scan again."
-        ) from error
+        return _triangles(path, columns)
+
+
+def _check_counts(elements: list[_Element], there: int, *, is_text: bool) -> None:
+    """Raise ValueError where a header promises more than the `there` bytes behind it can hold."""
+    for element in elements:
+        # A row takes at least its single values and its lists' lengths; in a text a digit and a space for each.
+        sizes = [2 if is_text else np.dtype(length or kind).itemsize for _, kind, length in element.properties]
+        if element.count < 0 or element.count * sum(sizes) > there + 1:
+            raise ValueError(f"{element.count} {element.name} do not fit into {there} bytes")
+
+
+def _triangles(path: Path, columns: dict) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     vertex = columns.get("vertex", {})
     if not {"x", "y", "z"} <= set(vertex):
         raise AlignError(f"{path}: the PLY has no vertices with x, y, z. Export the scan as a triangle mesh.")
@@ -90,9 +103,11 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
             elif words[:1] == ["property"]:
                 elements[-1].properties.append((words[2], TYPES[words[1]], None))
         except (IndexError, KeyError, ValueError) as error:
-            raise AlignError(f"{path}: cannot read the PLY header line {line!r}. Export the scan again.") from error
+            raise AlignError(
+                f"{path}: cannot read the PLY header line {shortened(line)!r}. Export the scan again."
+            ) from error
     if encoding not in ("ascii", "binary_little_endian", "binary_big_endian"):
-        raise AlignError(f"{path}: unknown PLY format {encoding!r}; expected ascii or binary_*_endian.")
+        raise AlignError(f"{path}: unknown PLY format {shortened(encoding)!r}; expected ascii or binary_*_endian.")
     return encoding, elements, offset
 
 

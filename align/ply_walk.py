@@ -41,14 +41,16 @@ def walk(data, at, rows, sizes, length_sizes, big, numbers):
             if at + width > len(data):
                 return starts, counts, -1
             if width and len(numbers):
-                count = int(numbers[at // 8])
+                # A text may hold any number: one beyond the file is no length.
+                length = numbers[at // 8]
+                count = int(length) if 0 <= length <= len(data) else -1
             elif width:
                 count = 0
                 for byte in range(width):
                     place = byte if big else width - 1 - byte
                     count = count * 256 + int(data[at + place])
             at += width
-            if count < 0 or at + count * sizes[column] > len(data):
+            if count < 0 or count > len(data) or at + count * sizes[column] > len(data):
                 return starts, counts, -1
             starts[row, column], counts[row, column] = at, count
             at += count * sizes[column]

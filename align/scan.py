@@ -20,6 +20,8 @@ __all__ = ["SUFFIXES", "UNITS_MM", "load_scan"]
 
 # A scan of unknown unit keeps its file's numbers.
 UNITS_MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "inch": 25.4, "unknown": 1.0}
+LARGEST = 1e9
+"""Units of the file: no scan reaches further from its origin, and squares of it keep their precision."""
 USUAL_MM = (2.0, 3000.0)
 """Objects that are photographed on a table are this large, across."""
 SMALLEST_PIECE = 0.01
@@ -107,6 +109,12 @@ def _check(path: Path, vertices: Vertices, faces: Faces) -> None:
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise AlignError(
             f"{path}: faces name vertices {faces.min()} to {faces.max()}, but there are {len(vertices)}. "
+            "The file is damaged; export the scan again."
+        )
+    far = np.abs(vertices[faces]).max(initial=0)
+    if LARGEST < far < np.inf:
+        raise AlignError(
+            f"{path}: positions reach {far:.3g} units of the file; nothing beyond {LARGEST:.0e} can be a scan. "
             "The file is damaged; export the scan again."
         )
     # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.

@@ -10,6 +10,7 @@ from align.numbers_in_text import Lines, parse, words_a_line
 from align.ply import read_ply
 from align.polygons import fans, ragged
 from scene.errors import AlignError
+from scene.reading import reading
 
 Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
 
@@ -35,11 +36,8 @@ def read_scan(path: Path) -> Surface:
     if suffix == ".ply":
         return read_ply(path)
     reader = {".obj": _read_obj, ".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix]
-    try:
+    with reading(path, "cannot be read as a mesh", AlignError, do="Export the scan again."):
         return reader(path)
-    except Exception as error:
-        # Parsers stumble over damage in many ways; all of them mean the same to the user.
-        raise AlignError(f"{path}: cannot be read as a mesh ({error}). Export the scan again.") from error
 
 
 def _read_obj(path: Path) -> Surface:

@@ -11,6 +11,7 @@ from capture.focal_length import camera_from_exif
 from capture.session import Charuco, Session
 from scene.camera import Camera
 from scene.errors import SessionError
+from scene.reading import reading
 
 if TYPE_CHECKING:
     from capture.decode import CaptureReport
@@ -126,7 +127,9 @@ def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
             f"needed (too few corners in {', '.join(missed[:6])}). Check squares and dictionary, light it evenly, "
             "fill the picture with it, tilt it differently in each shot."
         )
-    return _camera_of_corners(objects, images, size, missed)
+    do = "Tilt the board differently in each shot, and fill the picture with it."
+    with reading("camera.charuco", "gives no camera", SessionError, do=do):
+        return _camera_of_corners(objects, images, size, missed)
 
 
 def _camera_of_corners(

@@ -78,6 +78,8 @@ def read_photograph(file: Path, recipe: Recipe) -> Photograph:
     else:
         photograph = read_image(file, recipe.encoding, half=recipe.half)
     height, width, _ = photograph.codes.shape
+    if min(height, width) < 2:
+        raise CaptureError(f"{file}: is {width} x {height} px{' after halving' if recipe.half else ''}, no photograph.")
     if recipe.shape and (height, width) != recipe.shape:
         raise CaptureError(
             f"{file}: is {width} x {height} px, {recipe.like.name} is {recipe.shape[1]} x {recipe.shape[0]}. "

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from capture.globs import frame_names, kind_of
 from capture.session import Session, faults_error
+from scene.errors import SessionError
+from scene.reading import text_of
 
 
 def load_diligent(folder: Path) -> Session:
@@ -23,7 +25,7 @@ def load_diligent(folder: Path) -> Session:
         if not (folder / name).is_file()
     ]
     if (folder / "filenames.txt").is_file():
-        names = [line.strip() for line in (folder / "filenames.txt").read_text("utf-8-sig").splitlines()]
+        names = [line.strip() for line in text_of(folder / "filenames.txt", error=SessionError).splitlines()]
         flash = [folder / name for name in names if name]
         faults += [f"filenames.txt: names {path.name}, which is not there." for path in flash if not path.is_file()]
         faults += [
@@ -33,7 +35,7 @@ def load_diligent(folder: Path) -> Session:
             faults.append("filenames.txt: names no file.")
     for name in needed[1:]:
         if (folder / name).is_file():
-            rows = [line for line in (folder / name).read_text("utf-8-sig").splitlines() if line.strip()]
+            rows = [line for line in text_of(folder / name, error=SessionError).splitlines() if line.strip()]
             if len(rows) != len(flash):
                 faults.append(f"{name}: has {len(rows)} rows, filenames.txt {len(flash)}. One row a frame.")
     if faults:

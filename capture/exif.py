@@ -6,6 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+# It says on stderr that a PGM has no EXIF, which is no news.
+logging.getLogger("exifread").addHandler(logging.NullHandler())
+
 
 @dataclass(frozen=True)
 class Exif:
@@ -55,8 +58,6 @@ def read_exif(path: Path) -> Exif:
     """Return the EXIF of a photograph, all None where there is none. Never raises for what it cannot read."""
     import exifread
 
-    # It says on stderr that a PGM has no EXIF, which is no news.
-    logging.getLogger("exifread").addHandler(logging.NullHandler())
     try:
         with open(path, "rb") as file:
             tags = exifread.process_file(file, details=False)

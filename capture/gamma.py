@@ -23,7 +23,8 @@ def stated_encoding(path: Path) -> str | None:
     try:
         with Image.open(path) as image:
             info, color_space = dict(image.info), image.getexif().get(40961)
-    except (OSError, ValueError, SyntaxError):
+    except Exception:
+        # What it says beside its pixels may be damaged: then it says nothing.
         return None
     if "srgb" in info:
         return "the file's sRGB chunk"

@@ -1,7 +1,9 @@
 """File names: natural order, globs that resolve against the session's folder, and what kind of file each is."""
 
 import glob
+import os
 import re
+from collections import Counter
 from pathlib import Path
 
 RAW_SUFFIXES = (
@@ -9,6 +11,9 @@ RAW_SUFFIXES = (
     *(".pef", ".srw", ".3fr", ".fff", ".iiq", ".mos", ".mef", ".mrw", ".x3f", ".erf", ".kdc", ".dcr", ".raw"),
 )
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".tga", ".pgm", ".ppm", ".pnm", ".bmp")
+
+MOST_FOLDERS = 10_000
+"""That `**` may lead through."""
 
 
 def kind_of(path: Path) -> str | None:
@@ -39,19 +44,65 @@ def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
     faults : list of str
         A glob that matches nothing, a file that is matched twice.
     """
-    files: list[Path] = []
+    files: dict[Path, None] = {}
     faults: list[str] = []
     for pattern in patterns:
-        found = [folder / name for name in glob.glob(pattern, root_dir=folder, recursive=True)]
-        found = sorted((path for path in found if path.is_file()), key=natural_key)
+        try:
+            found = sorted((path for path in matches(pattern, folder) if path.is_file()), key=natural_key)
+        except ValueError as error:
+            faults.append(f'"{pattern}": {error}')
+            continue
         if not found:
             faults.append(f'"{pattern}" matches no file in {folder}. {_near_miss(pattern, folder)}')
         for path in found:
-            if path in files:
+            if not _is_text(path):
+                faults.append(f"{str(path)!r} is a name that is not UTF-8. Rename the file.")
+            elif path in files:
                 faults.append(f'"{pattern}" matches {path.name} a second time. Name every file once.')
             else:
-                files.append(path)
-    return files, faults
+                files[path] = None
+    return list(files), faults
+
+
+def matches(pattern: str, folder: Path) -> list[Path]:
+    """Return what a glob matches; each real folder once, whatever links lead to it.
+
+    Raises
+    ------
+    ValueError
+        `**` leads through more folders than a session has.
+    """
+    parts = pattern.split("/")
+    if "**" not in parts:
+        found = [folder / name for name in glob.glob(pattern, root_dir=folder)]
+    else:
+        here = parts.index("**")
+        before, after = "/".join(parts[:here]) + "/" * (here > 0), "/".join(parts[here + 1 :]) or "*"
+        starts = [folder / name for name in glob.glob(before, root_dir=folder)] if before else [folder]
+        found = [path for start in starts for place in _below(start) for path in matches(after, place)]
+    # A link to a folder above shows its files again.
+    real = {path.parent: path.parent.resolve() for path in found}
+    return list({real[path.parent] / path.name: path for path in reversed(found)}.values())
+
+
+def _below(start: Path) -> list[Path]:
+    """Return a folder and all below it, links followed, none twice; hidden ones are left out."""
+    found: dict[Path, Path] = {}
+    for place, names, _ in os.walk(start, followlinks=True):
+        real = Path(place).resolve()
+        names[:] = sorted(name for name in names if not name.startswith(".")) if real not in found else []
+        found.setdefault(real, Path(place))
+        if len(found) > MOST_FOLDERS:
+            raise ValueError(f"** leads through more than {MOST_FOLDERS} folders. Name the photographs' own folder.")
+    return list(found.values())
+
+
+def _is_text(path: Path) -> bool:
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        return False
+    return True
 
 
 def _near_miss(pattern: str, folder: Path) -> str:
@@ -59,9 +110,9 @@ def _near_miss(pattern: str, folder: Path) -> str:
     either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", pattern)
     # Letters inside [...] of the user's own glob would be mangled: then there is no hint by case.
     if "[" not in pattern:
-        found = glob.glob(either, root_dir=folder, recursive=True)
+        found = matches(either, folder)
         if found:
-            return f"Upper and lower case count: {found[0]} is there."
+            return f"Upper and lower case count: {os.path.relpath(found[0], folder)} is there."
     parent = (folder / pattern).parent
     if any(sign in str(parent) for sign in "*?["):
         return "Correct the glob."
@@ -73,8 +124,5 @@ def _near_miss(pattern: str, folder: Path) -> str:
 
 def frame_names(files: list[Path]) -> list[str]:
     """Return the stems, with the folder's name in front where two stems are the same."""
-    stems = [path.stem for path in files]
-    return [
-        stem if stems.count(stem) == 1 else f"{path.parent.name}_{stem}"
-        for stem, path in zip(stems, files, strict=True)
-    ]
+    stems = Counter(path.stem for path in files)
+    return [path.stem if stems[path.stem] == 1 else f"{path.parent.name}_{path.stem}" for path in files]

@@ -3,7 +3,9 @@
 No colour profile is applied, no orientation: the sensor's pixels as they lie in the file.
 """
 
+import io
 import threading
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -14,6 +16,8 @@ from capture.globs import kind_of
 from capture.photograph import Photograph, halve
 from scene.errors import CaptureError
 from scene.frames import encode
+from scene.image_files import check_header, pixels_of
+from scene.reading import reading
 
 Encoding = Literal["linear", "srgb"] | float
 
@@ -82,19 +86,14 @@ def _read_pixels(path: Path) -> tuple[NDArray, int]:
 
     data = _bytes_of(path)
     suffix = path.suffix.lower()
-    if suffix == ".tga":
-        values = _read_tga(path)
-    else:
-        _check_end(path, data)
-        # IGNORE_ORIENTATION: a camera that looks down guesses "up" anew for every frame.
-        flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
-        try:
-            values = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
-        except cv2.error:
-            values = None
-        if values is None:
-            raise _unreadable(path)
-        values = values[..., ::-1]
+    with _decoding(path):
+        if suffix == ".tga":
+            values = _pixels_of_tga(data)
+        else:
+            _check_end(path, data)
+            # IGNORE_ORIENTATION: a camera that looks down guesses "up" anew for every frame.
+            flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
+            values = pixels_of(data, flags)[..., ::-1]
     if values.dtype not in (np.uint8, np.uint16, np.float32):
         raise CaptureError(f"{path}: found {values.dtype} pixels, expected 8 or 16 bits, or float32. Export again.")
     white = np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1
@@ -104,17 +103,16 @@ def _read_pixels(path: Path) -> tuple[NDArray, int]:
 
 
 def _bytes_of(path: Path) -> bytes:
-    try:
+    with reading(path, error=CaptureError, do="Restore the file, or skip it."):
         data = path.read_bytes()
-    except OSError as error:
-        raise CaptureError(f"{path}: cannot be read ({error.strerror}). Restore the file, or skip it.") from error
     if not data:
         raise CaptureError(f"{path}: is empty (0 bytes). Copy it from the camera again.")
     return data
 
 
-def _unreadable(path: Path) -> CaptureError:
-    return CaptureError(f"{path}: cannot be decoded: corrupt, or no {path.suffix} file. Copy it from the camera again.")
+def _decoding(path: Path) -> AbstractContextManager[None]:
+    fault = f"cannot be decoded: corrupt, or no {path.suffix} file"
+    return reading(path, fault, CaptureError, do="Copy it from the camera again.")
 
 
 def _check_end(path: Path, data: bytes) -> None:
@@ -137,15 +135,13 @@ def _pnm_white(data: bytes, otherwise: int) -> int:
     return otherwise
 
 
-def _read_tga(path: Path) -> NDArray:
-    from PIL import Image, UnidentifiedImageError
+def _pixels_of_tga(data: bytes) -> NDArray:
+    from PIL import Image
 
-    try:
-        with Image.open(path, formats=["TGA"]) as image:
-            gray = image.mode in ("L", "LA", "1")
-            return np.asarray(image.convert("L" if gray else "RGB"))
-    except (OSError, UnidentifiedImageError, SyntaxError, ValueError) as error:
-        raise _unreadable(path) from error
+    check_header(data)
+    with Image.open(io.BytesIO(data), formats=["TGA"]) as image:
+        gray = image.mode in ("L", "LA", "1")
+        return np.asarray(image.convert("L" if gray else "RGB"))
 
 
 def _read_exr(path: Path) -> tuple[NDArray[np.float32], int]:
@@ -157,13 +153,12 @@ def _read_exr(path: Path) -> tuple[NDArray[np.float32], int]:
     with _THREADS:
         if drjit.thread_count() < 2:
             drjit.set_thread_count(2)
-    _bytes_of(path)
-    try:
+    data = _bytes_of(path)
+    with _decoding(path):
+        check_header(data)
         bitmap: Any = mitsuba.Bitmap(str(path))
         names = [field.name for field in bitmap.struct_()]
         values = np.array(bitmap, np.float32)
-    except (RuntimeError, ValueError) as error:
-        raise _unreadable(path) from error
     values = values.reshape(values.shape[0], values.shape[1], -1)
     if {"R", "G", "B"} <= set(names):
         return values[..., [names.index(name) for name in "RGB"]], 1

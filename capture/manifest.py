@@ -8,14 +8,43 @@ import difflib
 import types
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+)
+
+from scene.reading import shortened
 
 
 def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
 
 
-Names = Annotated[list[Annotated[str, Field(min_length=1)]], BeforeValidator(_as_list)]
+def _between(low: float, high: float, why: str) -> AfterValidator:
+    """Return the check of a number's physical range, ends included."""
+
+    def check(value: float) -> float:
+        if not low <= value <= high:
+            raise ValueError(f"expected {low:g} to {high:g}: {why}")
+        return value
+
+    return AfterValidator(check)
+
+
+Length = Annotated[PositiveFloat, _between(0.1, 10_000, "millimetres, from a bead to a building's dome")]
+Pixels = Annotated[PositiveInt, _between(1, 100_000, "no camera has more pixels in a row")]
+Place = Annotated[float, _between(-1e6, 1e6, "pixels of the picture")]
+Squares = Annotated[PositiveInt, _between(2, 200, "squares that a photograph can tell apart")]
+Exponent = Annotated[PositiveFloat, _between(0.1, 10, "encodings have exponents about 2.2")]
+Names = Annotated[
+    list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
+]
 Globs = Annotated[Names, Field(min_length=1)]
 
 
@@ -23,7 +52,7 @@ class Table(BaseModel):
     """A TOML table: unknown keys are faults."""
 
     # Strict: `fx = "1666"` is a slip of the pen, not a number. TOML knows its kinds.
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class FramesTable(Table):
@@ -34,7 +63,7 @@ class FramesTable(Table):
     dark: Globs | None = None
     flat: Globs | None = None
     linear: bool | None = None
-    gamma: PositiveFloat | None = None
+    gamma: Exponent | None = None
     half: bool = False
     skip: Names = []
 
@@ -42,17 +71,17 @@ class FramesTable(Table):
 class BoardTable(Table):
     """camera.board: the ChArUco board."""
 
-    squares: list[PositiveInt] = Field(min_length=2, max_length=2)
-    square_mm: PositiveFloat
-    marker_mm: PositiveFloat
+    squares: list[Squares] = Field(min_length=2, max_length=2)
+    square_mm: Length
+    marker_mm: Length
     dictionary: str
 
 
 class CameraTable(Table):
     """[camera]: numbers, or a board's photographs."""
 
-    width: PositiveInt | None = None
-    height: PositiveInt | None = None
+    width: Pixels | None = None
+    height: Pixels | None = None
     fx: PositiveFloat | None = None
     fy: PositiveFloat | None = None
     cx: float | None = None
@@ -66,9 +95,9 @@ class SphereTable(Table):
     """[[spheres]]: one calibration ball."""
 
     kind: Literal["chrome", "white"]
-    diameter_mm: PositiveFloat | None = None
-    center_px: list[float] | None = Field(default=None, min_length=2, max_length=2)
-    radius_px: PositiveFloat | None = None
+    diameter_mm: Length | None = None
+    center_px: list[Place] | None = Field(default=None, min_length=2, max_length=2)
+    radius_px: Annotated[PositiveFloat, _between(0.5, 1e5, "pixels of the picture")] | None = None
     mask: str | None = None
     frames: Globs | None = None
 
@@ -85,7 +114,7 @@ class ObjectTable(Table):
     mask: str | None = None
     scan: str | None = None
     scan_unit: Literal["m", "cm", "mm", "inch", "unknown"] = "mm"
-    scan_ball_diameter_mm: PositiveFloat | None = None
+    scan_ball_diameter_mm: Length | None = None
     normals: str | None = None
     picks: str | None = None
 
@@ -97,7 +126,7 @@ class Manifest(Table):
     name: str | None = None
     frames: FramesTable
     camera: CameraTable | None = None
-    spheres: list[SphereTable] = []
+    spheres: list[SphereTable] = Field(default=[], max_length=50)
     lights: LightsTable | None = None
     object: ObjectTable = ObjectTable()
 
@@ -151,7 +180,8 @@ def _line(fault: Any) -> str:
         return f"{path}: missing. {_PURPOSE.get(path.split('[')[0], 'Add it.')}"
     found = fault["input"]
     shown = f"a table with {', '.join(found) or 'nothing'}" if isinstance(found, dict) else repr(found)
-    message = fault["msg"].replace("Input should be ", "expected ")
+    shown = shortened(shown, 80)
+    message = fault["msg"].removeprefix("Value error, ").replace("Input should be ", "expected ")
     return f"{path}: found {shown}; {message[0].lower()}{message[1:]}."
 
 

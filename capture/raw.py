@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from capture.photograph import Photograph, halve, mean_of
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, encode
+from scene.reading import reading
 
 BAND_ROWS = 512
 """Rows that are demosaiced at once: the working memory stays in the processor's cache. Even: Bayer's period is 2."""
@@ -49,36 +50,35 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
     """
     import rawpy
 
-    if not path.is_file() or not path.stat().st_size:
+    with reading(path, error=CaptureError):
+        is_there = path.is_file() and path.stat().st_size
+    if not is_there:
         raise CaptureError(f"{path}: is missing or empty. Copy it from the camera again.")
-    try:
-        with rawpy.imread(str(path)) as raw:
-            black = [float(level) for level in raw.black_level_per_channel]
-            white = float(raw.white_level)
-            # Stacks of three colours fill only three of the four levels.
-            own_range = white - max(black[:3])
-            if own_range <= 0:
-                raise CaptureError(f"{path}: states black level {black} above white level {white}. The file is broken.")
-            scale = sensor_range or own_range
-            pattern = raw.raw_pattern
-            if raw.raw_type == rawpy.RawType.Stack:
-                codes = _codes_of_stack(raw.raw_image_visible, black, scale)
-                codes = halve(codes) if half else codes
-                is_mosaic = False
-            elif pattern is not None and pattern.shape == (2, 2) and raw.color_desc == b"RGBG":
-                mosaic, site_black = raw.raw_image_visible, np.asarray(black)[pattern]
-                letters = "".join("RGBG"[i] for i in pattern.ravel())
-                decode = _superpixels if half else _bilinear
-                codes, is_mosaic = decode(mosaic, site_black, letters, scale), not half
-            else:
-                codes = _codes_by_libraw(raw, black, white, scale)
-                codes, is_mosaic = (halve(codes) if half else codes), not half
-    except rawpy.LibRawError as error:
-        reason = error.args[0].decode(errors="replace") if isinstance(error.args[0], bytes) else str(error)
-        raise CaptureError(
-            f"{path}: cannot be decoded ({reason}): corrupt, cut short, or no RAW file. Copy it from the camera again, "
-            "or list it under frames.skip."
-        ) from error
+    do = "Copy it from the camera again, or list it under frames.skip."
+    fault = "cannot be decoded: corrupt, cut short, or no RAW file"
+    with reading(path, fault, CaptureError, do=do), rawpy.imread(str(path)) as raw:
+        black = [float(level) for level in raw.black_level_per_channel]
+        white = float(raw.white_level)
+        # Stacks of three colours fill only three of the four levels.
+        own_range = white - max(black[:3])
+        if own_range <= 0:
+            raise CaptureError(f"{path}: states black level {black} above white level {white}. The file is broken.")
+        scale = sensor_range or own_range
+        pattern = raw.raw_pattern
+        if raw.raw_type == rawpy.RawType.Stack:
+            codes = _codes_of_stack(raw.raw_image_visible, black, scale)
+            codes = halve(codes) if half else codes
+            is_mosaic = False
+        elif pattern is not None and pattern.shape == (2, 2) and raw.color_desc == b"RGBG":
+            mosaic, site_black = raw.raw_image_visible, np.asarray(black)[pattern]
+            letters = "".join("RGBG"[i] for i in pattern.ravel())
+            if sorted(letters) != ["B", "G", "G", "R"]:
+                raise ValueError(f"its colour filter is {letters}")
+            decode = _superpixels if half else _bilinear
+            codes, is_mosaic = decode(mosaic, site_black, letters, scale), not half
+        else:
+            codes = _codes_by_libraw(raw, black, white, scale)
+            codes, is_mosaic = (halve(codes) if half else codes), not half
     return Photograph(codes, min(own_range / scale, 1.0), scale, is_mosaic)
 
 
@@ -159,5 +159,6 @@ def _codes_by_libraw(raw: Any, black: list[float], white: float, scale: float) -
     )
     dn = np.arange(65536) * (white / 65535)
     table = np.clip(np.round((dn - level) / scale * (WHITE - PEDESTAL)) + PEDESTAL, 0, 65535).astype(np.uint16)
-    codes = table[image]
-    return codes if codes.ndim == 3 else np.repeat(codes[..., None], 3, axis=2)
+    codes = table[image].reshape(*image.shape[:2], -1)
+    # A sensor without colour filters gives one value a pixel.
+    return codes if codes.shape[2] == 3 else np.repeat(codes[..., :1], 3, axis=2)

@@ -99,7 +99,7 @@ def _frames_apart(
     if store.path("frames", "frames.json").exists() and source.exists():
         known = store.read_json("source.json")
         if isinstance(known, dict) and known.get("files") == stamps:
-            return store.load_frames(), known["warnings"]
+            return store.load_frames(), list(map(str, known.get("warnings", ())))
     # The session's ambient frame shows the object's scene, not the ball's.
     own = replace(session, flash=spec.frames, ambient=(), spheres=())
     frames, report = decode(own, store, executor=executor)

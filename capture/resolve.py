@@ -1,12 +1,16 @@
 """From the manifest's strings to files that exist, and to plain values that fit together."""
 
 import difflib
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
+
+import numpy as np
 
 from capture.globs import expand, frame_names, kind_of
 from capture.session import Charuco, Session, SphereSpec
 from scene.camera import Camera
+from scene.reading import shortened
 
 if TYPE_CHECKING:
     from capture.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
@@ -39,7 +43,7 @@ class Resolver:
                         f"frames.{key}: {file.name} is also among frames.flash. Narrow frames.flash, "
                         'as in "flash_*.dng".'
                     )
-        kept = self.kept(flash, frames.skip)
+        kept, names = self.kept(flash, frames.skip), frame_names(flash)
         if known.picks and not known.scan:
             self.faults.append(
                 'object.picks: picks are points of a scan, and there is none. Add scan = "...", or drop it.'
@@ -49,7 +53,7 @@ class Resolver:
             name=manifest.name or self.folder.name,
             folder=self.folder,
             flash=tuple(flash[i] for i in kept),
-            names=tuple(frame_names(flash)[i] for i in kept),
+            names=tuple(names[i] for i in kept),
             kept=tuple(kept),
             ambient=tuple(others["ambient"]),
             dark=tuple(others["dark"]),
@@ -73,9 +77,12 @@ class Resolver:
 
     def check_name(self, name: str | None) -> None:
         """A name that is a path would put the output folder, which is called after it, anywhere."""
-        if name is not None and (not name.strip(" .") or any(sign in name for sign in "/\\:\0")):
+        if name is not None and (
+            not name.strip(" .") or len(name) > 100 or not name.isprintable() or set(name) & set("/\\:")
+        ):
             self.faults.append(
-                f'name: found "{name}". It becomes a folder\'s name: give a word without / \\ : that is not only dots.'
+                f'name: found "{shortened(name)}". It becomes a folder\'s name: give a short word without / \\ : that '
+                "is not only dots."
             )
 
     @staticmethod
@@ -178,7 +185,22 @@ class Resolver:
                 f"camera.cx, camera.cy: found {cx}, {cy}, outside of the image of {width} x {height} px. "
                 "They are pixels from the centre of the upper left pixel."
             )
-        return Camera(width, height, fx, fy, cx, cy, tuple(table.distortion or [0.0] * 5))
+        for key, focal, size in (("fx", fx, width), ("fy", fy, height)):
+            if not 0.1 <= focal / size <= 1000:
+                self.faults.append(
+                    f"camera.{key}: found {focal:g} px for a picture of {size} px; lenses have 0.1 to 1000 times the "
+                    "picture. Give the focal length in pixels, not in millimetres."
+                )
+                return None
+        camera = Camera(width, height, fx, fy, cx, cy, tuple(table.distortion or [0.0] * 5))
+        corners = [[u, v] for u in (0, width - 1) for v in (0, height - 1)]
+        moved = np.abs(camera.project(replace(camera, distortion=(0.0,) * 5).rays(corners)[1]) - corners).max()
+        if not moved <= max(width, height):
+            self.faults.append(
+                f"camera.distortion: found {list(camera.distortion)}, which moves a corner of the picture by "
+                f"{moved:.3g} px, beyond its size. Give OpenCV's k1 k2 p1 p2 k3."
+            )
+        return camera
 
     def charuco(self, table: "CameraTable", given: list[str]) -> Charuco | None:
         if given or table.distortion is not None:

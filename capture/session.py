@@ -10,6 +10,12 @@ from typing import Literal
 
 from scene.camera import Camera
 from scene.errors import SessionError
+from scene.reading import reading, shortened
+
+LONGEST = 1 << 20
+"""Bytes of a session.toml."""
+MOST_FAULTS = 100
+"""That are told at once."""
 
 
 @dataclass(frozen=True)
@@ -106,17 +112,19 @@ def load_session(path: Path) -> Session:
     SessionError
         Every fault at once, each with its key path and what to do about it.
     """
-    path = Path(path).resolve()
-    if not path.exists():
-        raise SessionError(f"{path}: there is no such session. Give the folder that holds session.toml.")
-    if path.is_file():
-        return _load_toml(path)
-    if (path / "session.toml").is_file():
-        return _load_toml(path / "session.toml")
-    if (path / "filenames.txt").is_file() or (path / "light_directions.txt").is_file():
-        from capture.diligent import load_diligent
+    with reading(path, "is no session that can be read", SessionError, do="Give the folder that holds session.toml."):
+        path = Path(path).resolve()
+        str(path).encode()
+        if not path.exists():
+            raise SessionError(f"{path}: there is no such session. Give the folder that holds session.toml.")
+        if path.is_file():
+            return _load_toml(path)
+        if (path / "session.toml").is_file():
+            return _load_toml(path / "session.toml")
+        if (path / "filenames.txt").is_file() or (path / "light_directions.txt").is_file():
+            from capture.diligent import load_diligent
 
-        return load_diligent(path)
+            return load_diligent(path)
     raise SessionError(
         f"{path}: holds neither session.toml nor a DiLiGenT layout (filenames.txt, light_directions.txt, ...). "
         'Write session.toml; the least is two lines: [frames] and flash = "raw/flash_*.dng".'
@@ -127,14 +135,13 @@ def _load_toml(path: Path) -> Session:
     from capture.manifest import parse
     from capture.resolve import Resolver
 
-    try:
+    with reading(path, "is not TOML in UTF-8", SessionError, do="Correct that line."):
+        if path.stat().st_size > LONGEST:
+            raise ValueError(f"{path.stat().st_size} bytes; a session takes some hundreds, {LONGEST} are the most")
         data = tomllib.loads(path.read_text("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SessionError(f"{path}: is not TOML in UTF-8: {error}. Correct that line.") from error
-    except OSError as error:
-        raise SessionError(f"{path}: cannot be read ({error.strerror}).") from error
-    manifest, faults = parse(data)
-    session = Resolver(path.parent, faults).session(manifest) if manifest else None
+    with reading(path, "cannot be followed", SessionError, do="Correct it, or the files that it names."):
+        manifest, faults = parse(data)
+        session = Resolver(path.parent, faults).session(manifest) if manifest else None
     if faults or session is None:
         raise faults_error(path, faults)
     return session
@@ -143,5 +150,7 @@ def _load_toml(path: Path) -> Session:
 def faults_error(path: Path, faults: list[str]) -> SessionError:
     """Return one error that tells all faults of a file or folder."""
     if len(faults) == 1:
-        return SessionError(f"{path}: {faults[0]}")
-    return SessionError(f"{path}: {len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in faults))
+        return SessionError(f"{path}: {shortened(faults[0], 600)}")
+    told = [shortened(fault, 600) for fault in faults[:MOST_FAULTS]]
+    more = [f"and {len(faults) - MOST_FAULTS} more"] if len(faults) > MOST_FAULTS else []
+    return SessionError(f"{path}: {len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in (*told, *more)))

@@ -166,10 +166,7 @@ def _open(store: Store, place: str, name: str) -> Normals | None:
     path = store.path(place, f"{name}.npy")
     if not path.exists():
         return None
-    try:
-        normals = np.load(path, mmap_mode="r")
-    except ValueError as error:
-        raise SceneError(f"{path}: is no array ({error}). Delete it and run the step that makes it again.") from error
+    normals = store.read_array(place, f"{name}.npy")
     if normals.ndim != 3 or normals.shape[2] != 3:
         raise SceneError(f"{path}: found an array {normals.shape}, expected (height, width, 3). Run its step again.")
     return normals
@@ -228,7 +225,7 @@ def _truth_facts(store: Store, truth: Normals, mask: NDArray[np.bool_] | None) -
     facts: dict[str, Any] = {"pixels": int(known.sum()), "sigma_deg_median": None, "sigma_deg_q3": None}
     path = store.path("normals", "truth_sigma.npy")
     if path.exists():
-        sigma = np.load(path, mmap_mode="r")
+        sigma = store.read_array("normals", "truth_sigma.npy")
         if sigma.shape != known.shape:
             raise SceneError(f"{path}: {sigma.shape}, expected {known.shape} like truth.npy. Run `align` again.")
         sigma = sigma[known]

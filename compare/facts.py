@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from scene.errors import SceneError
 from scene.store import Store
 
 METHOD_ORDER = ("ls", "rpca", "iterative", "hsh", "ldr", "entropy", "tv")
@@ -45,7 +46,7 @@ def by_error(compared: dict[str, Any]) -> list[str]:
 
 def read_optional(store: Store, name: str) -> Any:
     """Return a JSON file of the folder, None where there is none or it holds no JSON."""
-    with suppress(OSError, ValueError):
+    with suppress(SceneError):
         return store.read_json(name)
     return None
 
@@ -59,7 +60,7 @@ def light_rows(store: Store) -> dict[str, Any] | None:
         model; sigma medians; frames: name, zenith_deg (0 at the camera's axis), azimuth_deg (0 right, 90 up, as
         the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and distance_mm where near, flags.
     """
-    with suppress(OSError, ValueError, KeyError):
+    with suppress(SceneError):
         lights = store.load_lights()
         x, y, z = lights.directions.T
         rows = []

@@ -10,6 +10,7 @@ from compare.facts import read_optional
 from compare.material import Material, Summary
 from compare.page import absent, drawing, is_number, number, percent, picture, polyline, section, table
 from compare.pictures import Box
+from scene.errors import SceneError
 
 BALL_WIDTH = 420
 
@@ -82,7 +83,7 @@ def _ball(material: Material, index: int, row: Summary, seen: list | None) -> st
     caption = f"{title}<br>{', '.join(facts)}."
     camera, (frames, exposure) = material.camera, material.photographs_of_ball(index)
     spheres = []
-    with suppress(OSError, ValueError, KeyError):
+    with suppress(SceneError):
         spheres = material.store.load_spheres()
     if camera is None or index >= len(spheres):
         reason = absent("Its camera or its place is not in this folder.")

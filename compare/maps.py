@@ -14,6 +14,7 @@ from compare.page import absent, is_number, number, picture, section
 from compare.pictures import Box, Exposure
 from compare.registration import raking_frame
 from compare.warned import doubts_of
+from scene.errors import SceneError
 from scene.store import Store
 
 PHOTOGRAPH_WIDTH = 1000
@@ -143,7 +144,7 @@ def colour_scale(end: float) -> str:
 def twin_section(material: Material, summary: Summary) -> str:
     """Return one photograph beside the twin's frame of the same light."""
     twin, frames = None, material.frames
-    with suppress(OSError, ValueError, KeyError):
+    with suppress(SceneError):
         twin = Store(material.store.path("twin")).load_frames()
     if twin is None or len(twin) == 0:
         reason = (

@@ -37,13 +37,13 @@ class Material:
         compared = summary.get("compare") or {}
         frames, camera, mask, lights = None, None, None, None
         # A part that is missing or that a killed run left unreadable is reported absent, not as a failure.
-        with suppress(OSError, ValueError, KeyError):
+        with suppress(SceneError):
             frames = store.load_frames()
-        with suppress(OSError, ValueError, KeyError, TypeError, SceneError):
+        with suppress(SceneError):
             camera = store.load_camera()
         with suppress(SceneError):
             mask = store.load_mask() if store.path("mask.png").exists() else None
-        with suppress(OSError, ValueError, KeyError, SceneError):
+        with suppress(SceneError):
             lights = store.load_lights()
         exposure = None
         if frames is not None:
@@ -79,4 +79,4 @@ class Material:
 
     def map_of(self, place: str, name: str) -> NDArray[np.float32] | None:
         path = self.store.path(place, f"{name}.npy")
-        return np.load(path, mmap_mode="r") if path.exists() else None
+        return self.store.read_array(place, f"{name}.npy") if path.exists() else None

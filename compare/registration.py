@@ -10,6 +10,7 @@ from compare import pictures
 from compare.pictures import Box, Exposure, Image
 from scene.files import write_png
 from scene.frames import Frames
+from scene.image_files import read_pixels
 from scene.lights import Lights
 from scene.store import Store
 
@@ -132,8 +133,8 @@ def read_picture(store: Store, name: str) -> Image | None:
     """Return a picture of align/, None where it is not there."""
     import cv2
 
-    image = cv2.imread(str(store.path(FOLDER, f"{name}.png"))) if store.path(FOLDER, f"{name}.png").exists() else None
-    return None if image is None else np.asarray(image[..., ::-1], np.uint8)
+    path = store.path(FOLDER, f"{name}.png")
+    return read_pixels(path, cv2.IMREAD_COLOR)[..., ::-1] if path.exists() else None
 
 
 def outline_picture(photograph: Image, box: Box, strokes: NDArray) -> Image:

@@ -108,7 +108,7 @@ def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> V
     if photograph is not None and shaded is not None and photograph.shape == shaded.shape:
         return Views(photograph, shaded)
     lights = None
-    with suppress(OSError, ValueError, KeyError, SceneError):
+    with suppress(SceneError):
         lights = material.store.load_lights()
     if truth is None or lights is None or material.frames is None or material.exposure is None or index >= len(lights):
         return None

@@ -10,10 +10,10 @@ from lab.datasets.command import dataset
 from lab.endings import end_by
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.streams import check_words, open_streams
 from lab.studio.command import studio
 from lab.sweeps.command import sweep
 from lab.twin_settings import AS_GIVEN, TwinSettings
-from scene.errors import SceneError
 
 app = App(
     name="rgbn",
@@ -265,24 +265,14 @@ def doctor() -> None:
         print(f"{what:32} {finding}")
 
 
-def _check_words(words: list[str]) -> None:
-    """Raise SceneError where a word is empty: as a path that is the current folder, which nobody meant."""
-    for number, word in enumerate(words):
-        if not word or (word.startswith("--") and word.endswith("=")):
-            before = word.rstrip("=") or (words[number - 1] if number else "rgbn")
-            raise SceneError(
-                f"{before}: nothing is given after it. Was a variable of the shell not set? For the current folder "
-                "write a dot."
-            )
-
-
 def main() -> None:
     """Run the command line; `lab.endings` says what each end is told by."""
+    open_streams()
     try:
         from lab.rooms import check_rooms
 
         check_rooms()
-        _check_words(sys.argv[1:])
+        check_words(sys.argv[1:])
         app(sys.argv[1:])
         sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:

@@ -14,6 +14,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from scene.pose import rotation_from_vector
+from scene.reading import array_of
 from scene.store import Store
 
 Array = NDArray[np.float64]
@@ -84,7 +85,7 @@ def open_folder(path: Path) -> Folder:
             "normals, and process it again."
         )
     kind = "rendering" if rendered else "virtual capture" if store.path(VIRTUAL).exists() else "photographs"
-    normals, mask = np.load(truth), store.load_mask()
+    normals, mask = np.array(array_of(truth)), store.load_mask()
     if normals.shape != (*mask.shape, 3):
         raise SceneError(f"{path}: {truth.name} is {normals.shape[:2]} px, mask.png {mask.shape}. Process it again.")
     return Folder(store, kind, methods, normals, mask)

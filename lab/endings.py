@@ -1,10 +1,12 @@
 """How the command line ends: 0 done, 2 the input is at fault, 130 stopped by Ctrl-C, 1 our fault."""
 
+import contextlib
 import os
 import sys
 import traceback
 from typing import NoReturn
 
+from lab.streams import say
 from scene.errors import SceneError
 
 
@@ -14,32 +16,45 @@ def end_by(error: BaseException) -> NoReturn:
     Raises
     ------
     SystemExit
-        With 2 or 1; Ctrl-C and a closed pipe leave at once instead.
+        With 2 or 1; Ctrl-C, a closed pipe and a full disk behind a stream leave at once instead.
     """
+    if _by_ctrl_c(error):
+        say("\nrgbn: stopped. What is done is kept; the same command goes on from there.")
+        _leave(130)
     if isinstance(error, SceneError):
-        print(f"rgbn: {error}", file=sys.stderr)
-        raise SystemExit(2) from None
+        say(f"rgbn: {error}")
+        _end(2)
     if isinstance(error, BrokenPipeError):
         # The reader of a pipe went away (`rgbn ... | head`): not our fault, and nothing to say.
         _leave(0)
-    if _by_ctrl_c(error):
-        print("\nrgbn: stopped. What is done is kept; the same command goes on from there.", file=sys.stderr)
-        _leave(130)
-    traceback.print_exception(error)
-    print("rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.", file=sys.stderr)
-    raise SystemExit(1) from None
+    say("".join(traceback.format_exception(error)))
+    say("rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.")
+    _end(1)
 
 
 def _by_ctrl_c(error: BaseException | None) -> bool:
     """Whether a Ctrl-C is at the root: a compiled module hit while it loads makes an ImportError of it."""
-    while error is not None:
+    seen: set[int] = set()
+    while error is not None and id(error) not in seen:
         if isinstance(error, KeyboardInterrupt):
             return True
+        seen.add(id(error))
         error = error.__cause__ or error.__context__
     return False
 
 
+def _end(code: int) -> NoReturn:
+    """End in order; where a stream cannot be written, Python would make another exit code of it."""
+    try:
+        sys.stdout.flush()
+        sys.stderr.flush()
+    except (OSError, SceneError):
+        _leave(code)
+    raise SystemExit(code) from None
+
+
 def _leave(code: int) -> NoReturn:
     """End at once: worker threads may be inside a library call that would hold up an orderly exit."""
-    sys.stderr.flush()
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.flush()
     os._exit(code)

@@ -1,9 +1,57 @@
 """Progress of long work: a bar on a terminal, plain lines elsewhere."""
 
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from lab.streams import say
+
+__all__ = ["alive", "progress_bar", "say"]
+
+EVERY_S = 10.0
+"""A log gets a line of work under way so often at most, and twice as seldom at least."""
+
+
+class _Log:
+    """Lines for a log: of units done, and, while a long one goes on, that it does."""
+
+    def __init__(self) -> None:
+        self.last = time.monotonic()
+
+    def line(self, text: str, *, after_s: float) -> None:
+        """Print a line if nothing was said for so long."""
+        now = time.monotonic()
+        if now - self.last > after_s:
+            self.last = now
+            say(f"  {text}")
+
+
+_LOG = _Log()
+
+
+@contextmanager
+def alive(label: str, state: Callable[[], str] = lambda: "at work") -> Iterator[None]:
+    """Say at least every 20 seconds, off a terminal, that the work of a block goes on."""
+    if sys.stderr.isatty():
+        yield
+        return
+    start, done = time.monotonic(), threading.Event()
+    _LOG.last = start
+
+    def tell() -> None:
+        while not done.wait(EVERY_S / 10):
+            seconds = time.monotonic() - start
+            _LOG.line(f"{label}: {state()}, {seconds:.0f} s so far", after_s=1.5 * EVERY_S)
+
+    teller = threading.Thread(target=tell, daemon=True)
+    teller.start()
+    try:
+        yield
+    finally:
+        done.set()
+        teller.join()
 
 
 @contextmanager
@@ -26,29 +74,24 @@ def _bar(label: str) -> Iterator[Callable[[int, int], None]]:
 
 
 def _lines(label: str) -> Iterator[Callable[[int, int], None]]:
-    # A log wants to know that work goes on, not each of a thousand units: a line every ten seconds at most.
-    last = time.monotonic()
     first: tuple[float, int] | None = None
+    state = "at work"
 
     def report(done: int, total: int) -> None:
-        nonlocal last, first
+        nonlocal first, state
         now = time.monotonic()
         # What was done before, by a run that was stopped, tells nothing of the speed.
         first = first or (now, done)
-        if now - last > 10 and done < total:
-            last = now
+        state = f"{done} of {total}"
+        if done < total:
             left = (now - first[0]) / (done - first[1]) * (total - done) if done > first[1] else None
-            print(f"  {label}: {done} of {total}{_in_words(left)}", file=sys.stderr, flush=True)
+            _LOG.line(f"{label}: {state}{_in_words(left)}", after_s=EVERY_S)
 
-    yield report
+    with alive(label, lambda: state):
+        yield report
 
 
 def _in_words(seconds: float | None) -> str:
     if seconds is None:
         return ""
     return f", about {seconds:.0f} s left" if seconds < 100 else f", about {seconds / 60:.0f} min left"
-
-
-def say(text: str) -> None:
-    """Print one line for people; standard output stays free for --json."""
-    print(text, file=sys.stderr, flush=True)

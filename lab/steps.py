@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from lab.job import Job, Outcome
-from lab.progress import progress_bar
+from lab.progress import alive, progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import CalibrationError, SessionError
@@ -16,6 +16,7 @@ from scene.spheres import Sphere
 from scene.store import Store
 
 
+@alive("check")
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
     from capture.camera import camera_of
@@ -43,6 +44,7 @@ def check(job: Job) -> Outcome:
     return Outcome(result, [*report.warnings, *camera_warnings])
 
 
+@alive("calibrate")
 def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
@@ -103,6 +105,7 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
     return Calibration([], lights, shown, (), evidence, (f"lights from object.normals: {without}", *warnings))
 
 
+@alive("align")
 def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask import find_object
@@ -144,6 +147,7 @@ def _given_truth(job: Job, mask: Any) -> dict:
     return {"evidence": [f"ground truth given: {job.session.normals.name}"]}
 
 
+@alive("solve")
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
     return Outcome(*solve_all(job, job.store, "solve"))
@@ -187,6 +191,7 @@ def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
     return {"methods": table}, warnings
 
 
+@alive("compare")
 def compare(job: Job) -> Outcome:
     """Compare every method with the truth, real and twin."""
     from compare.compare import compare as judge

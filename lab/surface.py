@@ -35,10 +35,10 @@ def write_surface(job: Job, path: Path) -> None:
     store = job.store
     method = next((name for name in job.methods if store.path("depth", f"{name}.npy").exists()), job.methods[0])
     normals, camera, lights = store.load_normals(method), store.load_camera(), store.load_lights()
-    albedo = np.load(store.path("albedo", f"{method}.npy"))
+    albedo = store.read_array("albedo", f"{method}.npy")
     depth = store.path("depth", f"{method}.npy")
     if depth.exists():
-        surface = surface_at(np.load(depth).astype(np.float64), normals, camera)
+        surface = surface_at(store.read_array("depth", f"{method}.npy").astype(np.float64), normals, camera)
         scale = "the distance was found by the shading"
     else:
         z_mm = float(lights.reference_point_mm[2])

@@ -3,10 +3,8 @@
 from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
-
 from lab.job import Job, Outcome
-from lab.progress import progress_bar, say
+from lab.progress import alive, progress_bar, say
 from lab.steps import material_method, solve_all
 from scene.errors import RenderError
 from scene.store import Store
@@ -15,6 +13,7 @@ ENOUGH = 0.5
 """Of the share of the photographs that the material leaves unexplained: an error of the rendering that hides in it."""
 
 
+@alive("twin")
 def twin(job: Job) -> Outcome:
     """Render the registered scan under the calibrated lights, and solve the rendering too."""
     store = job.store
@@ -75,7 +74,7 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
     except RenderError as error:
         method = material_method(job)
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
-        albedo = np.load(store.path("albedo", f"{method}.npy"))
+        albedo = store.read_array("albedo", f"{method}.npy")
         # The solvers evaluate near lights at this one depth; the scan knows better.
         depth = float(lights.reference_point_mm[2])
         scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, albedo_depth_mm=depth, sampling=sampling)

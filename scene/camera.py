@@ -65,6 +65,9 @@ class Camera:
                 f"camera: size {self.width} x {self.height} px, focal length {self.fx}, {self.fy} px; "
                 "all must be positive."
             )
+        numbers = (self.width, self.height, self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if not np.isfinite(numbers).all():
+            raise SessionError(f"camera: found {numbers}; all must be finite numbers.")
         if len(self.distortion) != 5:
             raise SessionError(f"camera.distortion: found {len(self.distortion)} numbers, expected 5 (k1 k2 p1 p2 k3).")
 

@@ -6,6 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
+from scene.image_files import read_pixels
+from scene.mat_files import arrays_of_mat
+from scene.reading import array_of, reading
 
 SUFFIXES = (".mat", ".txt", ".npy", ".png")
 
@@ -34,13 +37,8 @@ def read_normal_map(path: Path, height: int, width: int) -> NDArray:
     suffix = path.suffix.lower()
     if suffix not in readers:
         raise SceneError(f"{path}: cannot read normals with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
-    try:
+    with reading(path, "cannot be read as a normal map", do="Save it again."):
         values = readers[suffix](path, height, width)
-    except SceneError:
-        raise
-    except Exception as error:
-        # scipy and h5py raise whatever they stumble over; all of it means a damaged file.
-        raise SceneError(f"{path}: cannot be read as a normal map ({error}).") from error
     if values.shape != (height, width, 3):
         raise SceneError(
             f"{path}: found an array of {' x '.join(map(str, values.shape))}, expected {height} x {width} x 3, "
@@ -50,15 +48,7 @@ def read_normal_map(path: Path, height: int, width: int) -> NDArray:
 
 
 def _read_mat(path: Path, height: int, width: int) -> NDArray:
-    import h5py
-    import scipy.io
-
-    if h5py.is_hdf5(path):
-        with h5py.File(path) as file:
-            # MATLAB 7.3 stores columns first: the axes come out reversed.
-            arrays = {name: np.asarray(item).T for name, item in file.items() if isinstance(item, h5py.Dataset)}
-    else:
-        arrays = {name: item for name, item in scipy.io.loadmat(path).items() if isinstance(item, np.ndarray)}
+    arrays = {name: item for name, item in arrays_of_mat(path).items() if item.dtype.kind in "iuf"}
     maps = {name: item for name, item in arrays.items() if item.ndim == 3 and item.shape[2] == 3}
     for name in ("Normal_gt", "Normal_est"):
         if name in maps:
@@ -80,14 +70,14 @@ def _read_text(path: Path, height: int, width: int) -> NDArray:
 
 
 def _read_npy(path: Path, height: int, width: int) -> NDArray:
-    return np.load(path, allow_pickle=False)
+    return array_of(path)
 
 
 def _read_png(path: Path, height: int, width: int) -> NDArray:
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None or image.ndim != 3 or image.shape[2] < 3:
+    image = read_pixels(path, cv2.IMREAD_UNCHANGED)
+    if image.ndim != 3 or image.shape[2] < 3:
         raise ValueError("no RGB image of 8 or 16 bits")
     code = image[..., 2::-1].astype(np.float64)
     normals = code / (65535 if image.dtype == np.uint16 else 255) * 2 - 1

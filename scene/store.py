@@ -3,7 +3,7 @@
 Steps hand over through this folder, and so each can be run again alone.
 """
 
-import json
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,17 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.files import write_json, write_npy, write_png, write_text
 from scene.frames import Frames
+from scene.image_files import read_pixels
 from scene.light_text import lp_rows, number_rows
 from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.pose import Pose
-from scene.spheres import Sphere
+from scene.reading import array_of, json_of, numbers, positive, reading
+from scene.spheres import Kind, Sphere
+
+REMADE = "Remove it, if it is there, and run the same command again: it is made anew."
+
+_KINDS: dict[str, Kind] = {"chrome": "chrome", "white": "white"}
 
 
 @dataclass(frozen=True)
@@ -33,7 +39,27 @@ class Store:
         return self.folder.joinpath(*parts)
 
     def read_json(self, name: str) -> Any:
-        return json.loads(self.path(name).read_text())
+        return json_of(self.path(name), do=REMADE)
+
+    def read_array(self, *parts: str) -> NDArray:
+        """Return an array of the folder as a memory map."""
+        return array_of(self.path(*parts), do=REMADE)
+
+    def _door(self, *parts: str) -> AbstractContextManager[None]:
+        return reading(self.path(*parts), "is damaged", do=REMADE)
+
+    def _stack_shape(self) -> tuple[int, ...] | None:
+        """Return the shape of the frames (F, H, W, 3) in this folder, or of those that this folder lies in."""
+        known = [path for path in (self.path("frames", "codes.npy"), self.path("codes.npy")) if path.is_file()]
+        return array_of(known[0], do=REMADE).shape if known else None
+
+    def _of_frames_size(self, path: Path, height: int, width: int) -> None:
+        shape = self._stack_shape()
+        if shape is not None and shape[1:3] != (height, width):
+            raise SceneError(
+                f"{path}: is of {width} x {height} px, the frames of {shape[2]} x {shape[1]}: damaged, or of another "
+                f"session. {REMADE}"
+            )
 
     def save_frames(self, frames: Frames) -> None:
         """Write frames that are in memory (the decoder writes its memory maps itself)."""
@@ -54,23 +80,33 @@ class Store:
         write_json(self.path("frames", "frames.json"), header)
 
     def load_frames(self) -> Frames:
-        header = self.read_json("frames/frames.json")
-        saturation = header["saturation"]
-        return Frames(
-            tuple(header["names"]),
-            np.load(self.path("frames", "codes.npy"), mmap_mode="r"),
-            np.array(header["gain"], np.float64),
-            np.load(self.path("frames", "ambient.npy"), mmap_mode="r") if header["has_ambient"] else None,
-            np.inf if saturation is None else saturation,
-            header["is_mosaic"],
-        )
+        header, codes = self.read_json("frames/frames.json"), self.read_array("frames", "codes.npy")
+        with self._door("frames", "frames.json"):
+            names, saturation = tuple(map(str, header["names"])), header["saturation"]
+            if codes.dtype not in (np.uint16, np.float16) or codes.ndim != 4 or codes.shape[3] != 3:
+                raise ValueError(f"codes.npy beside it holds {codes.dtype} {codes.shape}")
+            ambient = self.read_array("frames", "ambient.npy") if header["has_ambient"] else None
+            if ambient is not None and (ambient.shape != codes.shape[1:] or ambient.dtype != codes.dtype):
+                raise ValueError(f"ambient.npy beside it holds {ambient.dtype} {ambient.shape}, not one frame")
+            return Frames(
+                names,
+                codes,
+                numbers(header["gain"], len(codes), what="gain"),
+                ambient,
+                np.inf if saturation is None else float(saturation),
+                bool(header["is_mosaic"]),
+            )
 
     def save_camera(self, camera: Camera) -> None:
         write_json(self.path("camera.json"), asdict(camera))
 
     def load_camera(self) -> Camera:
         data = self.read_json("camera.json")
-        return Camera(**{**data, "distortion": tuple(data["distortion"])})
+        with self._door("camera.json"):
+            numbers([data[name] for name in ("width", "height", "fx", "fy", "cx", "cy")], 6, what="width to cy")
+            camera = Camera(**{**data, "distortion": tuple(data["distortion"])})
+            self._of_frames_size(self.path("camera.json"), camera.height, camera.width)
+            return camera
 
     def save_spheres(self, spheres: list[Sphere], camera: Camera) -> None:
         rows = [
@@ -89,18 +125,20 @@ class Store:
         write_json(self.path("spheres.json"), rows)
 
     def load_spheres(self) -> list[Sphere]:
-        return [
-            Sphere(
-                row["kind"],
-                np.array(row["center_px"], np.float64),
-                row["radius_px"],
-                row["diameter_mm"],
-                row["sigma_px"],
-                row["score"],
-                row["apart"],
-            )
-            for row in self.read_json("spheres.json")
-        ]
+        rows = self.read_json("spheres.json")
+        with self._door("spheres.json"):
+            return [
+                Sphere(
+                    _KINDS[row["kind"]],
+                    numbers(row["center_px"], 2, what="center_px"),
+                    positive(row["radius_px"]),
+                    None if row["diameter_mm"] is None else positive(row["diameter_mm"]),
+                    float(row["sigma_px"]),
+                    float(row["score"]),
+                    bool(row["apart"]),
+                )
+                for row in rows
+            ]
 
     def save_lights(self, lights: Lights, *, files: tuple[str, ...] | None = None) -> None:
         """Write lights.json, and the same as DiLiGenT text and .lp.
@@ -140,23 +178,29 @@ class Store:
 
     def load_lights(self) -> Lights:
         data = self.read_json("lights.json")
-        rows = data["frames"]
+        with self._door("lights.json"):
+            rows, shape = data["frames"], self._stack_shape()
+            if shape is not None and len(rows) != shape[0]:
+                raise ValueError(f"{len(rows)} lights for {shape[0]} frames")
 
-        def column(name: str) -> NDArray[np.float64]:
-            return np.array([np.nan if row[name] is None else row[name] for row in rows], np.float64)
+            def sigma(name: str) -> NDArray[np.float64]:
+                return np.array([np.nan if row[name] is None else row[name] for row in rows], np.float64)
 
-        return Lights(
-            tuple(row["name"] for row in rows),
-            column("direction"),
-            column("intensity"),
-            column("position_mm") if data["model"] == "near" else None,
-            np.array(data["reference_point_mm"], np.float64),
-            column("direction_sigma_deg"),
-            column("intensity_sigma"),
-            None if data["ambient"] is None else np.array(data["ambient"], np.float64),
-            None if data["white_value"] is None else np.array(data["white_value"], np.float64),
-            tuple(tuple(row["flags"]) for row in rows),
-        )
+            def column(name: str) -> NDArray[np.float64]:
+                return numbers([row[name] for row in rows], -1, 3, what=name)
+
+            return Lights(
+                tuple(str(row["name"]) for row in rows),
+                column("direction"),
+                column("intensity"),
+                column("position_mm") if data["model"] == "near" else None,
+                numbers(data["reference_point_mm"], 3, what="reference_point_mm"),
+                sigma("direction_sigma_deg"),
+                sigma("intensity_sigma"),
+                None if data["ambient"] is None else numbers(data["ambient"], 3, what="ambient"),
+                None if data["white_value"] is None else numbers(data["white_value"], 3, what="white_value"),
+                tuple(tuple(map(str, row["flags"])) for row in rows),
+            )
 
     def save_pose(
         self, pose: Pose, *, residual_px: float, sigma_mm: float, sigma_deg: float, mm_per_unit: float | None = None
@@ -172,11 +216,20 @@ class Store:
         write_json(self.path("pose.json"), data)
 
     def load_pose(self) -> Pose:
-        return Pose(np.array(self.read_json("pose.json")["camera_from_scan"], np.float64))
+        data = self.read_json("pose.json")
+        with self._door("pose.json"):
+            matrix = numbers(data["camera_from_scan"], 4, 4, what="camera_from_scan")
+            if not np.allclose(matrix[:3, :3] @ matrix[:3, :3].T, np.eye(3), atol=1e-3):
+                raise ValueError("camera_from_scan is no rigid motion")
+            return Pose(matrix)
 
     def load_scan_scale(self) -> float:
         """Return the millimetres per unit of the scan's file that registering found; 1 where the unit was known."""
-        return float(self.read_json("pose.json").get("mm_per_unit", 1.0)) if self.path("pose.json").exists() else 1.0
+        if not self.path("pose.json").exists():
+            return 1.0
+        data = self.read_json("pose.json")
+        with self._door("pose.json"):
+            return positive(data.get("mm_per_unit", 1.0))
 
     def save_mask(self, mask: NDArray[np.bool_]) -> None:
         write_png(self.path("mask.png"), mask)
@@ -184,10 +237,9 @@ class Store:
     def load_mask(self) -> NDArray[np.bool_]:
         import cv2
 
-        image = cv2.imread(str(self.path("mask.png")), cv2.IMREAD_GRAYSCALE)
-        if image is None:
-            raise SceneError(f"{self.path('mask.png')}: cannot be read. Run the step `align` again.")
-        return image > 127
+        mask = read_pixels(self.path("mask.png"), cv2.IMREAD_GRAYSCALE, do=REMADE) > 127
+        self._of_frames_size(self.path("mask.png"), *mask.shape)
+        return mask
 
     def save_truth(self, normals: NDArray, sigma_deg: NDArray) -> None:
         write_npy(self.path("normals", "truth_sigma.npy"), sigma_deg.astype(np.float32))
@@ -206,4 +258,9 @@ class Store:
 
     def load_normals(self, name: str) -> NDArray[np.float32]:
         """Return normals/<name>.npy (H, W, 3); `truth`, or a method's."""
-        return np.load(self.path("normals", f"{name}.npy"))
+        path = self.path("normals", f"{name}.npy")
+        normals = self.read_array("normals", f"{name}.npy")
+        if normals.ndim != 3 or normals.shape[2] != 3:
+            raise SceneError(f"{path}: found an array {normals.shape}, expected (height, width, 3). {REMADE}")
+        self._of_frames_size(path, *normals.shape[:2])
+        return np.array(normals, np.float32)

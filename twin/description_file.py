@@ -1,7 +1,6 @@
 """A scene description's file, TOML: read with every fault told at once. docs/scenes.md is its manual."""
 
 import difflib
-import json
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from pydantic import ValidationError
 from scene.camera import Camera
 from scene.errors import RenderError, SceneError
 from scene.pose import rotation_from_vector
+from scene.reading import json_of, numbers, reading, shortened, text_of
 from twin import description_tables
 from twin.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description_check import scene_faults
@@ -55,12 +55,15 @@ def read_scene(path: Path) -> TwinScene:
     RenderError
         Whatever is at fault, one line each, with the key.
     """
-    try:
-        data = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        raise RenderError(f"{path}: not found.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RenderError(f"{path}: not TOML: {error}.") from error
+    if not path.is_file():
+        raise RenderError(f"{path}: not found.")
+    with reading(path, "not TOML", RenderError, do="Correct that line."):
+        data = tomllib.loads(text_of(path, error=RenderError))
+    with reading(path, "cannot be followed", RenderError, do="Correct it, or the files that it names."):
+        return _scene(path, data)
+
+
+def _scene(path: Path, data: dict[str, Any]) -> TwinScene:
     try:
         table = DescriptionTable.model_validate(data)
     except ValidationError as error:
@@ -205,20 +208,18 @@ def _rotation(angles_deg: list[float]) -> Array:
 
 
 def _pose(path: Path) -> Array:
-    try:
-        data = json.loads(path.read_text())
-        matrix = np.array(data["camera_from_scan"], float).reshape(4, 4)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise RenderError(f"{path}: not a pose.json that rgbn wrote ({error}).") from error
-    return matrix @ np.diag([*[float(data.get("mm_per_unit", 1.0))] * 3, 1.0])
+    with reading(path, "not a pose.json that rgbn wrote", RenderError):
+        data = json_of(path, error=RenderError)
+        return numbers(data["camera_from_scan"], 4, 4) @ np.diag([*[float(data.get("mm_per_unit", 1.0))] * 3, 1.0])
 
 
 _KEYS = sorted({key for table in vars(description_tables).values() for key in getattr(table, "model_fields", {})})
 
 
 def _told(path: Path, faults: list[str]) -> RenderError:
+    faults = [shortened(fault, 600) for fault in faults]
     return RenderError(
-        f"{path}: " + (faults[0] if len(faults) == 1 else "\n  ".join([f"{len(faults)} faults", *faults]))
+        f"{path}: " + (faults[0] if len(faults) == 1 else "\n  ".join([f"{len(faults)} faults", *faults[:100]]))
     )
 
 

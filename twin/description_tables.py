@@ -7,6 +7,10 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloa
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
 Share = Annotated[float, Field(ge=0, le=1)]
 NotNegative = Annotated[float, Field(ge=0)]
+# No picture has more pixels in a row, no capture as many lights.
+Size = Annotated[PositiveInt, Field(le=65535)]
+Many = Annotated[PositiveInt, Field(le=10_000)]
+Few = Annotated[PositiveInt, Field(le=100)]
 
 
 def _three(value: Any) -> Any:
@@ -22,7 +26,7 @@ Row = Annotated[list[float], Field(min_length=4, max_length=4)]
 class Table(BaseModel):
     """A TOML table: unknown keys are faults."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
 class TextureTable(Table):
@@ -76,8 +80,8 @@ class SensorTable(Table):
 class CameraTable(Table):
     """[camera]: as in session.toml, the projection, and what is written."""
 
-    width: PositiveInt
-    height: PositiveInt
+    width: Size
+    height: Size
     fx: PositiveFloat
     fy: PositiveFloat | None = None
     cx: float | None = None
@@ -233,7 +237,7 @@ class RingTable(GroupTable):
     """Lights in a ring about the camera's axis."""
 
     kind: Literal["ring"]
-    count: PositiveInt
+    count: Many
     polar_deg: Annotated[float, Field(gt=0, lt=180)]
     start_deg: float = 0.0
 
@@ -242,8 +246,8 @@ class GridTable(GroupTable):
     """Rings of lights over the hemisphere of the camera's side."""
 
     kind: Literal["hemisphere"]
-    rings: PositiveInt
-    around: PositiveInt
+    rings: Few
+    around: Few
     max_polar_deg: Annotated[float, Field(gt=0, le=90)] = 70.0
 
 

@@ -126,10 +126,7 @@ def _session(group: SessionLightsTable, folder: Path) -> tuple[Lights, Array]:
     path = folder / group.file
     if path.name != "lights.json" or not path.is_file():
         raise RenderError(f"lights[0].file: {path} is not there, or not a lights.json that rgbn wrote.")
-    try:
-        lights = Store(path.parent).load_lights()
-    except (ValueError, KeyError, TypeError) as error:
-        raise RenderError(f"lights[0].file: {path} is not a lights.json of rgbn ({error}). Calibrate again.") from error
+    lights = Store(path.parent).load_lights()
     white = np.ones(3) if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
     lights = replace(lights, intensities=lights.intensities * white, white_value=None, ambient=None)
     return lights, np.zeros(len(lights))

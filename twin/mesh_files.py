@@ -11,7 +11,11 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
+from scene.reading import reading
 from twin.object_mesh import ObjectMesh, smooth
+
+LARGEST = 1e9
+"""Of a position, in the file's unit: squares of it keep their precision."""
 
 Array = NDArray[np.float64]
 
@@ -31,27 +35,31 @@ def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
     RenderError
         It cannot be read, has no faces, or positions that are no numbers.
     """
-    import trimesh
-
     if not path.is_file():
         raise RenderError(f"{path}: not found.")
+    with reading(path, "no mesh can be read", RenderError, do="Export it again, as .ply or .obj."):
+        return _read(path, is_smooth)
+
+
+def _read(path: Path, is_smooth: bool) -> ObjectMesh:
+    import trimesh
+
     # A .ply with coordinates at the vertices keeps its vertices' order; one with coordinates at the faces' corners
     # must be taken apart.
     with path.open("rb") as file:
         apart = path.suffix.lower() != ".ply" or b"texcoord" in file.read(4096)
-    try:
-        loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=apart)
-    except Exception as error:
-        raise RenderError(f"{path}: no mesh can be read ({error}). Export it again, as .ply or .obj.") from error
+    loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=apart)
     faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))), np.int64)
     if not len(faces):
         raise RenderError(
             f"{path}: holds no faces; expected a mesh. A point cloud must be made a mesh, and a .ply with triangle "
             "strips saved as triangles, first."
         )
-    if not np.isfinite(loaded.vertices).all():
-        raise RenderError(f"{path}: some positions are no numbers. Export the mesh again.")
     vertices = np.array(loaded.vertices, np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.min() < 0 or faces.max() >= len(vertices):
+        raise ValueError(f"faces name vertices {faces.min()} to {faces.max()} of {vertices.shape}")
+    if not (np.abs(vertices) < LARGEST).all():
+        raise RenderError(f"{path}: some positions are no numbers, or beyond {LARGEST:.0e}. Export the mesh again.")
     raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
     uv = getattr(loaded.visual, "uv", None)
     texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64) * [1, -1] + [0, 1]

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import in_place
+from scene.image_files import check_header, read_pixels
+from scene.reading import array_of, reading
 from twin.mesh_files import linear_from_srgb
 
 Picture = NDArray[np.float32]
@@ -56,18 +58,15 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
 
 def _read(path: Path) -> NDArray:
     suffix = path.suffix.lower()
-    try:
-        if suffix == ".npy":
-            return np.load(path, allow_pickle=False)
-        if suffix == ".exr":
+    if suffix == ".npy":
+        return array_of(path, "cannot be read as a picture", RenderError)
+    if suffix == ".exr":
+        with reading(path, "cannot be read as a picture", RenderError, do="Save it again."):
+            check_header(path.read_bytes())
             return _read_exr(path)
-        import cv2
+    import cv2
 
-        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    except (OSError, ValueError, RuntimeError) as error:
-        raise RenderError(f"{path}: cannot be read ({error}).") from error
-    if image is None:
-        raise RenderError(f"{path}: cannot be read as a picture. Save it again.")
+    image = read_pixels(path, cv2.IMREAD_UNCHANGED, RenderError)
     return image if image.ndim == 2 else np.asarray(image[..., :3][..., ::-1])
 
 

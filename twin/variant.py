@@ -5,7 +5,6 @@ tried once, in a process of its own, and the verdict is kept in the user's cache
 """
 
 import contextlib
-import json
 import os
 import re
 import subprocess
@@ -16,6 +15,7 @@ from pathlib import Path
 
 from scene.errors import SceneError
 from scene.files import write_json
+from scene.reading import json_of
 
 FAST, SLOW = "llvm_ad_rgb", "scalar_rgb"
 OLDEST_LLVM = 16
@@ -114,8 +114,8 @@ def _works(library: Path) -> bool:
     cache = _cache_folder() / "mitsuba_llvm.json"
     verdicts: dict[str, bool] = {}
     # A cache that cannot be read or written costs a second probe, no more.
-    with contextlib.suppress(OSError, ValueError):
-        verdicts = dict(json.loads(cache.read_text()))
+    with contextlib.suppress(SceneError, TypeError, ValueError):
+        verdicts = dict(json_of(cache))
     if key not in verdicts:
         verdicts[key] = _probe(library)
         with contextlib.suppress(OSError, SceneError):

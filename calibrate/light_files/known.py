@@ -16,6 +16,8 @@ from scene.lights import Lights
 
 Array = NDArray[np.float64]
 SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
+LARGEST = 1e9
+"""Of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others."""
 NO_INTENSITIES = "has no intensities"
 """Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""
 
@@ -77,15 +79,9 @@ def read_lights(
 
 
 def _read(path: Path, suffix: str, camera: Camera | None) -> Lights:
-    if suffix == ".mat":
-        return read_mat(path)
-    try:
-        text = path.read_text("utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise CalibrationError(f"{path}: cannot be read as text ({error}).") from error
     if suffix == ".dome":
-        return read_dome(path, text, camera)
-    return {".lp": read_lp, ".json": read_json, ".txt": read_diligent}[suffix](path, text)
+        return read_dome(path, camera)
+    return {".mat": read_mat, ".lp": read_lp, ".json": read_json, ".txt": read_diligent}[suffix](path)
 
 
 def _checked(path: Path, lights: Lights) -> Lights:
@@ -97,10 +93,11 @@ def _checked(path: Path, lights: Lights) -> Lights:
     for what, rows in columns:
         if rows is None or (what == "intensity" and not has_intensities):
             continue
-        bad = np.flatnonzero(~np.isfinite(rows).all(axis=1))
+        bad = np.flatnonzero(~(np.abs(rows) < LARGEST).all(axis=1))
         if len(bad):
             raise CalibrationError(
-                f"{path}: light {bad[0] + 1} has the {what} {rows[bad[0]].tolist()}, not a finite number each."
+                f"{path}: light {bad[0] + 1} has the {what} {rows[bad[0]].tolist()}, not a finite number of sensible "
+                "size each."
             )
     if (lights.intensities <= 0).any():
         raise CalibrationError(f"{path}: intensities must be positive, found {lights.intensities.min():g}.")

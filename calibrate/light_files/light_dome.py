@@ -12,17 +12,18 @@ from calibrate.light_files.light_text import nameless
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
+from scene.reading import numbers, reading
 
 Array = NDArray[np.float64]
 NO_SCALE = "its positions in mm are not used: they need [camera], and imageWidth in the file"
 
 
-def read_dome(path: Path, text: str, camera: Camera | None) -> Lights:
+def read_dome(path: Path, camera: Camera | None) -> Lights:
     """Read a `.dome`.
 
     Parameters
     ----------
-    path, text : Path, str
+    path : Path
     camera : Camera or None
         Positions are about the object, and only a perspective camera and the file's `imageWidth` tell how far away
         that is; without them the lights are distant, as seen from the middle of the picture, and flagged.
@@ -32,9 +33,10 @@ def read_dome(path: Path, text: str, camera: Camera | None) -> Lights:
     `ledAdjust` multiplies the pixels to make the lamps alike: their power is its reciprocal. RelightLab undoes the
     fall-off with the distance by itself.
     """
-    data = parsed(path, text)
+    data = parsed(path)
     kind = data.get("lightConfiguration", "directional")
-    try:
+    expected = "Expected lightConfiguration and directions[], positionsSphere[] or positions3d[] of {x, y, z}."
+    with reading(path, "not a RelightLab dome", CalibrationError, do=expected):
         if kind == "directional":
             positions, directions = None, _vectors(data["directions"], "xyz")
         elif kind == "spherical":
@@ -52,11 +54,6 @@ def read_dome(path: Path, text: str, camera: Camera | None) -> Lights:
         adjust = _vectors(data.get("ledAdjust") or [], "rgb")
         width_mm = float(data.get("imageWidth") or 0)
         names = tuple(str(name) for name in data.get("names") or nameless(len(directions)))
-    except (KeyError, TypeError, ValueError) as error:
-        raise CalibrationError(
-            f"{path}: not a RelightLab dome ({type(error).__name__}: {error}). Expected lightConfiguration and "
-            "directions[], positionsSphere[] or positions3d[] of {x, y, z}."
-        ) from error
     if len(adjust) not in (0, len(directions)) or len(names) != len(directions):
         raise CalibrationError(
             f"{path}: {len(directions)} lights, but {len(adjust)} entries in ledAdjust, {len(names)} names."
@@ -101,7 +98,7 @@ def dome_json(lights: Lights, camera: Camera) -> dict[str, Any]:
 
 
 def _vectors(rows: list[dict[str, float]], keys: str) -> Array:
-    return np.array([[row[key] for key in keys] for row in rows], np.float64).reshape(-1, 3)
+    return numbers([[row[key] for key in keys] for row in rows] or np.zeros((0, 3)), -1, 3)
 
 
 def _objects(rows: Array, keys: str) -> list[dict[str, float]]:

@@ -1,6 +1,5 @@
 """Lights in JSON: this program's lights.json and AliceVision's, told apart by what is in them."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -11,36 +10,30 @@ from calibrate.light_files.light_frames import from_opencv, to_opencv
 from calibrate.light_files.light_text import nameless, stem
 from scene.errors import CalibrationError
 from scene.lights import Lights
+from scene.reading import json_of, numbers, reading, shortened
 
 Array = NDArray[np.float64]
 
 
-def parsed(path: Path, text: str) -> dict[str, Any]:
+def parsed(path: Path) -> dict[str, Any]:
     """Return the object that a JSON file holds."""
-    try:
-        data = json.loads(text)
-    except ValueError as error:
-        raise CalibrationError(f"{path}: not JSON ({error}). Write or export the file again.") from None
+    data = json_of(path, error=CalibrationError, do="Write or export the file again.")
     if not isinstance(data, dict):
         raise CalibrationError(f"{path}: holds a {type(data).__name__}, expected an object with the lights in it.")
     return data
 
 
-def read_json(path: Path, text: str) -> Lights:
+def read_json(path: Path) -> Lights:
     """Read a lights.json: ours if it has `frames`, AliceVision's if it has `lights`."""
-    data = parsed(path, text)
+    data = parsed(path)
     if "frames" not in data and "lights" not in data:
         raise CalibrationError(
-            f"{path}: not a lights.json (its keys are {', '.join(sorted(data)) or 'none'}). Expected frames[] (this "
-            "program's) or lights[] (AliceVision's)."
+            f"{path}: not a lights.json (its keys are {shortened(', '.join(sorted(data))) or 'none'}). Expected "
+            "frames[] (this program's) or lights[] (AliceVision's)."
         )
     reader, what = (_ours, OURS) if "frames" in data else (_alicevision, ALICEVISION)
-    try:
+    with reading(path, "not a lights.json", CalibrationError, do=f"Expected {what}."):
         return reader(path, data)
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CalibrationError(
-            f"{path}: not a lights.json ({type(error).__name__}: {error}). Expected {what}."
-        ) from error
 
 
 OURS = "frames[] with name, direction, intensity and, for near lights, position_mm"
@@ -59,13 +52,13 @@ def _ours(path: Path, data: dict[str, Any]) -> Lights:
         tuple(str(row["name"]) for row in rows),
         np.array([row["direction"] for row in rows], np.float64).reshape(-1, 3),
         np.array([row["intensity"] for row in rows], np.float64).reshape(-1, 3),
-        np.array([row["position_mm"] for row in rows], np.float64) if near else None,
-        np.array(data.get("reference_point_mm") or [0.0, 0.0, 0.0], np.float64),
+        numbers([row["position_mm"] for row in rows], -1, 3, what="position_mm") if near else None,
+        numbers(data.get("reference_point_mm") or [0.0, 0.0, 0.0], 3, what="reference_point_mm"),
         column("direction_sigma_deg"),
         column("intensity_sigma"),
-        None if ambient is None else np.array(ambient, np.float64),
-        None if white is None else np.array(white, np.float64),
-        tuple(tuple(row.get("flags", ())) for row in rows),
+        None if ambient is None else numbers(ambient, 3, what="ambient"),
+        None if white is None else numbers(white, 3, what="white_value"),
+        tuple(tuple(map(str, row.get("flags", ()))) for row in rows),
     )
 
 
@@ -101,11 +94,8 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
 
 def view_paths(path: Path) -> dict[str, str]:
     """Return {photograph's path: view id} of an AliceVision .sfm file."""
-    try:
-        views = parsed(path, path.read_text())["views"]
-        return {str(view["path"]): str(view["viewId"]) for view in views}
-    except (OSError, UnicodeDecodeError, KeyError, TypeError) as error:
-        raise CalibrationError(f"{path}: not an AliceVision .sfm ({type(error).__name__}: {error}).") from error
+    with reading(path, "not an AliceVision .sfm", CalibrationError):
+        return {str(view["path"]): str(view["viewId"]) for view in parsed(path)["views"]}
 
 
 def alicevision_json(lights: Lights, views: dict[str, str] | None) -> dict[str, Any]:

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from calibrate.light_files.light_frames import from_opencv, matlab_matrix, to_opencv
 from calibrate.light_files.light_text import nameless
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
+from scene.mat_files import arrays_of_mat
+from scene.reading import numbers, reading
 
 USUAL_DEPTH_MM = 700.0
 """Where near_ps takes the object to stand when it is not told."""
@@ -26,24 +27,21 @@ def read_mat(path: Path) -> Lights:
     variable `reference` (1, 3), which this program adds, does. Without it the object is taken to stand 700 mm before
     the camera, and each light is flagged.
     """
-    data = _variables(path)
+    data = arrays_of_mat(path, error=CalibrationError)
     if "S" not in data:
         raise CalibrationError(
             f"{path}: holds {', '.join(sorted(data)) or 'nothing'}; expected S (n x 3, mm), and Phi, mu, Dir."
         )
-    try:
+    shapes = "has S, Phi or mu of a strange shape"
+    with reading(path, shapes, CalibrationError, do="Expected n x 3, n x 3, n x 1."):
         positions = from_opencv(np.asarray(data["S"], np.float64).reshape(-1, 3))
         power = np.full_like(positions, np.nan)
         if "Phi" in data:
             power = np.broadcast_to(np.asarray(data["Phi"], np.float64).reshape(len(positions), -1), positions.shape)
         bent = float(np.max(np.abs(np.asarray(data.get("mu", 0.0), np.float64)), initial=0.0))
-        names = tuple(str(np.squeeze(name)) for name in np.ravel(data["names"])) if "names" in data else ()
+        names = tuple(str(name) for name in np.ravel(data.get("names", ())))
         known = "reference" in data
-        reference = from_opencv(np.asarray(data.get("reference", [0, 0, USUAL_DEPTH_MM]), np.float64).reshape(3))
-    except ValueError as error:
-        raise CalibrationError(
-            f"{path}: S, Phi or mu has a strange shape ({error}). Expected n x 3, n x 3, n x 1."
-        ) from error
+        reference = from_opencv(numbers(np.ravel(data.get("reference", [0, 0, USUAL_DEPTH_MM])), 3))
     flag = () if known else (f"the object is taken to stand {USUAL_DEPTH_MM:g} mm away: {path.name} does not tell",)
     if bent:
         flag += (f"taken as shining alike to all sides: mu up to {bent:g} is not used",)
@@ -87,22 +85,3 @@ def _mat(variables: dict[str, Any]) -> bytes:
     buffer = io.BytesIO()
     scipy.io.savemat(buffer, variables)
     return buffer.getvalue()
-
-
-def _variables(path: Path) -> dict[str, NDArray]:
-    import h5py
-    import scipy.io
-
-    try:
-        if h5py.is_hdf5(path):
-            with h5py.File(path) as file:
-                # MATLAB 7.3 stores columns first: the axes come out reversed. Its cells of text are references.
-                return {
-                    name: np.asarray(item).T
-                    for name, item in file.items()
-                    if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu"
-                }
-        return {name: item for name, item in scipy.io.loadmat(path).items() if not name.startswith("__")}
-    except Exception as error:
-        # scipy and h5py raise whatever they stumble over; all of it means a damaged file.
-        raise CalibrationError(f"{path}: cannot be read as a MATLAB file ({error}).") from error

@@ -7,12 +7,14 @@ from numpy.typing import NDArray
 
 from scene.errors import CalibrationError
 from scene.lights import Lights
+from scene.reading import shortened, text_of
 
 Array = NDArray[np.float64]
 
 
-def read_lp(path: Path, text: str) -> Lights:
+def read_lp(path: Path) -> Lights:
     """Read `.lp`: first line the count, then `name x y z`; the name may hold spaces. It has no intensities."""
+    text = text_of(path, error=CalibrationError)
     lines = [line.split() for line in text.splitlines() if line.strip()]
     try:
         count = int(lines[0][0])
@@ -23,25 +25,26 @@ def read_lp(path: Path, text: str) -> Lights:
         raise CalibrationError(f"{path}: line 1 says {count} lights, but {len(rows)} follow.")
     if any(len(row) < 4 for row in rows):
         bad = next(i for i, row in enumerate(rows) if len(row) < 4)
-        raise CalibrationError(f"{path}: light {bad + 1} is {' '.join(rows[bad])!r}; expected: name x y z.")
+        raise CalibrationError(f"{path}: light {bad + 1} is {shortened(' '.join(rows[bad]))!r}; expected: name x y z.")
     directions = np.array([[_number(path, word) for word in row[-3:]] for row in rows]).reshape(-1, 3)
     names = tuple(stem(" ".join(row[:-3])) for row in rows)
     return Lights(names, directions, np.full_like(directions, np.nan))
 
 
-def read_diligent(path: Path, text: str) -> Lights:
+def read_diligent(path: Path) -> Lights:
     """Read DiLiGenT's directions, one a line, with light_intensities.txt and filenames.txt beside them if there."""
-    directions = _table(path, text)
+    directions = _table(path)
     intensities = np.full_like(directions, np.nan)
     beside = path.with_name(path.name.replace("directions", "intensities"))
     if beside != path and beside.is_file():
-        intensities = _table(beside, beside.read_text())
+        intensities = _table(beside)
         if len(intensities) != len(directions):
             raise CalibrationError(
                 f"{beside}: {len(intensities)} intensities, but {path.name} has {len(directions)} lights."
             )
     listed = path.with_name("filenames.txt")
-    names = tuple(stem(line) for line in listed.read_text().splitlines() if line.strip()) if listed.is_file() else ()
+    lines = text_of(listed, error=CalibrationError).splitlines() if listed.is_file() else []
+    names = tuple(stem(line) for line in lines if line.strip())
     return Lights(names if len(names) == len(directions) else nameless(len(directions)), directions, intensities)
 
 
@@ -58,8 +61,9 @@ def nameless(count: int) -> tuple[str, ...]:
     return tuple(f"(row {i + 1})" for i in range(count))
 
 
-def _table(path: Path, text: str) -> Array:
-    rows = [line.split() for line in text.splitlines() if line.strip()]
+def _table(path: Path) -> Array:
+    lines = text_of(path, error=CalibrationError).splitlines()
+    rows = [line.split() for line in lines if line.strip()]
     bad = next((i for i, row in enumerate(rows) if len(row) != 3), None)
     if bad is not None or not rows:
         found = f"line {bad + 1} has {len(rows[bad])}" if bad is not None else "the file is empty"
@@ -71,4 +75,4 @@ def _number(path: Path, word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise CalibrationError(f"{path}: {word!r} is not a number.") from None
+        raise CalibrationError(f"{path}: {shortened(word)!r} is not a number.") from None

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
+from scene.image_files import read_pixels
 from scene.normal_files import read_normal_map
 
 Array = NDArray[np.float64]
@@ -163,9 +164,10 @@ def _read_mask(found: Layout) -> None:
         return
     import cv2
 
-    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    if image is None:
-        found.faults.append("mask.png: cannot be read as a picture. Save it again.")
+    try:
+        image = read_pixels(path, cv2.IMREAD_UNCHANGED)
+    except SceneError as error:
+        found.faults.append(_inside(found, str(error)))
         return
     values = image.reshape(*image.shape[:2], -1)[..., :3].max(-1)
     low, high = int(values.min()), int(values.max())

@@ -6,6 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.datasets.layout import MOST_PIXELS, Layout
+from scene.errors import SceneError
+from scene.image_files import read_pixels
 
 CLIPPED = 0.98
 _MUCH_CLIPPED = 0.3
@@ -46,9 +48,10 @@ def read_samples(found: Layout) -> Samples | None:
     values = np.zeros((len(places), len(found.files), 3), np.float32)
     faults, shallow, dark, clipped, within, around = [], [], [], [], 0.0, 0.0
     for index, name in enumerate(found.files):
-        image = cv2.imread(str(found.folder / name), cv2.IMREAD_UNCHANGED)
-        if image is None:
-            faults.append(f"{name}: cannot be read as a picture. Save it as a 16-bit PNG.")
+        try:
+            image = read_pixels(found.folder / name, cv2.IMREAD_UNCHANGED, do="Save it as a 16-bit PNG.")
+        except SceneError as error:
+            faults.append(str(error).removeprefix(f"{found.folder}/"))
             continue
         size = size or image.shape[:2]
         if image.shape[:2] != size:

@@ -11,6 +11,7 @@ from typing import Any
 
 from scene.errors import SceneError
 from scene.files import write_whole
+from scene.reading import reading, text_of
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
@@ -177,8 +178,9 @@ class Workspace:
         """
         path = self.path(name)
         try:
-            data = tomllib.loads(path.read_text())
-        except (OSError, ValueError):
+            with reading(path):
+                data = tomllib.loads(text_of(path))
+        except SceneError:
             return path
         for file in _files_of(data):
             try:

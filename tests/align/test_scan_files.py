@@ -184,3 +184,32 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         with pytest.raises(AlignError, match=words) as caught:
             load_scan(path, "mm")
         assert str(path) in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian", "binary_big_endian"])
+@pytest.mark.parametrize("count", [10**18, 2**63, 10**30, -1])
+def test_a_ply_that_promises_more_than_it_can_hold(tmp_path, kind, count):
+    """Refused by its header: no memory is asked for."""
+    head = "ply\nformat {}  1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face {}\nproperty list uchar int vertex_indices\nend_header\n"
+    body = b"0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" if kind == "ascii" else bytes(36 + 13)
+    (tmp_path / "a.ply").write_bytes(head.format(kind, count).encode() + body)
+    with pytest.raises(AlignError, match="face do not fit into"):
+        load_scan(tmp_path / "a.ply", "mm")
+
+
+@pytest.mark.parametrize("length", ["1e300", "nan", "-1e300", "1e18", "9223372036854775807"])
+def test_a_list_of_impossible_length_in_a_text(tmp_path, length):
+    """The walk over lists knows no bounds: a length that overflowed led it out of the file."""
+    faces = f"3 0 1 2\n4 0 1 2 3\n{length} 0 1 2\n3 1 2 3\n"
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 4\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n"
+    (tmp_path / "a.ply").write_text(head + faces)
+    with pytest.raises(AlignError, match="damaged"):
+        load_scan(tmp_path / "a.ply", "mm")
+
+
+def test_positions_without_end(tmp_path):
+    path = ply(tmp_path / "a", CUBE * 1e300, QUADS)
+    with pytest.raises(AlignError, match=r"positions reach 1e\+301"):
+        load_scan(path, "mm")

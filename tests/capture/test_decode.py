@@ -244,3 +244,11 @@ def test_the_diligent_ball_keeps_its_values(shared, tmp_path):
     expected = cv2.imread(str(session.flash[4]), cv2.IMREAD_UNCHANGED)[..., ::-1] / 65535
     assert np.abs(frames.frame(4) - expected).max() <= 0.51 * CODE
     assert report.warnings == ()
+
+
+@pytest.mark.parametrize(("shape", "half"), [((1, 1), False), ((1, 64), False), ((64, 1), True), ((3, 5), True)])
+def test_a_picture_of_no_width_is_told(tmp_path, picture_session, shape, half):
+    """The audit's pyramid ended in an assertion of OpenCV."""
+    folder = picture_session(np.full((4, *shape, 3), 0.3), table=f"linear = true\nhalf = {str(half).lower()}")
+    with pytest.raises(CaptureError, match="no photograph"):
+        decode(load_session(folder), Store(tmp_path / "out"))

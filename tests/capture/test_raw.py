@@ -1,5 +1,7 @@
 """RAW files: the locked linear decode, against known mosaics and against LibRaw itself."""
 
+import struct
+
 import numpy as np
 import pytest
 import rawpy
@@ -202,6 +204,41 @@ def test_a_raw_file_with_all_colours_at_every_pixel(tmp_path):
     found = read_raw(tmp_path / "l.dng")
     assert not found.is_mosaic
     assert np.abs(decode(found.codes) - (image.astype(float) - 512) * DN).max() < CODE
+
+
+def test_a_sensor_without_colour_filters(tmp_path):
+    """A camera for black and white: one value a pixel becomes three, and the audit's facts can be had of it."""
+    from capture.facts import facts_of
+
+    image = np.random.default_rng(5).integers(512, 9000, (48, 64), np.uint16)
+    tags = [
+        (50706, 1, 4, b"\x01\x04\x00\x00", True),
+        (50708, 2, 0, "Test One", True),
+        (50714, 3, 1, 512, True),
+        (50717, 4, 1, 16383, True),
+    ]
+    tifffile.imwrite(tmp_path / "m.dng", image, photometric="minisblack", extratags=tags, metadata=None)
+    data = (tmp_path / "m.dng").read_bytes()
+    # tifffile writes LinearRaw of three colours only.
+    entry = struct.pack("<HHIHH", 262, 3, 1, 1, 0)
+    assert data.count(entry) == 1
+    (tmp_path / "m.dng").write_bytes(data.replace(entry, struct.pack("<HHIHH", 262, 3, 1, 34892, 0)))
+    found = read_raw(tmp_path / "m.dng")
+    assert found.codes.shape == (48, 64, 3)
+    assert (found.codes == found.codes[..., :1]).all()
+    assert facts_of(found.codes).small.shape == (48, 64)
+
+
+@pytest.mark.parametrize("letters", ["RRRG", "RGBR"])
+def test_a_colour_filter_that_no_sensor_has(tmp_path, write_dng, mosaic, letters):
+    data = write_dng(tmp_path / "a.dng", mosaic(ramps())).read_bytes()
+    place = data.index(bytes("RGB".index(letter) for letter in "RGGB"))
+    assert data.count(data[place : place + 4]) == 1
+    broken = bytes("RGB".index(letter) for letter in letters)
+    (tmp_path / "a.dng").write_bytes(data[:place] + broken + data[place + 4 :])
+    for half in (False, True):
+        with pytest.raises(CaptureError, match=r"a\.dng: cannot be decoded"):
+            read_raw(tmp_path / "a.dng", half=half)
 
 
 @pytest.mark.parametrize("how", ["cut", "noise", "empty", "absent"])

@@ -338,3 +338,35 @@ def test_bright_maps_come_back_from_exr_and_hdr(tmp_path):
     write_exr(tmp_path / "sky.exr", sky)
     with pytest.raises(RenderError, match=r"environment.map: .*sky.exr: 1 of 96 values are not finite"):
         read(tmp_path, HEAD, BALL, MATTE, text % "exr", LIGHT)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("width = 64", "width = 90000000000", "camera.width"),
+        ("fx = 100.0", "fx = inf", "camera.fx: found inf; expected a finite number"),
+        ("[0, 0, 1]", "[0, nan, 1]", "direction[1]: found nan"),
+        ("scale = 40", "scale = inf", "scale"),
+    ],
+)
+def test_numbers_beyond_sense(tmp_path, old, new, part):
+    text = "\n".join([HEAD, BALL, MATTE, LIGHT])
+    assert old in text
+    with pytest.raises(RenderError) as told:
+        read(tmp_path, text.replace(old, new))
+    assert part in str(told.value)
+
+
+def test_a_mesh_whose_faces_name_no_vertex(tmp_path):
+    head = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
+    (tmp_path / "a.ply").write_text(head + "3 0 1 2000\n")
+    mesh = '[[objects]]\nmesh = "a.ply"\nmaterial = "m"\n'
+    with pytest.raises(RenderError, match="no mesh can be read"):
+        read(tmp_path, HEAD, mesh, MATTE, LIGHT)
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 50_000, "\0", "a = " + "9" * 5000])
+def test_toml_that_breaks_its_parser(tmp_path, text):
+    with pytest.raises(RenderError, match=r"a\.toml: not TOML"):
+        read(tmp_path, text)

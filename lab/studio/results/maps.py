@@ -14,6 +14,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
+from scene.reading import array_of
 
 Side = Literal["photographs", "twin"]
 SIDES: tuple[Side, ...] = get_args(Side)
@@ -200,10 +201,7 @@ class Results:
         if not path.exists():
             step = "align" if source == TRUTH else "solve" if source.side == "photographs" else "twin"
             raise SceneError(f"no {named} in this folder. The step `{step}` leaves them.")
-        try:
-            found = np.load(path, mmap_mode="r")
-        except (OSError, ValueError, EOFError) as error:
-            raise SceneError(f"{named}: {path.name} cannot be read ({error}). Run its step again.") from error
+        found = array_of(path, do="Run its step again.")
         if found.ndim != (3 if place in ("normals", "albedo") else 2):
             raise SceneError(f"{named}: {path.name} holds an array {found.shape}. Run its step again.")
         return found

@@ -12,6 +12,7 @@ from lab.studio.own_files import put_own, remove_own
 from lab.studio.review.folder import HEADLINE, KEPT, OWN, Review
 from scene.errors import SceneError
 from scene.files import write_text
+from scene.reading import reading, text_of
 
 PICKS = "picks.csv"
 """Beside it."""
@@ -75,10 +76,8 @@ def forget_kept(review: Review) -> None:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text("utf-8-sig"))
-    except (OSError, ValueError) as error:
-        raise SceneError(f"{path}: cannot be read as TOML ({error}). Correct it, or remove it.") from error
+    with reading(path, "cannot be read as TOML", do="Correct it, or remove it."):
+        return tomllib.loads(text_of(path))
 
 
 def _source(review: Review) -> Path:

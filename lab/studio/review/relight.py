@@ -106,7 +106,7 @@ def relit_scene(review: Review) -> Any:
     # The one that gloss disturbs least.
     method = "iterative" if "iterative" in methods else methods[0]
     mesh = Job(review.session, Record(store.folder), (method,)).load_scan()
-    albedo = np.load(store.path("albedo", f"{method}.npy"))
+    albedo = store.read_array("albedo", f"{method}.npy")
     depth = float(lights.reference_point_mm[2])
     scene, _ = scan_scene(mesh, store.load_pose(), camera, lights, albedo, albedo_depth_mm=depth, sampling=Sampling())
     return scene

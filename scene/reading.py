@@ -1,0 +1,125 @@
+"""The door of every reader: what a parser stumbles over in a foreign or damaged file ends as one message."""
+
+import contextlib
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.errors import SceneError
+
+LONGEST_TEXT = 64 << 20
+"""Bytes. Tables, JSON and lists of this project's kinds are a thousand times smaller."""
+
+
+@contextlib.contextmanager
+def reading(
+    path: Path | str,
+    fault: str = "cannot be read",
+    error: type[SceneError] = SceneError,
+    *,
+    do: str = "Restore the file, or write it anew.",
+) -> Iterator[None]:
+    """Turn whatever the block raises over a file into an error that names the file.
+
+    Parameters
+    ----------
+    path : Path or str
+        What is read.
+    fault : str
+        What is then wrong with it: "cannot be read as a mesh".
+    error : type of SceneError
+        What to raise.
+    do : str
+        One sentence: what the user can do.
+
+    Raises
+    ------
+    SceneError
+        Of the type `error`. Errors of that family, and missing modules, pass as they are.
+    """
+    try:
+        yield
+    except (SceneError, ImportError):
+        raise
+    except OSError as found:
+        raise error(f"{path}: cannot be read ({reason(found)}). {do}") from found
+    except Exception as found:
+        # Parsers raise many kinds of errors over damaged bytes; to the user they all mean the same.
+        raise error(f"{path}: {fault} ({reason(found)}). {do}") from found
+
+
+def reason(error: BaseException) -> str:
+    """Return in one short line what a foreign error says."""
+    if isinstance(error, MemoryError):
+        return "it asks for more memory than there is"
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    said = error.args[0] if error.args else ""
+    text = said.decode(errors="replace") if isinstance(said, bytes) else str(error)
+    name = type(error).__name__
+    return shortened(f"{name}: {text}" if isinstance(error, LookupError) or not text else text)
+
+
+def shortened(text: str, longest: int = 200) -> str:
+    """Return a text in one line of printable characters, cut where it is long."""
+    line = " ".join("".join(letter if letter.isprintable() else " " for letter in text[: 2 * longest]).split())
+    return line if len(line) <= longest else f"{line[:longest]} ..."
+
+
+def text_of(path: Path, fault: str = "cannot be read as text", error: type[SceneError] = SceneError, **how: Any) -> str:
+    """Return a text in UTF-8, with or without its mark; see `reading` for the parameters."""
+    with reading(path, fault, error, **how):
+        size = path.stat().st_size
+        if size > LONGEST_TEXT:
+            raise ValueError(f"{size >> 20} MB, {LONGEST_TEXT >> 20} MB are the most")
+        return path.read_text("utf-8-sig")
+
+
+def json_of(path: Path, fault: str = "not JSON", error: type[SceneError] = SceneError, **how: Any) -> Any:
+    """Return what a JSON file holds; see `reading` for the parameters."""
+    text = text_of(path, fault, error, **how)
+    with reading(path, fault, error, **how):
+        return json.loads(text)
+
+
+def array_of(path: Path, fault: str = "is no array", error: type[SceneError] = SceneError, **how: Any) -> NDArray:
+    """Return the numbers of a .npy file as a memory map: its header cannot claim more than the file holds.
+
+    See `reading` for the parameters.
+    """
+    with reading(path, fault, error, **how):
+        array = np.lib.format.open_memmap(path, mode="r")
+        if array.dtype.kind not in "biuf":
+            raise ValueError(f"it holds {array.dtype}, not numbers")
+        return array
+
+
+def numbers(values: Any, *shape: int, what: str = "") -> NDArray[np.float64]:
+    """Return finite numbers as an array of a given shape; -1 stands for any length.
+
+    Raises
+    ------
+    ValueError
+        Another shape, or something that is no finite number.
+    """
+    array = np.array(values, np.float64)
+    if array.ndim != len(shape) or any(want not in (-1, size) for want, size in zip(shape, array.shape, strict=True)):
+        wanted = " x ".join("n" if size < 0 else str(size) for size in shape)
+        raise ValueError(f"{what or 'numbers'}: found the shape {array.shape}, expected {wanted or 'one number'}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{what or 'numbers'}: not all of them are finite")
+    return array
+
+
+def positive(value: Any) -> float:
+    """Return a finite number above 0; ValueError for anything else."""
+    number = float(numbers(value))
+    if number <= 0:
+        raise ValueError(f"{number:g} is not above 0")
+    return number

@@ -1,0 +1,231 @@
+"""Sessions that break a parser, a file system or physics: one message, with the key where there is one."""
+
+import os
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture.globs import MOST_FOLDERS, expand
+from capture.session import load_session
+from scene.errors import SessionError
+from scene.files import write_png
+
+FLASH = '[frames]\nflash = "flash_*.png"\n'
+CAMERA = "[camera]\nwidth = 60\nheight = 40\nfx = 70\nfy = 70\ncx = 30\ncy = 20\n"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for index in range(7):
+        write_png(tmp_path / f"flash_{index}.png", np.full((4, 6, 3), index, np.uint8))
+    return tmp_path
+
+
+def told(folder, text):
+    (folder / "session.toml").write_text(text)
+    with pytest.raises(SessionError) as error:
+        load_session(folder)
+    message = str(error.value)
+    assert len(message) < 3000
+    return message
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("[frames]\nflash = [" + '"*",' * 200_000 + "]", "frames.flash: found ["),
+        ('[frames]\nflash = "' + "*a" * 5000 + '"', "frames.flash[0]: found '*a"),
+        (FLASH + '[[spheres]]\nkind = "white"\n' * 2000, "spheres: found ["),
+        ("a = " + "[" * 100_000, "nested too deeply"),
+        ("a" + ".a" * 5000 + " = 1", "nested too deeply"),
+        (FLASH + "x = " + "[" * 300 + "]" * 300, "frames.x: unknown key"),
+        ("# " + "x" * (2 << 20), "bytes; a session takes some hundreds"),
+        (FLASH + "gamma = " + "9" * 5000, "is not TOML"),
+        (FLASH + 'gamma = "' + "x" * 100_000 + '"', "frames.gamma: found 'xxx"),
+    ],
+    ids=[
+        "many globs",
+        "long glob",
+        "many balls",
+        "deep list",
+        "deep key",
+        "deep value",
+        "huge",
+        "long number",
+        "long text",
+    ],
+)
+def test_deep_and_huge_files(folder, text, part):
+    assert part in told(folder, text)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        (CAMERA.replace("fx = 70", "fx = 1e308"), "camera.fx: found 1e+308 px for a picture of 60 px"),
+        (CAMERA.replace("fy = 70", "fy = 0.5"), "camera.fy: found 0.5 px"),
+        (CAMERA.replace("fx = 70", "fx = inf"), "camera.fx: found inf; expected a finite number"),
+        (CAMERA.replace("cx = 30", "cx = nan"), "camera.cx: found nan; expected a finite number"),
+        (CAMERA + "distortion = [0.1, nan, 0, 0, 0]", "camera.distortion[1]: found nan"),
+        (CAMERA + "distortion = [1e9, 0, 0, 0, 0]", "camera.distortion: found [1000000000.0"),
+        (CAMERA.replace("width = 60", "width = 9000000000"), "camera.width: found 9000000000; expected 1 to 100000"),
+        ('[[spheres]]\nkind = "chrome"\ndiameter_mm = inf', "spheres[0].diameter_mm: found inf"),
+        ('[[spheres]]\nkind = "chrome"\ndiameter_mm = 76e9', "expected 0.1 to 10000: millimetres"),
+        (
+            '[[spheres]]\nkind = "chrome"\ncenter_px = [1e300, 2]\nradius_px = 3',
+            "spheres[0].center_px[0]: found 1e",
+        ),
+        ("[object]\nscan_ball_diameter_mm = 1e-9", "object.scan_ball_diameter_mm: found 1e-09"),
+        ("gamma = 1e9", "frames.gamma: found 1000000000.0"),
+    ],
+)
+def test_numbers_beyond_physics(folder, text, part):
+    assert part in told(folder, FLASH + text)
+
+
+def test_all_of_them_at_once(folder):
+    text = CAMERA.replace("fx = 70", "fx = inf") + '[[spheres]]\nkind = "chrome"\ndiameter_mm = 76e9\n'
+    message = told(folder, FLASH + text)
+    assert "2 faults" in message
+    assert "camera.fx" in message
+    assert "spheres[0].diameter_mm" in message
+
+
+def test_lenses_that_there_are_pass(folder):
+    for line in ("distortion = [-0.35, 0.2, 0.001, -0.001, -0.08]", ""):
+        (folder / "session.toml").write_text(FLASH + CAMERA + line)
+        assert load_session(folder).camera is not None
+
+
+def test_a_link_to_its_own_folder_shows_each_photograph_once(folder):
+    """glob.glob went around it 40 times: 247 files for 7."""
+    (folder / "sub").mkdir()
+    (folder / "sub" / "up").symlink_to(folder)
+    (folder / "again").symlink_to(folder / "sub")
+    for pattern in ("**/*.png", "**/flash_*.png", "sub/up/**/*.png"):
+        files, faults = expand([pattern], folder)
+        assert sorted({path.resolve() for path in files}) == sorted(path.resolve() for path in files)
+        assert (len(files), faults) == (7, [])
+    assert expand(["**/*.png"], folder)[0][0] == folder / "flash_0.png"
+
+
+def test_a_linked_folder_below_is_followed(tmp_path):
+    (tmp_path / "card").mkdir()
+    write_png(tmp_path / "card" / "flash_0.png", np.zeros((2, 2, 3), np.uint8))
+    (tmp_path / "session").mkdir()
+    (tmp_path / "session" / "raw").symlink_to(tmp_path / "card")
+    files, faults = expand(["**/*.png"], tmp_path / "session")
+    assert (files, faults) == ([tmp_path / "session" / "raw" / "flash_0.png"], [])
+
+
+@pytest.mark.parametrize(
+    "pattern",
+    [
+        *(
+            "**",
+            "**/*",
+            "**/*.png",
+            "a/**/*.png",
+            "*/**/f*",
+            "a**/*.png",
+            "**/b/*.png",
+            "a/**",
+            "./**/*.png",
+            "**/**/*.png",
+        ),
+        *("*.png", "a/*", "[ab]/*.png", "gone/**/*.png", ".hidden/*.png", "../*/a/*.png", "**/.*"),
+    ],
+)
+def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
+    """Without links the files are glob.glob's own."""
+    import glob
+
+    root = tmp_path / "root"
+    for name in (
+        "f0.png",
+        "a/f1.png",
+        "a/b/f2.png",
+        "a/b/c/g3.png",
+        "b/f4.png",
+        ".hidden/f5.png",
+        "ab/f6.png",
+        "a/.f7.png",
+    ):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(b"")
+    for absolute in ("", f"{root}/"):
+        expected = {root / name for name in glob.glob(absolute + pattern, root_dir=root, recursive=True)}
+        found, _ = expand([absolute + pattern], root)
+        assert {path.resolve() for path in found} == {path.resolve() for path in expected if path.is_file()}
+
+
+def test_a_glob_through_a_whole_disk_ends(tmp_path, monkeypatch):
+    monkeypatch.setattr("capture.globs.MOST_FOLDERS", 20)
+    for index in range(30):
+        (tmp_path / f"folder_{index}").mkdir()
+    assert MOST_FOLDERS > 1000
+    assert "more than 20 folders" in expand(["**/*.png"], tmp_path)[1][0]
+
+
+def test_a_looping_link(tmp_path):
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(SessionError, match="session"):
+        load_session(tmp_path / "a")
+    (tmp_path / "flash_0.png").symlink_to(tmp_path / "a")
+    assert "matches no file" in told(tmp_path, FLASH)
+    (tmp_path / "session.toml").unlink()
+    (tmp_path / "session.toml").symlink_to(tmp_path / "a")
+    with pytest.raises(SessionError, match="neither session"):
+        load_session(tmp_path)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems refuse such names")
+def test_a_name_that_is_no_text(folder):
+    (folder / "flash_\udcff.png").write_bytes((folder / "flash_0.png").read_bytes())
+    assert r"flash_\udcff.png' is a name that is not UTF-8. Rename the file." in told(folder, FLASH)
+    place = folder / "\udcfe"
+    place.mkdir()
+    with pytest.raises(SessionError, match="Give the folder"):
+        load_session(place)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="needs to become someone else")
+def test_an_unreadable_folder(folder):
+    """As somebody who may not look into it."""
+    import subprocess
+
+    (folder / "session.toml").write_text(FLASH.replace("flash_*", "closed/*"))
+    (folder / "closed").mkdir(mode=0o000)
+    code = (
+        "import os, sys; sys.path.insert(0, sys.argv[1])\n"
+        "import capture.manifest, capture.resolve, capture.session as s\n"
+        "from pathlib import Path; os.setgid(65534); os.setuid(65534)\n"
+        "for place in sys.argv[2:]:\n"
+        "    try: s.load_session(Path(place))\n"
+        "    except s.SessionError as error: print('told', error)\n"
+    )
+    root = str(Path(__file__).parents[2])
+    for above in (folder, *folder.parents[:3]):
+        above.chmod(0o755)
+    done = subprocess.run(
+        [sys.executable, "-c", code, root, str(folder), str(folder / "closed" / "deeper")],
+        capture_output=True, text=True, cwd="/tmp",
+    )  # fmt: skip
+    assert done.stderr == ""
+    assert done.stdout.count("told") == 2
+
+
+def test_a_list_of_many_names_is_read_in_no_time(tmp_path):
+    """Counting each name among all took as long as the square of their number."""
+    import time
+
+    from capture.globs import frame_names
+
+    files = [tmp_path / f"{index % 2}" / f"flash_{index // 2}.png" for index in range(40_000)]
+    begin = time.perf_counter()
+    names = frame_names(files)
+    assert time.perf_counter() - begin < 5
+    assert names[:3] == ["0_flash_0", "1_flash_0", "0_flash_1"]

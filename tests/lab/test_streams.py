@@ -1,0 +1,140 @@
+"""Standard streams that are closed, full or of another alphabet; and work that is long off a terminal."""
+
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from lab import progress
+from lab.endings import _by_ctrl_c
+
+ROOT = Path(__file__).parents[2]
+FULL = Path("/dev/full")
+pytestmark = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")
+
+
+def shell(words, *, environment=None):
+    """Run the command line with a shell's redirections; return its end and what the shell saw."""
+    program = f'{sys.executable} -c "from lab.cli import main; main()"'
+    done = subprocess.run(
+        ["bash", "-c", f"{program} {words}"], cwd=ROOT, capture_output=True, env=environment, timeout=300
+    )
+    return done.returncode, done.stdout.decode(), done.stderr.decode(errors="replace")
+
+
+@pytest.mark.parametrize("words", ["--help > /dev/full", "doctor > /dev/full"])
+def test_standard_output_on_a_full_disk_is_told_once(words):
+    code, _, said = shell(words)
+    assert code == 2
+    assert said.count("\n") == 1
+    assert "standard output cannot be written (No space left on device)" in said
+
+
+def test_the_summary_too(tmp_path, picture_folder):
+    code, _, said = shell(f"check {picture_folder} --out {tmp_path / 'out'} --json > /dev/full")
+    assert code == 2
+    assert "Traceback" not in said
+    assert "standard output cannot be written" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        ("--help >&-", 0),
+        ("--help 2>&-", 0),
+        ("--help <&- >&- 2>&-", 0),
+        ("check nowhere 2>&-", 2),
+        ("check nowhere >&-", 2),
+        pytest.param(
+            "check nowhere 2> /dev/full", 2, marks=pytest.mark.skipif(not FULL.exists(), reason="no /dev/full")
+        ),
+    ],
+)
+def test_closed_streams_keep_the_exit_code(words, code):
+    found, out, said = shell(words)
+    assert found == code
+    assert "Traceback" not in said
+    if "2>&-" in words:
+        assert "nowhere" not in out, "what is for people stays out of the results"
+
+
+def test_a_closed_stream_s_number_is_not_given_to_a_file(tmp_path, picture_folder):
+    """Without the null device in its place the first array would be opened as stream 2, and words written into it."""
+    assert shell(f"check {picture_folder} --out {tmp_path / 'open'}")[0] == 0
+    assert shell(f"check {picture_folder} --out {tmp_path / 'shut'} <&- >&- 2>&-")[0] == 0
+    names = [path.relative_to(tmp_path / "open") for path in (tmp_path / "open" / "frames").iterdir()]
+    assert len(names) >= 2
+    for name in names:
+        assert (tmp_path / "open" / name).read_bytes() == (tmp_path / "shut" / name).read_bytes()
+
+
+def test_an_ascii_terminal(picture_folder, tmp_path):
+    import os
+
+    code, out, said = shell(
+        f"check {picture_folder} --out {tmp_path / 'out'}", environment={**os.environ, "PYTHONIOENCODING": "ascii"}
+    )
+    assert code == 0, said
+    assert "frames" in out
+
+
+def test_a_word_that_is_no_text():
+    code, _, said = shell(r"check $'a\xff'")
+    assert code == 2
+    assert "not UTF-8" in said
+    assert said.count("\n") == 1
+
+
+@pytest.fixture
+def picture_folder(tmp_path):
+    import numpy as np
+
+    from scene.files import write_png
+
+    folder = tmp_path / "session"
+    folder.mkdir()
+    rng = np.random.default_rng(0)
+    for index in range(4):
+        write_png(folder / f"flash_{index}.png", (rng.uniform(0.2, 0.6, (48, 64, 3)) * 65535).astype(np.uint16))
+    (folder / "session.toml").write_text('name = "Jörg\'s box"\n[frames]\nflash = "flash_*.png"\nlinear = true\n')
+    return folder
+
+
+def test_a_circle_of_causes_ends():
+    one, two = ValueError("one"), ValueError("two")
+    one.__cause__, two.__cause__ = two, one
+    assert not _by_ctrl_c(one)
+    two.__cause__ = KeyboardInterrupt()
+    assert _by_ctrl_c(one)
+
+
+def test_a_single_long_unit_is_heard_of(monkeypatch, capsys):
+    """`calibrate` was silent for 173 s: its units are long, and most of its work is none of them."""
+    monkeypatch.setattr(progress, "EVERY_S", 0.1)
+    with progress.progress_bar("calibrate") as report:
+        report(1, 3)
+        time.sleep(1.0)
+    lines = capsys.readouterr().err.splitlines()
+    assert 4 <= len(lines) <= 9
+    assert all(re.fullmatch(r"  calibrate: 1 of 3, \d+ s so far", line) for line in lines)
+
+
+def test_work_that_tells_of_itself_is_not_told_twice(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "EVERY_S", 0.2)
+    with progress.alive("align"), progress.progress_bar("register") as report:
+        for done in range(20):
+            report(done, 20)
+            time.sleep(0.05)
+    lines = capsys.readouterr().err.splitlines()
+    assert 2 <= len(lines) <= 5
+    assert not any("align" in line for line in lines)
+
+
+def test_short_work_says_nothing(capsys):
+    with progress.progress_bar("solve") as report:
+        report(1, 2)
+        report(2, 2)
+    assert capsys.readouterr().err == ""
