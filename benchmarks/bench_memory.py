@@ -6,22 +6,16 @@ Own memory is the process' anonymous memory, looked at every 20 ms; mapped pages
 to drop. The limit is RLIMIT_DATA: beyond it the system refuses memory, and the run fails.
 """
 
-import argparse
 import json
-import os
 import resource
-import subprocess
 import sys
-import tempfile
 import time
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from benchmarks.memory_session import write_session
 from benchmarks.own_memory import OwnMemory
-from benchmarks.pages import put
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "methods.md"
@@ -30,8 +24,6 @@ REPORT = "report"
 
 def run(session: Path, out: Path, *, limit_gb: float, wanted: str, method: str, error: float) -> list[dict]:
     """Process a session in this process; return a row a step: name, own memory (GB), wall and processor seconds."""
-    import lab  # noqa: F401 (before numpy's threads: the command line's setting of OpenBLAS)
-    import lab.progress
     from lab.plan import STEPS
     from lab.run import run_session
     from lab.twin_settings import TwinSettings
