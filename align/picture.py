@@ -93,6 +93,7 @@ def bright_picture(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float3
         if rows.start < rows.stop:
             out[rows, columns] = bright_mean(frames.read(rows, columns=columns).mean(-1))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(fill, frames.bands(64 << 20)))
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as pool:
+        list(pool.map(fill, frames.bands((128 << 20) // cores)))
     return out

@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from benchmarks.memory_session import write_session
+from lab.registration import median_or_none
 
 ROOT = Path(__file__).resolve().parents[2]
 WIDTH, FLASHES, TIMES = 816, 6, 8
@@ -38,3 +40,13 @@ def test_a_step_needs_no_more_memory_for_eight_times_the_frames(tmp_path):
     grown = {b["step"]: b["gb"] - a["gb"] for a, b in zip(few, many, strict=True)}
     # A stack of codes would be this much more, one of float32 twice as much.
     assert max(grown.values()) < 0.6 * codes_gb, grown
+
+
+def test_the_median_of_a_map_is_that_of_all_its_numbers():
+    """Without a copy of the whole map in float64: what is infinite counts, what is unknown does not."""
+    values = np.random.default_rng(10_073).random((60, 80)).astype(np.float32)
+    values[::3], values[1::6] = np.nan, np.inf
+    assert median_or_none(values) == np.nanmedian(values.astype(np.float64))
+    assert median_or_none(values[::3]) is None
+    assert median_or_none(np.full(3, np.inf)) is None
+    assert median_or_none(None) is None
