@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -122,7 +122,7 @@ def _shrunken(camera: Camera, mask: NDArray[np.bool_], normals: NDArray) -> tupl
         quarters = [np.s_[row : 2 * height : 2, column : 2 * width : 2] for row in (0, 1) for column in (0, 1)]
         mask = np.stack([mask[part] for part in quarters]).sum(0) >= 2
         # One after the other: all four at once are another map of the full size, and their copies more.
-        normals = unit(sum(np.nan_to_num(normals[part]) for part in quarters))
+        normals = unit(reduce(np.add, (np.nan_to_num(normals[part]) for part in quarters)))
     return camera, mask, normals
 
 

@@ -44,7 +44,8 @@ def run(session: Path, out: Path, *, limit_gb: float = 0.0, error: float | None 
     from lab.twin_settings import TwinSettings
 
     if limit_gb:
-        resource.setrlimit(resource.RLIMIT_DATA, (int(limit_gb * 1e9),) * 2)
+        most = int(limit_gb * 1e9)
+        resource.setrlimit(resource.RLIMIT_DATA, (most, most))
     watch, rows = OwnMemory(), []
 
     def note(name: str, begun: tuple[float, float]) -> None:

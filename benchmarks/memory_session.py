@@ -60,8 +60,9 @@ def write_session(
         (folder / name).mkdir(parents=True, exist_ok=True)
     trimesh.Trimesh(scan.vertices, scan.faces, process=False).export(folder / "scan" / "object.ply")
     tracer = Tracer(scene)
-    *seen, on_object, weight, pixel = tracer.look()
-    points, normals, rays, weight, pixel = (a[on_object] for a in (*seen, weight, pixel))
+    points, normals, rays, on_object, weight, pixel = tracer.look()
+    points, normals, rays = points[on_object], normals[on_object], rays[on_object]
+    weight, pixel = weight[on_object], pixel[on_object]
     albedo, size = scene.texture(points, np.ones(len(points), bool)), (width, width * 2 // 3)
     rest = 1 - tracer.cover[..., None]
 
