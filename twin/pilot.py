@@ -129,7 +129,7 @@ def run_pilot(scene: TwinScene, film: Film) -> Pilot | None:
 
 def _by_ours(
     scene: TwinScene, small: Film, larger: float
-) -> tuple[tuple[tuple[float, float], ...], Images, Images, float, float]:
+) -> tuple[tuple[tuple[float, float], ...], Images, NDArray, float, float]:
     """Return `Pilot.direct`, light of one surface and of more (F, h, w, 3), seconds and variance of the latter."""
     sampling = scene.sampling
     shapes = mitsuba_scene(scene)
