@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from align.embree import RayCaster
 from align.limb import LimbPictures
+from align.picture import longer_side
 from align.probes import Probes
 from align.refine import Term, disagreement, information, robust_sigma
 from align.rim import Rim, find_rim, outline_jacobian, sample, signed_distance
@@ -117,8 +118,7 @@ class FinalEvidence:
         reach_px: float,
     ) -> "FinalEvidence":
         """Take the evidence about `pose`; the outline is looked for within `reach_px`."""
-        v, u = np.nonzero(mask)
-        block_px = max(4.0, (max(np.ptp(u), np.ptp(v)) + 1) / 16)
+        block_px = max(4.0, longer_side(mask) / 16)
         probes = Probes.of(camera, samples.pixels, step_px=1.0)
         fixed = (caster, camera, lights, mask, signed_distance(mask), limbs, samples, probes, cells, block_px)
         return cls._about(fixed, pose, reach_px)
@@ -221,7 +221,7 @@ class FinalEvidence:
         """How well the evidence's pose fits; every comparison asks for it."""
         points, normals = self.probes.surface(self.caster, self.pose)
         error = angular_error_deg(free_normals(self.samples, self.used, _vectors(self.lights, points)), normals)
-        size = float(np.ptp(np.argwhere(self.mask), axis=0).max()) + 1
+        size = float(longer_side(self.mask))
         near = max(1.0, 0.005 * size)
         offset = self.limbs.locate(self.rim.pixels, self.rim.outward, reach_px=max(6.0, 0.05 * size))
         on_edge = np.abs(offset + self.bias_px) < near

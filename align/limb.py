@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.embree import RayCaster
+from align.picture import box_of
 from align.probes import surface
 from align.rim import Rim, sample
 from scene.camera import Camera
@@ -58,9 +59,9 @@ class LimbPictures:
     @classmethod
     def of(cls, frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> "LimbPictures":
         """Take the pictures about the mask (H, W), in one pass over the frames."""
-        v, u = np.nonzero(mask)
-        low = np.maximum([u.min() - MARGIN_PX, v.min() - MARGIN_PX], 0)
-        high = np.minimum([u.max() + MARGIN_PX + 1, v.max() + MARGIN_PX + 1], [frames.width, frames.height])
+        rows, columns = box_of(mask)
+        low = np.maximum([columns.start - MARGIN_PX, rows.start - MARGIN_PX], 0)
+        high = np.minimum([columns.stop + MARGIN_PX, rows.stop + MARGIN_PX], [frames.width, frames.height])
         # Image axes: u along the camera's x, v against its y.
         score = _sector_axes() @ (lights.directions[:, :2] * [1.0, -1.0]).T
         keep = min(len(frames), max(3, len(frames) // 4))

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.backdrop import Contradiction, contradict_backdrop
-from align.picture import block_means, bright_mean, bright_picture
+from align.picture import block_means, box_of, bright_mean, bright_picture
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -261,12 +261,11 @@ def _blur(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
 
 def _window(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
     """Return the rows and columns of a mask's box, grown by a margin."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    if not len(rows):
+    if not mask.any():
         return np.s_[:, :]
-    return (
-        slice(max(int(rows[0]) - margin, 0), int(rows[-1]) + margin + 1),
-        slice(max(int(columns[0]) - margin, 0), int(columns[-1]) + margin + 1),
+    rows, columns = box_of(mask)
+    return slice(max(rows.start - margin, 0), rows.stop + margin), slice(
+        max(columns.start - margin, 0), columns.stop + margin
     )
 
 
@@ -275,7 +274,7 @@ def _pieces(mask: NDArray) -> tuple[NDArray[np.int32], int]:
     import cv2
 
     count, numbers = cv2.connectedComponents(np.asarray(mask, np.uint8), connectivity=4, ltype=cv2.CV_32S)
-    return numbers.astype(np.int32), count - 1
+    return numbers.astype(np.int32, copy=False), count - 1
 
 
 def _one_piece(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -14,6 +14,17 @@ ACROSS = 500
 """Pixels across the object, at least, at which normals are solved for the search."""
 
 
+def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Return the rows and columns that hold a mask's pixels; the mask is not empty."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def longer_side(mask: NDArray[np.bool_]) -> int:
+    """Return the longer side of the box about a mask, pixels."""
+    return max(side.stop - side.start for side in box_of(mask))
+
+
 def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
     """Return (F, H // factor, W // factor) float32, the channels' and blocks' means of every frame."""
     import cv2
@@ -50,7 +61,7 @@ def sparse_normals(mask: NDArray[np.bool_], solve: Callable[[NDArray[np.bool_]],
     normals : (H, W, 3)
         The k x k pixels about a solved one are given its normal.
     """
-    step = max(1, int(np.ptp(np.argwhere(mask), axis=0).max()) // ACROSS) if mask.any() else 1
+    step = max(1, (longer_side(mask) - 1) // ACROSS) if mask.any() else 1
     if step == 1:
         return solve(mask)
     grid = [np.arange(step // 2, count, step) for count in mask.shape]
@@ -73,16 +84,16 @@ def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def bright_picture(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return (H, W) float32, `bright_mean` of the gray frames around the pixels of `near`; 0 elsewhere."""
-    v, u = np.nonzero(near)
-    margin = 32
-    columns = slice(max(int(u.min()) - margin, 0), int(u.max()) + margin + 1)
+    (down, across), margin = box_of(near), 32
+    columns = slice(max(across.start - margin, 0), across.stop + margin)
     out = np.zeros(near.shape, np.float32)
 
     def fill(band: slice) -> None:
-        rows = slice(max(band.start, int(v.min()) - margin), min(band.stop, int(v.max()) + margin + 1))
+        rows = slice(max(band.start, down.start - margin), min(band.stop, down.stop + margin))
         if rows.start < rows.stop:
             out[rows, columns] = bright_mean(frames.read(rows, columns=columns).mean(-1))
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(fill, frames.bands(64 << 20)))
+    cores = os.cpu_count() or 1
+    with ThreadPoolExecutor(cores) as pool:
+        list(pool.map(fill, frames.bands((128 << 20) // cores)))
     return out

@@ -10,6 +10,7 @@ from align.final import FinalEvidence
 from align.finish import refine
 from align.limb import LimbPictures
 from align.motion import apart_px, nudge
+from align.picture import longer_side
 from align.rough import small_steps
 from align.shading import take_samples
 from align.smooth_normals import smooth_normals
@@ -123,7 +124,7 @@ def check_pose(
     """
     samples = take_samples(frames, lights, mask, count=SAMPLES)
     limbs = LimbPictures.of(frames, lights, mask)
-    reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
+    reach = max(6.0, 0.01 * (longer_side(mask) - 1))
     caster = RayCaster(mesh, smooth_normals(mesh)[0])
     evidence = FinalEvidence.of(caster, camera, lights, mask, limbs, samples, pose, cells=CELLS, reach_px=reach)
     along = _around(evidence, small_steps(mesh, camera, pose, step_px=1.0))

@@ -130,7 +130,9 @@ def signed_distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
     outside = cv2.distanceTransform(1 - padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     inside = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
     # The border runs midway between the last pixel inside and the first outside.
-    return np.where(mask, 0.5 - inside, outside - 0.5).astype(np.float32)
+    distance = outside - np.float32(0.5)
+    np.subtract(np.float32(0.5), inside, out=distance, where=mask)
+    return distance
 
 
 def sample(image: NDArray[np.float32], pixels: NDArray) -> Array:

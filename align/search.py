@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from align.final import FinalEvidence
 from align.finish import refine
 from align.limb import LimbPictures
 from align.motion import apart_px
+from align.picture import longer_side
 from align.refine import descend
 from align.rough import RoughEvidence, small_steps
 from align.shading import take_samples
@@ -83,7 +84,7 @@ def search(
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(frames), 3000, 15_000))
     # The rough pose may be a pixel of the shrunken picture off.
-    reach = max(6.0, 0.01 * float(np.ptp(np.argwhere(mask), axis=0).max()))
+    reach = max(6.0, 0.01 * (longer_side(mask) - 1))
     limbs = LimbPictures.of(frames, lights, mask)
 
     def look(pose: Pose, count: int, cells: int) -> FinalEvidence:
@@ -115,12 +116,13 @@ def search(
 
 def _shrunken(camera: Camera, mask: NDArray[np.bool_], normals: NDArray) -> tuple[Camera, NDArray[np.bool_], NDArray]:
     """Halve camera, mask and normals until the object is no larger than `ROUGH_SIZE`: the same scene, fewer pixels."""
-    while np.ptp(np.argwhere(mask), axis=0).max() >= ROUGH_SIZE:
+    while longer_side(mask) > ROUGH_SIZE:
         camera = camera.halved()
         height, width = camera.height, camera.width
         quarters = [np.s_[row : 2 * height : 2, column : 2 * width : 2] for row in (0, 1) for column in (0, 1)]
         mask = np.stack([mask[part] for part in quarters]).sum(0) >= 2
-        normals = unit(np.nan_to_num(np.stack([normals[part] for part in quarters])).sum(0))
+        # One after the other: all four at once are another map of the full size, and their copies more.
+        normals = unit(reduce(np.add, (np.nan_to_num(normals[part]) for part in quarters)))
     return camera, mask, normals
 
 

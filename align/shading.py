@@ -44,10 +44,10 @@ class Samples:
 
 def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> Samples:
     """Read about `count` pixels of the mask, evenly spread, from all frames."""
-    v, u = np.nonzero(mask)
+    inside = np.flatnonzero(mask)
     # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
-    pick = np.unique(np.linspace(0, len(v) - 1, min(count, len(v))).astype(int))
-    u, v = u[pick], v[pick]
+    pick = np.unique(np.linspace(0, len(inside) - 1, min(count, len(inside))).astype(int))
+    v, u = np.divmod(inside[pick], mask.shape[1])
     values = np.zeros((len(frames), len(u)), np.float32)
     clipped = np.zeros((len(frames), len(u)), bool)
     weight = (1 / lights.intensities / 3).astype(np.float32)

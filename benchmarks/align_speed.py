@@ -23,6 +23,7 @@ from unittest.mock import patch
 
 import numpy as np
 
+from fixtures.mesh_shapes import subdivided
 from scene.frames import Frames
 from scene.record import Record
 from scene.store import Store
@@ -71,7 +72,7 @@ def make(folder: Path, name: str, seed: int, *, enlarged: int, faces: int, **siz
     from benchmarks import align_sessions
 
     if faces > 100_000:
-        fine = _subdivided(align_sessions.shape(name))
+        fine = subdivided(align_sessions.shape(name))
         with patch.object(align_sessions, "shape", lambda _: fine):
             made = align_sessions.session(name, seed, faces=faces, **size)
     else:
@@ -187,17 +188,6 @@ def _watched_memory() -> Iterator[list[float]]:
     finally:
         done.set()
         thread.join()
-
-
-def _subdivided(mesh: Any) -> Any:
-    """Return a mesh of four times as many faces, smooth between them."""
-    from scene.mesh import Mesh
-    from scene.ray_casting import import_open3d
-
-    o3d = import_open3d()
-    vertices, faces = o3d.utility.Vector3dVector(mesh.vertices), o3d.utility.Vector3iVector(mesh.faces.astype(np.int32))
-    fine = o3d.geometry.TriangleMesh(vertices, faces).subdivide_loop(1)
-    return Mesh(np.asarray(fine.vertices), np.asarray(fine.triangles).astype(np.int64))
 
 
 if __name__ == "__main__":

@@ -26,6 +26,9 @@ from scene.store import Store
 
 Progress = Callable[[int, int], None]
 
+DECODING_BYTES = 1 << 30
+"""Of all photographs that are decoded at a time: on a machine of many cores memory, not they, decides how many."""
+
 
 @dataclass(frozen=True)
 class CaptureReport:
@@ -130,14 +133,16 @@ def decode(
                 Job(path, recipe, Path(str(codes.filename)), codes.offset + i * frame_bytes, first if i == 0 else None)
                 for i, path in enumerate(session.flash)
             ]
-            facts = fan_out(develop, jobs, executor=executor, done=steps.done)
+            # A unit holds its file, its codes, and the decoder's own copies.
+            threads = max(1, DECODING_BYTES // (2 * frame_bytes))
+            facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
             saturation, ceiling_warnings = _saturation(facts, first.codes.dtype)
             if ceiling_warnings and recipe.is_corrected:
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 steps.total += len(jobs)
                 recipe = replace(recipe, saturation=saturation)
                 jobs = [replace(job, recipe=recipe) for job in jobs]
-                facts = fan_out(develop, jobs, executor=executor, done=steps.done)
+                facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
             frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
             warnings = ceiling_warnings + audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)

@@ -15,6 +15,7 @@ def fan_out(
     *,
     executor: Executor | None = None,
     done: Callable[[], None] | None = None,
+    threads: int | None = None,
 ) -> list[Result]:
     """Return [function(job) for job in jobs], computed side by side.
 
@@ -23,9 +24,11 @@ def fan_out(
     function : callable
         A work unit: idempotent; importable by name, where the executor's workers are processes.
     executor : Executor or None
-        None: as many threads as there are cores.
+        None: threads here.
     done : callable or None
         Called after each unit.
+    threads : int or None
+        How many there are, without an executor: no more than the cores. None: as many as there are cores.
 
     Raises
     ------
@@ -34,7 +37,8 @@ def fan_out(
         waited for, since they write into files that the caller is about to remove. Not those of a cluster: they find
         their file gone.
     """
-    pool = executor or ThreadPoolExecutor(max_workers=os.cpu_count())
+    cores = os.cpu_count() or 1
+    pool = executor or ThreadPoolExecutor(max_workers=min(threads or cores, cores))
     futures = []
     try:
         futures += [pool.submit(function, job) for job in jobs]

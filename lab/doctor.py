@@ -23,7 +23,7 @@ def examine() -> list[tuple[str, str]]:
     except Exception as error:
         rows.append(("ray casting", f"open3d does not import: {error}"))
     free = shutil.disk_usage(Path.cwd()).free / 1e9
-    rows.append(("disk", f"{free:.0f} GB free here; a 60 x 24 MP session takes about 9 GB, with its twin 25 GB"))
+    rows.append(("disk", f"{free:.0f} GB free here; a 60 x 24 MP session takes about 11 GB, with its twin 25 GB"))
     return rows
 
 

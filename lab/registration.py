@@ -19,37 +19,16 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.appearance import outline, shading
     from align.mask import scan_mask
     from align.motion import apart_px
-    from align.picture import sparse_normals
-    from align.register import Registration, register
     from align.smooth_normals import smooth_normals
     from align.truth import ground_truth
-    from align.unknown_scale import register_unknown_scale, scaled_pose
+    from align.unknown_scale import scaled_pose
     from compare.registration import write_pictures
-    from solve.solve import solve
 
     store = job.store
     mesh = job.load_scan()
-    picked = _picked(job, camera, mesh)
-    mask, scale = rough_mask.mask, None
-
-    def normals_of(some: NDArray[np.bool_]) -> NDArray:
-        return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
-
-    normals = sparse_normals(mask, normals_of)
-    smooth = smooth_normals(mesh)
+    picked, smooth = _picked(job, camera, mesh), smooth_normals(mesh)
     start = picked.pose if picked else None
-    with progress_bar("register") as progress:
-
-        def run(scan: Mesh, begin: Pose | None) -> Registration:
-            return register(
-                scan, camera, frames, lights, mask, normals,
-                start=begin, at_vertices=smooth[0], executor=job.executor, progress=progress,
-            )  # fmt: skip
-
-        if job.scan_scale_unknown:
-            mesh, found, scale = register_unknown_scale(mesh, camera, lights, mask, run, start=start)
-        else:
-            found = run(mesh, start)
+    mesh, found, scale = _registered(job, mesh, smooth[0], frames, camera, lights, rough_mask.mask, start)
     truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, longer=found.longer, at_vertices=smooth)
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(
@@ -96,6 +75,39 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     return result, warnings
 
 
+def _registered(
+    job: Job,
+    mesh: Mesh,
+    at_vertices: NDArray,
+    frames: Frames,
+    camera: Camera,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    start: Pose | None,
+) -> tuple[Mesh, Any, float | None]:
+    """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
+    from align.picture import sparse_normals
+    from align.register import Registration, register
+    from align.unknown_scale import register_unknown_scale
+    from solve.solve import solve
+
+    def normals_of(some: NDArray[np.bool_]) -> NDArray:
+        return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
+
+    normals = sparse_normals(mask, normals_of)
+    with progress_bar("register") as progress:
+
+        def run(scan: Mesh, begin: Pose | None) -> Registration:
+            return register(
+                scan, camera, frames, lights, mask, normals,
+                start=begin, at_vertices=at_vertices, executor=job.executor, progress=progress,
+            )  # fmt: skip
+
+        if job.scan_scale_unknown:
+            return register_unknown_scale(mesh, camera, lights, mask, run, start=start)
+        return mesh, run(mesh, start), None
+
+
 def _picked(job: Job, camera: Camera, mesh: Mesh) -> Any:
     """Return the pose that the session's picks give, None without picks."""
     from align.picks import read_picks
@@ -113,7 +125,9 @@ def frame_files(job: Job) -> tuple[str, ...]:
     return tuple(path.name for path in job.session.flash)
 
 
-def median_or_none(values: Any) -> float | None:
-    """Return the median of what is finite, None where nothing is."""
-    values = np.asarray(values, float)
-    return float(np.nanmedian(values)) if np.isfinite(values).any() else None
+def median_or_none(values: NDArray | None) -> float | None:
+    """Return the median of what is a number, None where nothing is finite."""
+    if values is None:
+        return None
+    known = values[~np.isnan(values)].astype(np.float64)
+    return float(np.median(known, overwrite_input=True)) if np.isfinite(known).any() else None

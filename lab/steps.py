@@ -188,6 +188,8 @@ def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
             found = estimate.lights.seen_from(lights.reference_point_mm)
             table[method] |= {"intensities": found.intensities, "intensity_sigma": found.intensity_sigma}
         warnings += [f"{method}: {text}" for text in estimate.warnings]
+        # The next method's maps need its place.
+        del estimate
     return {"methods": table}, warnings
 
 

@@ -20,10 +20,20 @@ def twin(job: Job) -> Outcome:
     if not store.path("pose.json").exists():
         # Not a warning of its own: that there is no scan, or that it is not used, was said when it was to be aligned.
         return Outcome({"rendered": False})
+    folder = Store(store.path("twin"))
+    # Scene and true normals are gone before the solvers' maps come.
+    result, warnings = _render(job, folder)
+    solved, more = solve_all(job, folder, "twin")
+    result["twin_seconds"] = {method: row["seconds"] for method, row in solved["methods"].items()}
+    return Outcome(result, [*warnings, *(f"twin: {text}" for text in more)])
+
+
+def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
+    """Write the twin as a session of its own; return what the summary keeps of it, and what is suspicious."""
     from twin.render import render_scene
     from twin.session import write_session
 
-    camera, folder = store.load_camera(), Store(store.path("twin"))
+    store = job.store
     scene, material, scene_warnings = twin_scene(job)
     say(f"twin: {material['sentence']}")
     say(f"twin: rendered to an error of {100 * scene.sampling.error:.2g} %")
@@ -37,17 +47,14 @@ def twin(job: Job) -> Outcome:
             tell=say,
         )
     sensor = _sensor(job) if job.twin.photograph else None
-    truth = store.load_normals("truth")
+    camera, truth = store.load_camera(), store.load_normals("truth")
     write_session(folder, rendered.frames, camera, store.load_lights(), store.load_mask(), truth, sensor=sensor)
     if sensor is not None:
         _develop(folder)
-    solved, warnings = solve_all(job, folder, "twin")
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
-    seconds = {method: row["seconds"] for method, row in solved["methods"].items()}
-    result = {"rendered": True, "material": material, **facts, **photographed, "twin_seconds": seconds}
-    return Outcome(result, [*facts["warnings"], *(f"twin: {text}" for text in warnings)])
+    return {"rendered": True, "material": material, **facts, **photographed}, list(facts["warnings"])
 
 
 def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
@@ -68,9 +75,9 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
 
     store, lights, camera = job.store, job.store.load_lights(), job.store.load_camera()
     mesh, pose, sampling = job.load_scan(), store.load_pose(), job.twin.sampling(Sampling())
-    truth = store.load_normals("truth")
     try:
-        found = scan_material(store.load_frames(), lights, camera, store.load_mask(), mesh, pose, normals=truth)
+        taken = store.load_frames(), lights, camera, store.load_mask(), mesh, pose
+        found = scan_material(*taken, normals=store.load_normals("truth"))
     except RenderError as error:
         method = material_method(job)
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"

@@ -242,19 +242,19 @@ class Store:
         return mask
 
     def save_truth(self, normals: NDArray, sigma_deg: NDArray) -> None:
-        write_npy(self.path("normals", "truth_sigma.npy"), sigma_deg.astype(np.float32))
+        write_npy(self.path("normals", "truth_sigma.npy"), np.asarray(sigma_deg, np.float32))
         write_png(self.path("normals", "truth.png"), encode_normals(normals))
-        write_npy(self.path("normals", "truth.npy"), normals.astype(np.float32))
+        write_npy(self.path("normals", "truth.npy"), np.asarray(normals, np.float32))
 
     def save_estimate(self, estimate: Estimate) -> None:
         name = estimate.method
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
-        write_npy(self.path("albedo", f"{name}.npy"), estimate.albedo.astype(np.float32))
+        write_npy(self.path("albedo", f"{name}.npy"), np.asarray(estimate.albedo, np.float32))
         maps = (("sigma", estimate.sigma_deg), ("condition", estimate.condition), ("depth", estimate.z_mm))
         for folder, known in maps:
             if known is not None:
-                write_npy(self.path(folder, f"{name}.npy"), known.astype(np.float32))
-        write_npy(self.path("normals", f"{name}.npy"), estimate.normals.astype(np.float32))
+                write_npy(self.path(folder, f"{name}.npy"), np.asarray(known, np.float32))
+        write_npy(self.path("normals", f"{name}.npy"), np.asarray(estimate.normals, np.float32))
 
     def load_normals(self, name: str) -> NDArray[np.float32]:
         """Return normals/<name>.npy (H, W, 3); `truth`, or a method's."""

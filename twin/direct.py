@@ -16,8 +16,8 @@ from twin.film import Film
 from twin.flashes import Flashes, camera_rays, gathered, import_mitsuba, start_above, tiles
 from twin.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
 
-VALUES_PER_BAND = 1 << 26
-"""Of a band's images, in float32: a quarter of a gigabyte, and as much again for its second differences and plan."""
+VALUES_PER_BAND = 1 << 25
+"""Of a band's images, in float32: 128 MiB, and several times as much for its second differences and plan."""
 PILOT_TILES, PILOT_SIDE = 8, 16
 LATTICE = 0.7548776662466927, 0.5698402909980532
 """Additive recurrence in two dimensions: every first n points are well spread [Roberts2018]."""

@@ -14,6 +14,9 @@ from scene.errors import RenderError
 
 Array = NDArray[np.float64]
 
+ROWS = 64
+"""Of the picture, whose rays are made at a time."""
+
 
 @dataclass(frozen=True)
 class Film:
@@ -90,13 +93,17 @@ def film_for(camera: Camera, points: Array) -> Film:
     if camera.fx == camera.fy and not any(camera.distortion):
         return Film(camera, rows, columns, camera, (top, left, bottom - top, right - left), None)
     plain = replace(camera, fy=camera.fx, distortion=(0.0,) * 5)
-    origins, directions = camera.rays(camera.grid(rows)[:, columns])
-    wanted = plain.project(origins + 1000 * directions)
+    wanted = np.empty((bottom - top, right - left, 2))
+    for start in range(top, bottom, ROWS):
+        band = slice(start, min(start + ROWS, bottom))
+        origins, directions = camera.rays(camera.grid(band)[:, columns])
+        wanted[start - top : band.stop - top] = plain.project(origins + 1000 * directions)
     # The rendered window, one pixel wider all round for the interpolation, becomes a picture of its own.
     corner = np.floor(wanted.min((0, 1))).astype(int) - 1
     width, height = (np.ceil(wanted.max((0, 1))).astype(int) + 2 - corner).tolist()
     plain = replace(plain, width=width, height=height, cx=plain.cx - corner[0], cy=plain.cy - corner[1])
-    return Film(camera, rows, columns, plain, (0, 0, height, width), (wanted - corner).astype(np.float32))
+    wanted -= corner
+    return Film(camera, rows, columns, plain, (0, 0, height, width), wanted.astype(np.float32))
 
 
 def sensor_description(film: Film, points: Array, first_row: int, height: int) -> dict:

@@ -33,6 +33,13 @@ def import_mitsuba() -> Any:
     return mi
 
 
+def give_memory_back() -> None:
+    """Return to the system what Dr.Jit keeps of freed arrays: it would keep the most that it ever needed."""
+    import drjit
+
+    drjit.flush_malloc_cache()
+
+
 class Flashes:
     """Flashes as Mitsuba arrays.
 

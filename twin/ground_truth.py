@@ -4,6 +4,7 @@ The true maps of a scene description, pixel by pixel, where the pixel's centre l
 """
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.files import write_npy
+from scene.files import create_array, write_npy
 from twin.description import TwinScene
 from twin.materials import Conductor, Material, Measured, Principled, Texture
 from twin.visibility import Sight
@@ -57,12 +58,16 @@ class GroundTruth:
     cast: NDArray[np.uint8]
 
 
-def ground_truth(scene: TwinScene, *, progress: Callable[[int, int], None] | None = None) -> GroundTruth:
+def ground_truth(
+    scene: TwinScene, *, folder: Path | None = None, progress: Callable[[int, int], None] | None = None
+) -> GroundTruth:
     """Return the true maps of a scene.
 
     Parameters
     ----------
     scene : TwinScene
+    folder : Path or None
+        Gets the maps as `save_ground_truth` writes them; they are memory-mapped then. None: they are in memory.
     progress : callable or None
         Called with (rows done, rows in all).
 
@@ -71,15 +76,41 @@ def ground_truth(scene: TwinScene, *, progress: Callable[[int, int], None] | Non
     RenderError
         The camera sees nothing.
     """
-    film, camera, count = scene.film(), scene.camera, len(scene.lights)
-    shape = (camera.height, camera.width)
-    unknown = {"normals": 3, "z_mm": 0, "albedo": 3, "roughness": 0, "specularity": 0}
-    maps: dict[str, Any] = {
-        name: np.full((*shape, depth) if depth else shape, np.nan, np.float32) for name, depth in unknown.items()
+    maps: dict[str, Any] = {}
+    with ExitStack() as files:
+        for name, (depth, dtype, unknown) in _kinds(len(scene.lights)).items():
+            shape = (scene.camera.height, scene.camera.width, *depth)
+            maps[name] = (
+                np.empty(shape, dtype)
+                if folder is None
+                else files.enter_context(create_array(_place(folder, name), shape, dtype))
+            )
+            maps[name][:] = unknown
+        _fill(scene, maps, progress)
+    if folder is not None:
+        maps = {name: np.load(_place(folder, name), mmap_mode="r") for name in maps}
+    return GroundTruth(**maps)
+
+
+def _kinds(lights: int) -> dict[str, tuple[tuple[int, ...], Any, Any]]:
+    """Return each map's axes beyond rows and columns, its type, and what stands where nothing is seen."""
+    colour, number, bits = ((3,), np.float32, np.nan), ((), np.float32, np.nan), (((lights + 7) // 8,), np.uint8, 0)
+    return {
+        "mask": ((), bool, False),
+        "object": ((), np.int16, -1),
+        "normals": colour,
+        "z_mm": number,
+        "height_mm": number,
+        "albedo": colour,
+        "roughness": number,
+        "specularity": number,
+        "attached": bits,
+        "cast": bits,
     }
-    maps["object"] = np.full(shape, -1, np.int16)
-    for name in ("attached", "cast"):
-        maps[name] = np.zeros((*shape, (count + 7) // 8), np.uint8)
+
+
+def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int], None] | None) -> None:
+    film, camera = scene.film(), scene.camera
     meshes = [one.placed for one in scene.objects]
     first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
@@ -114,9 +145,8 @@ def ground_truth(scene: TwinScene, *, progress: Callable[[int, int], None] | Non
             maps[name][at] = np.packbits(bits, axis=1, bitorder="little")
         if progress is not None:
             progress(band.stop - film.rows.start, film.rows.stop - film.rows.start)
-    mask = maps["object"] >= 0
-    lowest = np.nanmin(maps["z_mm"]) if mask.any() else np.nan
-    return GroundTruth(mask=mask, height_mm=maps["z_mm"] - lowest, **maps)
+    np.greater_equal(maps["object"], 0, out=maps["mask"])
+    np.subtract(maps["z_mm"], np.fmin.reduce(maps["z_mm"], axis=None), out=maps["height_mm"])
 
 
 def lights_of(bits: NDArray[np.uint8], count: int) -> NDArray[np.bool_]:
@@ -127,7 +157,11 @@ def lights_of(bits: NDArray[np.uint8], count: int) -> NDArray[np.bool_]:
 def save_ground_truth(truth: GroundTruth, folder: Path) -> None:
     """Write every map as truth_NAME.npy; `truth_normals.npy` and so on."""
     for field in fields(truth):
-        write_npy(folder / f"truth_{field.name}.npy", getattr(truth, field.name))
+        write_npy(_place(folder, field.name), getattr(truth, field.name))
+
+
+def _place(folder: Path, name: str) -> Path:
+    return folder / f"truth_{name}.npy"
 
 
 def _mixed(values: Array, corners: NDArray[np.int64], weights: Array) -> Array:

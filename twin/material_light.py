@@ -77,11 +77,12 @@ def _face_labels(mesh: ObjectMesh, camera: Camera, labels: NDArray[np.int8], cou
     """Return (T,) the label of most pixels that see a face; of an unseen one, that of the nearest seen one."""
     from scipy.spatial import KDTree
 
-    rows, columns = np.nonzero(labels >= 0)
-    face = Sight(mesh.vertices, mesh.faces, camera).at(np.stack([columns, rows], -1).astype(np.float64))[0]
-    hit = face >= 0
     votes = np.zeros((len(mesh.faces), count), np.intp)
-    np.add.at(votes, (face[hit], labels[rows, columns][hit]), 1)
+    labelled = np.flatnonzero((labels >= 0).any(1))
+    box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, camera.width)
+    for rows, face, _, _ in Sight(mesh.vertices, mesh.faces, camera).rows(*box):
+        hit = (face >= 0) & (labels[rows] >= 0)
+        np.add.at(votes, (face[hit], labels[rows][hit]), 1)
     seen = votes.sum(1) > 0
     found = np.argmax(votes, 1)
     middle = mesh.vertices[mesh.faces].mean(1)
@@ -123,7 +124,7 @@ def onward_light(
     RenderError
         No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
-    from twin.flashes import import_mitsuba
+    from twin.flashes import give_memory_back, import_mitsuba
     from twin.many import Indirect
 
     import_mitsuba()
@@ -135,6 +136,7 @@ def onward_light(
     scene, _ = material_scene((body,), None, _picture(row, column, albedo, small), mesh, pose, small, lights, sampling)
     film = scene.film()
     images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
+    give_memory_back()
     return _looked_up(images, row - film.rows.start, column - film.columns.start)
 
 

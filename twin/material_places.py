@@ -5,7 +5,6 @@ lengths of one description of the photographs [Schwarz1978], so that nothing has
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +16,7 @@ from twin.material_kernels import predicted, reduced
 from twin.material_noise import Noise, inflation, noise_of
 from twin.material_regions import Neighbours
 from twin.material_samples import FEWEST, Samples
+from twin.nearest import filled
 from twin.reflection_models import coat
 
 Array = NDArray[np.float64]
@@ -57,12 +57,12 @@ class Places:
 
     def picture(self, samples: Samples, mask: NDArray[np.bool_]) -> NDArray[np.int8]:
         """Return (H, W), each pixel of the mask as the nearest of the samples; -1 beyond."""
-        from scipy.ndimage import distance_transform_edt
-
         out = np.full(mask.shape, -1, np.int8)
+        if len(self.fits) == 1:
+            out[mask] = 0
+            return out
         out[samples.rows, samples.columns] = self.labels
-        nearest: Any = distance_transform_edt(out < 0, return_distances=False, return_indices=True)
-        return np.where(mask, out[tuple(nearest)], np.int8(-1))
+        return np.where(mask, filled(out, out >= 0), np.int8(-1))
 
     def __str__(self) -> str:
         """The sentence that is printed."""

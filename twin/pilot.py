@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from twin.description import TwinScene
 from twin.direct import Direct
 from twin.film import Film
+from twin.flashes import give_memory_back
 from twin.many import Indirect
 from twin.mitsuba_scene import mitsuba_scene
 from twin.path_tracing import PathTracer
@@ -96,13 +97,42 @@ class Pilot:
 
 def run_pilot(scene: TwinScene, film: Film) -> Pilot | None:
     """Return what a small picture of the same view tells; None if it is black."""
-    sampling = scene.sampling
     small = _small(film)
     larger = film.window[2] * film.window[3] / (small.window[2] * small.window[3])
     # One light more than another would do; the strongest shows most.
     index = int(np.argmax(scene.irradiance.sum(1)))
     dark = replace(scene, environment=type(scene.environment)())
-    shapes = mitsuba_scene(dark)
+    # One loaded scene at a time: each holds its textures several times.
+    direct, straight, onward, onward_s, spread = _by_ours(dark, small, larger)
+    give_memory_back()
+    tracer = PathTracer(dark, small, variant=FAST)
+    halves = [_timed(lambda seed=seed: tracer.image(index, PILOT_SAMPLES, seed=seed)) for seed in (1, 2)]
+    noise = float(np.mean((halves[0][0] - halves[1][0]) ** 2)) / 2
+    whole = straight + onward
+    seen = whole.max((0, -1)) > 0
+    if not seen.any():
+        return None
+    mean = float(whole[:, seen].mean())
+    difference = _blocks((halves[0][0] + halves[1][0]) / 2 - whole[index])
+    left = float(np.mean(difference**2)) - (noise / 2 + spread / 2) / BLOCK**2
+    return Pilot(
+        pixels=small.window[2] * small.window[3],
+        onward=float(np.sqrt(np.mean(onward**2))) / mean,
+        disagreement=float(np.sqrt(max(left, 0))) / mean,
+        direct=direct,
+        spread=spread / mean**2,
+        noise=noise / mean**2,
+        onward_s=onward_s * larger,
+        stock_s=len(scene.lights) * min(half[1] for half in halves) * larger,
+    )
+
+
+def _by_ours(
+    scene: TwinScene, small: Film, larger: float
+) -> tuple[tuple[tuple[float, float], ...], Images, NDArray, float, float]:
+    """Return `Pilot.direct`, light of one surface and of more (F, h, w, 3), seconds and variance of the latter."""
+    sampling = scene.sampling
+    shapes = mitsuba_scene(scene)
     direct, straight = [], None
     for part in TRIED:
         engine = Direct(shapes, small, scene.lights, error=part * sampling.error)
@@ -122,26 +152,7 @@ def run_pilot(scene: TwinScene, film: Film) -> Pilot | None:
         )
         onward, onward_s = (one[0] + two[0]) / 2, min(one[1], two[1])
         spread = float(np.mean((one[0] - two[0]) ** 2)) / 2
-    tracer = PathTracer(dark, small, variant=FAST)
-    halves = [_timed(lambda seed=seed: tracer.image(index, PILOT_SAMPLES, seed=seed)) for seed in (1, 2)]
-    noise = float(np.mean((halves[0][0] - halves[1][0]) ** 2)) / 2
-    whole = straight + onward
-    seen = whole.max((0, -1)) > 0
-    if not seen.any():
-        return None
-    mean = float(whole[:, seen].mean())
-    difference = _blocks((halves[0][0] + halves[1][0]) / 2 - whole[index])
-    left = float(np.mean(difference**2)) - (noise / 2 + spread / 2) / BLOCK**2
-    return Pilot(
-        pixels=small.window[2] * small.window[3],
-        onward=float(np.sqrt(np.mean(onward**2))) / mean,
-        disagreement=float(np.sqrt(max(left, 0))) / mean,
-        direct=tuple(direct),
-        spread=spread / mean**2,
-        noise=noise / mean**2,
-        onward_s=onward_s * larger,
-        stock_s=len(scene.lights) * min(half[1] for half in halves) * larger,
-    )
+    return tuple(direct), straight, onward, onward_s, spread
 
 
 def _small(film: Film) -> Film:

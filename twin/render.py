@@ -18,7 +18,8 @@ from scene.store import Store
 from twin.description import TwinScene
 from twin.engine import Choice, choose_engine
 from twin.film import Film
-from twin.ground_truth import ground_truth, save_ground_truth
+from twin.flashes import give_memory_back
+from twin.ground_truth import ground_truth
 from twin.layers import Piece, PieceRenderer, pieces_of, standing_light
 from twin.path_tracing import PathTracer
 from twin.unfinished import Unfinished
@@ -134,6 +135,7 @@ def render_scene(
     film, folder = scene.film(), None if store is None else scratch_for(store.folder)
     kept = Unfinished(folder, "" if folder is None else rendering_mark(scene, apart))
     choice = _elsewhere(executor, _choose, scene, film) if kept.notes is None else Choice(**kept.notes)
+    give_memory_back()
     if tell is not None:
         tell(str(choice))
     noise = _elsewhere(executor, _noise, scene, film, choice) if choice.engine == "mitsuba" else None
@@ -154,11 +156,12 @@ def render_scene(
         kept.finished(index)
         if progress is not None:
             progress(len(kept.done), len(pieces))
+    give_memory_back()
     if store is None:
         frames = Frames(scene.lights.names, kept.arrays["codes"], np.ones(len(scene.lights)))
     else:
         frames = _stored(store, kept, work)
-        save_ground_truth(ground_truth(scene), store.folder)
+        ground_truth(scene, folder=store.folder)
     seconds = time.perf_counter() - started
     variant, depth, warnings = pick_variant()[0], scene.sampling.max_depth, _warnings(film, choice, noise)
     return Rendering(frames, choice, variant, depth, noise, seconds, len(pieces), found, warnings)

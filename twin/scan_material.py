@@ -19,7 +19,7 @@ from twin.material_places import Places, material_places
 from twin.material_residual import Part, Residual, material_residual
 from twin.material_samples import MOST, Samples, ScanSurface, inner_pixels, samples_of_scan
 
-SAMPLES_AT_ONCE = 1 << 22
+SAMPLES_AT_ONCE = 1 << 20
 MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
 """Of the fit: pixels times frames; pixels, however many frames there are."""
 

@@ -103,7 +103,7 @@ def write_session(
             progress(index + 1, len(frames))
     folder.save_lights(lights, files=tuple(written))
     folder.save_mask(mask)
-    write_npy(folder.path("truth.npy"), truth.astype(np.float32))
+    write_npy(folder.path("truth.npy"), np.asarray(truth, np.float32))
     path = folder.path("session.toml")
     write_text(path, _manifest(written, camera, name or f"{folder.folder.resolve().parent.name} twin"))
     return path

@@ -1,7 +1,6 @@
 """The measured albedo on the scan: the photographs' own pixels as a texture, at their full resolution."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +9,7 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.mesh import Mesh
 from twin.description import WHITE_BALL_ALBEDO
+from twin.nearest import filled
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -79,7 +79,9 @@ def textured_surface(
             "the albedo is unknown (NaN) wherever the camera sees the mesh. Check that the pose fits these frames."
         )
     scale = _reflectance_scale(measured[known], white_value)
-    reflectance = measured * scale.astype(np.float32)
+    height, width = measured.shape[:2]
+    texture = np.empty((height + 3, width, 3), np.float32)
+    reflectance = np.multiply(measured, scale.astype(np.float32), out=texture[:height])
     if white_value is None:
         warnings.append(
             "The white ball's pixel value is unknown: the brightest albedo (99th percentile) is taken as "
@@ -91,13 +93,12 @@ def textured_surface(
             f"{100 * bright:.1f} % of the object's pixels have an albedo above {BRIGHTEST} (white ball: "
             f"{WHITE_BALL_ALBEDO}), more than matte surfaces give back; they are rendered with {BRIGHTEST}."
         )
-    reflectance = np.clip(_filled(reflectance, known), 0, BRIGHTEST)
-    median = np.median(np.clip(reflectance[known], 0, BRIGHTEST), 0)
+    np.clip(filled(reflectance, known), 0, BRIGHTEST, out=reflectance)
+    median = np.median(reflectance[known], 0)
 
     vertices, normals, faces = _split_for_perspective(mesh, camera)
-    height, width = measured.shape[:2]
     # One row of copies below the picture, then two of the median: bilinear lookup must not mix the two.
-    texture = np.concatenate([reflectance, reflectance[-1:], np.broadcast_to(median, (2, width, 3))]).astype(np.float32)
+    texture[height], texture[height + 1 :] = reflectance[-1], median
     pixels = camera.project(vertices) - [columns.start, rows.start]
     texcoords = (pixels + 0.5) / [width, height + 3]
     # Points outside the picture, or behind the camera, are not seen; a number must stand there all the same.
@@ -126,16 +127,6 @@ def _reflectance_scale(measured: NDArray, white_value: Array | None) -> Array:
     if white_value.shape != (3,) or not (np.isfinite(white_value) & (white_value > 0)).all():
         raise RenderError(f"the white level of the albedo is {white_value}; expected 3 positive numbers.")
     return WHITE_BALL_ALBEDO / white_value
-
-
-def _filled(image: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
-    """Give unknown pixels the nearest known one's value: the object's border is where albedo is least known."""
-    from scipy.ndimage import distance_transform_edt
-
-    if known.all():
-        return image
-    nearest: Any = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return image[tuple(nearest)]
 
 
 def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, NDArray[np.int64]]:

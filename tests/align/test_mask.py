@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from align.mask import ObjectMask, block_means, find_object, scan_mask
+from align.picture import box_of, longer_side
 from fixtures.mesh_scene import Tracer, random_scene
 from fixtures.mesh_shapes import blob
 from scene.camera import Camera
@@ -151,3 +152,13 @@ def test_real_objects_before_black_cloth(name):
     given = cv2.imread(str(folder / f"{name}.mask.png"), cv2.IMREAD_GRAYSCALE) > 127
     found = find_object(frames, Camera.orthographic(frames.width, frames.height), [])
     assert overlap(found.mask, given) > 0.94
+
+
+def test_the_box_of_a_mask_holds_its_pixels_and_no_more():
+    rng = np.random.default_rng(10_072)
+    for _ in range(20):
+        mask = rng.random((40, 50)) < 0.002
+        mask[rng.integers(40), rng.integers(50)] = True
+        (top, left), (bottom, right) = np.argwhere(mask).min(0), np.argwhere(mask).max(0)
+        assert box_of(mask) == (slice(top, bottom + 1), slice(left, right + 1))
+        assert longer_side(mask) == np.ptp(np.argwhere(mask), axis=0).max() + 1

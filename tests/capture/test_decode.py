@@ -212,6 +212,20 @@ def test_an_interrupt_ends_soon(own):
         assert len(begun) == count
 
 
+def test_no_more_units_at_a_time_than_memory_allows():
+    """Each holds a photograph: on a machine of many cores memory decides."""
+    running, most = [], []
+
+    def unit(job):
+        running.append(job)
+        most.append(len(running))
+        time.sleep(0.01)
+        running.remove(job)
+
+    fan_out(unit, range(8), threads=1)
+    assert max(most) == 1
+
+
 def test_a_sensor_that_clips_below_its_stated_white(tmp_path, write_dng, mosaic, scene_pictures):
     """The header says 16383, the sensor ends at 15200: 5 % of samples would be believed that are no light."""
     light = np.minimum(scene_pictures(6, shape=(96, 128)) * 3, (15200 - 512) * DN)

@@ -143,3 +143,13 @@ def test_lights_that_cannot_do():
         Lights(("a",), np.eye(3)[:1], np.ones((1, 3))).check()
     with pytest.raises(CalibrationError, match=r"expected \(2, 3\)"):
         Lights(("a", "b"), np.eye(3), np.ones((3, 3)))
+
+
+def test_rows_of_a_tall_map_are_encoded_one_by_one_as_together():
+    normals = unit(np.random.default_rng(10_070).standard_normal((777, 3, 3)))
+    normals[::7] = np.nan
+    alone = np.concatenate([encode_normals(row[None]) for row in normals])
+    assert np.array_equal(encode_normals(normals), alone)
+    assert (alone[::7] == 0).all()
+    expected = np.round((normals[1:7].astype(np.float64) + 1) / 2 * 65535)
+    assert np.array_equal(alone[1:7], expected)

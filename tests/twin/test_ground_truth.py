@@ -1,6 +1,6 @@
 """The true maps of a scene: closed forms, and shadows that fall where they must."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -9,6 +9,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from twin.description import TwinObject, TwinScene
+from twin.film import film_for
 from twin.ground_truth import ground_truth, lights_of, save_ground_truth
 from twin.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Texture
 from twin.object_mesh import built_in
@@ -153,6 +154,32 @@ def test_the_maps_are_files(tmp_path):
     save_ground_truth(truth, tmp_path)
     assert np.array_equal(np.load(tmp_path / "truth_normals.npy"), truth.normals, equal_nan=True)
     assert len(list(tmp_path.iterdir())) == 10
+
+
+@pytest.mark.parametrize("camera", [CAMERA, FLAT, LENS], ids=["perspective", "orthographic", "lens"])
+def test_maps_made_on_disk_are_those_made_in_memory(camera, tmp_path):
+    """Byte for byte, so that a picture's size need not fit in memory."""
+    ball = TwinObject("ball", built_in("sphere"), "m", placed(40, MIDDLE))
+    given = scene(ball, camera=camera, given=lights([[0, 0.3, 1], [2, 0, 0.1]]))
+    save_ground_truth(ground_truth(given), tmp_path / "memory")
+    mapped = ground_truth(given, folder=tmp_path / "disk")
+    assert all(isinstance(getattr(mapped, field.name), np.memmap) for field in fields(mapped))
+    names = {path.name for path in (tmp_path / "memory").iterdir()}
+    assert names == {path.name for path in (tmp_path / "disk").iterdir()}
+    for name in names:
+        assert (tmp_path / "memory" / name).read_bytes() == (tmp_path / "disk" / name).read_bytes(), name
+
+
+def test_a_lens_is_undistorted_alike_in_bands(monkeypatch):
+    monkeypatch.setattr("twin.film.ROWS", 7)
+    points = ball_truth(LENS, 40, MIDDLE)[1]
+    points = points[np.isfinite(points[..., 0])]
+    banded = film_for(LENS, points)
+    monkeypatch.setattr("twin.film.ROWS", 10_000)
+    whole = film_for(LENS, points)
+    assert banded.size[0] > 7
+    assert banded.rendered == whole.rendered
+    assert np.array_equal(banded.pixels, whole.pixels)
 
 
 def test_normals_of_a_squeezed_and_turned_ball_are_an_ellipsoids():

@@ -22,9 +22,10 @@ from twin.material_regions import TURN, Neighbours
 from twin.material_samples import Samples
 from twin.materials import RoughPlastic
 from twin.mitsuba_scene import mitsuba_scene
+from twin.nearest import filled
 from twin.object_mesh import ObjectMesh, built_in
 from twin.reflection_models import coat, reflected
-from twin.scan_material import scan_material
+from twin.scan_material import albedo_of, scan_material
 from twin.variant import FAST, pick_variant
 
 LIGHTS = dome(16)
@@ -183,3 +184,26 @@ def test_the_twin_of_two_materials_looks_like_the_object() -> None:
     assert both < 0.01
     assert one > 5 * both
     assert swapped > 5 * both
+
+
+def test_unknown_pixels_get_what_the_nearest_known_one_has():
+    rng = np.random.default_rng(10_071)
+    image, known = rng.random((23, 31, 3)).astype(np.float32), rng.random((23, 31)) < 0.1
+    at, every = np.argwhere(known), np.argwhere(np.ones(known.shape, bool))
+    square = ((every[:, None] - at) ** 2).sum(-1)
+    out = filled(image, known)
+    for (row, column), apart in zip(every, square, strict=True):
+        # Of several that are equally near, any.
+        nearest = at[apart == apart.min()]
+        assert any(np.array_equal(out[row, column], image[r, c]) for r, c in nearest)
+    assert filled(image, np.ones(known.shape, bool)) is image
+
+
+def test_albedo_in_pieces_is_the_albedo_at_once():
+    samples = made(0.2, 0.3, LIGHTS)
+    fit = fit_material(samples, LIGHTS)
+    which = np.arange(len(samples)) % 3
+    together, pieces = albedo_of(samples, fit), np.empty((len(samples), 3), np.float32)
+    for number in range(3):
+        pieces[which == number] = albedo_of(samples.only(which == number), fit)
+    assert np.array_equal(together, pieces)
