@@ -23,8 +23,10 @@ from pathlib import Path
 
 from pyarrow import parquet
 
+from benchmarks.pages import put
+
 ROOT = Path(__file__).resolve().parents[1]
-PAGE, MARKERS = ROOT / "docs" / "robustness.md", ("<!-- kills -->\n", "<!-- end of kills -->")
+PAGE = ROOT / "docs" / "robustness.md"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 SEED = 601
 SCENE = """name = "box"
@@ -184,9 +186,7 @@ def main() -> None:
     text = "\n".join(lines) + "\n"
     print(text)
     if arguments.write:
-        page = PAGE.read_text()
-        first, rest = page.split(MARKERS[0])
-        PAGE.write_text(first + MARKERS[0] + text + MARKERS[1] + rest.split(MARKERS[1])[1])
+        put(PAGE, "kills", text)
 
 
 if __name__ == "__main__":
