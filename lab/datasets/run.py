@@ -1,6 +1,5 @@
 """`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept, and not made again."""
 
-import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +14,7 @@ from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
 from scene.output_folder import open_record
+from scene.reading import json_of
 
 
 def run(
@@ -69,7 +69,7 @@ def run(
                     if row["status"] == "ok":
                         write_json(_place(out, keys[name]), row)
             for name in names:
-                row = made.get(name) or json.loads(_place(out, keys[name]).read_text())
+                row = made.get(name) or json_of(_place(out, keys[name]))
                 rows.append({"dataset": entry.name, "family": entry.family, **row})
         write_results(out, rows)
     return rows

@@ -1,6 +1,5 @@
 """The shelf: one folder that holds the datasets that were made, and those of others that were checked and added."""
 
-import json
 import re
 import shutil
 from dataclasses import asdict, dataclass
@@ -14,6 +13,7 @@ from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import move_folder, write_json
 from scene.output_folder import open_record, read_record
+from scene.reading import json_of
 from scene.record import Record
 
 ADDED = ".added"
@@ -44,7 +44,7 @@ def entries(shelf: Path) -> list[Entry]:
     """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
     known, record = catalogue(), read_record(shelf)
     found = [Entry(one.name, one.family, one.text, _state(record, one), shelf / one.name) for one in known.values()]
-    notes = [json.loads(path.read_text()) for path in sorted((shelf / ADDED).glob("*.json"))]
+    notes = [json_of(path) for path in sorted((shelf / ADDED).glob("*.json"))]
     taken = {*known, *(note["name"] for note in notes)}
     for path in sorted(shelf.glob("*px")):
         sized = re.fullmatch(r"(.+)-(\d+)px", path.name)
@@ -93,7 +93,7 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
         if (
             name in catalogue()
             or (place.exists() and not record.files_of(work))
-            or (note.exists() and Path(json.loads(note.read_text())["folder"]).exists())
+            or (note.exists() and Path(json_of(note)["folder"]).exists())
         ):
             raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
         sums = checksums_of(folder)
@@ -122,7 +122,7 @@ def contents_of(shelf: Path, entry: Entry) -> str:
         Files have changed since it was made or added, or are gone.
     """
     if entry.state == "added":
-        expected = json.loads((shelf / ADDED / f"{entry.name}.json").read_text())["checksums"]
+        expected = json_of(shelf / ADDED / f"{entry.name}.json")["checksums"]
     else:
         expected = (entry.folder / FILE).read_text()
     if not entry.folder.is_dir():

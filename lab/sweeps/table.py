@@ -1,6 +1,5 @@
 """The cells' files, and the tables that are joined from them."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 from lab.sweeps.perturbation import PERTURBATIONS
 from lab.sweeps.recipe import Cell
 from scene.files import write_json, write_whole
+from scene.reading import json_of
 
 Rows = list[dict[str, Any]]
 
@@ -42,7 +42,7 @@ def write_cell(folder: Path, cell: Cell, found: dict[str, Any]) -> None:
 
 def read_cells(folder: Path, cells: Sequence[Cell]) -> list[dict[str, Any]]:
     """Return what the cells' files hold."""
-    return [json.loads(cell_path(folder, cell).read_text()) for cell in cells]
+    return [json_of(cell_path(folder, cell)) for cell in cells]
 
 
 def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]) -> tuple[Rows, Rows, Rows]:
