@@ -205,12 +205,9 @@ def table(rows: dict[tuple[str, str], dict], judged: dict[tuple[str, str], Verdi
         lines.append(f"| {name} | " + " | ".join(cells) + f" | {told.get(mistake.kind, f'no harm: {mistake.why}')} |")
     telling = [judged[key] for key, row in rows.items() if key in judged and row["can_tell"]]
     count = max(len(telling), 1)
-    silent = [
-        key for key, one in judged.items() if rows[key]["can_tell"] and not one.noticed and one.harm_deg > HARMFUL_DEG
-    ]
-    mute = sum(
-        not rows[key]["can_tell"] and not one.noticed and one.harm_deg > HARMFUL_DEG for key, one in judged.items()
-    )
+    silent = [key for key, one in judged.items() if not one.noticed and one.harm_deg > HARMFUL_DEG]
+    mute = sum(not rows[key]["can_tell"] for key in silent)
+    others = sum(not row["can_tell"] for row in rows.values())
     alarms = [one for key, one in judged.items() if key[0].startswith("nothing wrong") and one.noticed]
     sound = [key for key in judged if key[0].startswith("nothing wrong")]
     lines += [

@@ -82,6 +82,15 @@ def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
 
 def _moved(frames: Frames, facts: list[FrameFacts]) -> list[str]:
     found = movement(frames, facts)
+    if found.step is not None:
+        here, (right, down) = found.step.first, found.step.shift_px
+        turn = f", turned by {abs(found.step.turn_deg):.1f} degrees" if found.step.turn_deg else ""
+        return [
+            f"{frames.names[here]}: from here on the picture lies {np.hypot(right, down):.1f} px off the frames before "
+            f"(right {right:+.1f}, down {down:+.1f}{turn}): the camera or the table moved after "
+            f"{frames.names[here - 1]}, or the object with what lies around it. Reshoot, or list the frames before or "
+            "after under frames.skip."
+        ]
     return [
         f"{frames.names[i]}: the picture lies {np.hypot(*found.shift_px[i]):.1f} px off the other frames' "
         f"(right {found.shift_px[i, 0]:+.1f}, down {found.shift_px[i, 1]:+.1f}): the camera or the table moved. "

@@ -1,5 +1,6 @@
 """The audit: each fault, put into a sound session by the test, is named; a sound session raises no alarm."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -125,6 +126,29 @@ def test_a_moved_camera_is_named(warnings_of, scene_pictures, shift):
     # A jolt is measured on reduced pictures.
     assert abs(right - shift[0]) < 0.5 + 0.02 * abs(shift[0])
     assert abs(down - shift[1]) < 0.5 + 0.02 * abs(shift[1])
+
+
+@pytest.mark.parametrize("shift", [(2.0, 0.7), (9.0, -4.0)])
+def test_a_camera_that_moved_midway_is_named_with_the_frame(warnings_of, scene_pictures, shift):
+    """Half of the frames lay elsewhere, and none of them was odd among the others."""
+    images = scene_pictures()
+    half = len(images) // 2
+    images[half:] = [moved(image, shift) for image in images[half:]]
+    (warning,) = warnings_of(images)
+    right, down = (float(part) for part in re.findall(r"(?:right|down) ([+-][\d.]+)", warning))
+    assert warning.startswith(f"flash_{half:03d}: from here on")
+    assert f"after flash_{half - 1:03d}" in warning
+    assert (right, down) == pytest.approx(shift, abs=0.5)
+
+
+def test_a_camera_that_turned_midway(warnings_of, scene_pictures):
+    images = scene_pictures()
+    height, width = images.shape[1:3]
+    turn = cv2.getRotationMatrix2D((width / 2, height / 2), 2.0, 1.0)
+    images[5:] = [cv2.warpAffine(i, turn, (width, height), borderMode=cv2.BORDER_REPLICATE) for i in images[5:]]
+    (warning,) = warnings_of(images)
+    assert "flash_005: from here on" in warning
+    assert float(re.findall(r"turned by ([\d.]+) degrees", warning)[0]) == pytest.approx(2, abs=0.4)
 
 
 def moved(image, shift):
