@@ -241,7 +241,7 @@ def _cropped(taken: Taken, *, told: bool) -> Taken:
 def _turned_pictures(taken: Taken) -> Taken:
     camera = dict(taken.camera)
     camera["width"], camera["height"] = camera["height"], camera["width"]
-    camera["cx"], camera["cy"] = camera["cy"], camera["width"] - 1 - camera["cx"]
+    camera["cx"], camera["cy"] = camera["cy"], camera["height"] - 1 - camera["cx"]
     turned = taken.directions @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
     ambient = None if taken.ambient is None else np.rot90(taken.ambient)
     images = np.rot90(taken.images, axes=(1, 2))
