@@ -67,6 +67,32 @@ def test_a_weak_flash_is_no_misfire(warnings_of, scene_pictures):
     assert not [text for text in warnings_of(images) if "did not fire (" in text]
 
 
+@pytest.mark.parametrize("factor", [0.5, 0.75])
+def test_another_exposure_without_exif_is_named_and_scaled(picture_session, scene_pictures, tmp_path, factor):
+    """It moved a ball by 6 px and the lights by 16 degrees, and the balls were blamed."""
+    images = scene_pictures() * 0.6
+    ambient = 0.25 * images.mean(0)
+    lit = images.copy()
+    # The flash leaves a part of the scene in shadow.
+    lit[:, :40] = 0
+    lit += ambient
+    lit[3] *= factor
+    frames, report = decode(load_session(picture_session(lit, ambient=ambient)), Store(tmp_path / "out"))
+    (warning,) = report.warnings
+    assert warning.startswith("flash_003: in the flash's shadows")
+    assert "another exposure" in warning
+    assert frames.gain[3] == pytest.approx(1 / factor, rel=0.05)
+    assert (np.delete(frames.gain, 3) == 1).all()
+
+
+def test_a_weak_flash_in_a_lit_room_is_no_other_exposure(warnings_of, scene_pictures):
+    images = scene_pictures() * 0.6
+    ambient = 0.25 * images.mean(0)
+    images[3] *= 0.5
+    images[:, :40] = 0
+    assert warnings_of(images + ambient, ambient=ambient) == ()
+
+
 def test_a_flash_in_the_ambient_frame(warnings_of, scene_pictures):
     images = scene_pictures()
     with pytest.raises(CaptureError, match=r"frames\.ambient"):
