@@ -350,6 +350,15 @@ def _lights(change: Callable[[NDArray], NDArray]) -> Callable[[Taken], Taken]:
     return made
 
 
+def _reordered(change: Callable[[NDArray], NDArray]) -> Callable[[Taken], Taken]:
+    def made(taken: Taken) -> Taken:
+        assert taken.lights is not None
+        order = change(np.arange(len(taken.lights)))
+        return replace(taken, lights=taken.lights[order], powers=None if taken.powers is None else taken.powers[order])
+
+    return made
+
+
 def _in_degrees(taken: Taken) -> Taken:
     """Write azimuth, elevation and 1 into an .lp, as some tables have them."""
     x, y, z = taken.directions.T
@@ -374,17 +383,27 @@ def _of_light_files() -> list[Mistake]:
         ("y flipped", lambda to: to * [1, -1, 1], ("y flipped|flip|y negated|-y",)),
         ("y and z swapped", lambda to: to[:, [0, 2, 1]], ("swap|axes|y and z|x, ?z, ?y|turned",)),
         ("turned by 90 degrees", lambda to: to[:, [1, 0, 2]] * [-1, 1, 1], ("turn|rotat|90|axes",)),
-        ("rolled by one", lambda to: np.roll(to, 1, 0), ("order|roll|one frame|shifted",)),
-        ("reversed", lambda to: to[::-1], ("order|revers",)),
-        ("shuffled", lambda to: np.random.default_rng(5).permutation(to), ("order|which frame|shuffl|do not belong",)),
         ("of another session", _of_another, ("order|another|do not belong",)),
     ]  # fmt: skip
+    orders: list[tuple[str, Callable[[NDArray], NDArray], tuple[str, ...]]] = [
+        ("rolled by one", lambda rows: np.roll(rows, 1, 0), ("order|roll|one frame|shifted|frames later",)),
+        ("reversed", lambda rows: rows[::-1], ("order|revers",)),
+        (
+            "shuffled",
+            lambda rows: np.random.default_rng(5).permutation(rows),
+            ("order|which frame|shuffl|do not belong",),
+        ),
+    ]
     found = []
     for variant in ("balls and light file", "light file"):
         asked = "balls in view" if variant.startswith("balls") else "no balls"
         found += [
             Mistake(f"light file {what} ({asked})", _lights(change), (LIGHT_FILE, *words), variant=variant)  # type: ignore[arg-type]
             for what, change, words in changes
+        ]
+        found += [
+            Mistake(f"light file {what} ({asked})", _reordered(change), (LIGHT_FILE, *words), variant=variant)  # type: ignore[arg-type]
+            for what, change, words in orders
         ]
         found += [
             Mistake(f"light file in degrees ({asked})", _in_degrees,
