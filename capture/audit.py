@@ -10,13 +10,15 @@ import numpy as np
 from capture.exif import Exif
 from capture.facts import FrameFacts, facts_of, reduced
 from capture.flashes import doubles, misfires
-from capture.gamma import noise_slope, speaks_for_gamma, stated_encoding
+from capture.gamma import jpeg_quality, noise_slope, speaks_for_gamma, stated_encoding
 from capture.globs import kind_of
 from capture.movement import movement
 from capture.session import Session
 from capture.settings import gaps_in_numbering, mixed_settings
 from scene.frames import Frames
 
+GOOD_JPEG = 70
+"""Quality, as libjpeg counts it, from which compression is not worth a word."""
 BLOWN = 0.002
 """Share of the picture in large clipped spots that is worth a warning."""
 
@@ -64,6 +66,7 @@ def audit(
         *_blown(frames.names, facts),
         *_moved(frames, facts),
         *_encoding(session, frames),
+        *_compressed(session),
     )
 
 
@@ -122,3 +125,14 @@ def _encoding(session: Session, frames: Frames) -> list[str]:
             "linear = false if they are sRGB-encoded, as cameras' JPEG and most 8-bit pictures are."
         ]
     return []
+
+
+def _compressed(session: Session) -> list[str]:
+    """Name JPEG files whose compression bends more than 8 bits do."""
+    quality = jpeg_quality(session.flash[0])
+    if quality is None or quality >= GOOD_JPEG:
+        return []
+    return [
+        f"{session.flash[0].name}: a JPEG file of quality {quality:.0f} (of 100): blocks and smeared edges move balls "
+        "and highlights, and dark parts are lost. Give the RAW files, or export 16-bit TIFF or PNG."
+    ]

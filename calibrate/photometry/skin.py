@@ -34,6 +34,8 @@ class Skin:
     center : (3,) float64
     radius : float
         The ball's, in the points' unit.
+    standing : (P, 3) float32
+        The ambient frame's light, which was taken off; zero without.
     """
 
     points: Array
@@ -44,6 +46,7 @@ class Skin:
     block: NDArray[np.intp]
     center: Array
     radius: float
+    standing: NDArray[np.float32]
 
 
 def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
@@ -61,7 +64,9 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     place = (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         empty = np.zeros((len(frames), 0, 3), np.float32)
-        return Skin(points, normals, view, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp), *place)
+        return Skin(
+            points, normals, view, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp), *place, empty[0]
+        )
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -71,7 +76,8 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     angle = np.arctan2(offset[:, 1], offset[:, 0]) + np.pi
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
-    return Skin(points, normals, view, values, clipped, block, *place)
+    standing = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
+    return Skin(points, normals, view, values, clipped, block, *place, standing)
 
 
 def shading_directions(skin: Skin) -> tuple[Array, Array]:

@@ -197,6 +197,19 @@ def test_gamma_encoded_frames(shot, frames):
     _said(alone, "the white ball shows", "not linear", "frames.linear = false")
 
 
+@pytest.mark.full
+@pytest.mark.parametrize(("power", "words"), [(1 / 2.2, "frames.linear = false"), (2.2, "frames.linear = true")])
+def test_values_taken_otherwise_than_coded_are_named(shot, power, words):
+    """With the room's light taken off: sRGB said to be linear was a ball that contradicts the lights."""
+    world, images, _ = shot
+    room = 0.2 * images.mean(0)
+    coded = [np.clip(picture, 0, 1) ** power for picture in (*(images + room), room)]
+    found = calibrate(_exposed(np.stack(coded[:-1]), ambient=coded[-1]), world.camera, _asked(world))
+    _said(found, "frames.linear: the white ball misses n.l", words)
+    sound = calibrate(_exposed(images + room, ambient=room), world.camera, _asked(world))
+    assert not sound.warnings
+
+
 def _flagged(world, images, ball, frame, *, half_mm):
     """Hold a card between a flash and a ball, out of the picture."""
     images = images.copy()
