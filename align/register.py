@@ -233,7 +233,8 @@ def _check_distance(mesh: Mesh, camera: Camera, lights: Lights, pose: Pose) -> N
         raise AlignError(
             f"scan: it would have to stand {distance:.4g} mm from the camera to look as large as the object, but "
             f"the lights were calibrated about a point {expected:.4g} mm away: the scan is about "
-            f"{distance / expected:.3g} times too large. Check scan_unit under [object]."
+            f"{distance / expected:.3g} times too large, or diameter_mm of the balls so much too small. Check "
+            "scan_unit under [object], and [[spheres]]."
         )
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.fault_list import MISTAKES, Mistake, session, varied
-from benchmarks.fault_sessions import LOOKED_AT, ROOT, SESSIONS, Taken, write
+from benchmarks.fault_sessions import LOOKED_AT, ROOT, SESSIONS, WITH_SCAN, Taken, write
 from benchmarks.pages import put
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
@@ -136,9 +136,10 @@ def _plain(text: str) -> str:
     return re.sub(r"[-+]?\d[\d.,]*", "#", text)
 
 
-def can_tell(mistake: Mistake, taken: Taken) -> bool:
-    """Whether the session's data can tell the mistake."""
-    return mistake.kind == "tells" or (mistake.kind == "with scan" and taken.scan is not None)
+def can_tell(name: str, where: str) -> bool:
+    """Whether a session's data can tell a mistake."""
+    kind = MISTAKES[name].kind
+    return kind == "tells" or (kind == "with scan" and where in WITH_SCAN)
 
 
 def case(name: str, where: str, folder: Path) -> None:
@@ -152,7 +153,6 @@ def case(name: str, where: str, folder: Path) -> None:
     result = {"name": name, "session": where, "applies": made is not None}
     if made is not None:
         result |= asdict(run(made))
-        result["can_tell"] = can_tell(mistake, made)
     result["seconds"] = time.process_time() - begin
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(result, indent=1))
@@ -203,11 +203,11 @@ def table(rows: dict[tuple[str, str], dict], judged: dict[tuple[str, str], Verdi
             cells.append(_cell(outcome_of(rows[name, where]), judged[name, where], mistake))
         told = {"tells": "yes", "with scan": f"with a scan: {mistake.why}", "cannot": f"no: {mistake.why}"}
         lines.append(f"| {name} | " + " | ".join(cells) + f" | {told.get(mistake.kind, f'no harm: {mistake.why}')} |")
-    telling = [judged[key] for key, row in rows.items() if key in judged and row["can_tell"]]
+    telling = [judged[key] for key in rows if key in judged and can_tell(*key)]
     count = max(len(telling), 1)
     silent = [key for key, one in judged.items() if not one.noticed and one.harm_deg > HARMFUL_DEG]
-    mute = sum(not rows[key]["can_tell"] for key in silent)
-    others = sum(not row["can_tell"] for row in rows.values())
+    mute = sum(not can_tell(*key) for key in silent)
+    others = sum(not can_tell(*key) for key in rows)
     alarms = [one for key, one in judged.items() if key[0].startswith("nothing wrong") and one.noticed]
     sound = [key for key in judged if key[0].startswith("nothing wrong")]
     lines += [

@@ -311,3 +311,4 @@ SESSIONS: dict[str, Callable[[Path], Taken]] = {
 }
 LOOKED_AT = ("bumpy", "balls 2001", "far 2002")
 """Thresholds were chosen on these."""
+WITH_SCAN = ("bumpy", "bunny")

@@ -15,8 +15,10 @@ from capture.globs import kind_of
 from capture.movement import movement
 from capture.session import Session
 from capture.settings import gaps_in_numbering, mixed_settings
-from scene.frames import Frames
+from scene.frames import PEDESTAL, WHITE, Frames
 
+CUT = 0.01
+"""Share of what is lit in some frame that may be black to the last bit in the median frame: sound files have 0.0005."""
 GOOD_JPEG = 70
 """Quality, as libjpeg counts it, from which compression is not worth a word."""
 BLOWN = 0.002
@@ -67,6 +69,7 @@ def audit(
         *_moved(frames, facts),
         *_encoding(session, frames),
         *_compressed(session),
+        *_cut_at_black(session, frames),
     )
 
 
@@ -135,4 +138,31 @@ def _compressed(session: Session) -> list[str]:
     return [
         f"{session.flash[0].name}: a JPEG file of quality {quality:.0f} (of 100): blocks and smeared edges move balls "
         "and highlights, and dark parts are lost. Give the RAW files, or export 16-bit TIFF or PNG."
+    ]
+
+
+def _cut_at_black(session: Session, frames: Frames) -> list[str]:
+    """Name files in which too much was taken off as black: shadows without noise, and without bounced light."""
+    import cv2
+
+    if kind_of(session.flash[0]) != "image" or frames.codes.dtype != np.uint16:
+        return []
+    height, width = (min(size, 1024) for size in (frames.height, frames.width))
+    top, left = (frames.height - height) // 2, (frames.width - width) // 2
+    codes = frames.codes[:, top : top + height, left : left + width]
+    # Of 8 bits the lowest step alone is so wide.
+    if np.unique(codes[0]).size <= 256:
+        return []
+    lit = np.max([picture.max(-1) for picture in codes], 0) > PEDESTAL + 0.02 * (WHITE - PEDESTAL)
+    if not lit.any():
+        return []
+    around = np.ones((3, 3), np.uint8)
+    black = [cv2.erode((picture.max(-1) <= PEDESTAL).astype(np.uint8), around)[lit].mean() for picture in codes]
+    share = float(np.median(black))
+    if share < CUT:
+        return []
+    return [
+        f"frames: {share:.0%} of what other frames show lit is zero to the last bit, without noise (median frame; "
+        "expected under 1 %): the black level that was subtracted is too high, and the dark side of every shading is cut off. "
+        "Export again with the camera's own black level, or give the RAW files."
     ]

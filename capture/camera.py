@@ -63,9 +63,9 @@ def _off_middle(camera: Camera) -> tuple[str, ...]:
         return ()
     return (
         f"camera.cx, camera.cy: ({camera.cx:g}, {camera.cy:g}) lies {abs(off[0]):.0%} of the width and "
-        f"{abs(off[1]):.0%} of the height off the middle of {camera.width} x {camera.height} px; lenses stay within {OFF_MIDDLE:.0%}. "
-        "Right only for photographs that were cropped on one side: each percent turns all lights and normals by "
-        "half a degree or so.",
+        f"{abs(off[1]):.0%} of the height off the middle of {camera.width} x {camera.height} px; lenses stay within "
+        f"{OFF_MIDDLE:.0%}. Right only for photographs that were cropped on one side: each percent turns all lights "
+        "and normals by half a degree or so.",
     )
 
 

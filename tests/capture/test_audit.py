@@ -300,3 +300,13 @@ def test_hard_jpeg_compression_is_named(picture_session, scene_pictures, tmp_pat
     _, report = decode(load_session(session), Store(tmp_path / "out"))
     told = [warning for warning in report.warnings if "JPEG" in warning]
     assert [f"JPEG file of quality {quality}" in warning for warning in told] == [True] * (quality < 70)
+
+
+def test_a_black_level_too_high_is_named(warnings_of, scene_pictures):
+    images = scene_pictures()
+    rng = np.random.default_rng(8)
+    noisy = np.maximum(images + 0.001 * rng.standard_normal(images.shape), 0)
+    noisy[:, 60:90] *= np.linspace(0.02, 1, 12)[:, None, None, None]
+    assert not [text for text in warnings_of(noisy) if "black level" in text]
+    cut = np.maximum(noisy - 0.08, 0)
+    assert [text for text in warnings_of(cut) if "the black level that was subtracted is too high" in text]
