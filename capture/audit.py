@@ -163,6 +163,6 @@ def _cut_at_black(session: Session, frames: Frames) -> list[str]:
         return []
     return [
         f"frames: {share:.0%} of what other frames show lit is zero to the last bit, without noise (median frame; "
-        "expected under 1 %): the black level that was subtracted is too high, and the dark side of every shading is cut off. "
-        "Export again with the camera's own black level, or give the RAW files."
+        "expected under 1 %): the black level that was subtracted is too high, and the dark side of every shading is "
+        "cut off. Export again with the camera's own black level, or give the RAW files."
     ]
