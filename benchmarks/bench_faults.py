@@ -195,6 +195,8 @@ def table(rows: dict[tuple[str, str], dict], judged: dict[tuple[str, str], Verdi
         "|---" * (len(sessions) + 2) + "|",
     ]
     for name, mistake in MISTAKES.items():
+        if not any((name, where) in judged for where in sessions):
+            continue
         cells = []
         for where in sessions:
             if (name, where) not in judged:

@@ -44,6 +44,8 @@ MUCH_AMBIENT = 0.25
 sRGB taken for linear it is 0.5 to 0.7."""
 CODED, CODED_BETTER = 0.01, 0.6
 """Relative misfit of n.l from which another coding of the values is tried, and the share of it that it must leave."""
+LEFT_AMBIENT = 0.05
+"""The same where an ambient frame was taken off: sound sessions leave under 0.01."""
 SPOILT_DEG = 20.0
 """How much farther than usual chrome and shading must point apart in one frame for it to be named."""
 
@@ -93,7 +95,7 @@ def intensities_from_white(
             )
         if read[number].evidence:
             evidence.append(read[number].evidence if len(read) == 1 else f"{number + 1}: {read[number].evidence}")
-        _name_much_ambient(read[number], name, warnings)
+        _name_much_ambient(read[number], name, warnings, subtracted=frames.ambient is not None)
     known = np.stack([np.isfinite(light.intensities).all(1) for light in read])
     if not known.any(0).all():
         bad = ~known.any(0)
@@ -192,10 +194,16 @@ def _elsewhere(
     return read
 
 
-def _name_much_ambient(light: Photometry, name: str, warnings: list[str]) -> None:
+def _name_much_ambient(light: Photometry, name: str, warnings: list[str], *, subtracted: bool) -> None:
     """Name an ambient light that may be none: an offset is what is most alike to a gamma curve."""
     strengths = light.intensities[np.isfinite(light.intensities).all(1)]
     share = float(light.ambient.mean() / np.median(strengths.mean(1))) if len(strengths) else 0.0
+    if subtracted and LEFT_AMBIENT < share <= MUCH_AMBIENT:
+        warnings.append(
+            f"frames.ambient: with the ambient frame taken off, {name} still shows {share:.0%} of the median flash in "
+            f"all frames alike (expected under {LEFT_AMBIENT:.0%}): the ambient frame is darker than the room was, at "
+            "another exposure or before a lamp was lit. Shoot it again with the flash frames' settings."
+        )
     if share > MUCH_AMBIENT:
         warnings.append(
             f"{name} shows {share:.0%} of the median flash in all frames alike (expected under {MUCH_AMBIENT:.0%}): a "

@@ -211,6 +211,15 @@ def test_values_taken_otherwise_than_coded_are_named(shot, power, words):
     assert not sound.warnings
 
 
+@pytest.mark.full
+def test_an_ambient_frame_at_half_the_exposure_is_named(shot):
+    """Half of the room's light was left in all frames, without a word."""
+    world, images, _ = shot
+    room = 0.25 * images.mean(0)
+    found = calibrate(_exposed(images + room, ambient=room / 2), world.camera, _asked(world))
+    _said(found, "frames.ambient: with the ambient frame taken off", "another exposure")
+
+
 def _flagged(world, images, ball, frame, *, half_mm):
     """Hold a card between a flash and a ball, out of the picture."""
     images = images.copy()
