@@ -15,12 +15,36 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.fault_pictures import (
+    all_frames,
+    ambient_scaled,
+    by_flash,
+    changed,
+    cropped,
+    curve,
+    distorted,
+    fingerprint,
+    moved_midway,
+    noisy,
+    on_ball,
+    one_frame,
+    polarised,
+    scratched,
+    second_half,
+    shifted,
+    srgb,
+    stain,
+    stepped,
+    turned_pictures,
+    vignetted,
+    with_room,
+)
 from benchmarks.fault_sessions import SESSIONS, Taken
 from scene.mesh import Mesh
 from scene.normals import unit
 
 Kind = Literal["tells", "with scan", "cannot", "harmless"]
-Variant = Literal["balls", "balls and light file", "light file", "no balls' ambient"]
+Variant = Literal["balls", "balls and light file", "light file"]
 LIGHT_FILE = r"lights?\.(file|lp)|light file"
 THIRD = "flash_003"
 
@@ -59,197 +83,6 @@ def varied(taken: Taken, variant: Variant) -> Taken:
         return taken
     taken = replace(taken, lights=taken.directions if taken.vectors_mm is None else taken.vectors_mm)
     return taken if variant == "balls and light file" else replace(taken, balls=[], mask=taken.object_mask)
-
-
-# Pictures.
-
-
-def _flash(taken: Taken) -> NDArray:
-    return taken.images - (0 if taken.ambient is None else taken.ambient)
-
-
-def _shifted(image: NDArray, right: float, down: float = 0.0, turn_deg: float = 0.0) -> NDArray:
-    height, width = image.shape[:2]
-    matrix = cv2.getRotationMatrix2D((width / 2, height / 2), turn_deg, 1.0)
-    matrix[:, 2] += right, down
-    return cv2.warpAffine(image, matrix, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-
-
-def _each(taken: Taken, change: Callable[[NDArray], NDArray], which: slice | list[int] = slice(None)) -> Taken:
-    """Return the session with some flash frames changed; all: the ambient frame, too."""
-    images = taken.images.copy()
-    images[which] = np.stack([change(image) for image in images[which]])
-    everything = which == slice(None) and taken.ambient is not None
-    return replace(taken, images=images, ambient=change(taken.ambient) if everything else taken.ambient)  # type: ignore[arg-type]
-
-
-def _second_half(taken: Taken) -> slice:
-    return slice(len(taken.images) // 2, None)
-
-
-def _moved(right: float, turn_deg: float = 0.0) -> Callable[[Taken], Taken]:
-    return lambda taken: _each(taken, lambda image: _shifted(image, right, right / 3, turn_deg), _second_half(taken))
-
-
-def _one(change: Callable[[NDArray], NDArray]) -> Callable[[Taken], Taken]:
-    return lambda taken: _each(taken, change, [3])
-
-
-def _all(change: Callable[[NDArray], NDArray], **more: object) -> Callable[[Taken], Taken]:
-    return lambda taken: replace(_each(taken, change), **more)  # type: ignore[arg-type]
-
-
-def _srgb(image: NDArray) -> NDArray:
-    linear = np.clip(image, 0, 1)
-    return np.where(linear < 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 1e-9) ** (1 / 2.4) - 0.055)
-
-
-def _curve(image: NDArray) -> NDArray:
-    """A raw converter's picture style: sRGB with an S on top."""
-    coded = _srgb(image)
-    return coded + 0.12 * np.sin(2 * np.pi * (coded - 0.5)) / 2
-
-
-def _noisy(image: NDArray, white_e: float) -> NDArray:
-    rng = np.random.default_rng(len(image))
-    return image + rng.normal(size=image.shape) * np.sqrt(np.maximum(image, 0) / white_e + (5 / white_e) ** 2)
-
-
-def _vignetted(image: NDArray) -> NDArray:
-    height, width = image.shape[:2]
-    v, u = np.mgrid[:height, :width]
-    square = ((u - width / 2) ** 2 + (v - height / 2) ** 2) / ((width / 2) ** 2 + (height / 2) ** 2)
-    return (image * (1 - 0.45 * square)[..., None]).astype(np.float32)
-
-
-def _distorted(taken: Taken) -> Taken:
-    """Barrel distortion of 2.5 % at the corners."""
-    camera = taken.camera
-    height, width = taken.images.shape[1:3]
-    corner = np.hypot(width, height) / 2 / camera["fx"]
-    matrix = np.array([[camera["fx"], 0, camera["cx"]], [0, camera["fy"], camera["cy"]], [0, 0, 1]])
-    v, u = np.mgrid[:height, :width]
-    lens = np.array([-0.025 / corner**2, 0, 0, 0, 0])
-    ideal = cv2.undistortPoints(
-        np.stack([u, v], -1).reshape(-1, 1, 2).astype(np.float64), matrix, lens, P=matrix
-    ).reshape(height, width, 2)
-    return _each(
-        taken,
-        lambda image: cv2.remap(
-            image, ideal[..., 0].astype(np.float32), ideal[..., 1].astype(np.float32), cv2.INTER_CUBIC
-        ),
-    )
-
-
-def _step(taken: Taken, where: NDArray[np.bool_], right: float) -> Taken:
-    """Move what is under a mask, and what is just around it, in the second half of the frames."""
-    soft = cv2.GaussianBlur(cv2.dilate(where.astype(np.float32), np.ones((9, 9))), (0, 0), 1.5)[..., None]
-
-    def change(image: NDArray) -> NDArray:
-        cover = np.clip(_shifted(soft[..., 0], right, right / 3), 0, 1)[..., None]
-        return (1 - cover) * image + cover * _shifted(image, right, right / 3)
-
-    return _each(taken, change, _second_half(taken))
-
-
-def _on_ball(taken: Taken, kind: str, change: Callable[[NDArray, NDArray, NDArray], NDArray]) -> Taken:
-    """Change the pixels of the first ball of a kind; `change` takes values, and x, y in radii from its middle."""
-    number = taken.first(kind)
-    region, place = taken.region(number), taken.places[number]
-    v, u = np.nonzero(region)
-    x, y = (u - place.center_px[0]) / place.radius_px, (v - place.center_px[1]) / place.radius_px
-
-    def painted(image: NDArray) -> NDArray:
-        image = image.copy()
-        image[v, u] = change(image[v, u], x, y)
-        return image
-
-    return _each(taken, painted)
-
-
-def _stain(values: NDArray, x: NDArray, y: NDArray) -> NDArray:
-    return np.where((np.hypot(x - 0.25, y + 0.1) < 0.35)[:, None], 0.55 * values, values)
-
-
-def _scratched(values: NDArray, x: NDArray, y: NDArray) -> NDArray:
-    rng = np.random.default_rng(3)
-    dull = np.zeros(len(x), bool)
-    for angle, off in zip(rng.uniform(0, np.pi, 25), rng.uniform(-0.9, 0.9, 25), strict=True):
-        dull |= np.abs(x * np.cos(angle) + y * np.sin(angle) - off) < 0.012
-    return np.where(dull[:, None], 0.5 * values + 0.1 * np.median(values), values)
-
-
-def _fingerprint(taken: Taken) -> Taken:
-    """Grease over half a chrome ball: what it mirrors is blurred there."""
-    place = taken.places[taken.first("chrome")]
-    _v, u = np.indices(taken.object_mask.shape)
-    greasy = taken.region(taken.first("chrome")) & (u < place.center_px[0])
-    return _each(
-        taken,
-        lambda image: np.where(greasy[..., None], cv2.GaussianBlur(image, (0, 0), 0.12 * place.radius_px), image),
-    )
-
-
-def _polarised(taken: Taken) -> Taken:
-    """Crossed polarisers: no mirror shows the flash."""
-    out = taken
-    for number, ball in enumerate(taken.balls):
-        if ball["kind"] == "chrome":
-            region = taken.region(number, grow_px=2)
-            out = _each(
-                out,
-                lambda image, region=region: np.where(
-                    region[..., None], np.minimum(image, 1.3 * np.median(image[region], axis=0) + 0.01), image
-                ),
-            )
-    return out
-
-
-def _with_room(taken: Taken, share: float) -> Taken:
-    """Return the session with more of the room's light: the mean flash frame, evenly, so much of it."""
-    room = taken.ambient if taken.ambient is not None else 0
-    more = share * cv2.GaussianBlur(_flash(taken).mean(0), (0, 0), 2)
-    return replace(taken, images=taken.images + more, ambient=(room + more).astype(np.float32))
-
-
-def _ambient_scaled(factor: float) -> Callable[[Taken], Taken]:
-    def change(taken: Taken) -> Taken:
-        lit = _with_room(taken, 0.25)
-        return replace(lit, ambient=lit.ambient * np.float32(factor))  # type: ignore[operator]
-
-    return change
-
-
-def _cropped(taken: Taken, *, told: bool) -> Taken:
-    height, width = taken.images.shape[1:3]
-    x, y = width // 8 // 2 * 2, 0
-    rows, columns = slice(y, height), slice(0, width - x)
-    camera = dict(taken.camera)
-    if told:
-        camera["width"] = width - x
-    cut = taken.ambient
-    return replace(
-        taken,
-        images=taken.images[:, rows, columns],
-        ambient=None if cut is None else cut[rows, columns],
-        camera=camera,
-        mask=None,
-        normals=None,
-    )
-
-
-def _turned_pictures(taken: Taken) -> Taken:
-    camera = dict(taken.camera)
-    camera["width"], camera["height"] = camera["height"], camera["width"]
-    camera["cx"], camera["cy"] = camera["cy"], camera["height"] - 1 - camera["cx"]
-    turned = taken.directions @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
-    ambient = None if taken.ambient is None else np.rot90(taken.ambient)
-    images = np.rot90(taken.images, axes=(1, 2))
-    mask = np.ascontiguousarray(np.rot90(taken.object_mask))
-    return replace(
-        taken, images=images, ambient=ambient, camera=camera, directions=turned, mask=mask, object_mask=mask,
-        normals=None, scan=None, pose=None,
-    )  # fmt: skip
 
 
 # What is stated.
@@ -441,52 +274,52 @@ MISTAKES: dict[str, Mistake] = {
         Mistake("principal point 5 % of the width off", _principal(0.05), ("cx",), "cannot", "all directions and normals turn alike, by some degrees"),
         Mistake("principal point 15 % of the width off", _principal(0.15), ("cx",)),
         Mistake("width and height exchanged", lambda t: replace(t, camera={**t.camera, "width": t.camera["height"], "height": t.camera["width"]}), ("width", "height")),
-        Mistake("camera moved midway by 0.5 px", _moved(0.5), (*MOVED, "half pixel|0\\.[3-9] px"), "cannot", "half a pixel is what shading alone seems to move"),
-        Mistake("camera moved midway by 2 px", _moved(2.0), (*MOVED, "flash_00[68]|from")),
-        Mistake("camera moved midway by 10 px", _moved(10.0), (*MOVED, "flash_00[68]|from")),
-        Mistake("camera turned midway by 2 degrees", _moved(0.0, 2.0), MOVED),
-        Mistake("one frame 2 px off", _one(lambda i: _shifted(i, 2.0, 0.7)), (THIRD, "moved|off|shift")),
-        Mistake("one frame blurred by shake", _one(lambda i: cv2.blur(i, (9, 1))), (THIRD, "blur|shake|sharp")),
-        Mistake("sRGB said to be linear, 16 bits", _all(_srgb), LINEAR),
-        Mistake("sRGB said to be linear, 8 bits", _all(_srgb, bits=8), LINEAR),
-        Mistake("sRGB of 8 bits, nothing said", _all(_srgb, bits=8, frames={}), LINEAR),
-        Mistake("gamma 2.2 said to be linear", _all(lambda i: np.clip(i, 0, 1) ** (1 / 2.2)), LINEAR),
-        Mistake("a raw converter's picture style", _all(_curve), LINEAR),
+        Mistake("camera moved midway by 0.5 px", moved_midway(0.5), (*MOVED, "half pixel|0\\.[3-9] px"), "cannot", "half a pixel is what shading alone seems to move"),
+        Mistake("camera moved midway by 2 px", moved_midway(2.0), (*MOVED, "flash_00[68]|from")),
+        Mistake("camera moved midway by 10 px", moved_midway(10.0), (*MOVED, "flash_00[68]|from")),
+        Mistake("camera turned midway by 2 degrees", moved_midway(0.0, 2.0), MOVED),
+        Mistake("one frame 2 px off", one_frame(lambda i: shifted(i, 2.0, 0.7)), (THIRD, "moved|off|shift")),
+        Mistake("one frame blurred by shake", one_frame(lambda i: cv2.blur(i, (9, 1))), (THIRD, "blur|shake|sharp")),
+        Mistake("sRGB said to be linear, 16 bits", all_frames(srgb), LINEAR),
+        Mistake("sRGB said to be linear, 8 bits", all_frames(srgb, bits=8), LINEAR),
+        Mistake("sRGB of 8 bits, nothing said", all_frames(srgb, bits=8, frames={}), LINEAR),
+        Mistake("gamma 2.2 said to be linear", all_frames(lambda i: np.clip(i, 0, 1) ** (1 / 2.2)), LINEAR),
+        Mistake("a raw converter's picture style", all_frames(curve), LINEAR),
         Mistake("linear said to be sRGB", _frames_table(linear=False), LINEAR),
-        Mistake("JPEG of quality 30", _all(_srgb, bits=0, frames={"linear": False}), ("JPEG|compress|quality",)),
-        Mistake("overexposed x 2", _all(lambda i: 2 * i), ("overexpos|clip|saturat",)),
-        Mistake("overexposed x 4", _all(lambda i: 4 * i), ("overexpos|clip|saturat",)),
-        Mistake("underexposed x 1/50", _all(lambda i: _noisy(i / 50, 30000)), ("underexpos|too dark|expos",)),
-        Mistake("black level not subtracted", lambda t: replace(_all(lambda i: i * 0.96 + 0.04)(t), ambient=None), ("black|pedestal|offset",)),
-        Mistake("black level not subtracted, ambient frame", _all(lambda i: i * 0.96 + 0.04), kind="harmless", why="the ambient frame takes it off"),
-        Mistake("black level too high", _all(lambda i: np.maximum(i - 0.04, 0)), ("black|pedestal|offset",)),
-        Mistake("vignetting of 45 % at the corners", _all(_vignetted), ("vignett|flat",), "cannot", "darker to the corners is darker albedo, too"),
-        Mistake("lens distortion of 2.5 % not told", _distorted, ("distort|lens",), "cannot", "it bends outlines by less than they are known"),
-        Mistake("cropped, size of [camera] left", lambda t: _cropped(t, told=False), ("width",)),
-        Mistake("cropped, size changed, cx left", lambda t: _cropped(t, told=True), ("cx",), "harmless", "cut on the right and the bottom, cx and cy stay right"),
-        Mistake("pictures turned by 90 degrees, [camera] too", _turned_pictures, kind="harmless", why="all agree"),
-        Mistake("one frame turned by 180 degrees", _one(lambda i: i[::-1, ::-1]), (THIRD, "turn|rotat|orient|moved|upside")),
-        Mistake("half power once", lambda t: replace(t, images=np.concatenate([t.images[:3], t.images[3:4] - 0.5 * _flash(t)[3:4], t.images[4:]])), kind="harmless", why="the white ball tells each flash's strength"),
-        Mistake("a flash did not fire", lambda t: None if t.ambient is None else replace(t, images=np.concatenate([t.images[:3], _noisy(t.ambient, 30000)[None], t.images[4:]]).astype(np.float32)), (THIRD, "did not fire")),
-        Mistake("exposure halved once, no EXIF", _one(lambda i: 0.5 * i), (THIRD, "expos|half as bright|power"), "harmless", "where the room is dark it is a flash at half power"),
-        Mistake("exposure halved once, no EXIF, bright room", lambda t: None if t.ambient is None else _one(lambda i: 0.5 * i)(_with_room(t, 0.25)), (THIRD, "expos")),
-        Mistake("exposure halved once, EXIF", lambda t: replace(_one(lambda i: 0.5 * i)(t), exposures_s=np.where(np.arange(len(t.images)) == 3, 0.5, 1) / 100), kind="harmless", why="EXIF tells it"),
-        Mistake("exposure doubled once, no EXIF", _one(lambda i: 2 * i), (THIRD, "expos|power|clip"), "harmless", "where the room is dark it is a flash at twice the power"),
+        Mistake("JPEG of quality 30", all_frames(srgb, bits=0, frames={"linear": False}), ("JPEG|compress|quality",)),
+        Mistake("overexposed x 2", all_frames(lambda i: 2 * i), ("overexpos|clip|saturat",)),
+        Mistake("overexposed x 4", all_frames(lambda i: 4 * i), ("overexpos|clip|saturat",)),
+        Mistake("underexposed x 1/50", all_frames(lambda i: noisy(i / 50, 30000)), ("underexpos|too dark|expos",)),
+        Mistake("black level not subtracted", lambda t: replace(all_frames(lambda i: i * 0.96 + 0.04)(t), ambient=None), ("black|pedestal|offset",)),
+        Mistake("black level not subtracted, ambient frame", all_frames(lambda i: i * 0.96 + 0.04), kind="harmless", why="the ambient frame takes it off"),
+        Mistake("black level too high", all_frames(lambda i: np.maximum(i - 0.04, 0)), ("black|pedestal|offset",)),
+        Mistake("vignetting of 45 % at the corners", all_frames(vignetted), ("vignett|flat",), "cannot", "darker to the corners is darker albedo, too"),
+        Mistake("lens distortion of 2.5 % not told", distorted, ("distort|lens",), "cannot", "it bends outlines by less than they are known"),
+        Mistake("cropped, size of [camera] left", lambda t: cropped(t, told=False), ("width",)),
+        Mistake("cropped, size changed, cx left", lambda t: cropped(t, told=True), ("cx",), "harmless", "cut on the right and the bottom, cx and cy stay right"),
+        Mistake("pictures turned by 90 degrees, [camera] too", turned_pictures, kind="harmless", why="all agree"),
+        Mistake("one frame turned by 180 degrees", one_frame(lambda i: i[::-1, ::-1]), (THIRD, "turn|rotat|orient|moved|upside")),
+        Mistake("half power once", lambda t: replace(t, images=np.concatenate([t.images[:3], t.images[3:4] - 0.5 * by_flash(t)[3:4], t.images[4:]])), kind="harmless", why="the white ball tells each flash's strength"),
+        Mistake("a flash did not fire", lambda t: None if t.ambient is None else replace(t, images=np.concatenate([t.images[:3], noisy(t.ambient, 30000)[None], t.images[4:]]).astype(np.float32)), (THIRD, "did not fire")),
+        Mistake("exposure halved once, no EXIF", one_frame(lambda i: 0.5 * i), (THIRD, "expos|half as bright|power"), "harmless", "where the room is dark it is a flash at half power"),
+        Mistake("exposure halved once, no EXIF, bright room", lambda t: None if t.ambient is None else one_frame(lambda i: 0.5 * i)(with_room(t, 0.25)), (THIRD, "expos")),
+        Mistake("exposure halved once, EXIF", lambda t: replace(one_frame(lambda i: 0.5 * i)(t), exposures_s=np.where(np.arange(len(t.images)) == 3, 0.5, 1) / 100), kind="harmless", why="EXIF tells it"),
+        Mistake("exposure doubled once, no EXIF", one_frame(lambda i: 2 * i), (THIRD, "expos|power|clip"), "harmless", "where the room is dark it is a flash at twice the power"),
         Mistake("one frame twice", lambda t: replace(t, images=np.concatenate([t.images[:-1], t.images[2:3]]), directions=np.concatenate([t.directions[:-1], t.directions[2:3]])), ("flash_002", "same (photograph|light|place)")),
-        Mistake("white balance changed midway", lambda t: _each(t, lambda i: i * np.float32([1.3, 1, 0.8]), _second_half(t)), kind="harmless", why="the white ball tells each channel's strength"),
+        Mistake("white balance changed midway", lambda t: changed(t, lambda i: i * np.array([1.3, 1, 0.8], np.float32), second_half(t)), kind="harmless", why="the white ball tells each channel's strength"),
         Mistake("every frame brightened by itself", lambda t: replace(t, images=t.images / np.quantile(t.images, 0.99, (1, 2, 3), keepdims=True) * 0.7, ambient=None), ("bright|expos|ambient",), "harmless", "the white ball tells each frame's strength"),
-        Mistake("crossed polarisers", _polarised, ("highlight|shows the flash|mirror", "chrome")),
-        Mistake("white ball with a stain", lambda t: _on_ball(t, "white", _stain), ("white ball", "stain|dirt|matte|even|shadow|n\\.l|misses")),
-        Mistake("chrome ball scratched", lambda t: _on_ball(t, "chrome", _scratched), ("chrome|ball", "scratch|dust|highlight"), "harmless", "the highlight is larger than the scratches"),
-        Mistake("fingerprint on a chrome ball", _fingerprint, ("chrome|ball", "blur|dirt|clean|highlight|grease")),
+        Mistake("crossed polarisers", polarised, ("highlight|shows the flash|mirror", "chrome")),
+        Mistake("white ball with a stain", lambda t: on_ball(t, "white", stain), ("white ball", "stain|dirt|matte|even|shadow|n\\.l|misses")),
+        Mistake("chrome ball scratched", lambda t: on_ball(t, "chrome", scratched), ("chrome|ball", "scratch|dust|highlight"), "harmless", "the highlight is larger than the scratches"),
+        Mistake("fingerprint on a chrome ball", fingerprint, ("chrome|ball", "blur|dirt|clean|highlight|grease")),
         Mistake("white ball called chrome", _kind_of("white", "chrome"), ("chrome", "white", "kind|ball")),
         Mistake("chrome ball called white", _kind_of("chrome", "white"), ("chrome", "white", "kind|ball")),
         Mistake("one ball too many stated", lambda t: replace(t, balls=[*t.balls, dict(t.balls[0])]), ("ball|spheres",)),
-        Mistake("a chrome ball moved midway by 6 px", lambda t: _step(t, t.region(t.first("chrome")), 6.0), ("ball", "moved|rolled|flash_00[68]")),
-        Mistake("the object moved midway by 5 px", lambda t: _step(t, t.object_mask, 5.0), ("object|moved", "flash_00[68]|from")),
-        Mistake("room light on, no ambient frame", lambda t: replace(_with_room(t, 0.25), ambient=None), ("ambient|room",)),
-        Mistake("ambient frame at half the exposure", _ambient_scaled(0.5), ("ambient", "expos|bright|dark|room")),
-        Mistake("ambient frame at twice the exposure", _ambient_scaled(2.0), ("ambient", "expos|bright|flash")),
+        Mistake("a chrome ball moved midway by 6 px", lambda t: stepped(t, t.region(t.first("chrome")), 6.0), ("ball", "moved|rolled|flash_00[68]")),
+        Mistake("the object moved midway by 5 px", lambda t: stepped(t, t.object_mask, 5.0), ("object|moved", "flash_00[68]|from")),
+        Mistake("room light on, no ambient frame", lambda t: replace(with_room(t, 0.25), ambient=None), ("ambient|room",)),
+        Mistake("ambient frame at half the exposure", ambient_scaled(0.5), ("ambient", "expos|bright|dark|room")),
+        Mistake("ambient frame at twice the exposure", ambient_scaled(2.0), ("ambient", "expos|bright|flash")),
         Mistake("a flash frame for the ambient frame", lambda t: replace(t, ambient=t.images[5]), ("ambient", "flash")),
         Mistake("scan of another object", _other_scan, ("scan", "fit|another|object")),
         Mistake("scan mirrored", _scan(lambda m: Mesh(m.vertices * [-1.0, 1, 1], m.faces[:, [0, 2, 1]])), ("scan", "mirror")),
