@@ -207,11 +207,11 @@ def table(rows: dict[tuple[str, str], dict], judged: dict[tuple[str, str], Verdi
         lines.append(f"| {name} | " + " | ".join(cells) + f" | {told.get(mistake.kind, f'no harm: {mistake.why}')} |")
     telling = [judged[key] for key in rows if key in judged and can_tell(*key)]
     count = max(len(telling), 1)
-    silent = [key for key, one in judged.items() if not one.noticed and one.harm_deg > HARMFUL_DEG]
-    mute = sum(not can_tell(*key) for key in silent)
-    others = sum(not can_tell(*key) for key in rows)
-    alarms = [one for key, one in judged.items() if key[0].startswith("nothing wrong") and one.noticed]
     sound = [key for key in judged if key[0].startswith("nothing wrong")]
+    silent = [key for key, one in judged.items() if key not in sound and not one.noticed and one.harm_deg > HARMFUL_DEG]
+    mute = sum(not can_tell(*key) for key in silent)
+    others = sum(not can_tell(*key) for key in judged if key not in sound)
+    alarms = [key for key in sound if judged[key].noticed]
     lines += [
         "",
         "| of the mistakes that data can tell | bar | measured |",

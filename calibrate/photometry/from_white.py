@@ -42,8 +42,9 @@ ALONE, NOTABLE = 0.5, 0.03
 MUCH_AMBIENT = 0.25
 """Share of the median flash from which light without flash is either a bright room's, or no light but an encoding: by
 sRGB taken for linear it is 0.5 to 0.7."""
-CODED, CODED_BETTER = 0.01, 0.6
-"""Relative misfit of n.l from which another coding of the values is tried, and the share of it that it must leave."""
+CODED, CODED_BETTER, CODED_LEFT = 0.01, 0.6, 0.01
+"""Relative misfit of n.l from which another coding of the values is tried; the share of it, and the misfit, that it may
+leave at most: a wrong diameter is a little like a curve, too, and leaves 0.02."""
 LEFT_AMBIENT = 0.05
 """The same where an ambient frame was taken off: sound sessions leave under 0.01."""
 SPOILT_DEG = 20.0
@@ -135,7 +136,7 @@ def _wrong_coding(skin: Skin, read: Photometry, measured: Callable[[Skin], Photo
         # The room's light was taken off what the files hold: the curve is of both together.
         both, room = (np.maximum(v, 0) ** np.float32(power) for v in (skin.values + skin.standing, skin.standing))
         trials.append(_residual(measured(replace(skin, values=both - room))))
-    if min(trials) > CODED_BETTER * residual:
+    if min(trials) > min(CODED_BETTER * residual, CODED_LEFT):
         return None
     encoded = trials[0] < trials[1]
     return (
