@@ -209,12 +209,18 @@ class FinalEvidence:
         outline = Term(offset / unit, jacobian / unit, self._blocks(self.edges), self.weights[0])
         doubt = 3 * EDGE_DOUBT_PX
         bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), self.weights[2])
-        residuals, slopes = self._shading(pose, with_jacobian=True)
+        return [outline, self._shading_term(pose), bias]
+
+    def shading_under(self, vectors: Array) -> Term:
+        """Return the shading's term at the evidence's pose under light vectors (N, P, 3) other than the lights'."""
+        return self._shading_term(self.pose, vectors)
+
+    def _shading_term(self, pose: Pose, vectors: Array | None = None) -> Term:
+        residuals, slopes = self._shading(pose, with_jacobian=True, vectors=vectors)
         assert slopes is not None
         unit = 3 * self.shading_sigma
         blocks = np.broadcast_to(self._blocks(self.samples.pixels), self.used.shape)[self.used]
-        shading = Term(residuals[self.used] / unit, slopes[self.used] / unit, blocks, self.weights[1])
-        return [outline, shading, bias]
+        return Term(residuals[self.used] / unit, slopes[self.used] / unit, blocks, self.weights[1])
 
     @cached_property
     def fit(self) -> Fit:
@@ -232,12 +238,13 @@ class FinalEvidence:
             float(np.mean(on_edge)) if len(on_edge) else 0.0,
         )
 
-    def _shading(self, pose: Pose, *, with_jacobian: bool) -> tuple[Array, Array | None]:
+    def _shading(self, pose: Pose, *, with_jacobian: bool, vectors: Array | None = None) -> tuple[Array, Array | None]:
         points, normals = self.probes.surface(self.caster, pose)
         slopes = None
         if with_jacobian:
             slopes = self.probes.slopes(self.caster, pose, points, normals, pose.apply(self.caster.mesh.center_mm))
-        return explain(self.samples, self.used, normals, _vectors(self.lights, points), slopes)
+        vectors = _vectors(self.lights, points) if vectors is None else vectors
+        return explain(self.samples, self.used, normals, vectors, slopes)
 
     def pixel_costs(self, sigma: float) -> Array:
         """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.

@@ -126,7 +126,7 @@ def _equations(terms: Sequence[Term], scales: NDArray) -> tuple[Array, Array]:
 
 
 def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
-    """Return what a term knows of the pose (6, 6), the scatter of its blocks' pulls (6, 6), and its slope (6,).
+    """Return what a term knows of the K unknowns (K, K), 6 of a pose, its blocks' pulls' scatter, and its slope (K,).
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
     weighted = term.jacobian * pull[:, None]
     hessian = weighted.T @ term.jacobian
     _, block = np.unique(term.blocks, return_inverse=True)
-    pulls = np.stack([np.bincount(block, weighted[:, k] * term.residuals) for k in range(6)], -1)
+    pulls = np.stack([np.bincount(block, weighted[:, k] * term.residuals) for k in range(weighted.shape[1])], -1)
     slope = pulls.sum(0)
     pulls = pulls - pulls.sum(0) / max(len(pulls), 1)
     return hessian, pulls.T @ pulls, slope

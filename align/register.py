@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from align.final import Fit
 from align.focal import LongerFocal, register_longer
+from align.free_scale import free_scale
 from align.search import FINALISTS, Found, search
 from align.smooth_normals import smooth_normals
 from scene.camera import Camera
@@ -54,7 +55,8 @@ class Registration:
         overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that
         fit the photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as
         one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of
-        outline and shading: the variance is inflated by it); of the best pose and the next, where there is one: cost,
+        outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
+        `align.free_scale`); of the best pose and the next, where there is one: cost,
         second_cost, second_deviations (see `align.contest`), second_angle_deg; where the focal length is not known:
         focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one sigma of it).
     warnings : tuple of str
@@ -173,6 +175,11 @@ def register(
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
+    free = free_scale(evidence)
+    if free is not None:
+        facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
+        # A scan that fits poorly tells nothing of its size.
+        warnings += [free.warning] if free.warning and fit.misfit <= WORST_MISFIT else []
     covariance, longer = evidence.covariance(), register_longer(evidence)
     if longer is not None:
         covariance = covariance + longer.covariance
@@ -226,7 +233,8 @@ def _check_distance(mesh: Mesh, camera: Camera, lights: Lights, pose: Pose) -> N
         raise AlignError(
             f"scan: it would have to stand {distance:.4g} mm from the camera to look as large as the object, but "
             f"the lights were calibrated about a point {expected:.4g} mm away: the scan is about "
-            f"{distance / expected:.3g} times too large. Check scan_unit under [object]."
+            f"{distance / expected:.3g} times too large, or diameter_mm of the balls so much too small. Check "
+            "scan_unit under [object], and [[spheres]]."
         )
 
 

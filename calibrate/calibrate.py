@@ -11,7 +11,7 @@ from calibrate.finding.balls import Ball, find_balls
 from calibrate.lights.directions import unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome, spread_over_frames
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
-from calibrate.photometry.skin import Skin, read_skin, shading_directions
+from calibrate.photometry.skin import Skin, contradicts_kind, read_skin, shading_directions
 from calibrate.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
@@ -72,6 +72,9 @@ def calibrate(
     reference = _reference(camera, [ball.sphere for ball in balls])
     white = [i for i, sphere in enumerate(spheres) if sphere.kind == "white"]
     skins = [read_skin(balls[i].frames, camera, spheres[i]) for i in white]
+    for ball in balls:
+        told = contradicts_kind(ball.frames, camera, ball.sphere)
+        notes.warnings.extend([told] if told else [])
     shaded = [shading_directions(skin) for skin in skins]
     shown = np.full((len(balls), len(frames), 2), np.nan)
     if any(sphere.kind == "chrome" for sphere in spheres):
@@ -84,6 +87,10 @@ def calibrate(
         notes.evidence.append(f"nothing is known of the camera: directions to {doubt:.1f} degrees at best, all alike")
     if aim.camera != camera:
         skins = [read_skin(balls[i].frames, aim.camera, spheres[i]) for i in white]
+    if aim.positions_mm is not None:
+        notes.evidence.append(
+            "everything scales with diameter_mm: 1 % too large there, and every distance is, and no photograph differs"
+        )
     intensities, sigma, ambient = _intensities(frames, spheres, skins, shaded, aim, notes)
     _flag_same(frames.names, aim, notes)
     lights = Lights(

@@ -9,6 +9,7 @@ from calibrate.calibration import Array, Calibration
 from calibrate.finding.balls import Ball, find_balls
 from calibrate.finding.detect import Rejected
 from calibrate.light_files.known import NO_INTENSITIES, lacks_intensities, without_flag
+from calibrate.light_files.order import wrong_order
 from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots
 from calibrate.lights.turned import contradiction
@@ -53,9 +54,7 @@ def with_known_lights(
         except CalibrationError as error:
             notes = (str(error),)
         warnings += notes
-    if lacks_intensities(lights):
-        lights, more = _with_intensities(frames, camera, balls, lights, evidence)
-        warnings += more
+    contradictions: tuple[str, ...] = ()
     shown = np.full((len(balls), len(frames), 2), np.nan)
     for i, ball in enumerate(balls):
         if ball.sphere.kind == "chrome":
@@ -67,8 +66,21 @@ def with_known_lights(
         else:
             seen, _ = shading_directions(read_skin(ball.frames, camera, ball.sphere))
             target = _toward(lights, ball.sphere, ball.sphere.center_mm(camera))
-        told = contradiction(f"{ball.sphere.kind} ball {i + 1}", seen, target)
-        warnings += (told,) if told else ()
+        told = contradiction(f"{ball.sphere.kind} ball {i + 1}", frames.names, seen, target)
+        contradictions += (told,) if told else ()
+    if not balls:
+        told = wrong_order(frames, camera, lights, np.ones((frames.height, frames.width), bool))
+        contradictions += (told,) if told else ()
+    warnings += contradictions
+    if lacks_intensities(lights):
+        try:
+            lights, more = _with_intensities(frames, camera, balls, lights, evidence)
+        except CalibrationError as error:
+            # Under wrong directions a lit ball looks as if its flash had not fired.
+            if not contradictions:
+                raise
+            raise CalibrationError("\n".join(contradictions)) from error
+        warnings += more
     return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(evidence), warnings)
 
 

@@ -10,13 +10,17 @@ import numpy as np
 from capture.exif import Exif
 from capture.facts import FrameFacts, facts_of, reduced
 from capture.flashes import doubles, misfires
-from capture.gamma import noise_slope, speaks_for_gamma, stated_encoding
+from capture.gamma import jpeg_quality, noise_slope, speaks_for_gamma, stated_encoding
 from capture.globs import kind_of
 from capture.movement import movement
 from capture.session import Session
 from capture.settings import gaps_in_numbering, mixed_settings
-from scene.frames import Frames
+from scene.frames import PEDESTAL, WHITE, Frames
 
+CUT = 0.01
+"""Share of what is lit in some frame that may be black to the last bit in the median frame: sound files have 0.0005."""
+GOOD_JPEG = 70
+"""Quality, as libjpeg counts it, from which compression is not worth a word."""
 BLOWN = 0.002
 """Share of the picture in large clipped spots that is worth a warning."""
 
@@ -64,6 +68,8 @@ def audit(
         *_blown(frames.names, facts),
         *_moved(frames, facts),
         *_encoding(session, frames),
+        *_compressed(session),
+        *_cut_at_black(session, frames),
     )
 
 
@@ -82,6 +88,15 @@ def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
 
 def _moved(frames: Frames, facts: list[FrameFacts]) -> list[str]:
     found = movement(frames, facts)
+    if found.step is not None:
+        here, (right, down) = found.step.first, found.step.shift_px
+        turn = f", turned by {abs(found.step.turn_deg):.1f} degrees" if found.step.turn_deg else ""
+        return [
+            f"{frames.names[here]}: from here on the picture lies {np.hypot(right, down):.1f} px off the frames before "
+            f"(right {right:+.1f}, down {down:+.1f}{turn}): the camera or the table moved after "
+            f"{frames.names[here - 1]}, or the object with what lies around it. Reshoot, or list the frames before or "
+            "after under frames.skip."
+        ]
     return [
         f"{frames.names[i]}: the picture lies {np.hypot(*found.shift_px[i]):.1f} px off the other frames' "
         f"(right {found.shift_px[i, 0]:+.1f}, down {found.shift_px[i, 1]:+.1f}): the camera or the table moved. "
@@ -113,3 +128,41 @@ def _encoding(session: Session, frames: Frames) -> list[str]:
             "linear = false if they are sRGB-encoded, as cameras' JPEG and most 8-bit pictures are."
         ]
     return []
+
+
+def _compressed(session: Session) -> list[str]:
+    """Name JPEG files whose compression bends more than 8 bits do."""
+    quality = jpeg_quality(session.flash[0])
+    if quality is None or quality >= GOOD_JPEG:
+        return []
+    return [
+        f"{session.flash[0].name}: a JPEG file of quality {quality:.0f} (of 100): blocks and smeared edges move balls "
+        "and highlights, and dark parts are lost. Give the RAW files, or export 16-bit TIFF or PNG."
+    ]
+
+
+def _cut_at_black(session: Session, frames: Frames) -> list[str]:
+    """Name files in which too much was taken off as black: shadows without noise, and without bounced light."""
+    import cv2
+
+    if kind_of(session.flash[0]) != "image" or frames.codes.dtype != np.uint16:
+        return []
+    height, width = (min(size, 1024) for size in (frames.height, frames.width))
+    top, left = (frames.height - height) // 2, (frames.width - width) // 2
+    codes = frames.codes[:, top : top + height, left : left + width]
+    # Of 8 bits the lowest step alone is so wide.
+    if np.unique(codes[0]).size <= 256:
+        return []
+    lit = np.max([picture.max(-1) for picture in codes], 0) > PEDESTAL + 0.02 * (WHITE - PEDESTAL)
+    if not lit.any():
+        return []
+    around = np.ones((3, 3), np.uint8)
+    black = [cv2.erode((picture.max(-1) <= PEDESTAL).astype(np.uint8), around)[lit].mean() for picture in codes]
+    share = float(np.median(black))
+    if share < CUT:
+        return []
+    return [
+        f"frames: {share:.0%} of what other frames show lit is zero to the last bit, without noise (median frame; "
+        "expected under 1 %): the black level that was subtracted is too high, and the dark side of every shading is "
+        "cut off. Export again with the camera's own black level, or give the RAW files."
+    ]

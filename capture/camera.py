@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from capture.decode import CaptureReport
 
 
+OFF_MIDDLE = 0.1
+"""Share of the picture's side by which a principal point may lie off its middle without a word."""
+
+
 def camera_of(
     session: Session, report: "CaptureReport | Sequence[Exif]", width: int, height: int
 ) -> tuple[Camera, tuple[str, ...]]:
@@ -43,13 +47,27 @@ def camera_of(
     """
     exif = report if isinstance(report, Sequence) else report.exif
     if isinstance(session.camera, Camera):
-        return fitted(session.camera, session, width, height), ()
+        camera = fitted(session.camera, session, width, height)
+        return camera, _off_middle(camera)
     if isinstance(session.camera, Charuco):
         camera, note = calibrate_board(session.camera, session)
         return fitted(camera, session, width, height), (note,)
     if session.layout == "diligent":
         return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
     return camera_from_exif(exif, width, height, half=session.half)
+
+
+def _off_middle(camera: Camera) -> tuple[str, ...]:
+    """Say where the principal point lies farther from the picture's middle than lenses have it."""
+    off = (camera.cx - (camera.width - 1) / 2) / camera.width, (camera.cy - (camera.height - 1) / 2) / camera.height
+    if camera.is_orthographic or max(map(abs, off)) < OFF_MIDDLE:
+        return ()
+    return (
+        f"camera.cx, camera.cy: ({camera.cx:g}, {camera.cy:g}) lies {abs(off[0]):.0%} of the width and "
+        f"{abs(off[1]):.0%} of the height off the middle of {camera.width} x {camera.height} px; lenses stay within "
+        f"{OFF_MIDDLE:.0%}. Right only for photographs that were cropped on one side: each percent turns all lights "
+        "and normals by half a degree or so.",
+    )
 
 
 def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:

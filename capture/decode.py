@@ -15,7 +15,8 @@ from capture.audit import audit
 from capture.camera import fitted
 from capture.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.exif import Exif, read_exif
-from capture.facts import FrameFacts, sensor_ceiling
+from capture.exposure import exposure_by_room, reference_exposure
+from capture.facts import FrameFacts, reduced, sensor_ceiling
 from capture.fan_out import fan_out
 from capture.photograph import SATURATION
 from capture.session import Session
@@ -144,8 +145,12 @@ def decode(
                 jobs = [replace(job, recipe=recipe) for job in jobs]
                 facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
+            pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
+            by_room, told = exposure_by_room(session.names, pictures, None if ambient is None else reduced(ambient))
+            gain = gain * by_room
             frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
-            warnings = ceiling_warnings + audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
+            told = (*ceiling_warnings, *told)
+            warnings = told + audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
             del frames, codes
         saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
@@ -165,19 +170,6 @@ def decode(
         warnings,
     )
     return store.load_frames(), report
-
-
-def reference_exposure(exif: Sequence[Exif]) -> tuple[float | None, NDArray[np.float64]]:
-    """Return the session's exposure (the middle one of time x ISO / aperture^2) and each frame's gain to it.
-
-    Frames without EXIF, and those within 1 % (cameras round), keep gain 1.
-    """
-    known = sorted(e.exposure for e in exif if e.exposure is not None)
-    if not known:
-        return None, np.ones(len(exif))
-    reference = known[len(known) // 2]
-    gain = [reference / e.exposure if e.exposure else 1.0 for e in exif]
-    return reference, np.array([1.0 if abs(factor - 1) < 0.01 else factor for factor in gain])
 
 
 class _Steps:

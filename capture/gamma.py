@@ -36,6 +36,28 @@ def stated_encoding(path: Path) -> str | None:
     return None
 
 
+def jpeg_quality(path: Path) -> float | None:
+    """Return a JPEG file's quality, 1 to 100, by its table of the luminance; None of another file.
+
+    Notes
+    -----
+    libjpeg scales the standard's table, whose mean is 57.6, by 2 - quality / 50 above 50, and by 50 / quality below.
+    """
+    from PIL import Image
+
+    if path.suffix.lower() not in (".jpg", ".jpeg"):
+        return None
+    try:
+        with Image.open(path) as image:
+            table = getattr(image, "quantization", {}).get(0)
+    except (OSError, ValueError, SyntaxError):
+        return None
+    if not table:
+        return None
+    scale = float(np.mean(table)) / 57.6
+    return 100 - 50 * scale if scale < 1 else 50 / scale
+
+
 def speaks_for_gamma(slope: float, sigma: float) -> bool:
     """Tell whether a noise slope is negative for sure, and not more than an encoding can make it."""
     return slope > STEEPEST and slope + 2 * sigma < SLOPE

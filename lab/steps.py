@@ -8,7 +8,7 @@ from lab.job import Job, Outcome
 from lab.progress import alive, progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
-from scene.errors import CalibrationError, SessionError
+from scene.errors import AlignError, CalibrationError, SessionError
 from scene.files import move_folder, write_json
 from scene.frames import Frames
 from scene.lights import Lights
@@ -110,6 +110,7 @@ def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask import find_object
     from capture.requests import read_mask
+    from solve.own_axes import lights_in_other_axes
 
     store, session = job.store, job.session
     frames, camera, lights = store.load_frames(), store.load_camera(), store.load_lights()
@@ -118,6 +119,9 @@ def align(job: Job) -> Outcome:
     found = find_object(frames, camera, spheres, mask_given=given)
     lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
     warnings, result = list(found.warnings), None
+    if session.lights_file and not spheres:
+        told = lights_in_other_axes(frames, lights, found.mask)
+        warnings += [told] if told else []
     if session.normals:
         result = _given_truth(job, found.mask)
         if session.scan:
@@ -125,7 +129,14 @@ def align(job: Job) -> Outcome:
         store.save_mask(found.mask)
         store.save_lights(lights, files=frame_files(job))
     elif session.scan:
-        result, more = register_scan(job, frames, camera, lights, found)
+        try:
+            result, more = register_scan(job, frames, camera, lights, found)
+        except AlignError as error:
+            # Under wrong lights no scan fits: what was said of them comes first.
+            doubts = [
+                text for text in [*job.done["calibrate"]["warnings"], *warnings] if text.startswith("lights.file")
+            ]
+            raise AlignError("\n".join([*doubts, str(error)])) from error
         warnings += more
     else:
         store.save_mask(found.mask)

@@ -19,33 +19,37 @@ TURNS = {
     ),
     "with every sign flipped: do the vectors point away from the lights?": -np.eye(3),
     "with x and y exchanged": np.eye(3)[[1, 0, 2]],
+    "with y and z exchanged: is the file y-up?": np.eye(3)[[0, 2, 1]],
     "turned by 90 degrees to the left: were the photographs turned?": np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
     "turned by 90 degrees to the right: were the photographs turned?": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),
 }
 
 
-def contradiction(witness: str, seen: Array, known: Array) -> str | None:
+def contradiction(witness: str, names: tuple[str, ...], seen: Array, known: Array) -> str | None:
     """Say what is wrong with known light directions, if a witness sees them elsewhere.
 
     Parameters
     ----------
     witness : str
         Who saw, for the message: "chrome ball 1".
+    names : tuple of F str
+        The frames'.
     seen, known : (F, 3) float64
         Unit; rows of `seen` are NaN where the witness saw nothing.
 
     Returns
     -------
     warning : str or None
-        None where they agree to 20 degrees (median).
+        None where they agree to 20 degrees (median), and no frame is farther off than that from the median.
     """
     use = np.isfinite(seen).all(1) & np.isfinite(known).all(1)
     if use.sum() < 3:
         return None
-    off = float(np.median(angular_error_deg(seen[use], known[use])))
+    each = angular_error_deg(seen, known)
+    off = float(np.median(each[use]))
     if off < SUSPICIOUS_DEG:
-        return None
-    told = f"{witness} sees the known lights {off:.0f} degrees off (median)"
+        return _odd_frames(witness, names, seen, known, np.flatnonzero(use & (each > off + SUSPICIOUS_DEG)))
+    told = f"lights.file: {witness} sees its lights {off:.0f} degrees off (median)"
     trials = [(words, known @ turn.T) for words, turn in TURNS.items()]
     trials += [
         (f"{k} frames later: are they of these photographs?", np.roll(known, k, 0)) for k in range(1, len(known))
@@ -58,5 +62,21 @@ def contradiction(witness: str, seen: Array, known: Array) -> str | None:
     if better < min(off / 2, 18.0):
         return f"{told}, but only {better:.1f} degrees {words} Correct lights.file; it is used as it stands."
     return (
-        f"{told}, and no flip or other order explains it: is it the file of these photographs? It is used as it stands."
+        f"{told}, and no flip or roll explains it: the lights do not belong to these photographs, or their order is "
+        "lost. Correct lights.file; it is used as it stands."
     )
+
+
+def _odd_frames(witness: str, names: tuple[str, ...], seen: Array, known: Array, odd: NDArray[np.intp]) -> str | None:
+    """Name the few frames whose lights are another's."""
+    if not len(odd):
+        return None
+    listed = ", ".join(names[f] for f in odd)
+    exchanged = known.copy()
+    exchanged[odd] = known[odd[::-1]]
+    told = f"lights.file: {witness} sees the light of {listed} elsewhere (more than {SUSPICIOUS_DEG:.0f} degrees off)"
+    if len(odd) == 2 and angular_error_deg(seen[odd], exchanged[odd]).max() < SUSPICIOUS_DEG:
+        return (
+            f"{told}, and each where the other's should be: exchanged. Correct lights.file, or the photographs' names."
+        )
+    return f"{told}. Is another thing's reflection taken for the flash there, or is the file's order wrong?"

@@ -42,6 +42,11 @@ ALONE, NOTABLE = 0.5, 0.03
 MUCH_AMBIENT = 0.25
 """Share of the median flash from which light without flash is either a bright room's, or no light but an encoding: by
 sRGB taken for linear it is 0.5 to 0.7."""
+CODED, CODED_BETTER, CODED_LEFT = 0.01, 0.6, 0.01
+"""Relative misfit of n.l from which another coding of the values is tried; the share of it, and the misfit, that it may
+leave at most: a wrong diameter is a little like a curve, too, and leaves 0.02."""
+LEFT_AMBIENT = 0.05
+"""The same where an ambient frame was taken off: sound sessions leave under 0.01."""
 SPOILT_DEG = 20.0
 """How much farther than usual chrome and shading must point apart in one frame for it to be named."""
 
@@ -68,11 +73,18 @@ def intensities_from_white(
     read = [measure(skin, directions, positions, reference, position_covariance_mm2) for skin in skins]
     for number, skin in enumerate(skins):
         name = "the white ball" if len(skins) == 1 else f"white ball {number + 1}"
-        if positions is not None:
+
+        def measured(other: Skin) -> Photometry:
+            return measure(other, directions, positions, reference, position_covariance_mm2)
+
+        coding = _wrong_coding(skin, read[number], measured, name)
+        if coding:
+            warnings.append(coding)
+        elif positions is not None:
             read[number] = _elsewhere(
                 skin,
                 read[number],
-                lambda moved: measure(moved, directions, positions, reference, position_covariance_mm2),
+                measured,
                 # Only the first ball was compared with the chrome.
                 0.0 if number else apart_deg,
                 name,
@@ -84,7 +96,7 @@ def intensities_from_white(
             )
         if read[number].evidence:
             evidence.append(read[number].evidence if len(read) == 1 else f"{number + 1}: {read[number].evidence}")
-        _name_much_ambient(read[number], name, warnings)
+        _name_much_ambient(read[number], name, warnings, subtracted=frames.ambient is not None)
     known = np.stack([np.isfinite(light.intensities).all(1) for light in read])
     if not known.any(0).all():
         bad = ~known.any(0)
@@ -106,6 +118,36 @@ def intensities_from_white(
     mean, sigma = _together(frames, read, warnings)
     _name_shadows(frames, read, warnings)
     return mean, sigma, read[0].ambient
+
+
+def _wrong_coding(skin: Skin, read: Photometry, measured: Callable[[Skin], Photometry], name: str) -> str | None:
+    """Say how the frames' values are coded, if a curve explains the ball's shading and they were taken otherwise.
+
+    Notes
+    -----
+    Lambert's law is linear in the light: of v^g only one g fits a ball of known normals. Tried are the 2.2 that sRGB
+    is alike to, and its inverse.
+    """
+    residual = _residual(read)
+    if residual < CODED:
+        return None
+    trials = []
+    for power in (2.2, 1 / 2.2):
+        # The room's light was taken off what the files hold: the curve is of both together.
+        both, room = (np.maximum(v, 0) ** np.float32(power) for v in (skin.values + skin.standing, skin.standing))
+        trials.append(_residual(measured(replace(skin, values=both - room))))
+    if min(trials) > min(CODED_BETTER * residual, CODED_LEFT):
+        return None
+    encoded = trials[0] < trials[1]
+    return (
+        f"frames.linear: {name} misses n.l by {residual:.1%} of the flash with the values as they were taken, but by "
+        f"{min(trials):.1%} if they are raised to {'2.2' if encoded else '1/2.2'}: the files are "
+        + (
+            "gamma-encoded. Set frames.linear = false (sRGB) or gamma = 2.2, or give the RAW files."
+            if encoded
+            else "linear, and were decoded as if they were not. Set frames.linear = true."
+        )
+    )
 
 
 def _elsewhere(
@@ -153,15 +195,21 @@ def _elsewhere(
     return read
 
 
-def _name_much_ambient(light: Photometry, name: str, warnings: list[str]) -> None:
+def _name_much_ambient(light: Photometry, name: str, warnings: list[str], *, subtracted: bool) -> None:
     """Name an ambient light that may be none: an offset is what is most alike to a gamma curve."""
     strengths = light.intensities[np.isfinite(light.intensities).all(1)]
     share = float(light.ambient.mean() / np.median(strengths.mean(1))) if len(strengths) else 0.0
+    if subtracted and LEFT_AMBIENT < share <= MUCH_AMBIENT:
+        warnings.append(
+            f"frames.ambient: with the ambient frame taken off, {name} still shows {share:.0%} of the median flash in "
+            f"all frames alike (expected under {LEFT_AMBIENT:.0%}): the ambient frame is darker than the room was, at "
+            "another exposure or before a lamp was lit. Shoot it again with the flash frames' settings."
+        )
     if share > MUCH_AMBIENT:
         warnings.append(
             f"{name} shows {share:.0%} of the median flash in all frames alike (expected under {MUCH_AMBIENT:.0%}): a "
-            "bright room, or frames that are not linear. If they are sRGB-encoded, set frames.linear = false; else "
-            "darken the room, or shoot an ambient frame (frames.ambient)."
+            "bright room, a black level that was not subtracted, or frames that are not linear. If they are "
+            "sRGB-encoded, set frames.linear = false; else darken the room, or shoot an ambient frame (frames.ambient)."
         )
 
 

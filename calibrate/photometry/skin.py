@@ -17,6 +17,8 @@ LIT = 0.2
 """Share of the brightest shading under which a large flash is half set behind the ball's horizon."""
 FEWEST_PIXELS = 40
 RINGS, ANGLES = 4, 12
+MATTE, MIRROR = 0.9, 0.6
+"""Share of the brightness' variance over a ball that n.l explains: of a matte ball more, of a mirror less."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +36,8 @@ class Skin:
     center : (3,) float64
     radius : float
         The ball's, in the points' unit.
+    standing : (P, 3) float32
+        The ambient frame's light, which was taken off; zero without.
     """
 
     points: Array
@@ -44,6 +48,7 @@ class Skin:
     block: NDArray[np.intp]
     center: Array
     radius: float
+    standing: NDArray[np.float32]
 
 
 def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
@@ -61,7 +66,9 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     place = (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         empty = np.zeros((len(frames), 0, 3), np.float32)
-        return Skin(points, normals, view, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp), *place)
+        return Skin(
+            points, normals, view, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp), *place, empty[0]
+        )
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -71,7 +78,8 @@ def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
     angle = np.arctan2(offset[:, 1], offset[:, 0]) + np.pi
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
-    return Skin(points, normals, view, values, clipped, block, *place)
+    standing = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
+    return Skin(points, normals, view, values, clipped, block, *place, standing)
 
 
 def shading_directions(skin: Skin) -> tuple[Array, Array]:
@@ -107,6 +115,30 @@ def shading_directions(skin: Skin) -> tuple[Array, Array]:
                 break
             use = lit
     return directions, sigma
+
+
+def contradicts_kind(frames: Frames, camera: Camera, sphere: Sphere) -> str | None:
+    """Say whether a ball shades like one of the other kind."""
+    skin = read_skin(frames, camera, sphere)
+    explained = []
+    for values, clipped in zip(skin.values.mean(-1, dtype=np.float64), skin.clipped, strict=True):
+        use = ~clipped & (values > np.quantile(values, 0.3)) if len(values) else clipped
+        if use.sum() >= FEWEST_PIXELS and np.var(values[use]) > 0:
+            design = np.column_stack([skin.normals[use], np.ones(use.sum())])
+            rest = values[use] - design @ np.linalg.lstsq(design, values[use], rcond=None)[0]
+            explained.append(1 - np.var(rest) / np.var(values[use]))
+    if not explained:
+        return None
+    share = float(np.median(explained))
+    other = {"chrome": "white", "white": "chrome"}[sphere.kind]
+    if not (share > MATTE if sphere.kind == "chrome" else share < MIRROR):
+        return None
+    u, v = sphere.center_px
+    return (
+        f"spheres: the ball at ({u:.0f}, {v:.0f}) px is said to be {sphere.kind}, but n.l explains {share:.0%} of its "
+        f"shading (a white ball: above {MATTE:.0%}, a chrome one: below {MIRROR:.0%}). If it is {other}, correct its "
+        "kind in session.toml."
+    )
 
 
 def tukey_weights(design: Array, values: Array) -> Array:

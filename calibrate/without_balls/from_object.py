@@ -73,7 +73,7 @@ def strengths_from_object(
         flat = camera.points_at_depth(probe.pixels, depth * stretch) if depth < 0 else np.zeros((len(probe.pixels), 3))
         return lights.toward(flat)
 
-    chosen = _varied(probe, toward(1.0))
+    chosen = varied(probe, toward(1.0))
     probe = probe.take(chosen)
     # Near flashes: nobody knows how high the surface stands, and what is nearer to them is brighter.
     stretches = (1.0,) if lights.positions_mm is None or depth >= 0 else (1.0, 1 - RELIEF, 1 + RELIEF)
@@ -129,7 +129,7 @@ def _shrunk(intensities: Array, sigma: Array, equal: Array) -> tuple[Array, Arra
     return drawn / drawn.mean(0), sigma * np.sqrt(np.maximum(keep, 1 / 9)), float(np.sqrt(square))
 
 
-def _varied(probe: Probe, toward: Array) -> NDArray[np.intp]:
+def varied(probe: Probe, toward: Array) -> NDArray[np.intp]:
     """Return the indices of pixels that are lit in most frames, drawn evenly over what they seem to face."""
     values = probe.values.mean(-1, dtype=np.float64)
     if values.shape[1] == 0:

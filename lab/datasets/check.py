@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from lab.datasets.convention import Evidence, arrangements, fitted_intensities
 from lab.datasets.layout import DISAGREES, TABLES, Layout, mask_faults, read_layout
-from lab.datasets.own_axes import axes_by_themselves
 from lab.datasets.samples import CLIPPED, Samples, read_samples
 from lab.datasets.told_axes import lights_fault, normals_fault
 from solve.axes import AXES
+from solve.own_axes import axes_by_themselves
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3

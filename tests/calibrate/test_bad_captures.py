@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
+from calibrate.photometry.skin import contradicts_kind
 from fixtures.ball_scene import Solid, dust, radiance, scratches
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -197,6 +198,28 @@ def test_gamma_encoded_frames(shot, frames):
     _said(alone, "the white ball shows", "not linear", "frames.linear = false")
 
 
+@pytest.mark.full
+@pytest.mark.parametrize(("power", "words"), [(1 / 2.2, "frames.linear = false"), (2.2, "frames.linear = true")])
+def test_values_taken_otherwise_than_coded_are_named(shot, power, words):
+    """With the room's light taken off: sRGB said to be linear was a ball that contradicts the lights."""
+    world, images, _ = shot
+    room = 0.2 * images.mean(0)
+    coded = [np.clip(picture, 0, 1) ** power for picture in (*(images + room), room)]
+    found = calibrate(_exposed(np.stack(coded[:-1]), ambient=coded[-1]), world.camera, _asked(world))
+    _said(found, "frames.linear: the white ball misses n.l", words)
+    sound = calibrate(_exposed(images + room, ambient=room), world.camera, _asked(world))
+    assert not sound.warnings
+
+
+@pytest.mark.full
+def test_an_ambient_frame_at_half_the_exposure_is_named(shot):
+    """Half of the room's light was left in all frames, without a word."""
+    world, images, _ = shot
+    room = 0.25 * images.mean(0)
+    found = calibrate(_exposed(images + room, ambient=room / 2), world.camera, _asked(world))
+    _said(found, "frames.ambient: with the ambient frame taken off", "another exposure")
+
+
 def _flagged(world, images, ball, frame, *, half_mm):
     """Hold a card between a flash and a ball, out of the picture."""
     images = images.copy()
@@ -228,6 +251,19 @@ def test_a_white_ball_in_shadow(shot):
 
 
 # Bad balls.
+
+
+def test_a_ball_of_the_other_kind_is_named(small):
+    """A white ball said to be chrome was a mirror that disagrees; a chrome one said to be white, a dirty one."""
+    world = small((-215, -110), (220, 130))
+    frames = _exposed(radiance(world, blur_px=0.6)[0])
+    for sphere in world.spheres():
+        assert contradicts_kind(frames, world.camera, sphere) is None
+        other = "chrome" if sphere.kind == "white" else "white"
+        told = contradicts_kind(frames, world.camera, replace(sphere, kind=other))
+        assert told
+        assert f"said to be {other}" in told
+        assert f"If it is {sphere.kind}" in told
 
 
 @pytest.mark.full

@@ -1,5 +1,6 @@
 """The audit: each fault, put into a sound session by the test, is named; a sound session raises no alarm."""
 
+import re
 from dataclasses import replace
 
 import cv2
@@ -66,6 +67,32 @@ def test_a_weak_flash_is_no_misfire(warnings_of, scene_pictures):
     assert not [text for text in warnings_of(images) if "did not fire (" in text]
 
 
+@pytest.mark.parametrize("factor", [0.5, 0.75])
+def test_another_exposure_without_exif_is_named_and_scaled(picture_session, scene_pictures, tmp_path, factor):
+    """It moved a ball by 6 px and the lights by 16 degrees, and the balls were blamed."""
+    images = scene_pictures() * 0.6
+    ambient = 0.25 * images.mean(0)
+    lit = images.copy()
+    # The flash leaves a part of the scene in shadow.
+    lit[:, :40] = 0
+    lit += ambient
+    lit[3] *= factor
+    frames, report = decode(load_session(picture_session(lit, ambient=ambient)), Store(tmp_path / "out"))
+    (warning,) = report.warnings
+    assert warning.startswith("flash_003: in the flash's shadows")
+    assert "another exposure" in warning
+    assert frames.gain[3] == pytest.approx(1 / factor, rel=0.05)
+    assert (np.delete(frames.gain, 3) == 1).all()
+
+
+def test_a_weak_flash_in_a_lit_room_is_no_other_exposure(warnings_of, scene_pictures):
+    images = scene_pictures() * 0.6
+    ambient = 0.25 * images.mean(0)
+    images[3] *= 0.65
+    images[:, :40] = 0
+    assert warnings_of(images + ambient, ambient=ambient) == ()
+
+
 def test_a_flash_in_the_ambient_frame(warnings_of, scene_pictures):
     images = scene_pictures()
     with pytest.raises(CaptureError, match=r"frames\.ambient"):
@@ -125,6 +152,29 @@ def test_a_moved_camera_is_named(warnings_of, scene_pictures, shift):
     # A jolt is measured on reduced pictures.
     assert abs(right - shift[0]) < 0.5 + 0.02 * abs(shift[0])
     assert abs(down - shift[1]) < 0.5 + 0.02 * abs(shift[1])
+
+
+@pytest.mark.parametrize("shift", [(2.0, 0.7), (9.0, -4.0)])
+def test_a_camera_that_moved_midway_is_named_with_the_frame(warnings_of, scene_pictures, shift):
+    """Half of the frames lay elsewhere, and none of them was odd among the others."""
+    images = scene_pictures()
+    half = len(images) // 2
+    images[half:] = [moved(image, shift) for image in images[half:]]
+    (warning,) = warnings_of(images)
+    right, down = (float(part) for part in re.findall(r"(?:right|down) ([+-][\d.]+)", warning))
+    assert warning.startswith(f"flash_{half:03d}: from here on")
+    assert f"after flash_{half - 1:03d}" in warning
+    assert (right, down) == pytest.approx(shift, abs=0.5)
+
+
+def test_a_camera_that_turned_midway(warnings_of, scene_pictures):
+    images = scene_pictures()
+    height, width = images.shape[1:3]
+    turn = cv2.getRotationMatrix2D((width / 2, height / 2), 2.0, 1.0)
+    images[5:] = [cv2.warpAffine(i, turn, (width, height), borderMode=cv2.BORDER_REPLICATE) for i in images[5:]]
+    (warning,) = warnings_of(images)
+    assert "flash_005: from here on" in warning
+    assert float(re.findall(r"turned by ([\d.]+) degrees", warning)[0]) == pytest.approx(2, abs=0.4)
 
 
 def moved(image, shift):
@@ -238,3 +288,25 @@ def test_eight_bits_of_unknown_encoding(tmp_path, scene_pictures):
     (tmp_path / "session.toml").write_text('[frames]\nflash = "*.png"\nlinear = true\n')
     _, report = decode(load_session(tmp_path), Store(tmp_path / "out"))
     assert report.warnings == ()
+
+
+@pytest.mark.parametrize("quality", [30, 60, 90])
+def test_hard_jpeg_compression_is_named(picture_session, scene_pictures, tmp_path, quality):
+    session = picture_session(scene_pictures(), table="linear = false")
+    for path in session.rglob("flash_*.png"):
+        cv2.imwrite(str(path.with_suffix(".jpg")), cv2.imread(str(path)), [cv2.IMWRITE_JPEG_QUALITY, quality])
+    text = (session / "session.toml").read_text()
+    (session / "session.toml").write_text(text.replace(".png", ".jpg"))
+    _, report = decode(load_session(session), Store(tmp_path / "out"))
+    told = [warning for warning in report.warnings if "JPEG" in warning]
+    assert [f"JPEG file of quality {quality}" in warning for warning in told] == [True] * (quality < 70)
+
+
+def test_a_black_level_too_high_is_named(warnings_of, scene_pictures):
+    images = scene_pictures()
+    rng = np.random.default_rng(8)
+    noisy = np.maximum(images + 0.001 * rng.standard_normal(images.shape), 0)
+    noisy[:, 60:90] *= np.linspace(0.02, 1, 12)[:, None, None, None]
+    assert not [text for text in warnings_of(noisy) if "black level" in text]
+    cut = np.maximum(noisy - 0.08, 0)
+    assert [text for text in warnings_of(cut) if "the black level that was subtracted is too high" in text]

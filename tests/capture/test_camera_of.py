@@ -182,3 +182,12 @@ def test_the_bunny_states_its_camera(shared):
     camera, warnings = camera_of(session, [], 960, 640)
     assert (camera.fx, camera.cx, camera.cy) == (1333.3333333333333, 486.8, 314.9)
     assert warnings == ()
+
+
+def test_a_principal_point_off_the_middle_is_doubted(session):
+    """15 % of the width off it turned all lights by 6 degrees, and the balls were blamed."""
+    off = replace(STATED, cx=STATED.cx + 0.15 * STATED.width)
+    camera, (text,) = camera_of(replace(session, camera=off), [], 1200, 800)
+    assert camera == off
+    assert text.startswith("camera.cx, camera.cy: ")
+    assert "16% of the width" in text

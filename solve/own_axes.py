@@ -5,6 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+from solve.axes import AXES, Axes
+
 Array = NDArray[np.float64]
 FACING = 0.97
 """Share of the normals that point to the viewer, in the right axes."""
@@ -14,6 +19,10 @@ _CLEARLY = 0.5
 """A misfit is clearly the least when the next is twice as large."""
 _OUT = 0.35
 """Mean cosine, at the rim, between normals and the way out, from which the rim is one; in wrong axes it is negative."""
+_GRID = 200
+"""Pixels along the object's longer side that are asked for the lights' axes."""
+_LIT = 0.15
+"""Share of a pixel's brightest samples under which it stands in shadow."""
 
 
 @dataclass(frozen=True)
@@ -100,3 +109,40 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
     cosine = np.sum(out * flat, 1) / np.maximum(scale, 1e-9)
     # A rim is steep; the edge of a relief is what it happens to be.
     return float(np.mean(cosine) * min(1.0, np.median(np.linalg.norm(flat, axis=1)) / 0.7))
+
+
+def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> str | None:
+    """Say in which axes known lights must be for the object to be a surface; None where they make sense as they are.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        The object.
+
+    Notes
+    -----
+    Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
+    it at its rim.
+    """
+    rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
+    step = max(1, int(max(np.ptp(rows), np.ptp(columns)) // _GRID))
+    down, across = slice(rows[0], rows[-1] + 1, step), slice(columns[0], columns[-1] + 1, step)
+    inside = mask[down, across]
+    values = np.stack([frames.read(down, [f], columns=across)[0][inside].mean(-1) for f in range(len(frames))])
+    values = (values / lights.intensities.mean(1)[:, None]).astype(np.float64).T
+    bright = np.quantile(values, 0.9, axis=1, keepdims=True)
+    weight = (values > _LIT * bright) & (values < 3 * np.maximum(np.median(values, 1, keepdims=True), 0.3 * bright))
+    light = lights.directions * weight[..., None]
+    matrix = np.swapaxes(light, 1, 2) @ light + 1e-6 * np.eye(3)
+    found = np.linalg.solve(matrix, np.swapaxes(light, 1, 2) @ values[..., None])[..., 0]
+    normals = np.full((*inside.shape, 3), np.nan)
+    normals[inside] = np.where((weight.sum(1) >= 4)[:, None], unit(found), np.nan)
+    own = axes_by_themselves(normals, inside, AXES)
+    best = own.by_rim if own.told else own.plain
+    if not best:
+        return None
+    return (
+        f"lights.file: under its lights the object is no surface's slope, or points inward at its rim. It makes sense "
+        f"if the file's axes are changed to {Axes(AXES[best])}; expected are x right, y up, z toward the viewer. "
+        "Correct lights.file; it is used as it stands."
+    )
