@@ -154,8 +154,13 @@ def write_text(path: Path, text: str) -> None:
 
 def write_npy(path: Path, array: NDArray) -> None:
     """Write a .npy file; never pickled objects."""
+    array = np.ascontiguousarray(array).reshape(np.shape(array))
+    if array.dtype.hasobject:
+        raise ValueError(f"{path}: {array.dtype} holds objects")
     with write_whole(path) as file:
-        np.lib.format.write_array(file, np.asarray(array), allow_pickle=False)
+        np.lib.format.write_array_header_1_0(file, np.lib.format.header_data_from_array_1_0(array))
+        # `write_array` hands the file to C: of a full disk it says nothing but how many bytes were written.
+        file.write(array.reshape(-1).view(np.uint8).data)
 
 
 def write_png(path: Path, image: NDArray) -> None:

@@ -63,9 +63,15 @@ class Journal:
         Raises
         ------
         SceneError
-            A line is damaged: not JSON, or the function raised ValueError, KeyError, TypeError or AttributeError.
+            It cannot be read, or a line is damaged: no JSON, or the function raised ValueError, KeyError, TypeError or
+            AttributeError.
         """
-        lines = self.path.read_bytes().split(b"\n")
+        try:
+            lines = self.path.read_bytes().split(b"\n")
+        except OSError as error:
+            raise SceneError(
+                f"{self.path}: cannot be read ({error.strerror}). Choose another folder with --out."
+            ) from error
         # A line without its end was being written when a run was killed.
         torn = bool(lines.pop())
         try:

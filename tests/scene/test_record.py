@@ -236,6 +236,12 @@ def test_a_damaged_record_is_told_and_nothing_is_touched(tmp_path):
         assert contents(out) == before
 
 
+def test_a_record_that_cannot_be_opened_is_told(tmp_path):
+    (tmp_path / "out" / ".rgbn" / "record.jsonl").mkdir(parents=True)
+    with pytest.raises(SceneError, match=r"record.jsonl: cannot be read \(Is a directory\)"):
+        work(tmp_path / "out")
+
+
 def test_the_record_does_not_grow_for_ever(tmp_path):
     for turn in range(120):
         work(tmp_path / "out", mark=str(turn))
