@@ -60,16 +60,18 @@ def audit(
     ambient = None if frames.ambient is None else reduced(frames.ambient)
     if ambient is not None:
         light = light - ambient
+    moved = _moved(frames, facts)
     return (
         *mixed_settings(session, exif, ambient_exif),
         *gaps_in_numbering(session),
         *misfires(frames.names, light, ambient),
         *doubles(frames.names, facts, light),
         *_blown(frames.names, facts),
-        *_moved(frames, facts),
+        *moved,
         *_encoding(session, frames),
         *_compressed(session),
-        *_cut_at_black(session, frames),
+        # What lies elsewhere in other frames is lit there and black here.
+        *(() if moved else _cut_at_black(session, frames)),
     )
 
 
@@ -163,6 +165,7 @@ def _cut_at_black(session: Session, frames: Frames) -> list[str]:
         return []
     return [
         f"frames: {share:.0%} of what other frames show lit is zero to the last bit, without noise (median frame; "
-        "expected under 1 %): the black level that was subtracted is too high, and the dark side of every shading is "
-        "cut off. Export again with the camera's own black level, or give the RAW files."
+        f"expected under {CUT:.0%}). Unless these are renderings without bounced light, the black level that was "
+        "subtracted is too high, and the dark side of every shading is cut off. Export again with the camera's own "
+        "black level, or give the RAW files."
     ]
