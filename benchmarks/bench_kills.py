@@ -140,14 +140,15 @@ def prepare(place: Path) -> None:
 def tried(verb: str, place: Path, kills: int, generator: random.Random) -> tuple[int, int, float]:
     """Return how often a verb was killed, how often it ended alike, and its seconds undisturbed."""
     before, command = VERBS[verb]
-    base, whole = place / f"{verb}-before", place / f"{verb}-whole"
+    # A twin is named after the folder that it lies in.
+    base, whole = (place / f"{verb}-{state}" / "out" for state in ("before", "whole"))
     if before:
         run(words(before, place, base))
         shutil.copytree(base, whole)
     seconds = run(words(command, place, whole))
     expected, killed, alike, moment = contents(whole), 0, 0, 0
     while killed < kills and moment < 3 * kills:
-        out = place / f"{verb}-{moment}"
+        out = place / f"{verb}-{moment}" / "out"
         if before:
             shutil.copytree(base, out)
         at = seconds * (0.1 + 0.9 * ((moment * 0.618034 + generator.random() * 0.1) % 1))
@@ -160,7 +161,7 @@ def tried(verb: str, place: Path, kills: int, generator: random.Random) -> tuple
             if found != expected:
                 differing = sorted(n for n in {*found, *expected} if found.get(n) != expected.get(n))
                 print(f"  {verb}, killed after {at:.2f} s: {', '.join(differing[:5])}", file=sys.stderr)
-        shutil.rmtree(out, ignore_errors=True)
+        shutil.rmtree(out.parent, ignore_errors=True)
     return killed, alike, seconds
 
 
