@@ -70,6 +70,8 @@ def calibrate(job: Job) -> Outcome:
     store.save_camera(camera)
     store.save_spheres(found.spheres, camera)
     store.save_lights(found.lights, files=frame_files(job))
+    # As they are before they are moved to the object: `align` starts from these, however often it is run.
+    Store(store.path("frames")).save_lights_json(found.lights)
     calibration = {
         "highlights_px": found.highlights_px,
         "rejected": found.rejected,
@@ -113,7 +115,7 @@ def align(job: Job) -> Outcome:
     from solve.own_axes import lights_in_other_axes
 
     store, session = job.store, job.session
-    frames, camera, lights = store.load_frames(), store.load_camera(), store.load_lights()
+    frames, camera, lights = store.load_frames(), store.load_camera(), Store(store.path("frames")).load_lights()
     spheres = store.load_spheres()
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
     found = find_object(frames, camera, spheres, mask_given=given)

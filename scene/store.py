@@ -150,6 +150,14 @@ class Store:
             The photographs' file names, for the formats that name files. Default: the frames' names.
         """
         files = lights.names if files is None else files
+        write_text(self.path("light_directions.txt"), number_rows(lights.directions))
+        write_text(self.path("light_intensities.txt"), number_rows(lights.intensities))
+        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in files))
+        write_text(self.path("lights.lp"), lp_rows(files, lights.directions))
+        self.save_lights_json(lights)
+
+    def save_lights_json(self, lights: Lights) -> None:
+        """Write lights.json alone."""
         frames = [
             {
                 "name": lights.names[i],
@@ -169,11 +177,6 @@ class Store:
             "white_value": lights.white_value,
             "model": lights.model,
         }
-
-        write_text(self.path("light_directions.txt"), number_rows(lights.directions))
-        write_text(self.path("light_intensities.txt"), number_rows(lights.intensities))
-        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in files))
-        write_text(self.path("lights.lp"), lp_rows(files, lights.directions))
         write_json(self.path("lights.json"), data)
 
     def load_lights(self) -> Lights:
