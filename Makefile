@@ -13,7 +13,7 @@ setup: $(READY)
 $(READY): pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "rgbn needs Python 3.11 or later; $(PYTHON) is older. Run: make PYTHON=/path/to/python3.11 setup" >&2; exit 2; }
-	@$(PYTHON) lab/system_libraries.py
+	@$(PYTHON) rgbn/system_libraries.py
 	@$(PYTHON) -m venv .venv || { echo "Run: sudo apt-get install python3-venv" >&2; exit 2; }
 	@echo "installing Python packages into .venv (a minute or two)"
 	@$(PIP) --require-hashes --requirement requirements.lock
@@ -31,7 +31,7 @@ demo: setup
 	@$(BIN)/rgbn demo
 
 test: setup
-	@$(PYTHON) lab/system_libraries.py --browser
+	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(TEST) -m "not full"
 
 # As well as what would take `make test` beyond twenty minutes on two cores.
@@ -41,7 +41,7 @@ test-all: setup
 # Weekly: the tests of `make test` with the newest versions that pyproject.toml allows. Where they pass, `make lock`.
 test-latest: BIN := .venv-latest/bin
 test-latest:
-	@$(PYTHON) lab/system_libraries.py --browser
+	@$(PYTHON) rgbn/system_libraries.py --browser
 	@$(PYTHON) -m venv --clear .venv-latest
 	@$(PIP) --editable '.[dev]'
 	$(TEST) -m "not full"

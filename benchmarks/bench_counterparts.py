@@ -13,8 +13,8 @@ from pathlib import Path
 
 from benchmarks.pages import put
 from compare.line_chart import line_chart
-from lab.counterparts.experiments import EXPERIMENTS, METHODS, Experiment
-from lab.counterparts.pairs import Pair, run_experiments
+from experiments.counterparts.four_experiments import EXPERIMENTS, METHODS, Experiment
+from experiments.counterparts.pairs import Pair, run_experiments
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ("ls", "iterative", "hsh")

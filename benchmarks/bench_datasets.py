@@ -15,9 +15,9 @@ import numpy as np
 from scipy.io import loadmat, savemat
 
 from benchmarks.pages import put
-from lab.datasets.catalogue import catalogue
-from lab.datasets.check import check_dataset
-from lab.datasets.make import make
+from experiments.datasets.catalogue import catalogue
+from experiments.datasets.check import check_dataset
+from experiments.datasets.make import make
 
 SIDE = 56
 HARD = (

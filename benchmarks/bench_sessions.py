@@ -38,7 +38,7 @@ ROWS = (
 def measure(folder: Path) -> tuple[dict, float, float]:
     """Process one session in an empty folder; return its summary, and the command's seconds and processor seconds."""
     code = (
-        "import sys; from pathlib import Path; from lab.cli import run_session; "
+        "import sys; from pathlib import Path; from rgbn.cli import run_session; "
         "run_session(Path(sys.argv[1]), 'compare', out=Path(sys.argv[2]), json=True, truth=Path(sys.argv[1]))"
     )
     with tempfile.TemporaryDirectory() as out:

@@ -17,12 +17,12 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.pages import put
-from lab.studio import edits, light_edits
-from lab.studio.display_mesh import display_mesh
-from lab.studio.live_scene import LiveScene, refined
-from lab.studio.placement import placement_of
-from lab.studio.preview import HEIGHT, WIDTH
 from scene.pose import rotation_from_vector
+from studio.display_mesh import display_mesh
+from studio.editor import edits, light_edits
+from studio.editor.live_scene import LiveScene, refined
+from studio.editor.placement import placement_of
+from studio.editor.preview import HEIGHT, WIDTH
 from twin.description import TwinScene
 from twin.materials import Diffuse, RoughPlastic
 from twin.mesh_files import read_mesh, write_ply

@@ -16,9 +16,9 @@ from pathlib import Path
 from pyarrow import parquet
 
 from benchmarks.pages import put
-from lab.sweeps.experiments import EXPERIMENTS, SOLVERS
-from lab.sweeps.summary import benchmark_statistics
-from lab.sweeps.sweep import sweep
+from experiments.sweeps.nine_experiments import EXPERIMENTS, SOLVERS
+from experiments.sweeps.sweep import sweep
+from experiments.sweeps.sweep_statistics import benchmark_statistics
 
 ROOT = Path(__file__).resolve().parents[1]
 

@@ -20,11 +20,11 @@ from pathlib import Path
 
 from pyarrow import parquet
 
-from lab.sweeps.cell import failed_rows
-from lab.sweeps.experiments import EXPERIMENTS
-from lab.sweeps.recipe import Cell
-from lab.sweeps.sweep import run_cells
-from lab.sweeps.table import KEY
+from experiments.sweeps.cell import failed_rows
+from experiments.sweeps.cell_table import KEY
+from experiments.sweeps.nine_experiments import EXPERIMENTS
+from experiments.sweeps.recipe import Cell
+from experiments.sweeps.sweep import run_cells
 from scene.output_folder import open_record
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -264,12 +264,12 @@ def ray_traced(seed: int, kind: str = "two") -> Taken:
 
 
 def virtual(seed: int, scratch: Path) -> Taken:
-    """Return a virtual capture of lab/counterparts: a white sphere amid balls, 16 flashes, rendered by Mitsuba."""
+    """Return a virtual capture of experiments/counterparts: a white sphere amid balls, 16 flashes, by Mitsuba."""
     from capture.decode import decode
     from capture.session import load_session
-    from lab.counterparts.captures import write_capture
-    from lab.counterparts.experiments import Setup
-    from lab.counterparts.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene
+    from experiments.counterparts.captures import write_capture
+    from experiments.counterparts.four_experiments import Setup
+    from experiments.counterparts.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene
 
     setup = Setup(seed=seed)
     write_capture(Store(scratch / "capture"), setup, "virtual")

@@ -100,10 +100,10 @@ def run_session(
     session_path, out, method, profile, external, scheduler, truth, twin
         As in `open_job`.
     """
+    from lab.announce import tell
     from lab.plan import REPORTED, STEPS
     from lab.progress import say
     from lab.summary import write_summary
-    from lab.tell import tell
 
     how = {"method": method, "profile": profile, "external": external, "scheduler": scheduler, "truth": truth}
     with open_job(session_path, out=out, twin=twin, **how) as job:

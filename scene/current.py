@@ -12,7 +12,10 @@ from typing import Any
 
 import numpy as np
 
-ROOMS = ("scene", "capture", "calibrate", "align", "solve", "twin", "compare", "lab")
+ROOMS = (
+    "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "compare", "lab", "experiments", "studio",
+    "rgbn",
+)  # fmt: skip
 """The root folders that are import packages."""
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARIES = (

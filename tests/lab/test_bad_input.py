@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab import cli
+from rgbn import cli
 from scene import files as files_module
 from scene.files import write_png
 from scene.output_folder import open_record
@@ -269,7 +269,7 @@ def test_ctrl_c_while_a_compiled_module_loads():
         [
             sys.executable,
             "-c",
-            "from lab.endings import end_by\n"
+            "from rgbn.exit_codes import end_by\n"
             "error = ImportError('initialization failed')\n"
             "error.__cause__ = KeyboardInterrupt()\n"
             "end_by(error)",

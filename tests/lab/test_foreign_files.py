@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab import cli
+from rgbn import cli
 from scene.files import write_png
 
 NAMES = (

@@ -2,7 +2,7 @@
 
 from typing import get_args
 
-from lab.cli import Method
+from rgbn.cli import Method
 from solve.solve import METHODS
 
 

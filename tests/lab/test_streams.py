@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lab import progress
-from lab.endings import _by_ctrl_c
+from rgbn.exit_codes import _by_ctrl_c
 
 ROOT = Path(__file__).parents[2]
 FULL = Path("/dev/full")
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.skipif(not FULL.exists(), reason="no /dev/full here")
 
 def shell(words, *, environment=None):
     """Run the command line with a shell's redirections; return its end and what the shell saw."""
-    program = f'{sys.executable} -c "from lab.cli import main; main()"'
+    program = f'{sys.executable} -c "from rgbn.cli import main; main()"'
     done = subprocess.run(
         ["bash", "-c", f"{program} {words}"], cwd=ROOT, capture_output=True, env=environment, timeout=300
     )

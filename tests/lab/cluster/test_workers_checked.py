@@ -5,7 +5,7 @@ import subprocess
 
 import pytest
 
-from lab.rooms import ROOMS, ROOT
+from scene.rooms import ROOMS, ROOT
 
 ALONE = ["unshare", "--map-root-user", "--mount"]
 SLOW = """

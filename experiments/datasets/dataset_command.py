@@ -1,0 +1,140 @@
+"""`rgbn dataset` as the command line has it."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from lab.progress import say
+from scene.errors import SceneError
+
+dataset = App(
+    name="dataset",
+    help="Datasets with known truth: made by name, checked, added, and solved in one table.",
+    help_flags=["--help", "-h"],
+    version_flags=[],
+    sort_key=10,
+)
+SHELF = Path("out") / "datasets"
+
+Shelf = Annotated[Path, Parameter(help="Folder of the datasets that were made or added.")]
+Json = Annotated[bool, Parameter(help="Print JSON on standard output.", negative="")]
+
+
+@dataset.command(name="list", sort_key=1)
+def list_datasets(
+    pattern: Annotated[list[str] | None, Parameter(help="Names, or patterns as 'pear-*'. Default: all.")] = None,
+    /,
+    *,
+    shelf: Shelf = SHELF,
+    families: Annotated[bool, Parameter(help="One line a family.", negative="")] = False,
+    markdown: Annotated[bool, Parameter(help="The families, for a page of documentation.", negative="")] = False,
+    json: Json = False,
+) -> None:
+    """List the datasets, and which of them are on the shelf."""
+    from experiments.datasets import listing
+    from experiments.datasets.catalogue import chosen
+    from experiments.datasets.shelf import entries
+
+    found = entries(shelf)
+    if pattern:
+        names = set(chosen(pattern, [one.name for one in found]))
+        found = [one for one in found if one.name in names]
+    if json:
+        print(listing.as_json(found))
+    elif markdown:
+        print(listing.families_markdown(found), end="")
+    elif families:
+        listing.tell_families(found)
+    else:
+        listing.tell(found)
+
+
+@dataset.command(sort_key=2)
+def make(
+    name: Annotated[list[str], Parameter(help="Names, or patterns as 'pear-*'.")],
+    /,
+    *,
+    shelf: Shelf = SHELF,
+    side: Annotated[int, Parameter(help="Pixels of a picture's side; other than 256, the name says it.")] = 256,
+    processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
+) -> None:
+    """Make datasets: the DiLiGenT layout, true maps, a preview; what is there and current is left."""
+    from experiments.datasets.catalogue import catalogue, chosen
+    from experiments.datasets.make import make as make_datasets
+
+    if side < 16:
+        raise SceneError(f"--side {side}: expected 16 pixels or more.")
+    known = catalogue()
+    wanted = [known[one].sized(side) for one in chosen(name, list(known))]
+    for folder in make_datasets(shelf, wanted, processes=processes):
+        print(folder)
+
+
+@dataset.command(sort_key=3)
+def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")], /, *, json: Json = False) -> None:
+    """Check a dataset: its files, and by its photographs the axes, the intensities and the order of its lights."""
+    from experiments.datasets.check import check_dataset
+    from experiments.datasets.listing import verdict_json
+    from experiments.datasets.shelf import faults_text
+
+    verdict = check_dataset(folder)
+    for note in verdict.notes:
+        say(f"note: {note}")
+    if json:
+        print(verdict_json(verdict))
+    if verdict.faults:
+        raise SceneError(faults_text(folder, verdict.faults))
+    if not json:
+        facts = verdict.facts
+        print(
+            f"{folder}: fine. {facts['photographs']} photographs of {facts['width']} x {facts['height']} px; their "
+            f"median correlation with Lambert's law is {facts['agreement']:.3f}."
+        )
+
+
+@dataset.command(sort_key=4)
+def add(
+    folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")],
+    /,
+    *,
+    name: Annotated[str | None, Parameter(help="Default: the folder's.")] = None,
+    text: Annotated[str, Parameter(help="What it is, in a line.")] = "",
+    link: Annotated[bool, Parameter(help="Leave the files where they are; else they are copied.", negative="")] = False,
+    shelf: Shelf = SHELF,
+) -> None:
+    """Check a dataset, and put it on the shelf: the list shows it, and `run` solves it."""
+    from experiments.datasets.shelf import add as add_dataset
+
+    entry = add_dataset(shelf, folder, name=name, text=text, link=link)
+    print(f"{entry.name}: added, {entry.text}; {entry.folder}")
+
+
+@dataset.command(sort_key=5)
+def run(
+    command: Annotated[
+        list[str] | None,
+        Parameter(
+            help="Other programs, each NAME=COMMAND: it reads {data}, a dataset in the DiLiGenT layout, and writes a "
+            "normal map into {out}. See docs/learned-methods.md."
+        ),
+    ] = None,
+    /,
+    *,
+    on: Annotated[
+        list[str] | None, Parameter(help="Datasets of the shelf, names or patterns. Default: all.", negative="")
+    ] = None,
+    method: Annotated[str, Parameter(help="Our methods beside them, with commas.")] = "ls,iterative",
+    profile: Annotated[str, Parameter(help="Settings of our methods: default, or seed.")] = "default",
+    timeout_s: Annotated[float, Parameter(help="Seconds after which a program is ended.")] = 3600.0,
+    shelf: Shelf = SHELF,
+    out: Annotated[Path, Parameter(help="Output folder.")] = Path("out") / "datasets-table",
+) -> None:
+    """Solve datasets of the shelf by methods and other programs: a table of angular errors."""
+    from experiments.datasets.results import results_text
+    from experiments.datasets.run_methods import run as run_methods
+
+    external = (command or [], timeout_s)
+    rows = run_methods(shelf, on or [], method=method, profile=profile, external=external, out=out)
+    print(results_text(rows), end="")
+    say(f"table: {out / 'index.html'}")

@@ -1,0 +1,146 @@
+"""The shelf: one folder that holds the datasets that were made, and those of others that were checked and added."""
+
+import re
+import shutil
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from experiments.datasets.catalogue import catalogue
+from experiments.datasets.check import check_dataset
+from experiments.datasets.checksums import FILE, checksums_of, differences
+from experiments.datasets.write import mark_of
+from scene.current import fingerprint
+from scene.errors import SceneError
+from scene.files import move_folder, write_json
+from scene.output_folder import open_record, read_record
+from scene.reading import json_of
+from scene.record import Record
+
+ADDED = ".added"
+"""Folder of the shelf: one NAME.json for each dataset that was added, with its checksums."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A dataset as the list shows it.
+
+    Parameters
+    ----------
+    name, family, text : str
+    state : {"", "made", "outdated", "added"}
+        Not made yet; made; made by another version; of others.
+    folder : Path
+        Where it is, or would be.
+    """
+
+    name: str
+    family: str
+    text: str
+    state: str
+    folder: Path
+
+
+def entries(shelf: Path) -> list[Entry]:
+    """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
+    known, record = catalogue(), read_record(shelf)
+    found = [Entry(one.name, one.family, one.text, _state(record, one), shelf / one.name) for one in known.values()]
+    notes = [json_of(path) for path in sorted((shelf / ADDED).glob("*.json"))]
+    taken = {*known, *(note["name"] for note in notes)}
+    for path in sorted(shelf.glob("*px")):
+        sized = re.fullmatch(r"(.+)-(\d+)px", path.name)
+        base = known.get(sized[1]) if sized else None
+        if sized and base and path.name not in taken and record and record.files_of(path.name):
+            text, one = f"{base.text}; {sized[2]} px", base.sized(int(sized[2]))
+            found.append(Entry(path.name, base.family, text, _state(record, one), path))
+    found += [Entry(note["name"], "added", note["text"], "added", Path(note["folder"])) for note in notes]
+    return found
+
+
+def _state(record: Record | None, dataset) -> str:
+    if record is None or not record.files_of(dataset.name):
+        return ""
+    return "made" if record.is_current(dataset.name, mark_of(dataset)) else "outdated"
+
+
+def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", link: bool = False) -> Entry:
+    """Check a dataset, and put it on the shelf.
+
+    Parameters
+    ----------
+    shelf : Path
+    folder : Path
+        In the DiLiGenT layout.
+    name : str, optional
+        Default: the folder's.
+    text : str
+        What it is, in a line.
+    link : bool
+        Leave the files where they are and remember their checksums; else they are copied.
+
+    Raises
+    ------
+    SceneError
+        It does not pass the check, or the name is taken.
+    """
+    verdict = check_dataset(folder)
+    if verdict.faults:
+        raise SceneError(faults_text(folder, verdict.faults, "not added, "))
+    name = name or folder.resolve().name
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
+        raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
+    with open_record(shelf, input_folders=[folder]) as record:
+        place, note, work = shelf / name, shelf / ADDED / f"{name}.json", f"{ADDED}/{name}"
+        if (
+            name in catalogue()
+            or (place.exists() and not record.files_of(work))
+            or (note.exists() and Path(json_of(note)["folder"]).exists())
+        ):
+            raise SceneError(f"dataset {name}: the name is taken. Give another with --name.")
+        sums = checksums_of(folder)
+        text = text or f"{verdict.facts['photographs']} photographs, {verdict.facts['object_pixels']} pixels"
+        entry = Entry(name, "added", text, "added", (folder if link else place).resolve())
+        with record.making(work, fingerprint(sums)):
+            if not link:
+                unfinished = record.scratch("added") / name
+                shutil.rmtree(unfinished, ignore_errors=True)
+                for line in sums.splitlines():
+                    target = unfinished / line.split("  ", 1)[1]
+                    target.parent.mkdir(parents=True, exist_ok=True)
+                    shutil.copyfile(folder / line.split("  ", 1)[1], target)
+                move_folder(unfinished, place)
+            # Last: a dataset without a note is a name that is free.
+            write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
+    return entry
+
+
+def contents_of(shelf: Path, entry: Entry) -> str:
+    """Return the checksums of a dataset that is there and unchanged.
+
+    Raises
+    ------
+    SceneError
+        Files have changed since it was made or added, or are gone.
+    """
+    if entry.state == "added":
+        expected = json_of(shelf / ADDED / f"{entry.name}.json")["checksums"]
+    else:
+        expected = (entry.folder / FILE).read_text()
+    if not entry.folder.is_dir():
+        note = shelf / ADDED / f"{entry.name}.json"
+        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, add it again, or remove {note}.")
+    if said := differences(expected, entry.folder):
+        more = f" and {len(said) - 3} more" if len(said) > 3 else ""
+        do = (
+            "Put the files back, or add it under another name"
+            if entry.state == "added"
+            else "Remove it and make it again"
+        )
+        raise SceneError(f"{entry.folder}: {'; '.join(said[:3])}{more}, since it was put on the shelf. {do}.")
+    return expected
+
+
+def faults_text(folder: Path, faults: tuple[str, ...], doing: str = "") -> str:
+    """Return all faults of a dataset as one message."""
+    if len(faults) == 1:
+        return f"{folder}: {doing}{faults[0]}"
+    return f"{folder}: {doing}{len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in faults)

@@ -1,0 +1,98 @@
+"""One dataset as a folder: the DiLiGenT layout, the true maps, pictures for people; the same bytes every time."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.datasets.catalogue import Dataset
+from experiments.datasets.checksums import write_checksums
+from experiments.datasets.dataset_scene import Stack, stack_of
+from experiments.datasets.describe import readme, session_toml
+from scene.current import code_fingerprint, fingerprint
+
+RECIPE = "recipe.json"
+_MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
+
+
+def mark_of(dataset: Dataset) -> str:
+    """Return a hash of a dataset's recipe and of the code that makes it: where it is the same, so are the bytes."""
+    return fingerprint(dataset, code=code_fingerprint(__name__))
+
+
+def write_dataset(folder: Path, dataset: Dataset) -> None:
+    """Make a dataset in an empty folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Gets the DiLiGenT layout (001.png ..., filenames.txt, light_directions.txt, light_intensities.txt, mask.png,
+        Normal_gt.mat, Normal_gt.png), session.toml and lights.json with camera and near lights, truth/, preview.png,
+        README.md, recipe.json and, last, SHA256SUMS.
+    dataset : Dataset
+
+    Raises
+    ------
+    RenderError
+        The scene cannot be rendered here.
+    """
+    from experiments.datasets.overview_picture import preview
+    from scene.files import write_json, write_png, write_text, write_whole
+    from scene.normals import encode_normals
+    from scene.store import Store
+    from solve.external import write_diligent
+    from twin.ground_truth import save_ground_truth
+    from twin.picture_files import write_exr
+
+    stack = stack_of(dataset)
+    truth, everything = stack.truth, (slice(None), slice(None))
+    write_diligent(folder, stack.frames, stack.lights, truth.mask, everything)
+    files = tuple(f"{name}.png" for name in stack.frames.names)
+    Store(folder).save_lights(stack.lights, files=files)
+    with write_whole(folder / "Normal_gt.mat") as file:
+        file.write(_normal_mat(truth.normals))
+    write_png(folder / "Normal_gt.png", encode_normals(truth.normals))
+    save_ground_truth(truth, folder / "truth")
+    for name in ("normals", "z_mm", "albedo"):
+        values = getattr(truth, name)
+        # What a picture program makes of NaN nobody knows.
+        write_exr(folder / "truth" / f"{name}.exr", np.nan_to_num(values if values.ndim == 3 else values[..., None]))
+    for name in ("attached", "cast"):
+        write_png(folder / "truth" / f"{name}.png", _share_of_lights(getattr(truth, name), len(stack.lights)))
+    write_png(folder / "preview.png", preview(stack))
+    write_text(folder / "session.toml", session_toml(dataset, stack))
+    write_text(folder / "README.md", readme(dataset, stack, _facts(stack)))
+    write_json(folder / RECIPE, dataset)
+    write_checksums(folder)
+
+
+def _normal_mat(normals: NDArray[np.float32]) -> bytes:
+    """Return a .mat file of `Normal_gt`, as DiLiGenT has it: float64, zero where there is no object."""
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
+    # Its first 116 bytes are text for people, with the hour in it.
+    return _MAT_HEADER.ljust(116) + stream.getvalue()[116:]
+
+
+def _share_of_lights(bits: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
+    """Return a picture of how many of the lights a pixel does not see, white: none of them."""
+    from twin.ground_truth import lights_of
+
+    return np.round(255 * lights_of(bits, count).mean(0)).astype(np.uint8)
+
+
+def _facts(stack: Stack) -> dict[str, Any]:
+    from twin.ground_truth import lights_of
+
+    mask, count = stack.truth.mask, len(stack.lights)
+    shadows = {name: lights_of(getattr(stack.truth, name), count)[:, mask].mean() for name in ("attached", "cast")}
+    return {
+        "pixels of the object": int(mask.sum()),
+        "samples in attached shadow": f"{shadows['attached']:.1%}",
+        "samples in cast shadow": f"{shadows['cast']:.1%}",
+        "clipped samples": f"{stack.frames.saturated()[:, mask].mean():.1%}",
+    }

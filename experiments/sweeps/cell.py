@@ -1,0 +1,175 @@
+"""One cell: photographs, every method with every profile, and a row for each."""
+
+import base64
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager, suppress
+from threading import Lock
+from typing import Any
+
+import numpy as np
+
+from experiments.sweeps.error_kinds import error_kinds
+from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
+from experiments.sweeps.recipe import RUNNER, Cell
+from scene.current import code_fingerprint
+from scene.errors import SceneError
+from solve.solve import UNCALIBRATED, solve
+
+PICTURE_SIDE = 96
+SOME_SIDE = 32
+_LOADED: set[tuple[str, str]] = set()
+_ONE_AT_A_TIME = Lock()
+"""In a process: a cell uses one core, and Mitsuba's settings are the process'."""
+
+
+def run_cell(cell: Cell) -> dict[str, Any]:
+    """Return what a cell gives; never raises for what its methods or its scene do.
+
+    Returns
+    -------
+    dict
+        rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
+        base64. code: hash of the code that made them, as this process has it.
+    """
+    with _ONE_AT_A_TIME, _one_thread(), ThreadPoolExecutor(1) as one_core:
+        start = time.process_time()
+        try:
+            from experiments.sweeps.photographs import photograph
+
+            photographs = photograph(cell.recipe)
+        except Exception as error:
+            return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
+        made = time.process_time() - start
+        rows, seconds = [], [{**_key(cell, "", ""), "seconds": made}]
+        for method in cell.methods:
+            for profile in cell.profiles:
+                row, taken = _row(cell, photographs, method, profile, one_core)
+                rows.append(row)
+                seconds.append({**_key(cell, method, profile), "seconds": taken})
+        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_fingerprint(RUNNER)}
+
+
+def failed_rows(cell: Cell, why: str) -> list[dict[str, Any]]:
+    """Return the rows of a cell that has no results."""
+    return [
+        {**_key(cell, method, profile), "status": f"failed: {why}"}
+        for method in cell.methods
+        for profile in cell.profiles
+    ]
+
+
+def _key(cell: Cell, method: str, profile: str) -> dict[str, Any]:
+    """Return what names a row."""
+    word = cell.value if isinstance(cell.value, str) else f"{cell.value:g}"
+    value = float(cell.level) if isinstance(cell.value, str) else float(cell.value)
+    place = {"level": cell.level, "value": value, "label": word, "shape": cell.recipe.shape, "seed": cell.recipe.seed}
+    return {"experiment": cell.experiment, **place, "solver": method, "profile": profile}
+
+
+def _row(
+    cell: Cell, photographs: Any, method: str, profile: str, executor: Executor
+) -> tuple[dict[str, Any], float | None]:
+    """Return the row of one method with one profile, and its processor seconds."""
+    p, key = photographs, _key(cell, method, profile)
+    if cell.experiment in PERTURBATIONS and not is_told(method, cell.experiment):
+        return {**key, "status": "not told"}, None
+    _load(p, method, profile, executor)
+    start = time.process_time()
+    try:
+        if cell.experiment in PERTURBATIONS:
+            strength, estimate = breaking_point(p, cell, method, profile, executor)
+            extra = {"breaks_at": strength}
+        else:
+            estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
+            extra = {}
+    except SceneError as error:
+        return {**key, "status": f"no answer: {_why(error)}"}, None
+    except Exception as error:
+        return {**key, "status": f"failed: {_why(error)}"}, None
+    taken = time.process_time() - start
+    row = {"status": "ok"} if estimate is None else measured(p, method, estimate)
+    return {**key, **row, **extra}, taken
+
+
+def _load(photographs: Any, method: str, profile: str, executor: Executor) -> None:
+    """Run a method on some pixels, the first time in a process: loading its kernels is no part of its time."""
+    if (method, profile) in _LOADED:
+        return
+    _LOADED.add((method, profile))
+    p, some = photographs, np.zeros_like(photographs.mask)
+    middle = tuple(slice(size // 2 - SOME_SIDE // 2, size // 2 + SOME_SIDE // 2) for size in some.shape)
+    some[middle] = p.mask[middle]
+    # What it makes of them does not matter.
+    with suppress(Exception):
+        solve(method, p.frames, p.lights, p.camera, some, profile=profile, executor=executor)
+
+
+def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:
+    """Return an estimate's columns of the table, by the truth.
+
+    Notes
+    -----
+    status: "ok"; "no answer: why", where a method refused or gave no normal; "failed: why", a fault of ours, which says
+    nothing of the method. albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that
+    is not told the lights finds albedo up to a factor: the one that makes the median right is put in.
+    """
+    from compare.statistics import angular_statistics
+    from scene.normals import angular_error_deg
+
+    p = photographs
+    numbers = angular_statistics(angular_error_deg(estimate.normals, p.normals)[p.mask])
+    found, true = estimate.albedo[p.mask].astype(np.float64), p.albedo[p.mask].astype(np.float64)
+    ratio = found / true
+    known = ratio[np.isfinite(ratio)]
+    if method in UNCALIBRATED and known.size and np.median(known) > 0:
+        known = known / np.median(known)
+    return {
+        "status": "ok" if numbers["pixels"] else "no answer: no pixel has a normal",
+        **numbers,
+        **error_kinds(estimate.normals[p.mask], p.normals[p.mask]),
+        "albedo_error_percent": 100 * float(np.mean(np.abs(known - 1))) if known.size else None,
+        "unanswered": 1 - int(numbers["pixels"]) / int(p.mask.sum()),
+        "frames": len(p.frames),
+        "doubts": " ".join(estimate.warnings),
+    }
+
+
+def _why(error: Exception) -> str:
+    """Return an error in one line: an input's as it is told, others with their kind."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, SceneError) else f"{type(error).__name__}: {text}"
+
+
+@contextmanager
+def _one_thread() -> Iterator[None]:
+    """Hold rendering and image processing to one thread: neighbours have the other cores.
+
+    And the same cell shall give the same bytes: Dr.Jit's threads add to the samples of one pixel in the order in which
+    they come, and float32 sums depend on it. What was set before is set again.
+    """
+    import cv2
+    import drjit
+
+    before = cv2.getNumThreads(), drjit.thread_count()
+    cv2.setNumThreads(1)
+    drjit.set_thread_count(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before[0])
+        drjit.set_thread_count(before[1])
+
+
+def _picture(photographs: Any) -> str:
+    """Return a frame lit from the side rather than from the front, small and with gamma, as PNG in base64."""
+    import cv2
+
+    frames, mask = photographs.frames, photographs.mask
+    sums = [int(frames.codes[i][mask].sum(dtype=np.int64)) for i in range(len(frames))]
+    image = np.clip(frames.frame(int(np.argsort(sums)[len(sums) // 3])), 0, 1)
+    small = cv2.resize(image, (PICTURE_SIDE, PICTURE_SIDE), interpolation=cv2.INTER_AREA)
+    done, buffer = cv2.imencode(".png", np.round(255 * small[..., ::-1] ** (1 / 2.2)).astype(np.uint8))
+    assert done
+    return base64.b64encode(buffer.tobytes()).decode()

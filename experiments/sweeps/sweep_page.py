@@ -1,0 +1,234 @@
+"""A sweep's page: the benchmark's table with its own numbers beside ours, a chart and pictures for each experiment."""
+
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from compare.line_chart import line_chart
+from compare.speed_chart import speed_chart
+from experiments.sweeps.atlas import atlas
+from experiments.sweeps.nine_experiments import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
+from experiments.sweeps.pareto import speed_points
+from experiments.sweeps.perturbation import PERTURBATIONS
+from experiments.sweeps.stability import stability, strips, tolerances
+from experiments.sweeps.sweep_statistics import (
+    STATISTICS,
+    Rows,
+    Statistics,
+    benchmark_statistics,
+    curve,
+    has_failed,
+    rank_correlation,
+    statistics,
+)
+from scene.files import write_json, write_text
+
+QUANTITIES = {
+    "normals": ("mean_deg", "default", "angular error, °"),
+    "normals-seed": ("mean_deg", "seed", "angular error, plain readings, °"),
+    "albedo": ("albedo_error_percent", "default", "albedo error, %"),
+}
+"""By the chart's name: what, with which profile, and the axis' title."""
+HIGHEST_ALBEDO_PERCENT = 200.0
+STYLE = """body{font:15px/1.5 system-ui,sans-serif;max-width:1100px;margin:2em auto;padding:0 1em;color:#1d2329}
+table{border-collapse:collapse;font-size:13px}th,td{padding:2px 8px;text-align:right;border-bottom:1px solid #e3e7ea}
+th:first-child{text-align:left}td span{display:block}.seed{color:#005a94}.theirs{color:#777}.scroll{overflow-x:auto}
+.level{display:inline-block;text-align:center;font-size:12px;margin:0 4px 8px 0}.level img{display:block}
+.charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}
+figure{margin:0;max-width:760px}figcaption{font-size:13px;color:#555}
+.atlas{width:min(1500px,96vw);margin-left:calc(50% - min(750px,48vw))}"""
+
+
+def write_page(
+    folder: Path, rows: Rows, found: list[dict[str, Any]], *, perturbed: Rows | None = None, seconds: Rows | None = None
+) -> None:
+    """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, atlas.svg, speed.svg, statistics.json and stability.json.
+
+    Parameters
+    ----------
+    folder : Path
+    rows : list of dict
+        Of results.parquet.
+    found : list of dict
+        The cells' files, for their pictures.
+    perturbed, seconds : list of dict
+        Of perturbations.parquet and seconds.parquet.
+    """
+    perturbed, seconds = perturbed or [], seconds or []
+    ours = statistics(rows)
+    there = [one for one in EXPERIMENTS.values() if any(row["experiment"] == one.name for row in rows)]
+    solvers = list(dict.fromkeys(row["solver"] for row in rows))
+    correlations = _correlations(rows, ours)
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Sweeps</title>",
+        f"<style>{STYLE}</style><h1>Where photometric stereo fails</h1>",
+        f"<p>{len(found)} cells, {len(rows)} results: {sum(row['status'].startswith('no answer') for row in rows)} "
+        f"without an answer, {sum(map(has_failed, rows))} failed.</p>",
+        *_stability(folder, rows, perturbed),
+        _speed(folder / "speed.svg", rows, seconds, there),
+        _correlation_words(correlations),
+        _table(ours, there, solvers),
+    ]
+    for one in there:
+        charts = []
+        for name in QUANTITIES:
+            chart = _chart(rows, one, solvers, name)
+            write_text(folder / f"{one.name}-{name}.svg", chart)
+            charts.append(chart)
+        charts.append(_speed(folder / f"{one.name}-speed.svg", rows, seconds, [one]))
+        parts.append(f"<h2>{escape(one.label)}</h2>{_pictures(found, one)}<div class='charts'>{''.join(charts)}</div>")
+        parts.append(_without_result(rows, one.name))
+    write_text(folder / "index.html", "\n".join(parts))
+    write_json(
+        folder / "statistics.json",
+        {
+            "rank_correlation": correlations,
+            "statistics": [
+                {"experiment": experiment, "solver": solver, "profile": profile, **numbers}
+                for (experiment, solver, profile), numbers in ours.items()
+            ],
+        },
+    )
+
+
+def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
+    """Write atlas.svg and stability.json; return the page's section on them."""
+    found = stability(rows, perturbed)
+    picture = atlas(strips(rows), tolerances(perturbed))
+    write_text(folder / "atlas.svg", picture)
+    write_json(folder / "stability.json", found)
+    shapes = ", ".join(dict.fromkeys(row["shape"] for row in rows))
+    lines = "".join(
+        f"<tr><th>{escape(one['solver'])}, {escape(one['profile'])}</th>"
+        f"<td>{_share(one['broken_doubted'], one['broken'])}</td>"
+        f"<td>{_share(one['whole_doubted'], one['whole'])}</td></tr>"
+        for one in found["doubts"]
+    )
+    return [
+        f"<h2>What breaks whom</h2><div class='atlas'>{picture}</div>"
+        f"<p>Of each level the median over {escape(shapes)} "
+        "(the experiment's own shapes) and draws. The smallest error of lights, intensities or ambient light: "
+        "bisection of a random perturbation's strength on a matte pear under a dome; median and quartiles over "
+        "draws.</p>",
+        *(_without_result(perturbed, name) for name in PERTURBATIONS),
+        "<details><summary>Do the methods know it? How often they doubt their results</summary>"
+        f"<table><tr><th></th><th>of the broken</th><th>of the others</th></tr>{lines}</table></details>",
+    ]
+
+
+def _share(part: int, whole: int) -> str:
+    return f"{part} of {whole} ({100 * part / whole:.0f} %)" if whole else "–"
+
+
+def _speed(path: Path, rows: Rows, seconds: Rows, experiments: list[Experiment]) -> str:
+    """Write a chart of speed against accuracy over some experiments; return it as a figure, nothing without times."""
+    points = speed_points(rows, seconds, [one.name for one in experiments])
+    if not points:
+        return ""
+    words = experiments[0].label if len(experiments) == 1 else "all experiments"
+    label = f"Processor time against median angular error, {words}"
+    chart = speed_chart(
+        points, label=label, kinds=("default", "seed"), hollow="the same method, profile seed", is_twin_in_front=True
+    )
+    write_text(path, chart)
+    return f"<figure><figcaption>{escape(label)}</figcaption>{chart}</figure>"
+
+
+def _correlations(rows: Rows, ours: Statistics) -> dict[str, dict[str, float]]:
+    """Return the rank correlations with the benchmark: of all shapes, and of the benchmark's own, by profile."""
+    own = (OBJECTS[0], *(one.shapes[0] for one in EXPERIMENTS.values()))
+    same = statistics([row for row in rows if row["shape"] in own])
+    found = {}
+    for what, numbers in (("all shapes", ours), ("the benchmark's shapes", same)):
+        for profile in ("default", "seed"):
+            correlation, pairs = rank_correlation(numbers, profile)
+            found[f"{what}, {profile}"] = {"spearman": correlation, "pairs": pairs}
+    return found
+
+
+def _correlation_words(found: dict[str, dict[str, float]]) -> str:
+    rows = "".join(
+        f"<tr><th>{escape(what)}</th><td>{one['spearman']:.2f}</td><td>{one['pairs']}</td></tr>"
+        for what, one in found.items()
+    )
+    return (
+        "<p>Rank correlation of the mean errors with the benchmark's, calibrated methods:</p>"
+        f"<table><tr><th>shapes, profile</th><th>Spearman</th><th>pairs</th></tr>{rows}</table>"
+    )
+
+
+def _table(ours: Statistics, there: list[Experiment], solvers: list[str]) -> str:
+    """Return the table in the benchmark's layout; each field: default, seed profile, the benchmark's own."""
+    theirs = benchmark_statistics()
+    head = "".join(f"<th>{escape(SOLVERS.get(name, name))}</th>" for name in solvers)
+    lines = []
+    for one in there:
+        for name in STATISTICS:
+            fields = ""
+            for solver in solvers:
+                values = [
+                    ("", ours.get((one.name, solver, "default"), {}).get(name)),
+                    ("seed", ours.get((one.name, solver, "seed"), {}).get(name)),
+                    ("theirs", theirs.get((one.name, solver), {}).get(name)),
+                ]
+                spans = (
+                    f"<span class='{kind}'>{'–' if value is None else f'{value:.2f}'}</span>" for kind, value in values
+                )
+                fields += f"<td>{''.join(spans)}</td>"
+            lines.append(f"<tr><th>{escape(one.label)}, {name}</th>{fields}</tr>")
+        counts = ""
+        for solver in solvers:
+            here = [ours.get((one.name, solver, profile), {}) for profile in ("default", "seed")]
+            spans = (f"<span class='{kind}'>{_counts(n)}</span>" for kind, n in zip(("", "seed"), here, strict=True))
+            counts += f"<td>{''.join(spans)}</td>"
+        lines.append(f"<tr><th>cells / without an answer / failed / pixels without one</th>{counts}</tr>")
+    return (
+        "<p>Angular error in degrees, of each cell the mean. In each field: the methods as they are, "
+        "<span class='seed'>their plain readings (profile seed)</span>, <span class='theirs'>the benchmark's own "
+        "number</span>. What has no answer or failed is in no mean.</p>"
+        f"<div class='scroll'><table><tr><th></th>{head}</tr>{''.join(lines)}</table></div>"
+    )
+
+
+def _counts(numbers: dict[str, float]) -> str:
+    cells, silent, failed, share = (numbers.get(name, 0) for name in ("cells", "no_answer", "failed", "unanswered"))
+    return f"{cells} / {silent} / {failed} / {100 * share:.0f} %"
+
+
+def _chart(rows: Rows, experiment: Experiment, solvers: list[str], name: str) -> str:
+    quantity, profile, title = QUANTITIES[name]
+    lines, spreads = {}, {}
+    for solver in solvers:
+        found = curve(rows, experiment.name, solver, profile, quantity)
+        if quantity.startswith("albedo"):
+            found |= {key: [min(v, HIGHEST_ALBEDO_PERCENT) for v in found[key]] for key in ("low", "middle", "high")}
+        places = [float(place) for place in range(len(found["level"]))]
+        label = SOLVERS.get(solver, solver)
+        lines[label], spreads[label] = (places, found["middle"]), (found["low"], found["high"])
+    labels = {row["level"]: row["label"] for row in rows if row["experiment"] == experiment.name}
+    names = [labels[level].replace("_", " ") for level in sorted(labels)]
+    return line_chart(lines, x_title=experiment.axis, y_title=title, spreads=spreads, x_names=names)
+
+
+def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
+    """Return one picture a level, of the first shape and seed."""
+    shown: dict[int, str] = {}
+    for one in found:
+        first = one["rows"][0]
+        if first["experiment"] == experiment.name and one["picture"] and first["shape"] == experiment.shapes[0]:
+            source = f"data:image/png;base64,{one['picture']}"
+            words = escape(first["label"].replace("_", " "))
+            shown.setdefault(first["level"], f"<div class='level'><img src='{source}' alt='{words}'>{words}</div>")
+    return "".join(shown[level] for level in sorted(shown))
+
+
+def _without_result(rows: Rows, experiment: str) -> str:
+    counts: dict[tuple[str, str], int] = {}
+    for row in rows:
+        if row["experiment"] == experiment and row["status"] not in ("ok", "not told"):
+            key = (f"{row['solver']}, {row['profile']}", row["status"])
+            counts[key] = counts.get(key, 0) + 1
+    if not counts:
+        return ""
+    items = "".join(f"<li>{count} x {escape(who)}: {escape(why)}</li>" for (who, why), count in counts.items())
+    return f"<p>Without a result:</p><ul>{items}</ul>"

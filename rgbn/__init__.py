@@ -1,0 +1,3 @@
+"""The door: the command line."""
+
+import scene  # noqa: F401 (before numpy is loaded)

@@ -1,0 +1,279 @@
+"""The command line: `rgbn VERB`."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, Parameter
+
+from experiments.datasets.dataset_command import dataset
+from experiments.sweeps.sweep_command import sweep
+from lab.progress import say
+from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.streams import check_words, open_streams
+from lab.twin_settings import AS_GIVEN, TwinSettings
+from rgbn.exit_codes import end_by
+from studio.studio_command import studio
+
+app = App(
+    name="rgbn",
+    help="From a folder of raw flash photographs (and a laser scan) to calibrated lights, ground-truth normals, "
+    "normals by photometric stereo, a synthetic twin, and one report that says how far to trust each.",
+    help_flags=["--help", "-h"],
+    version_flags=["--version"],
+    version=lambda: __import__("importlib.metadata", fromlist=["version"]).version("rgbn"),
+    result_action="return_value",
+    suppress_keyboard_interrupt=False,
+)
+
+Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
+Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
+Method = Annotated[
+    str,
+    Parameter(
+        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, "
+        "near, reflectance, ldr, entropy, tv."
+    ),
+]
+Profile = Annotated[
+    str, Parameter(help="Settings of the methods: default, or seed, the plain reading of the benchmark.")
+]
+External = Annotated[
+    list[str] | None,
+    Parameter(
+        help="Another program as a method, NAME=COMMAND: it reads {data}, the photographs in the DiLiGenT layout, and "
+        "writes a normal map into {out}. May be given again. See docs/learned-methods.md.",
+        negative="",
+        consume_multiple=False,
+    ),
+]
+ExternalTimeout = Annotated[float, Parameter(help="Seconds after which such a program is ended.")]
+Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
+Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
+
+
+@app.command(sort_key=1)
+def process(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
+    twin: TwinSettings = AS_GIVEN,
+    scheduler: Scheduler = None,
+    json: Json = False,
+) -> None:
+    """Go the whole way: decode, lights, scan, normals, twin, report."""
+    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "compare", out=out, json=json, scheduler=scheduler, **how)
+
+
+@app.command(sort_key=2)
+def demo(*, out: Out = None, json: Json = False) -> None:
+    """Go the whole way on the small session that comes with rgbn, and judge it by its known truth."""
+    from scene.rooms import ROOT
+
+    folder = ROOT / "fixtures" / "bumpy"
+    run_session(folder, "compare", out=out or Path("out") / "demo", json=json, truth=folder)
+
+
+@app.command(sort_key=3)
+def check(session: Session, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> None:
+    """Decode a capture and audit it: exposure, misfires, doubles, movement, clipping."""
+    run_session(session, "check", out=out, json=json, scheduler=scheduler)
+
+
+@app.command(sort_key=4)
+def calibrate(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    self_test: Annotated[
+        bool, Parameter(help="Render the calibrated balls, calibrate the rendering, report the errors.", negative="")
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Find the balls, and from them each flash's direction, position and intensity."""
+    run_session(session, "self_test" if self_test else "calibrate", out=out, json=json)
+
+
+@app.command(sort_key=5)
+def align(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    check: Annotated[
+        bool,
+        Parameter(
+            help="Check the registration: refine again from beside it, the cost around it, and a project for MeshLab.",
+            negative="",
+        ),
+    ] = False,
+    json: Json = False,
+) -> None:
+    """Find the object, register its scan, write the ground-truth normals."""
+    if check:
+        from lab.plan import STEPS
+        from rgbn.align_check import check_alignment, tell_check
+
+        with open_job(session, out=out) as job:
+            job.run(STEPS, "align")
+            with job.record.part_of("align"):
+                found = check_alignment(job)
+        if not json:
+            tell_check(found)
+    run_session(session, "align", out=out, json=json)
+
+
+@app.command(sort_key=6)
+def solve(
+    session: Session,
+    /,
+    *,
+    out: Out = None,
+    method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
+    mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
+    scheduler: Scheduler = None,
+    json: Json = False,
+) -> None:
+    """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
+    others = (external or [], external_timeout_s)
+    if mesh:
+        from lab.plan import STEPS
+        from rgbn.surface_file import check_name, write_surface
+
+        check_name(mesh)
+        how = {"method": method, "profile": profile, "external": others, "scheduler": scheduler}
+        with open_job(session, out=out, **how) as job:
+            job.record.check_free(mesh)
+            job.run(STEPS, "solve")
+            write_surface(job, mesh)
+    run_session(
+        session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler, external=others
+    )
+
+
+@app.command(sort_key=7)
+def twin(
+    session: Annotated[Path, Parameter(help="A session's folder, or a scene description, .toml.")],
+    /,
+    *,
+    out: Out = None,
+    method: Method = DEFAULT_METHODS,
+    profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
+    twin: TwinSettings = AS_GIVEN,
+    json: Json = False,
+) -> None:
+    """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
+    if is_description(session):
+        from experiments.scene_twin import render_description
+
+        render_description(session, out, twin, json=json)
+        return
+    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "twin", out=out, json=json, **how)
+
+
+@app.command(sort_key=8)
+def compare(
+    session: Annotated[Path, Parameter(help="A session's folder; with a second one, a processed output folder.")],
+    counterpart: Annotated[
+        Path | None, Parameter(help="Another output folder, or the twin/ in the first: do the methods fail alike?")
+    ] = None,
+    /,
+    *,
+    out: Out = None,
+    method: Annotated[
+        str | None, Parameter(help="Methods, with commas. Default: ls,iterative; of two folders, all.")
+    ] = None,
+    profile: Profile = "default",
+    external: External = None,
+    external_timeout_s: ExternalTimeout = 3600.0,
+    twin: TwinSettings = AS_GIVEN,
+    json: Json = False,
+) -> None:
+    """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
+    if counterpart is not None:
+        from experiments.counterparts.compare_folders import compare_folders
+
+        compare_folders(session, counterpart, out, methods=method, json=json)
+        return
+    how = {"profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
+    run_session(session, "compare", out=out, json=json, method=method or DEFAULT_METHODS, **how)
+
+
+@app.command(sort_key=9)
+def export(
+    session: Annotated[
+        Path, Parameter(help="Session's folder; with --format mitsuba also a scene description, .toml.")
+    ],
+    /,
+    *,
+    format: Annotated[
+        str, Parameter(help="Lights: alicevision, diligent, dome, lp or mat (near_ps). The twin: mitsuba.")
+    ],
+    out: Out = None,
+    sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
+) -> None:
+    """Write the lights, or the twin's scene, for another program into OUT/export, after the steps that it needs."""
+    if format == "mitsuba":
+        from rgbn.scene_export import export_scene
+
+        paths, notes = export_scene(session, out)
+        _tell_export(paths[:1], notes)
+        return
+    from calibrate.light_files.export import export_lights
+    from lab.plan import EXPORTED, STEPS
+
+    with open_job(session, out=out) as job:
+        job.run(STEPS, "calibrate")
+        store, files = job.store, tuple(path.name for path in job.session.flash)
+        lights, camera = store.load_lights(), store.load_camera()
+        with job.record.part_of(EXPORTED):
+            paths, notes = export_lights(store.path("export"), format, lights, camera, files=files, sfm=sfm)
+    _tell_export(paths, notes)
+
+
+def _tell_export(paths: list[Path], notes: list[str]) -> None:
+    for note in notes:
+        say(f"note: {note}")
+    for path in paths:
+        print(path)
+
+
+app.command(sweep, sort_key=10)
+app.command(studio, sort_key=12)
+app.command(dataset)
+
+
+@app.command(sort_key=11)
+def doctor() -> None:
+    """Say what this machine has, and what would make it faster."""
+    from rgbn.doctor import examine
+
+    for what, finding in examine():
+        print(f"{what:32} {finding}")
+
+
+def main() -> None:
+    """Run the command line; `rgbn.exit_codes` says what each end is told by."""
+    open_streams()
+    try:
+        from scene.rooms import check_rooms
+
+        check_rooms()
+        check_words(sys.argv[1:])
+        app(sys.argv[1:])
+        sys.stdout.flush()
+    except (Exception, KeyboardInterrupt) as error:
+        end_by(error)

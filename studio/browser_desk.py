@@ -1,0 +1,201 @@
+"""What every browser has: a thread that does what it says in order, panels, and words for what went wrong."""
+
+import asyncio
+import ctypes
+import sys
+import traceback
+from collections import deque
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Protocol
+
+from pydantic import ValidationError
+
+from scene.errors import SceneError
+from studio.editor.preview import Preview
+from studio.workspace import Workspace
+
+MOST_WAITING = 1000
+"""Things that a browser has said and that are not done yet. A person cannot be that far ahead."""
+
+
+class Panel(Protocol):
+    """What shows a desk's work."""
+
+    def refresh(self) -> None:
+        """Show it as it is now."""
+        ...
+
+
+class BrowserDesk:
+    """A browser's desk, whatever is worked on there. Nothing of it is shared with another's.
+
+    Parameters
+    ----------
+    client : viser.ClientHandle
+    workspace : Workspace
+    preview : Preview
+
+    Notes
+    -----
+    What the browser says is done in the desk's one thread, in the order in which it was said. A rendering, a run of the
+    steps and a calibration have threads or processes of their own, which come back by `post`.
+    """
+
+    def __init__(self, client: Any, workspace: Workspace, preview: Preview) -> None:
+        self.client, self.workspace, self.preview = client, workspace, preview
+        self.panels: list[Panel] = []
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"desk {client.client_id}")
+        self._closers: list[Callable[[], None]] = []
+        self._waiting: deque[Callable[[], Any]] = deque()
+        self._inputs: deque[Any] = deque()
+        self._input: Any = None
+        self._is_behind = self._is_full = False
+        self.is_gone = False
+        """The browser went away: nothing more is done for it."""
+
+    def refresh(self) -> None:
+        """Show everything as it is now; while more input waits, after that.
+
+        An input that is being typed into would else be given the number that it had a moment ago.
+        """
+        self._is_behind = bool(self._inputs)
+        if not self._is_behind:
+            self._refresh_panels()
+
+    def _refresh_panels(self) -> None:
+        raise NotImplementedError
+
+    def attempt(self, work: Callable[[], Any]) -> bool:
+        """Do something, unless the browser is gone; tell what was at fault, if anything was, and live on."""
+        if self.is_gone:
+            return False
+        try:
+            work()
+        except SceneError as error:
+            self.tell_fault(str(error))
+        except ValidationError as error:
+            self.tell_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
+        except Exception as error:
+            if self.is_gone:
+                return False  # There is nobody to show it to: viser warns of every message.
+            traceback.print_exc()
+            self.tell_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
+        else:
+            return True
+        return False
+
+    def tell_fault(self, text: str) -> None:
+        """Show what was at fault until it is closed."""
+        self.client.add_notification("That cannot be done", text, color="red")
+
+    def tell(self, title: str, text: str = "") -> None:
+        """Show what was done, for a while."""
+        self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
+
+    def post(self, work: Callable[[], Any]) -> None:
+        """Do something in the desk's thread, after what it is at.
+
+        Where too much waits, what the browser says, in the server's loop, is dropped, and that is told once; what the
+        studio's own threads say never is.
+        """
+        self._posted(work)
+
+    def _posted(self, work: Callable[[], Any]) -> bool:
+        """Do what `post` does; return whether it will be done."""
+        if len(self._waiting) >= MOST_WAITING and _is_in_loop():
+            if not self._is_full:
+                self._is_full = True
+                self.tell_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
+            return False
+        self._is_full = False
+        try:
+            self._waiting.append(work)
+            self._thread.submit(self._next)
+        except RuntimeError:
+            return False  # The browser is gone.
+        return True
+
+    def _next(self) -> None:
+        self.attempt(self._waiting.popleft())
+
+    def on_input(self, handle: Any, use: Callable[[Any], Any]) -> Any:
+        """Call `use` with the value of an input as a person has changed it. Return the handle.
+
+        The input itself may hold another value by then.
+        """
+
+        async def _(event: Any) -> None:
+            # What the program writes into an input comes by here too, without a client.
+            if event.client is not None:
+                value = event.target.value
+                self._inputs.append(handle)
+                if not self._posted(lambda: self._take(use, value)):
+                    self._inputs.pop()
+
+        handle.on_update(_)
+        return handle
+
+    def _take(self, use: Callable[[Any], Any], value: Any) -> None:
+        self._input = self._inputs.popleft()
+        try:
+            use(value)
+        finally:
+            self._input = None
+            if self._is_behind:
+                self.refresh()
+
+    def on_click(self, handle: Any, use: Callable[[], Any]) -> Any:
+        """Call `use` when a button is pressed. Return the handle."""
+
+        async def _(event: Any) -> None:
+            if event.client is not None:
+                self.post(use)
+
+        handle.on_click(_)
+        return handle
+
+    def on_close(self, work: Callable[[], None]) -> None:
+        """Do something, in the desk's thread, when the browser goes away."""
+        self._closers.append(work)
+
+    def close(self) -> None:
+        """End what runs for a browser that went away: what waits is dropped, and what is at work is let come to an end.
+
+        Whatever that has begun is ended after it.
+        """
+        if self.is_gone:
+            return
+        self.is_gone = True
+        self._thread.submit(self._leave)
+        self._thread.shutdown(wait=False)
+
+    def wait(self) -> None:
+        """Return when everything has ended, after `close`."""
+        self._thread.shutdown(wait=True)
+
+    def _leave(self) -> None:
+        self.preview.forget(self.client.client_id)
+        for work in self._closers:
+            try:
+                work()
+            except Exception:
+                traceback.print_exc()
+        _give_back()
+
+
+def _is_in_loop() -> bool:
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return False
+    return True
+
+
+def _give_back() -> None:
+    """Return to the system what was freed: the renderer keeps it, and glibc for the thread that had it."""
+    if "drjit" in sys.modules:
+        sys.modules["drjit"].flush_malloc_cache()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
+    if trim is not None:
+        trim(0)

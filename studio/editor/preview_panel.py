@@ -1,0 +1,50 @@
+"""The preview beside the 3-D view: the picture that the camera takes under one of the lights."""
+
+import numpy as np
+
+from compare.pictures import Exposure
+from studio.editor.desk import Desk
+from studio.editor.preview import HEIGHT, WIDTH, Drawn
+from studio.markdown import plain
+
+
+class PreviewPanel:
+    """The picture, which light shines in it, and how bright it is shown."""
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk, gui = desk, desk.client.gui
+        self._drawn: Drawn | None = None
+        panel = gui.add_panel()
+        with panel.add_tab("Preview"):
+            self._picture = gui.add_image(np.full((HEIGHT, WIDTH, 3), 40, np.uint8), format="png")
+            self._status = gui.add_markdown("drawing ...")
+            self._light = gui.add_slider("light", min=1, max=2, step=1, initial_value=1, hint="Which light shines")
+            self._gain = gui.add_slider("brightness", min=0.1, max=8.0, step=0.1, initial_value=1.0)
+        panel.dock_left()
+        panel.set_width(380)
+        desk.on_input(self._light, lambda value: desk.select("light", int(value) - 1))
+        desk.on_input(self._gain, lambda value: self._show())
+        desk.show_preview = self.show
+
+    def refresh(self) -> None:
+        """Follow the number of lights, and which one is looked at."""
+        count = len(self._desk.scene.lights)
+        self._light.max = max(count, 2)
+        self._light.disabled = count == 1
+        self._light.value = self._desk.light + 1
+
+    def show(self, drawn: Drawn) -> None:
+        """Show a picture, or what is at fault."""
+        self._drawn = drawn
+        self._show()
+
+    def _show(self) -> None:
+        drawn = self._drawn
+        if drawn is None:
+            return
+        if drawn.picture is None:
+            self._status.content = f"**No preview.** {plain(drawn.fault)}"
+            return
+        self._picture.image = Exposure(1 / self._gain.value, np.ones(3)).develop(drawn.picture)
+        stage = "refined" if drawn.is_refined else "first picture"
+        self._status.content = f"{plain(drawn.light)}: {stage}, {drawn.seconds:.2f} s after the change"

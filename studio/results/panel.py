@@ -1,0 +1,195 @@
+"""The panel of the results: what stands side by side, the cursor, its charts and numbers, the histograms."""
+
+from dataclasses import replace
+from typing import Any, cast
+
+import numpy as np
+
+from scene.errors import SceneError
+from studio.markdown import plain
+from studio.results.pixel import lit_from, numbers_at, read_pixel
+from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pixel_chart
+from studio.results.shown_maps import SIDES, Results, Side, Source
+from studio.results.side_by_side import WHATS, Choice, layout_of, side_by_side, window_of
+from studio.results.window import ZOOMS
+from studio.review.plane import UPRIGHT
+from studio.review.review_desk import ReviewDesk, View
+from studio.review.shown import Shown
+
+ROOT = "/results"
+VIEW: View = "Results"
+WIDE = 8.0
+"""Width of both pictures in the view's units."""
+PLOT: dict[str, Any] = {"aspect": 0.75, "config": {"displayModeBar": False}}
+STEPS = {"left": (-0.5, 0.0), "right": (0.5, 0.0), "up": (0.0, -0.5), "down": (0.0, 0.5)}
+
+
+class ResultsPanel:
+    """Maps side by side in the view, and what is known of the pixel that is clicked."""
+
+    def __init__(self, desk: ReviewDesk) -> None:
+        self._desk, gui = desk, desk.client.gui
+        self._shown, self._looked = Shown(), None
+        self._root = desk.client.scene.add_frame(ROOT, show_axes=False, visible=False)
+        self._pictures: Any = None
+        self._read()
+        self.choice = Choice("normals", *self._results.first_pair)
+        desk.on_click(gui.add_button("Show side by side"), self._look)
+        self._lacks = gui.add_markdown("")
+        self._what = gui.add_dropdown("map", WHATS)
+        self._left, self._right = gui.add_dropdown("left", ("",)), gui.add_dropdown("right", ("",))
+        self._zoom = gui.add_dropdown("zoom", tuple(f"{zoom} x" for zoom in ZOOMS), hint="About the cursor")
+        self._pan = gui.add_button_group("move", tuple(STEPS))
+        self._pan.on_click(self._on_pan)
+        self._cursor = gui.add_vector2("cursor, px", (0, 0), step=1, hint="Column and row; or click either picture")
+        with gui.add_folder("Pixel"):
+            self._side = gui.add_dropdown("samples of", SIDES)
+            self._by = gui.add_dropdown("n · l by", ("truth",), hint="Whose normal: the x axis of the second chart")
+            self._pixel_folder = gui.add_folder("Samples and fits")
+        self._error_folder = gui.add_folder("Errors")
+        desk.on_input(self._what, lambda value: self._choose(what=value))
+        desk.on_input(self._left, lambda value: self._choose(left=self._source(value)))
+        desk.on_input(self._right, lambda value: self._choose(right=self._source(value)))
+        desk.on_input(self._zoom, lambda value: self._take(self.choice.zoomed(int(value.split()[0]))))
+        desk.on_input(self._cursor, lambda value: self.point(round(value[0]), round(value[1])))
+        for handle in (self._side, self._by):
+            desk.on_input(handle, lambda value: desk.refresh())
+
+    def _read(self) -> None:
+        """Begin anew with the folder as it was read last."""
+        self._reading, self._results = self._desk.reading, Results(self._desk.review)
+        self._lit: dict[Side, float] = {}
+
+    def point(self, u: int, v: int) -> None:
+        """Put the cursor on a pixel, or on the nearest one of the picture."""
+        width, height = self._results.size
+        self._choose(cursor=(int(np.clip(u, 0, width - 1)), int(np.clip(v, 0, height - 1))))
+
+    def refresh(self) -> None:
+        """Follow the desk: only what changed is sent."""
+        desk = self._desk
+        if self._reading != desk.reading:
+            self._read()
+            if not {self.choice.left, self.choice.right} <= set(self._results.sources):
+                # A method that the folder no longer has.
+                left, right = self._results.first_pair
+                self.choice = replace(self.choice, left=left, right=right)
+        results, choice = self._results, self.choice
+        self._root.visible = desk.view == VIEW
+        self._lacks.content = "\n".join(f"- **no {part}**: {why}" for part, why in lacks(results).items())
+        labels = tuple(source.label for source in results.sources)
+        for handle, source in ((self._left, choice.left), (self._right, choice.right)):
+            if handle.options != labels:
+                handle.options = labels
+            handle.value = source.label
+        references = (*results.methods, "truth")
+        if self._by.options != references:
+            self._by.options = references
+            self._by.value = references[0]
+        self._what.value, self._zoom.value = choice.what, f"{choice.zoom} x"
+        if choice.cursor is not None:
+            self._cursor.value = choice.cursor
+        if desk.view != VIEW:
+            self._looked = None
+            return
+        self._shown.once("frame", self._reading, self._add_pictures)
+        self._shown.once("pictures", (self._reading, choice), self._draw)
+        self._face()
+        methods = [source.method for source in (choice.left, choice.right) if source.method in results.methods]
+        self._shown.once("errors", (self._reading, tuple(methods)), lambda: self._add_errors(methods))
+        key = (self._reading, choice.cursor, self._side.value, self._by.value)
+        self._shown.once("pixel", key, self._add_pixel)
+
+    def _source(self, label: str) -> Source:
+        return next(source for source in self._results.sources if source.label == label)
+
+    def _choose(self, **changes: Any) -> None:
+        self._take(replace(self.choice, **changes))
+
+    def _take(self, choice: Choice) -> None:
+        self.choice = choice
+        self._look()
+
+    def _look(self) -> None:
+        self._desk.choose(view=VIEW)
+
+    async def _on_pan(self, event: Any) -> None:
+        step = STEPS[self._pan.value]
+        self._desk.post(lambda: self._take(self.choice.moved(self._results, *step)))
+
+    def _high(self) -> float:
+        wide, high = layout_of(self._results).size
+        return WIDE * high / wide
+
+    def _face(self) -> None:
+        """Look straight at both pictures when they are first shown."""
+        wanted = (self._reading, self._desk.looks)
+        if self._looked == wanted:
+            return
+        self._looked, camera = wanted, self._desk.client.camera
+        tangent = np.tan(camera.fov / 2)
+        away = 0.53 * max(self._high() / tangent, WIDE / (tangent * max(camera.aspect, 0.3)))
+        camera.position, camera.look_at, camera.up_direction = (0.0, 0.0, away), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+
+    def _add_pictures(self) -> list[Any]:
+        results, high = self._results, self._high()
+        # Without loss: a colour is a value.
+        self._pictures = self._desk.client.scene.add_image(
+            f"{ROOT}/pictures", side_by_side(results, self.choice), WIDE, high, format="png", wxyz=UPRIGHT,
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+
+        async def _(event: Any) -> None:
+            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+            x, y, _ = origin - origin[2] / direction[2] * direction
+            window = window_of(results, self.choice)
+            pixel = layout_of(results).pixel(window, x / WIDE + 0.5, 0.5 - y / high)
+            if pixel is not None:
+                self._desk.post(lambda: self.point(*pixel))
+
+        self._pictures.on_click(_)
+        return [self._pictures]
+
+    def _draw(self) -> list[Any]:
+        """Draw anew what has changed, in the same place: nothing flickers."""
+        self._pictures.image = side_by_side(self._results, self.choice)
+        return []
+
+    def _add_errors(self, methods: list[str]) -> list[Any]:
+        gui = self._desk.client.gui
+        with self._error_folder:
+            if not self._results.known_errors:
+                why = "there is no ground truth" if self._results.review.truth is None else "no normals are known"
+                return [gui.add_markdown(f"No errors: {why}.")]
+            figure, words = error_chart(self._results, methods)
+            return [gui.add_plotly(figure, **PLOT), gui.add_markdown(words)]
+
+    def _add_pixel(self) -> list[Any]:
+        gui, cursor = self._desk.client.gui, self.choice.cursor
+        with self._pixel_folder:
+            if cursor is None:
+                return [gui.add_markdown("Click a pixel of either picture.")]
+            handles: list[Any] = [gui.add_html(numbers_table(numbers_at(self._results, *cursor)))]
+            try:
+                side = cast(Side, self._side.value)
+                if side not in self._lit:
+                    self._lit[side] = lit_from(self._results, side)
+                pixel = read_pixel(self._results, side, *cursor, lit_from=self._lit[side])
+            except SceneError as error:
+                return [*handles, gui.add_markdown(f"**No samples**: {plain(str(error))}")]
+            handles.append(gui.add_markdown(f"**{side}, pixel {pixel.u}, {pixel.v}**"))
+            handles += [gui.add_plotly(pixel_chart(pixel), **PLOT), gui.add_markdown(notes_of(pixel))]
+            try:
+                handles.append(gui.add_plotly(pixel_chart(pixel, self._by.value), **PLOT))
+            except SceneError as error:
+                handles.append(gui.add_markdown(plain(str(error))))
+            return handles
+
+
+def lacks(results: Results) -> dict[str, str]:
+    """Return what results cannot be shown, and why."""
+    missing = results.review.missing
+    parts = {"ground truth": missing.get("scan"), "twin": missing.get("twin"), "frames": missing.get("frames"),
+             "lights": missing.get("lights")}  # fmt: skip
+    found = {part: why for part, why in parts.items() if why}
+    return found if results.methods else {"normals": "the step `solve` has left none here."} | found

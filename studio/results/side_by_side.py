@@ -1,0 +1,190 @@
+"""Two maps side by side, of the same part of the picture and with the same cursor, in one picture."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare import pictures
+from compare.pictures import Box, Exposure, Image, error_picture, legend_ball, normal_picture
+from scene.errors import SceneError
+from studio.results.shown_maps import TRUTH, Results, Source
+from studio.results.window import Layout, Window
+
+What = Literal["normals", "errors", "albedo"]
+WHATS: tuple[What, ...] = get_args(What)
+PAPER, INK, GREY, MARK = (255, 255, 255), (40, 40, 40), (110, 110, 110), (200, 0, 60)
+EMPTY = (pictures.PAPER,) * 3
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is looked at.
+
+    Parameters
+    ----------
+    what : str
+        One of `WHATS`.
+    left, right : Source
+    zoom : int
+        1: the whole object.
+    centre : (u, v) or None
+        The pixel in the middle; None: the object's middle.
+    cursor : (u, v) or None
+        The pixel that is pointed at.
+    """
+
+    what: What
+    left: Source
+    right: Source
+    zoom: int = 1
+    centre: tuple[float, float] | None = None
+    cursor: tuple[int, int] | None = None
+
+    def moved(self, results: Results, across: float, down: float) -> "Choice":
+        """Return the same moved by shares of what is shown, to the right and downward."""
+        window = window_of(results, self)
+        u, v = window.centre
+        moved = replace(self, centre=(u + across * window.width, v + down * window.height))
+        # At the picture's edge it stays, and the way back is as long as the way there.
+        return replace(moved, centre=window_of(results, moved).centre)
+
+    def zoomed(self, zoom: int) -> "Choice":
+        """Return the same `zoom` times larger, about the cursor where there is one; 1: all of the object."""
+        return replace(self, zoom=zoom, centre=None if zoom == 1 else self.cursor or self.centre)
+
+
+def box_of(results: Results) -> Box:
+    """Return the box around the object, which zoom 1 shows."""
+    mask, (width, height) = results.review.material.mask, results.size
+    return Box(0, 0, width, height) if mask is None else Box.of_mask(mask, margin=0.04)
+
+
+def layout_of(results: Results) -> Layout:
+    """Return where both pictures stand."""
+    return Layout.of(box_of(results))
+
+
+def window_of(results: Results, choice: Choice) -> Window:
+    """Return what part of the picture is shown."""
+    box = box_of(results)
+    middle = ((box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2)
+    return Window.of(box, choice.zoom, choice.centre or middle, results.size)
+
+
+def side_by_side(results: Results, choice: Choice) -> Image:
+    """Return both maps with their names, the cursor and the key to read the colours by.
+
+    What is not there is told in its place.
+    """
+    layout, window = layout_of(results), window_of(results, choice)
+    rows, columns = np.meshgrid(window.rows(layout.high), window.columns(layout.wide), indexing="ij")
+    image = np.full((layout.size[1], layout.size[0], 3), PAPER, np.uint8)
+    white = _albedo_white(results, choice) if choice.what == "albedo" else 1.0
+    for side, source in enumerate((choice.left, choice.right)):
+        x, y = layout.corner(side)
+        place = np.s_[y : y + layout.high, x : x + layout.wide]
+        try:
+            image[place] = _map_picture(results, choice.what, source, rows, columns, white)
+        except SceneError as error:
+            image[place] = _words(str(error), layout)
+        image[place] = _with_cursor(image[place], window, choice.cursor)
+        image = _text(image, f"{choice.what}: {source.label}", (x + 2, layout.above - 10), 0.75, INK)
+    key = _key(results, choice, layout, white)
+    top = layout.above + layout.high + 8
+    image[top : top + key.shape[0], : key.shape[1]] = key
+    return image
+
+
+def _map_picture(results: Results, what: What, source: Source, rows: NDArray, columns: NDArray, white: float) -> Image:
+    if what == "errors":
+        if source == TRUTH:
+            raise SceneError("The ground truth is what errors are measured against: choose a method.")
+        return error_picture(results.errors(source, rows, columns), results.error_end_deg)
+    values = np.asarray(results.map(what, source)[rows, columns], np.float32)
+    if what == "normals":
+        return normal_picture(values, values.shape[1])
+    developed = Exposure(white, _balance(results)).develop(values)
+    return np.where(np.isfinite(values).all(-1, keepdims=True), developed, EMPTY).astype(np.uint8)
+
+
+def _balance(results: Results) -> NDArray[np.float64]:
+    exposure = results.review.material.exposure
+    return np.ones(3) if exposure is None else exposure.balance
+
+
+def _albedo_white(results: Results, choice: Choice) -> float:
+    """Return the albedo that is drawn white on both sides: 99 % of the object are below it on either."""
+    rows, columns, _ = results.some_pixels
+    peaks = []
+    for source in (choice.left, choice.right):
+        try:
+            albedo = np.asarray(results.map("albedo", source)[rows, columns]) / _balance(results)
+        except SceneError:
+            continue
+        known = np.isfinite(albedo).all(-1)
+        peaks += [float(np.quantile(albedo[known].max(-1), 0.99))] if known.any() else []
+    return max(max(peaks, default=1.0), 1e-6)
+
+
+def _with_cursor(picture: Image, window: Window, cursor: tuple[int, int] | None) -> Image:
+    """Return a picture with a frame around a pixel and four strokes toward it: the pixel itself stays to be seen."""
+    import cv2
+
+    if cursor is None:
+        return picture
+    high, wide = picture.shape[:2]
+    across, down = window.share(*cursor)
+    if not (0 <= across <= 1 and 0 <= down <= 1):
+        return picture
+    x, y = across * wide, down * high
+    half = max(5.0, 0.5 * wide / window.width + 2)
+    low, top, right, bottom = (round(edge) for edge in (x - half, y - half, x + half, y + half))
+    drawn, arm, column, row = picture.copy(), 14, round(x), round(y)
+    strokes = [((low - arm, row), (low, row)), ((right, row), (right + arm, row)),
+               ((column, top - arm), (column, top)), ((column, bottom), (column, bottom + arm))]  # fmt: skip
+    for colour, thickness in ((PAPER, 5), (MARK, 2)):
+        drawn = cv2.rectangle(drawn, (low, top), (right, bottom), colour, thickness)
+        for start, end in strokes:
+            drawn = cv2.line(drawn, start, end, colour, thickness)
+    return np.asarray(drawn, np.uint8)
+
+
+def _words(text: str, layout: Layout) -> Image:
+    """Return an empty picture that says why it is empty."""
+    picture = np.full((layout.high, layout.wide, 3), EMPTY, np.uint8)
+    letters, lines = max(12, layout.wide // 10), [""]
+    for word in text.split():
+        if len(lines[-1]) + len(word) >= letters:
+            lines.append("")
+        lines[-1] += f" {word}" if lines[-1] else word
+    for number, line in enumerate(lines):
+        picture = _text(picture, line, (16, 40 + 24 * number), 0.5, GREY)
+    return picture
+
+
+def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Image:
+    """Return the key of the colours, as wide as both pictures."""
+    key = np.full((layout.below - 12, layout.size[0], 3), PAPER, np.uint8)
+    if choice.what == "normals":
+        ball = legend_ball(80)
+        key[:80, :80] = np.where((ball == pictures.PAPER).all(-1, keepdims=True), PAPER, ball)
+        words = "a ball facing you: red right, green up, blue toward you"
+        return _text(_text(key, words, (94, 36), 0.62, INK), "pale grey: unknown", (94, 60), 0.62, INK)
+    if choice.what == "albedo":
+        words = f"sRGB; white is {white:.3g}, on both sides"
+        return _text(key, words, (2, 28), 0.62, INK)
+    wide, end = layout.wide, results.error_end_deg
+    key[6:26, :wide] = error_picture(np.linspace(0, end, wide)[None], end)
+    for part in range(5):
+        label = f"{end * part / 4:g}" + ("+ deg" if part == 4 else "")
+        key = _text(key, label, (min(part * wide // 4, wide - 76 if part == 4 else wide), 46), 0.62, INK)
+    return _text(key, "angle to the ground truth, one scale for all; pale grey: unknown", (2, 70), 0.62, INK)
+
+
+def _text(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[int, int, int]) -> Image:
+    import cv2
+
+    written = cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    return np.asarray(written, np.uint8)

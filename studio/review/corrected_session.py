@@ -1,0 +1,154 @@
+"""The session with what was corrected, written into the output folder, where the command line can read it."""
+
+import glob
+import json
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from capture.session import SphereSpec
+from scene.errors import SceneError
+from scene.files import write_text
+from scene.reading import reading, text_of
+from studio.own_files import put_own, remove_own
+from studio.review.folder import HEADLINE, KEPT, OWN, Review
+
+PICKS = "picks.csv"
+"""Beside it."""
+GLOBS = (("frames", "flash"), ("frames", "ambient"), ("frames", "dark"), ("frames", "flat"), ("camera", "charuco"))
+FILES = (("object", "mask"), ("object", "scan"), ("object", "normals"), ("object", "picks"), ("lights", "file"))
+
+
+def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Path | None = None) -> Path:
+    """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
+
+    Parameters
+    ----------
+    review : Review
+    spheres : tuple of SphereSpec or None
+        Instead of the session's `[[spheres]]`. None: those of an earlier correction, else the session's.
+    picks : Path or None
+        For `object.picks`, likewise.
+
+    Raises
+    ------
+    SceneError
+        There is no session.toml to correct, or a file that is not the studio's stands in the way.
+
+    Notes
+    -----
+    The user's own session.toml is read and never written. Its relative paths are written out in full.
+    """
+    path, source = review.store.path(KEPT, "session.toml"), _source(review)
+    before = _read(path) if path.exists() and path != source else {}
+    data = _in_full(_read(source), source.parent)
+    if review.session is not None:
+        data["name"] = review.session.name
+    if spheres is not None:
+        data["spheres"] = [_sphere_table(spec) for spec in spheres]
+    elif "spheres" in before:
+        data["spheres"] = before["spheres"]
+    marked = str(picks.resolve()) if picks is not None else before.get("object", {}).get("picks")
+    if marked is not None:
+        data["object"] = {**data.get("object", {}), "picks": marked}
+    own = [] if path == source else [f"{OWN}{review.session_path}"]
+    text = "\n".join([HEADLINE, *own, *_lines(data), ""])
+    put_own(review.store.folder, lambda place: write_text(place / KEPT / path.name, text))
+    return path.parent
+
+
+def forget_kept(review: Review) -> None:
+    """Remove what was kept in OUT/review: the session is then as its own session.toml says.
+
+    Raises
+    ------
+    SceneError
+        Where that lies is not known, or is gone; or what was kept was changed by somebody else.
+    """
+    path = review.store.path(KEPT)
+    if review.session_path is None or review.session_path == path.resolve():
+        raise SceneError(
+            f"{path / 'session.toml'}: the session that it was made of is not known here, or is gone. Open the review "
+            "by that session, `rgbn studio SESSION --out OUT`, to forget what was kept."
+        )
+    remove_own(review.store.folder, [f"{KEPT}/{name}" for name in ("session.toml", PICKS)])
+
+
+def _read(path: Path) -> dict[str, Any]:
+    with reading(path, "cannot be read as TOML", do="Correct it, or remove it."):
+        return tomllib.loads(text_of(path))
+
+
+def _source(review: Review) -> Path:
+    if review.session is None or review.session_path is None:
+        raise SceneError(review.why_no_session)
+    if review.session.layout != "toml":
+        raise SceneError(
+            f"{review.session.folder}: is in the DiLiGenT layout, which has no place for balls or picks. Write a "
+            "session.toml to correct it."
+        )
+    path = review.session_path
+    return path if path.is_file() else path / "session.toml"
+
+
+def _in_full(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return the manifest with its paths absolute."""
+    out = {key: dict(value) if isinstance(value, dict) else value for key, value in data.items()}
+    # Signs in the folder's own name are no wildcards.
+    root = Path(glob.escape(str(folder.resolve())))
+    for table, key in GLOBS:
+        if key in out.get(table, {}):
+            out[table][key] = _globs(out[table][key], root)
+    for table, key in FILES:
+        if key in out.get(table, {}):
+            out[table][key] = str(folder.resolve() / out[table][key])
+    balls = []
+    for ball in out.get("spheres", []):
+        full = dict(ball)
+        if "frames" in full:
+            full["frames"] = _globs(full["frames"], root)
+        if "mask" in full:
+            full["mask"] = str(folder.resolve() / full["mask"])
+        balls.append(full)
+    return out | ({"spheres": balls} if balls else {})
+
+
+def _globs(patterns: str | list[str], root: Path) -> list[str]:
+    return [str(root / pattern) for pattern in ([patterns] if isinstance(patterns, str) else patterns)]
+
+
+def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
+    assert spec.center_px is not None
+    assert spec.radius_px is not None
+    table: dict[str, Any] = {"kind": spec.kind}
+    if spec.diameter_mm is not None:
+        table["diameter_mm"] = float(spec.diameter_mm)
+    table |= {"center_px": [float(value) for value in spec.center_px], "radius_px": float(spec.radius_px)}
+    if spec.frames:
+        table["frames"] = [glob.escape(str(path)) for path in spec.frames]
+    return table
+
+
+def _lines(data: Mapping[str, Any]) -> list[str]:
+    """Return the lines of a manifest: plain keys, tables, lists of tables."""
+    lines = [f"{key} = {_value(value)}" for key, value in data.items() if not _is_table(value)]
+    for key, value in data.items():
+        if _is_table(value):
+            for one in value if isinstance(value, list) else [value]:
+                lines += ["", f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
+                lines += [f"{name} = {_value(part)}" for name, part in one.items()]
+    return lines
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_value(part) for part in value) + "]"
+    # JSON's strings, numbers and truth values are TOML's too.
+    return json.dumps(value, ensure_ascii=False)

@@ -1,0 +1,171 @@
+"""Balls corrected by hand, and said as a session says them."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session import Session, SphereSpec
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.spheres import Kind, Sphere
+from studio.review.folder import Review
+
+Array = NDArray[np.float64]
+SMALLEST_PX = 4.0
+"""A ball of a smaller radius tells nothing."""
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A ball as it is to be calibrated with.
+
+    Parameters
+    ----------
+    kind : "chrome" or "white"
+    center_px : tuple of 2 float
+        Projection of its centre, pixels of the frames.
+    radius_px : float
+    diameter_mm : float or None
+    is_moved : bool
+        By hand.
+    apart : bool
+        Photographed apart.
+    """
+
+    kind: Kind
+    center_px: tuple[float, float]
+    radius_px: float
+    diameter_mm: float | None = None
+    is_moved: bool = False
+    apart: bool = False
+
+    @property
+    def sphere(self) -> Sphere:
+        """The same as the fit's type, to be drawn."""
+        return Sphere(self.kind, np.array(self.center_px), self.radius_px, self.diameter_mm, apart=self.apart)
+
+
+Outlines = tuple[Outline, ...]
+
+
+def outlines_of(review: Review) -> Outlines:
+    """Return the balls as they were found; where none were, as the session gives them."""
+    if review.spheres:
+        return tuple(
+            Outline(s.kind, _pair(s.center_px), float(s.radius_px), _stated_mm(review.session, s), False, s.apart)
+            for s in review.spheres
+        )
+    camera, session = review.material.camera, review.session
+    if camera is None or session is None:
+        return ()
+    # Where nothing was found, those that the session names wait in the middle of the picture to be put in place.
+    count = max(len(session.spheres), 1)
+    middle = [(camera.width * (i + 0.5) / count, camera.height / 2) for i in range(count)]
+    return tuple(
+        Outline(
+            spec.kind,
+            _to_frames(session, camera, spec.center_px) or middle[i],
+            (spec.radius_px or 0) / _scale(session, camera) or camera.width / 20,
+            spec.diameter_mm,
+            apart=bool(spec.frames),
+        )
+        for i, spec in enumerate(session.spheres)
+    )
+
+
+def moved(balls: Outlines, index: int, center_px: tuple[float, float], camera: Camera) -> Outlines:
+    """Return the balls, one of them elsewhere, its centre inside the picture."""
+    u = min(max(float(center_px[0]), 0.0), camera.width - 1.0)
+    v = min(max(float(center_px[1]), 0.0), camera.height - 1.0)
+    return _with(balls, index, center_px=(u, v))
+
+
+def resized(balls: Outlines, index: int, radius_px: float, camera: Camera) -> Outlines:
+    """Return the balls, one of them larger or smaller."""
+    largest = max(camera.width, camera.height)
+    return _with(balls, index, radius_px=float(min(max(radius_px, SMALLEST_PX), largest)))
+
+
+def added(balls: Outlines, kind: Kind, camera: Camera) -> Outlines:
+    """Return the balls and one more, in the middle of the picture."""
+    middle = ((camera.width - 1) / 2, (camera.height - 1) / 2)
+    return (*balls, Outline(kind, middle, camera.width / 20, None, True))
+
+
+def removed(balls: Outlines, index: int) -> Outlines:
+    """Return the balls without one of them."""
+    return (*balls[:index], *balls[index + 1 :])
+
+
+def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
+    """Return `[[spheres]]` entries that say these outlines, in the pixels that the session counts in.
+
+    Raises
+    ------
+    SceneError
+        The session's balls cannot be said by circles: their lights are given, or a ball has a mask.
+    """
+    if session.lights_file is not None:
+        raise SceneError(
+            f"lights.file: this session's lights are from {session.lights_file.name}, not from balls. Take the table "
+            "[lights] out of session.toml to calibrate with balls."
+        )
+    if any(spec.mask for spec in session.spheres):
+        raise SceneError(
+            "spheres.mask: this session gives its balls by masks. Correct the masks, or replace them by center_px and "
+            "radius_px in session.toml."
+        )
+    if not balls:
+        raise SceneError("spheres: there is no ball to calibrate with. Add one.")
+    own = [spec for spec in session.spheres if spec.frames]
+    apart = [ball for ball in balls if ball.apart]
+    if [ball.kind for ball in apart] != [spec.kind for spec in own]:
+        raise SceneError(
+            "spheres.frames: which ball stands in which photographs of its own is not known here, as not every such "
+            "ball was found. Give center_px and radius_px in session.toml."
+        )
+    frames = iter(spec.frames for spec in own)
+    scale = _scale(session, camera)
+    return tuple(
+        SphereSpec(
+            ball.kind,
+            ball.diameter_mm,
+            ((ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5),
+            ball.radius_px * scale,
+            None,
+            next(frames) if ball.apart else (),
+        )
+        for ball in balls
+    )
+
+
+def _with(balls: Outlines, index: int, **changes: Any) -> Outlines:
+    return (*balls[:index], replace(balls[index], is_moved=True, **changes), *balls[index + 1 :])
+
+
+def _pair(values: Any) -> tuple[float, float]:
+    return float(values[0]), float(values[1])
+
+
+def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
+    """Return a found ball's diameter where the session states it; a white ball's may have been guessed."""
+    if session is None or sphere.diameter_mm is None:
+        return sphere.diameter_mm
+    stated = [spec.diameter_mm for spec in session.spheres if spec.kind == sphere.kind and spec.diameter_mm]
+    # Calibration leaves a stated diameter as it is.
+    return sphere.diameter_mm if any(abs(one - sphere.diameter_mm) < 1e-6 * one for one in stated) else None
+
+
+def _scale(session: Session, camera: Camera) -> int:
+    from capture.requests import hint_scale
+
+    return hint_scale(session, camera.width)
+
+
+def _to_frames(session: Session, camera: Camera, center_px: tuple[float, float] | None) -> tuple[float, float] | None:
+    if center_px is None:
+        return None
+    scale = _scale(session, camera)
+    return (center_px[0] + 0.5) / scale - 0.5, (center_px[1] + 0.5) / scale - 0.5

@@ -1,0 +1,239 @@
+"""What the output folder of a session holds to be reviewed, and why the rest is not there."""
+
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session import Session, load_session
+from compare.facts import read_optional
+from compare.material import Material
+from compare.warned import all_warnings
+from scene.errors import SceneError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.output_folder import read_record
+from scene.record import PLACE
+from scene.spheres import Sphere
+from scene.store import Store
+from studio.review.warning_places import Warned, targets
+
+Array = NDArray[np.float64]
+KEPT = "review"
+"""Folder below the output folder: the session with what was corrected."""
+HEADLINE = "# Written by rgbn studio: the session as its own session.toml has it, and what was corrected."
+"""First line of its session.toml: what may be written over."""
+OWN = "# Its own: "
+"""Begins the second line, which names the session that was corrected."""
+UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
+"""What a part that is missing, or that a killed run left half-made, raises when it is read."""
+
+
+@dataclass(frozen=True)
+class Review:
+    """An output folder as it was when it was read; a part that is not there is None.
+
+    Parameters
+    ----------
+    store : Store
+    session_path : Path or None
+        The session's folder, or its .toml file.
+    session : Session or None
+    why_no_session : str
+        Empty where there is one.
+    material : compare.material.Material
+        Frames, camera, mask, and what the report shows of balls and lights.
+    lights : Lights or None
+    spheres : tuple of Sphere
+    highlights_px : (S, F, 2) float64 or None
+        Where each ball mirrors each flash, NaN where nothing was seen or believed.
+    position_covariance_mm2 : (F, 3, 3) float64 or None
+        Of near lights; None of distant ones, and where the folder does not say.
+    truth : (H, W, 3) float32 or None
+        Normals of the registered scan, NaN where unknown.
+    twin : Frames or None
+        The rendered frames.
+    warnings : tuple of Warned
+    done : frozenset of str
+        The steps that ended.
+    clipped_share : (F,) float64 or None
+        Of each frame's pixels, as the audit counted them.
+    """
+
+    store: Store
+    session_path: Path | None
+    session: Session | None
+    why_no_session: str
+    material: Material
+    lights: Lights | None
+    spheres: tuple[Sphere, ...]
+    highlights_px: Array | None
+    position_covariance_mm2: Array | None
+    truth: NDArray[np.float32] | None
+    twin: Frames | None
+    warnings: tuple[Warned, ...]
+    done: frozenset[str]
+    clipped_share: Array | None
+
+    @classmethod
+    def read(cls, folder: Path, session_path: Path | None = None) -> "Review":
+        """Read an output folder.
+
+        Parameters
+        ----------
+        folder : Path
+        session_path : Path or None
+            None: the one that summary.json names.
+        """
+        store = Store(folder)
+        summary = read_optional(store, "summary.json") or {}
+        record = read_record(folder)
+        steps = {} if record is None else record.done
+        material = Material.load(store, {})
+        lights, spheres, truth, twin = None, [], None, None
+        with suppress(*UNREADABLE):
+            lights = store.load_lights()
+        with suppress(*UNREADABLE):
+            spheres = store.load_spheres()
+        with suppress(*UNREADABLE):
+            truth = np.load(store.path("normals", "truth.npy"), mmap_mode="r")
+        with suppress(*UNREADABLE):
+            twin = Store(store.path("twin")).load_frames()
+        calibration = read_optional(store, "calibration.json") or {}
+        session, path, why = _session(store, session_path, summary)
+        names = () if material.frames is None else material.frames.names
+        texts = all_warnings({"warnings": [{"step": step, "text": text} for step, text in _warned(steps)]})
+        return cls(
+            store,
+            path,
+            session,
+            why,
+            material,
+            lights,
+            tuple(spheres),
+            _array(calibration.get("highlights_px"), (len(spheres), len(names), 2)),
+            _array(calibration.get("position_covariance_mm2"), (len(names), 3, 3)),
+            truth,
+            twin,
+            tuple(targets(texts, names, tuple(spheres))),
+            frozenset(steps),
+            _array(_clipped(steps), (len(names),)),
+        )
+
+    @cached_property
+    def missing(self) -> dict[str, str]:
+        """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
+        material, has_scan = self.material, self.session is None or self.session.scan is not None
+        no_scan = "the session names no scan ([object] scan), so nothing was registered."
+        parts = {
+            "frames": (material.frames, "check", ""),
+            "camera": (material.camera, "check", ""),
+            "balls": (self.spheres or None, "calibrate", "no ball was found or asked for."),
+            "lights": (self.lights, "calibrate", ""),
+            "mask": (material.mask, "align", ""),
+            "scan": (self.truth, "align", "" if has_scan else no_scan),
+            "twin": (self.twin, "twin", "there is no registered scan to render."),
+        }
+        return {
+            name: why if step in self.done and why else self._unfinished(step)
+            for name, (part, step, why) in parts.items()
+            if part is None
+        }
+
+    def _unfinished(self, step: str) -> str:
+        if step in self.done:
+            return f"the step `{step}` ended, but its files are not there or cannot be read. Run it again."
+        return f"the step `{step}` has not ended here. **Run the steps** says what stops it."
+
+
+def is_output(folder: Path) -> bool:
+    """Whether a folder is the output of a session, whole or in part."""
+    return (folder / PLACE).is_dir() or (folder / "frames" / "frames.json").is_file()
+
+
+def is_session(folder: Path) -> bool:
+    """Whether a folder is a session's."""
+    return any((folder / name).is_file() for name in ("session.toml", "filenames.txt", "light_directions.txt"))
+
+
+def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
+    """Return the output folder, and the session's place or None, that a command line means.
+
+    Parameters
+    ----------
+    source : Path
+        An output folder, or a session's.
+    out : Path or None
+        The output folder of a session; None: out/NAME.
+
+    Raises
+    ------
+    SceneError
+        It is neither, or --out goes with an output folder.
+    """
+    if is_output(source):
+        if out is not None:
+            raise SceneError(f"--out {out}: {source} is an output folder itself. Leave --out away.")
+        return source.resolve(), None
+    if not is_session(source):
+        raise SceneError(
+            f"{source}: neither a session (session.toml) nor the output of `rgbn process` ({PLACE}). Give one of "
+            "these, or a scene description, .toml."
+        )
+    return (out or Path("out") / load_session(source).name).resolve(), source.resolve()
+
+
+def is_kept(store: Store) -> bool:
+    """Whether corrections were kept in an output folder."""
+    path = store.path(KEPT, "session.toml")
+    return path.is_file() and path.read_text("utf-8-sig", "replace").startswith(HEADLINE)
+
+
+def _own(store: Store, path: Path) -> Path:
+    """Return the session that a session is the correction of, where it is one and that is there; else itself."""
+    if path.resolve() != store.path(KEPT).resolve() or not is_kept(store):
+        return path
+    second = (path / "session.toml").read_text("utf-8-sig", "replace").splitlines()[1]
+    own = Path(second.removeprefix(OWN))
+    is_there = own.is_file() or (own / "session.toml").is_file()
+    return own if second.startswith(OWN) and is_there else path
+
+
+def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | None, Path | None, str]:
+    """Return the session, where it lies, and why there is none."""
+    named = (summary.get("arguments") or {}).get("session") if isinstance(summary, dict) else None
+    path = given or (Path(named) if isinstance(named, str) else None)
+    remedy = f"Open the review with `rgbn studio SESSION --out {store.folder.name}` to correct and run again."
+    if path is None:
+        return None, None, f"The folder does not say which session it was made from (no summary.json). {remedy}"
+    try:
+        path = _own(store, path)
+        return load_session(path), path.resolve(), ""
+    except SceneError as error:
+        return None, None, f"The session cannot be read: {error} {remedy}"
+
+
+def _warned(steps: dict[str, Any]) -> list[tuple[str, str]]:
+    found = []
+    for step, entry in steps.items():
+        texts = entry.get("warnings") if isinstance(entry, dict) else None
+        found += [(step, str(text)) for text in texts or ()]
+    return found
+
+
+def _clipped(steps: dict[str, Any]) -> list[Any]:
+    with suppress(KeyError, TypeError):
+        return [row.get("saturated_share") for row in steps["check"]["result"]["frames_table"]]
+    return []
+
+
+def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
+    """Return nested lists as an array, null as NaN; None where they have another shape."""
+    with suppress(ValueError, TypeError):
+        found = np.array(rows, np.float64)
+        return found if found.shape == shape else None
+    return None

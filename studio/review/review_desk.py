@@ -1,0 +1,124 @@
+"""One browser's desk for a review: which frame and ball it looks at, and its corrections."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.pictures import Image
+from scene.spheres import Sphere
+from studio.browser_desk import BrowserDesk
+from studio.editor.preview import Preview
+from studio.review.corrections import Outlines, outlines_of
+from studio.review.folder import Review
+from studio.review.photograph_view import Look
+from studio.workspace import Workspace
+
+Array = NDArray[np.float64]
+View = Literal["Photograph", "Lights in 3-D", "Scan", "Results"]
+VIEWS: tuple[View, ...] = get_args(View)
+
+
+@dataclass(frozen=True, eq=False)
+class Beside:
+    """A picture that stands beside the photograph: of the same view, with a caption."""
+
+    image: Image
+    caption: str
+
+
+class ReviewDesk(BrowserDesk):
+    """What a browser reviews. Its panels call `show`, `choose` and `correct`; then all panels are refreshed.
+
+    Parameters
+    ----------
+    client : viser.ClientHandle
+    workspace : Workspace
+    preview : Preview
+    folder : Path
+        The output folder.
+    session_path : Path or None
+        None: the session that the folder names.
+
+    Notes
+    -----
+    `read` is to be called before anything is shown.
+    """
+
+    review: Review
+
+    def __init__(
+        self, client: Any, workspace: Workspace, preview: Preview, folder: Path, session_path: Path | None = None
+    ) -> None:
+        super().__init__(client, workspace, preview)
+        self.folder, self.session_path = folder, session_path
+        self.reading = 0
+        """How often the folder was read again: whatever is shown of it is older than that, or as old."""
+        self.frame, self.look, self.looks = 0, Look(), 0
+        self.ball: int | None = None
+        self.view: View = "Photograph"
+        self.beside: Beside | None = None
+        self.outlines: Outlines = ()
+        self.refitted: tuple[Sphere, ...] = ()
+        """The balls as calibrating again has found them."""
+        self.factor = 1
+        """By how much the lights' sigmas are drawn larger."""
+        self.on_photograph: Callable[[tuple[float, float]], None] | None = None
+        """Who wants the pixels that are clicked on the photograph."""
+        self.on_scan: Callable[[Array], None] | None = None
+        """Who wants the points that are clicked on the scan, mm."""
+
+    def read(self) -> None:
+        """Read the folder."""
+        self.review = Review.read(self.folder, self.session_path)
+        self.outlines = outlines_of(self.review)
+
+    def _refresh_panels(self) -> None:
+        frames = self.review.material.frames
+        self.frame = min(self.frame, len(frames) - 1) if frames is not None else 0
+        if self.ball is not None and self.ball >= len(self.outlines):
+            self.ball = None
+        for panel in self.panels:
+            self.attempt(panel.refresh)
+
+    def choose(self, *, frame: int | None = None, ball: int | None = None, view: View | None = None) -> None:
+        """Look at another frame or ball, or from elsewhere; what is not said stays."""
+        self.frame = self.frame if frame is None else frame
+        self.ball = self.ball if ball is None else ball
+        self.view = self.view if view is None else view
+        self.refresh()
+
+    def leave_ball(self) -> None:
+        """Look at no ball in particular."""
+        self.ball = None
+        self.refresh()
+
+    def look_again(self) -> None:
+        """Look at the whole of what is shown, from where it is first looked at."""
+        self.ball, self.looks = None, self.looks + 1
+        self.refresh()
+
+    def show(self, **changes: Any) -> None:
+        """Show the photograph in another way; see `Look`."""
+        self.look = replace(self.look, **changes)
+        self.refresh()
+
+    def stand_beside(self, beside: Beside | None) -> None:
+        """Show another picture beside the photograph, or none."""
+        self.beside = beside
+        self.refresh()
+
+    def correct(self, outlines: Outlines) -> None:
+        """Take other balls for calibrating again."""
+        self.outlines, self.refitted = outlines, ()
+        self.refresh()
+
+    def read_again(self) -> None:
+        """Read the folder again; corrections that were not kept are dropped."""
+        self.read()
+        self.reading += 1
+        self.refitted, self.beside = (), None
+        self.refresh()

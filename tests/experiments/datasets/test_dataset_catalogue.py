@@ -1,0 +1,108 @@
+"""The catalogue's names are stable and speak; near, hand-held and grouped scenes are what their recipes say."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.datasets.catalogue import DECIMALS, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
+from experiments.datasets.dataset_scene import DISTANCES, POWER_SPREAD, scene_of
+from experiments.datasets.listing import FAMILIES
+from experiments.sweeps.nine_experiments import EXPERIMENTS
+from scene.errors import SceneError
+
+KNOWN = catalogue()
+
+
+def test_every_level_of_every_experiment_is_there_once():
+    assert len(KNOWN) >= 93
+    for one in EXPERIMENTS.values():
+        members = [each for each in KNOWN.values() if each.family == one.name]
+        assert {(each.recipe.shape, getattr(each.recipe, one.vary)) for each in members} == {
+            (shape, value) for shape in one.shapes for value in one.levels
+        }
+        assert len(members) == len(one.shapes) * len(one.levels)
+    assert {each.family for each in KNOWN.values()} == set(FAMILIES) - {"added"}
+
+
+def test_names_say_the_level_exactly():
+    for name, each in KNOWN.items():
+        assert re.fullmatch(r"[a-z]+(-[a-z0-9.]+)+", name)
+        if each.family in DECIMALS:
+            word = name.split("-", 2)[2]
+            assert float(word) == getattr(each.recipe, EXPERIMENTS[each.family].vary)
+    assert KNOWN["pear-roughness-0.30"].recipe.roughness == 0.3
+    assert KNOWN["knot-ring-05"].recipe.polar_deg == 5.0
+    assert KNOWN["pear-images-03"].recipe.images == 3
+    assert KNOWN["pear-ambient-0.10"].sized(64).name == "pear-ambient-0.10-64px"
+    assert KNOWN["pear-ambient-0.10"].sized(256) is KNOWN["pear-ambient-0.10"]
+
+
+def test_patterns_choose_and_an_unknown_name_is_told():
+    assert len(chosen(["pear-near-*", "knot-camera-canon"], list(KNOWN))) == len(NEAR_MM) + 1
+    with pytest.raises(SceneError, match=r"pear-roughnes-0.30: there is none.*Did you mean pear-roughness-0.30"):
+        chosen(["pear-roughnes-0.30"], list(KNOWN))
+
+
+@pytest.mark.parametrize("distance", NEAR_MM)
+def test_near_lights_stand_at_their_distance(distance):
+    lights = scene_of(KNOWN[f"blob-near-{distance:04d}"]).lights
+    assert lights.positions_mm is not None
+    away = lights.positions_mm - lights.reference_point_mm
+    np.testing.assert_allclose(np.linalg.norm(away, axis=1), distance)
+    np.testing.assert_allclose(away / distance, lights.directions, atol=1e-12)
+
+
+@pytest.mark.parametrize("count", HAND_HELD)
+def test_flashes_by_hand_are_uneven_and_fall_off(count):
+    lights = scene_of(KNOWN[f"knot-hand-{count:02d}"]).lights
+    assert len(lights) == count
+    assert lights.positions_mm is not None
+    away = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1) / 1000
+    assert away.min() >= DISTANCES[0]
+    assert away.max() <= DISTANCES[1]
+    assert np.ptp(away) > 0.3
+    power = lights.intensities[:, 0] * away**2
+    # Without the fall-off what is left is the flash's own scatter, a few of its standard deviations.
+    assert 0.3 * POWER_SPREAD < np.std(power / power.mean()) < 2 * POWER_SPREAD
+    np.testing.assert_allclose(lights.intensities.mean(0), 1)
+
+
+def test_a_group_has_three_objects_apart_and_of_their_materials():
+    scene = scene_of(KNOWN["group-mixed"])
+    boxes = []
+    for one in scene.objects:
+        points = one.placed.vertices
+        boxes.append((points.min(0), points.max(0)))
+        seen = scene.camera.project(points)
+        assert seen.min() > 0
+        assert seen.max() < scene.camera.width - 1
+    assert len(boxes) == 3
+    kinds = [type(scene.materials[one.material]).__name__ for one in scene.objects]
+    assert kinds == ["Diffuse", "RoughPlastic", "Conductor"]
+
+
+def test_cameras_are_as_noisy_as_measured():
+    """Photons and read-out: what a quarter of the light does is seen in the sensor, not in a factor of ours."""
+    assert SENSORS["canon-4x"].white_e == SENSORS["canon"].white_e / 4
+    assert SENSORS["canon-16x"].white_e == SENSORS["canon"].white_e / 16
+
+
+def test_the_list_at_the_command_line(tmp_path):
+    command = [str(Path(sys.executable).parent / "rgbn"), "dataset", "list", "--shelf", str(tmp_path)]
+
+    def lines(*words):
+        return subprocess.run([*command, *words], capture_output=True, text=True, check=True).stdout
+
+    found = json.loads(lines("--json"))
+    assert [one["name"] for one in found] == list(KNOWN)
+    assert {one["state"] for one in found} == {""}
+    text = lines("pear-roughness-*")
+    assert "pear-roughness-0.30" in text
+    assert text.strip().endswith("9 datasets, 0 on the shelf")
+    table = lines("--markdown")
+    assert sum(int(row.split("|")[2]) for row in table.splitlines()[2:-1]) == len(KNOWN)

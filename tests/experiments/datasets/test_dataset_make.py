@@ -1,0 +1,200 @@
+"""What is made: whole or not at all, the same bytes twice, and a truth by which anyone can explain the photographs."""
+
+import hashlib
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from scipy.io import loadmat
+
+from experiments.datasets.catalogue import catalogue
+from experiments.datasets.check import check_dataset
+from experiments.datasets.make import make, make_one
+from experiments.datasets.write import mark_of
+from scene.current import ROOMS, ROOT, sources
+from scene.errors import SceneError
+from scene.normals import angular_error_deg
+from scene.output_folder import open_record
+from twin.variant import FAST, pick_variant
+
+pytestmark = [
+    pytest.mark.render,
+    pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here"),
+]
+RGBN = str(Path(sys.executable).parent / "rgbn")
+SIDE = 40
+
+
+def small(name):
+    one = catalogue()[name].sized(SIDE)
+    return replace(one, recipe=replace(one.recipe, count=12, seed=10001))
+
+
+def read(folder):
+    """What a program of others reads."""
+    names = (folder / "filenames.txt").read_text().split()
+    photographs = np.stack([cv2.imread(str(folder / name), cv2.IMREAD_UNCHANGED)[..., ::-1] for name in names])
+    assert photographs.dtype == np.uint16
+    directions, intensities = (np.loadtxt(folder / f"light_{what}.txt") for what in ("directions", "intensities"))
+    mask = cv2.imread(str(folder / "mask.png"), cv2.IMREAD_GRAYSCALE) == 255
+    return photographs / 65535, directions, intensities, mask, loadmat(folder / "Normal_gt.mat")["Normal_gt"]
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shelf")
+    make(folder, [small(name) for name in ("blob-ambient-0.00", "knot-hand-16")], processes=1)
+    return folder
+
+
+def test_others_solve_it_by_what_the_layout_says(shelf):
+    values, directions, intensities, mask, truth = read(shelf / f"blob-ambient-0.00-{SIDE}px")
+    gray = (values / intensities[:, None, None]).mean(-1)
+    # Least squares over lit samples, of pixels that four lights reach.
+    lit = (gray > 0.03) & mask
+    enough = lit.sum(0) >= 5
+    weights = lit[:, enough]
+    matrix = np.einsum("fp,fi,fj->pij", weights, directions, directions)
+    found = np.linalg.solve(matrix, np.einsum("fp,fi,fp->pi", weights, directions, gray[:, enough])[..., None])[..., 0]
+    error = angular_error_deg(found / np.linalg.norm(found, axis=1, keepdims=True), truth[enough])
+    assert enough.sum() > 0.8 * mask.sum()
+    assert np.median(error) < 0.5
+    assert np.array_equal(np.any(truth != 0, -1), mask)
+
+
+def test_the_true_maps_explain_near_lights(shelf):
+    """Albedo, depth, shadows, positions and camera give the photographs, light by light, pixel by pixel."""
+    folder = shelf / f"knot-hand-16-{SIDE}px"
+    values, _, _, mask, normals = read(folder)
+    from scene.store import Store
+    from twin.ground_truth import lights_of
+
+    truth = {name: np.load(folder / "truth" / f"truth_{name}.npy") for name in ("albedo", "z_mm", "attached", "cast")}
+    lights = Store(folder).load_lights()
+    from capture.session import load_session
+
+    camera = load_session(folder).camera
+    v, u = np.nonzero(mask)
+    points = camera.points_at_depth(np.stack([u, v], -1), truth["z_mm"][mask][:, None].astype(float))
+    shade = np.einsum("npci,pi->npc", lights.at(points), normals[mask]) * truth["albedo"][mask]
+    dark = np.stack([lights_of(truth[name], len(lights))[:, mask] for name in ("attached", "cast")]).any(0)
+    expected = np.where(dark[..., None], 0, shade)
+    error = np.abs(values[:, mask] - expected).max(-1)
+    assert 0.05 < dark.mean() < 0.6
+    # Pixels on a limb or a shadow's edge are mixtures.
+    assert np.quantile(error, 0.7) < 0.01
+    assert np.median(error[~dark]) < 0.005
+
+
+@pytest.mark.parametrize("name", ["blob-ambient-0.00", "knot-hand-16"])
+def test_what_is_made_passes_the_check(shelf, name):
+    verdict = check_dataset(shelf / f"{name}-{SIDE}px")
+    assert verdict.faults == ()
+
+
+def test_every_file_has_its_checksum_and_made_twice_it_is_the_same(shelf, tmp_path):
+    folder = shelf / f"blob-ambient-0.00-{SIDE}px"
+    sums = dict(line.split("  ")[::-1] for line in (folder / "SHA256SUMS").read_text().splitlines())
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()} - {"SHA256SUMS"}
+    assert set(sums) == files
+    assert all(hashlib.sha256((folder / name).read_bytes()).hexdigest() == value for name, value in sums.items())
+    # By the command's own process, on one core.
+    (again,) = make(tmp_path, [small("blob-ambient-0.00")], processes=1)
+    assert (again / "SHA256SUMS").read_bytes() == (folder / "SHA256SUMS").read_bytes()
+
+
+def test_what_is_there_is_left_and_what_is_not_current_is_made_anew(shelf, monkeypatch):
+    one = small("blob-ambient-0.00")
+    folder = shelf / one.name
+    sums = (folder / "SHA256SUMS").read_text()
+    assert mark_of(one) != mark_of(replace(one, recipe=replace(one.recipe, seed=10002)))
+    before = (folder / "recipe.json").stat().st_mtime_ns
+    assert make(shelf, [one]) == [folder]
+    assert (folder / "recipe.json").stat().st_mtime_ns == before
+    monkeypatch.setattr("experiments.datasets.make.mark_of", lambda _: "of another version")
+    (folder / "mine.txt").write_text("mine")
+    assert make(shelf, [one]) == [folder]
+    assert (folder / "recipe.json").stat().st_mtime_ns > before
+    assert (folder / "mine.txt").read_text() == "mine"
+    (folder / "mine.txt").unlink()
+    assert (folder / "SHA256SUMS").read_text() == sums
+    # A file that somebody has changed is neither kept for ours nor written over.
+    recipe = (folder / "recipe.json").read_text()
+    (folder / "recipe.json").write_text("changed")
+    with pytest.raises(SceneError, match=r"recipe.json: was changed after rgbn wrote it"):
+        make(shelf, [one])
+    assert (folder / "recipe.json").read_text() == "changed"
+    (folder / "recipe.json").write_text(recipe)
+
+
+def test_a_folder_that_is_not_ours_is_left(tmp_path):
+    one = small("blob-ambient-0.00")
+    with open_record(tmp_path):
+        pass
+    (tmp_path / one.name).mkdir()
+    (tmp_path / one.name / "mine.txt").write_text("")
+    with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
+        make(tmp_path, [one])
+    assert (tmp_path / one.name / "mine.txt").exists()
+
+
+def test_a_folder_with_a_recipe_of_its_own_is_left(tmp_path):
+    one = small("blob-ambient-0.00")
+    for number, recipe in enumerate(('{"flour": "500 g"}', "[1, 2]", "no json")):
+        folder = tmp_path / str(number) / one.name
+        with open_record(folder.parent):
+            folder.mkdir(parents=True)
+        (folder / "recipe.json").write_text(recipe)
+        (folder / "SHA256SUMS").write_text("")
+        with pytest.raises(SceneError, match="is not a dataset that rgbn made"):
+            make(folder.parent, [one])
+        assert (folder / "recipe.json").read_text() == recipe
+
+
+def test_a_fault_of_ours_is_no_fault_of_the_input(tmp_path, monkeypatch):
+    def write(folder, dataset):
+        folder.mkdir()
+        raise fault
+
+    monkeypatch.setattr("experiments.datasets.make.write_dataset", write)
+    fault = SceneError("no renderer here")
+    assert make_one(tmp_path, small("blob-ambient-0.00")) == "no renderer here"
+    fault = TypeError("a slip")
+    with pytest.raises(TypeError, match="a slip"):
+        make_one(tmp_path, small("blob-ambient-0.00"))
+
+
+LOADED = """
+import sys
+from dataclasses import replace
+from pathlib import Path
+from experiments.datasets.catalogue import catalogue
+from experiments.datasets.write import write_dataset
+one = catalogue()["knot-camera-canon"].sized(16)
+write_dataset(Path(sys.argv[1]), replace(one, recipe=replace(one.recipe, count=3)))
+print(*(module.__file__ for module in sys.modules.values() if getattr(module, "__file__", None)), sep="\\n")
+"""
+
+
+def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
+    command = [sys.executable, "-c", LOADED, str(tmp_path / "made")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    files = {Path(line).resolve() for line in done.stdout.splitlines()}
+    house = {path for path in files if any(path.is_relative_to(ROOT / room) for room in ROOMS)}
+    marked = set(sources("experiments.datasets.write"))
+    assert house - marked == set()
+    assert ROOT / "experiments/datasets/overview_picture.py" in house & marked
+
+
+def test_an_unknown_name_makes_nothing(tmp_path):
+    done = subprocess.run(
+        [RGBN, "dataset", "make", "pear-roughness-9", "--shelf", str(tmp_path / "shelf")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.startswith("rgbn: dataset pear-roughness-9: there is none of that name.")
+    assert not (tmp_path / "shelf").exists()

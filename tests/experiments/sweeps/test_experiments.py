@@ -1,0 +1,98 @@
+"""The nine experiments: what is varied, how often, and under which name a cell is kept."""
+
+import shutil
+import subprocess
+import sys
+from dataclasses import fields, replace
+
+import pytest
+
+from experiments.sweeps import recipe
+from experiments.sweeps.nine_experiments import EXPERIMENTS, experiments_of
+from experiments.sweeps.recipe import Recipe
+from scene import current
+from scene.errors import SceneError
+
+
+def test_each_experiment_varies_one_factor_over_eight_levels():
+    assert len(EXPERIMENTS) == 9
+    for one in EXPERIMENTS.values():
+        cells = list(one.cells())
+        assert len(set(one.levels)) == len(one.levels) >= 8
+        assert len(one.shapes) > 1
+        has_chance = any(cell.recipe.noise or cell.recipe.images for cell in cells)
+        assert one.seeds >= 5 if has_chance else one.seeds == 1
+        for shape in one.shapes:
+            recipes = [cell.recipe for cell in cells if cell.recipe.shape == shape and cell.recipe.seed == 0]
+            differing = {f.name for f in fields(Recipe) if len({getattr(recipe, f.name) for recipe in recipes}) > 1}
+            assert differing == {one.vary}
+
+
+def test_names_tell_cells_apart():
+    cells = [cell for one in EXPERIMENTS.values() for cell in one.cells()]
+    keys = [cell.key for cell in cells]
+    assert len(set(keys)) == len(keys)
+    cell = cells[0]
+    others = {
+        "shape": "knot", "relief": 2.0, "material": "specular", "reflectance": 0.4, "roughness": 0.3,
+        "specularity": 0.5, "lights": "ring", "count": 9, "polar_deg": 50.0, "depth": 4, "ambient": 0.3, "noise": 0.2,
+        "images": 5, "side": 99, "seed": 10003,
+    }  # fmt: skip
+    assert set(others) == {f.name for f in fields(Recipe)}
+    changed = [replace(cell, recipe=replace(cell.recipe, **{name: value})).key for name, value in others.items()]
+    assert len({cell.key, *changed, replace(cell, methods=("ls",)).key}) == len(others) + 2
+    assert replace(cell).key == cell.key
+
+
+def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
+    for room in current.ROOMS:
+        shutil.copytree(current.ROOT / room, tmp_path / room, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(current, "ROOT", tmp_path)
+
+    def hash_with(name):
+        path = tmp_path / name
+        path.write_text(path.read_text() + "#")
+        return current.code_fingerprint.__wrapped__(recipe.RUNNER)
+
+    before = hash_with("experiments/sweeps/sweep_page.py")
+    assert hash_with("experiments/sweeps/sweep_page.py") == hash_with("experiments/sweeps/sweep_command.py") == before
+    seen = {before}
+    made = (
+        "solve/ls.py",
+        "solve/uncalibrated/tv.py",
+        "twin/direct.py",
+        "scene/frames.py",
+        "experiments/sweeps/shapes.py",
+    )
+    for name in (*made, "compare/statistics.py"):
+        changed = hash_with(name)
+        assert changed not in seen
+        seen.add(changed)
+
+
+def test_a_quick_look_is_small():
+    cells = [cell for one in EXPERIMENTS.values() for cell in one.cells(quick=True)]
+    assert len(cells) == 36
+    assert {cell.recipe.side for cell in cells} == {96}
+    ambient = [cell.value for cell in EXPERIMENTS["ambient"].cells(quick=True)]
+    assert (ambient[0], ambient[-1]) == (EXPERIMENTS["ambient"].levels[0], EXPERIMENTS["ambient"].levels[-1])
+
+
+def test_what_is_asked_for():
+    assert [one.name for one in experiments_of("all")] == list(EXPERIMENTS)
+    assert [one.name for one in experiments_of("ring, noise,ring")] == ["ring", "noise"]
+    with pytest.raises(SceneError, match="rings is unknown; there are ambient"):
+        experiments_of("rings")
+
+
+def test_cells_are_named_without_heavy_libraries():
+    """A rerun with nothing changed has no more to do than this."""
+    code = (
+        "import sys; from experiments.sweeps.sweep import experiments_of, cell_path; from pathlib import Path; "
+        "print(len([cell_path(Path(), c) for one in experiments_of('all') for c in one.cells()])); "
+        "print(' '.join({m.split('.')[0] for m in sys.modules}))"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    count, modules = run.stdout.splitlines()
+    assert int(count) > 400
+    assert not {"mitsuba", "drjit", "open3d", "numba", "scipy", "cv2", "pyarrow", "dask"} & set(modules.split())

@@ -1,0 +1,117 @@
+"""A cell's photographs keep the laws that their recipe names."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.sweeps.photographs import photograph
+from experiments.sweeps.recipe import Recipe
+from experiments.sweeps.shapes import SHAPES
+from twin.variant import FAST, pick_variant
+
+pytestmark = [
+    pytest.mark.render,
+    pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here"),
+]
+PLAIN = Recipe(side=64, count=8)
+
+
+def lambert(photographs):
+    """What each pixel is in full light, (F, P), and where it surely is in it: no limb near, no grazing light."""
+    p = photographs
+    cosine = np.einsum("pk,fk->fp", p.normals[p.mask], p.lights.directions)
+    inner = p.mask & np.roll(p.mask, 1, 0) & np.roll(p.mask, -1, 0) & np.roll(p.mask, 1, 1) & np.roll(p.mask, -1, 1)
+    return cosine * p.albedo[p.mask][:, 1], (cosine > 0.3) & inner[p.mask]
+
+
+@pytest.mark.parametrize("shape", ["pear", "blob", "waves"])
+def test_a_matte_surface_is_albedo_times_cosine(shape):
+    p = photograph(replace(PLAIN, shape=shape, relief=0.5))
+    expected, sure = lambert(p)
+    error = np.abs(p.frames.read()[:, p.mask][..., 1] - expected)[sure]
+    assert sure.mean() > 0.4
+    assert np.quantile(error, 0.95) < 0.01
+    # A mirrored light is nowhere near.
+    wrong = np.einsum("pk,fk->fp", p.normals[p.mask], p.lights.directions * [1, -1, 1]) * p.albedo[p.mask][:, 1]
+    assert np.median(np.abs(p.frames.read()[:, p.mask][..., 1] - wrong)[sure]) > 0.01
+
+
+def test_the_frames_taken_keep_their_lights():
+    some = photograph(replace(PLAIN, images=4, seed=10001))
+    assert len(some.frames) == len(some.lights) == 4
+    assert some.frames.names == some.lights.names
+    expected, sure = lambert(some)
+    assert np.quantile(np.abs(some.frames.read()[:, some.mask][..., 1] - expected)[sure], 0.95) < 0.01
+    others = {photograph(replace(PLAIN, images=4, seed=seed)).lights.names for seed in range(10001, 10007)}
+    assert len(others) > 3
+
+
+def test_ambient_light_adds_albedo_and_the_exposure_holds_it():
+    dark, lit = photograph(PLAIN), photograph(replace(PLAIN, ambient=1.0))
+    # Exposure: albedo is in the frames' own unit. 0.5 + 0.5 would be clipped.
+    factor = lit.albedo[lit.mask][0, 1] / 0.5
+    assert 0.8 < factor < 0.99
+    added = (lit.frames.read() / factor - dark.frames.read())[:, lit.mask][..., 1]
+    # The pear all but sees the whole surrounding; what its neck hides is lost.
+    assert np.median(added) == pytest.approx(0.5, rel=0.02)
+    assert added.max() < 0.53
+
+
+def test_photons_scatter_as_poisson_has_it():
+    clean, level = photograph(PLAIN), 0.05
+    noisy = [
+        photograph(replace(PLAIN, noise=level, seed=seed)).frames.read()[:, clean.mask] for seed in range(10001, 10013)
+    ]
+    value, scatter = clean.frames.read()[:, clean.mask], np.var(noisy, axis=0, ddof=1)
+    for low, high in ((0.1, 0.2), (0.4, 0.5)):
+        here = (value > low) & (value < high)
+        assert scatter[here].mean() == pytest.approx(level**2 * value[here].mean(), rel=0.05)
+    assert np.abs(np.mean(noisy) - value.mean()) < 1e-3
+    again = photograph(replace(PLAIN, noise=level, seed=10001)).frames.read()[:, clean.mask]
+    assert np.array_equal(again, noisy[0])
+
+
+def test_a_hollow_is_brighter_than_its_direct_light():
+    hollow = replace(PLAIN, shape="cone", relief=1.0, polar_deg=15.0, reflectance=0.8)
+    plain, deep = photograph(hollow), photograph(replace(hollow, depth=8))
+    factor = deep.albedo[deep.mask][0, 1] / plain.albedo[plain.mask][0, 1]
+    ratio = deep.frames.read()[:, deep.mask].mean() / plain.frames.read()[:, plain.mask].mean() / factor
+    # A cone as deep as wide: each point sees (1 - 1/sqrt(2)) of white wall, so at least 0.29 * 0.8 comes back.
+    assert 1.2 < ratio < 1 / (1 - 0.8 * (1 - 1 / np.sqrt(2))) + 0.15
+
+
+def test_wax_keeps_its_light():
+    """Half of the surface is open to a medium that gives back less than all: darker than matte, and smooth."""
+    matte, wax = photograph(replace(PLAIN, side=48)), photograph(replace(PLAIN, side=48, material="diffuse_subsurface"))
+    matte, wax = (p.frames.read()[:, p.mask][..., 1] for p in (matte, wax))
+    lit = matte > 0.1
+    assert 0.5 < wax[lit].mean() / matte[lit].mean() < 1.5
+    assert np.corrcoef(wax[lit], matte[lit])[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_shapes_stay_within_their_radius_and_face_out(name):
+    mesh = SHAPES[name](0.7)
+    corners = mesh.vertices[mesh.faces]
+    assert np.abs(mesh.vertices[:, :2]).max() <= 1 + 1e-9
+    volume = np.einsum("ti,ti->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
+    if name in ("pear", "blob", "knot"):
+        assert volume > 0.1
+        edges = np.sort(
+            np.unique(np.round(mesh.vertices, 9), axis=0, return_inverse=True)[1].reshape(-1)[mesh.faces], 1
+        )
+        pairs = np.concatenate([edges[:, [0, 1]], edges[:, [1, 2]], edges[:, [0, 2]]])
+        _, counts = np.unique(pairs, axis=0, return_counts=True)
+        assert set(counts.tolist()) == {2}, "closed: every edge has two faces"
+
+
+def test_waves_are_the_formula():
+    mesh = SHAPES["waves"](2.0)
+    x, y = 2 * np.pi * mesh.vertices[:, 0], 2 * np.pi * mesh.vertices[:, 1]
+    np.testing.assert_allclose(2 * np.pi * mesh.vertices[:, 2], 2 * np.sin(x) * np.sin(y), atol=1e-9)
+    slope = np.stack([-2 * np.cos(x) * np.sin(y), -2 * np.sin(x) * np.cos(y), 1 + 0 * x], -1)
+    slope /= np.linalg.norm(slope, axis=1, keepdims=True)
+    normals = mesh.normals / np.linalg.norm(mesh.normals, axis=1, keepdims=True)
+    inner = np.abs(mesh.vertices[:, :2]).max(1) < 0.99
+    assert np.abs(normals - slope)[inner].max() < 0.01

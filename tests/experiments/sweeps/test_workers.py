@@ -1,0 +1,216 @@
+"""Workers and whole runs that are killed lose nothing: real kills, of real processes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.sweeps import recipe, sweep
+from experiments.sweeps.cell import failed_rows
+from experiments.sweeps.nine_experiments import EXPERIMENTS
+from experiments.sweeps.recipe import RUNNER
+from scene.current import code_fingerprint
+from scene.errors import SceneError
+from scene.output_folder import open_record
+
+# Photographs would take minutes: these cells only compute what their recipe says, and some of them die.
+PROGRAM = """
+import os, signal, sys, time
+from pathlib import Path
+from experiments.sweeps.nine_experiments import EXPERIMENTS
+from experiments.sweeps.sweep import join_cells, run_cells
+from experiments.sweeps.cell import failed_rows
+from scene.output_folder import open_record
+
+root = Path(sys.argv[1])
+
+def work(cell):
+    time.sleep(0.02)
+    fate, marks = f"{cell.recipe.shape}-{cell.level}", root / "marks"
+    marks.mkdir(exist_ok=True)
+    with open(marks / f"{cell.key}.{os.getpid()}.{time.time_ns()}", "w"):
+        pass
+    lives = len(list(marks.glob(f"{cell.key}.*")))
+    if "deaths" in sys.argv and (fate == "pear-2" and lives == 1 or fate == "knot-5"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    kinds = dict.fromkeys(("median_deg", "flip_deg", "relief_deg", "turn_deg", "tilt_deg", "tilt_spread_deg"), 12.0)
+    rows = [{**row, **kinds, "status": "ok", "mean_deg": (31 * cell.level + 17 * i) % 97 / 7, "unanswered": 0.0,
+             "albedo_error_percent": 1.0, "pixels": 3000, "frames": 32}
+            for i, row in enumerate(failed_rows(cell, "")) if cell.level < 7 or i]
+    seconds = [{**{k: rows[0][k] for k in ("experiment", "level", "value", "label", "shape", "seed", "solver",
+                "profile")}, "seconds": time.time()}]
+    return {"rows": rows, "seconds": seconds, "picture": None}
+
+if __name__ == "__main__":
+    cells = list(EXPERIMENTS["ambient"].cells())
+    if "full" in sys.argv:
+        import errno, scene.files
+        calls, replace = [], os.replace
+
+        def full(*names):
+            calls.extend(name for name in names[1:] if "/cells/" in str(name))
+            if len(calls) > 5:
+                raise OSError(errno.ENOSPC, "No space left on device", str(names[1]))
+            replace(*names)
+
+        scene.files.os.replace = full
+    scheduler = next((word for word in sys.argv if word.startswith("tcp:")), None)
+    with open_record(root) as record:
+        run_cells(record, cells, work=work, processes=2, scheduler=scheduler)
+        join_cells(record, root / "ambient", cells)
+"""
+
+
+@pytest.fixture
+def program(tmp_path):
+    path = tmp_path / "program.py"
+    path.write_text(PROGRAM)
+    return [sys.executable, str(path)]
+
+
+def run(program, root, *words):
+    root.mkdir(exist_ok=True)
+    done = subprocess.run([*program, str(root), *words], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def times_run(root):
+    names = [path.name.split(".")[0] for path in (root / "marks").iterdir()]
+    return {name: names.count(name) for name in set(names)}
+
+
+def test_a_worker_that_dies_costs_its_cell_a_second_try(program, tmp_path):
+    run(program, tmp_path / "a", "deaths")
+    cells = [json.loads(path.read_text()) for path in (tmp_path / "a" / "cells").iterdir()]
+    assert len(cells) == 24
+    died = [one["rows"][0] for one in cells if one["rows"][0]["status"] != "ok"]
+    assert [(row["shape"], row["level"]) for row in died] == [("knot", 5)]
+    assert died[0]["status"] == "failed: its worker process died 3 times"
+    # Whoever was in work beside a killer ran again, but no more than that.
+    assert sorted(times_run(tmp_path / "a").values())[-1] <= 3
+    assert sum(times_run(tmp_path / "a").values()) <= 24 + 1 + 2 + 2
+
+
+def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, tmp_path):
+    run(program, tmp_path / "whole")
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    generator = np.random.default_rng(10001)
+    moments = (0, 3, 9, 16)
+    pids = []
+    for done in moments:
+        process = subprocess.Popen([*program, str(torn)], stderr=subprocess.DEVNULL, start_new_session=True)
+        pids.append(process.pid)
+        while len(list((torn / "cells").glob("*.json"))) < done and process.poll() is None:
+            time.sleep(0.002)
+        time.sleep(generator.uniform(0, 0.1))
+        assert process.poll() is None, "killed in the middle"
+        process.kill()
+        process.wait()
+    for pid in pids:
+        assert gone(pid), "workers leave with the run that started them"
+    run(program, torn)
+    names = sorted(path.name for path in (tmp_path / "whole" / "cells").iterdir())
+    assert sorted(path.name for path in (torn / "cells").iterdir() if path.suffix == ".json") == names
+    assert len(names) == 24
+    tables = [(root / "ambient" / "results.parquet").read_bytes() for root in (tmp_path / "whole", torn)]
+    assert tables[0] == tables[1]
+    # Only what was in work when a run was killed was done twice.
+    assert sum(times_run(torn).values()) <= 24 + 2 * len(moments)
+
+
+def gone(group, patience_s=10.0):
+    """Whether no process of a group is left, some seconds later."""
+    end = time.monotonic() + patience_s
+    while time.monotonic() < end:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.1)
+    os.killpg(group, signal.SIGKILL)
+    return False
+
+
+def test_a_rerun_with_nothing_changed_runs_nothing(program, tmp_path):
+    run(program, tmp_path / "a")
+    page = tmp_path / "a" / "ambient" / "index.html"
+    before = page.stat().st_mtime_ns
+    run(program, tmp_path / "a")
+    assert set(times_run(tmp_path / "a").values()) == {1}
+    assert page.stat().st_mtime_ns == before
+    # What is gone is made again, and only that.
+    lost = sorted((tmp_path / "a" / "cells").iterdir())[3]
+    lost.unlink()
+    run(program, tmp_path / "a")
+    assert {name for name, count in times_run(tmp_path / "a").items() if count > 1} == {lost.stem}
+
+
+def test_a_full_disk_costs_what_was_in_work(program, tmp_path):
+    torn = tmp_path / "torn"
+    torn.mkdir()
+    failed = subprocess.run([*program, str(torn), "full"], capture_output=True, text=True, timeout=120)
+    assert failed.returncode
+    assert "the disk is full" in failed.stderr
+    assert len(list((torn / "cells").iterdir())) == 5
+    run(program, torn)
+    run(program, tmp_path / "whole")
+    tables = [(root / "ambient" / "results.parquet").read_bytes() for root in (tmp_path / "whole", torn)]
+    assert tables[0] == tables[1]
+
+
+CLUSTER = """
+import sys
+from dask.distributed import LocalCluster
+if __name__ == "__main__":
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+        print(cluster.scheduler_address, flush=True)
+        sys.stdin.read()
+"""
+
+
+def test_a_cluster_gives_what_processes_here_give(program, tmp_path):
+    script = tmp_path / "cluster.py"
+    script.write_text(CLUSTER)
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
+    with subprocess.Popen([sys.executable, script], text=True, **pipes) as process:
+        run(program, tmp_path / "there", process.stdout.readline().strip())
+        process.stdin.close()
+    run(program, tmp_path / "here")
+    tables = [Path(tmp_path / place / "ambient" / "results.parquet").read_bytes() for place in ("here", "there")]
+    assert tables[0] == tables[1]
+
+
+def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypatch):
+    """Workers read the code when they first need it: a change, even one that is taken back, leaves its mark in time."""
+    source = tmp_path / "code" / "solve" / "ls.py"
+    source.parent.mkdir(parents=True)
+    source.write_text("one = 1")
+    monkeypatch.setattr(recipe, "sources", lambda _: [source])
+    cells = list(EXPERIMENTS["ambient"].cells())[:6]
+    made = {"rows": failed_rows(cells[0], "by the test"), "seconds": [], "picture": None}
+
+    def results(*_):
+        for number, cell in enumerate(cells):
+            if number == change:
+                source.write_text("one = 2")
+                source.write_text("one = 1")
+            yield cell, made | {"code": code_fingerprint(RUNNER) if number != stranger else "another machine's"}
+
+    monkeypatch.setattr(sweep, "_results", results)
+    for change, stranger, kept in ((3, None, 3), (None, 2, 2), (None, None, 6)):
+        root = tmp_path / f"{change}-{stranger}"
+        with open_record(root) as record:
+            if kept < 6:
+                with pytest.raises(SceneError, match=r"code changed while ambient .* ran.*Run the same command again"):
+                    sweep.run_cells(record, cells)
+            else:
+                sweep.run_cells(record, cells)
+        assert len(list((root / "cells").glob("*.json"))) == kept

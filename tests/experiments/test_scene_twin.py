@@ -1,0 +1,140 @@
+"""`rgbn twin SCENE.toml`: what it writes is a session that `rgbn process` goes all the way with."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rawpy
+
+from capture.session import load_session
+from scene.camera import Camera
+from scene.normals import angular_error_deg
+from scene.store import Store
+
+COMMAND = [str(Path(sys.executable).parent / "rgbn")]
+SCENE = """
+name = "plum"
+[camera]
+width = 96
+height = 80
+fx = 180.0
+distortion = [-0.1, 0, 0, 0, 0]
+[camera.sensor]
+iso = 200
+neutral = [0.6, 1.0, 0.7]
+[[objects]]
+shape = "sphere"
+scale = [50, 40, 45]
+translate_mm = [4, -3, -300]
+material = "m"
+[materials.m]
+kind = "diffuse"
+reflectance = [0.7, 0.5, 0.6]
+[[lights]]
+kind = "ring"
+count = 8
+polar_deg = 35
+distance_mm = 700
+[sampling]
+engine = "mitsuba"
+samples = 16
+max_depth = 2
+"""
+
+pytestmark = pytest.mark.render
+
+
+def rgbn(*words):
+    return subprocess.run([*COMMAND, *map(str, words)], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def plum(tmp_path):
+    (tmp_path / "plum.toml").write_text(SCENE)
+    return tmp_path
+
+
+def test_a_scene_is_rendered_photographed_and_processed(plum):
+    run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.strip() == str(plum / "twin" / "session.toml")
+    assert "engine mitsuba: it was asked for" in run.stderr
+    session = load_session(plum / "twin")
+    assert session.name == "plum"
+    assert [path.suffix for path in session.flash] == [".dng"] * 8
+    assert isinstance(session.camera, Camera)
+    assert session.camera.distortion[0] == -0.1
+    with rawpy.imread(str(session.flash[0])) as raw:
+        assert raw.raw_image.shape == (80, 96)
+    facts = json.loads((plum / "twin" / "rendering.json").read_text())
+    assert (facts["engine"], facts["samples_per_pixel"], facts["max_depth"]) == ("mitsuba", 16, 2)
+    for name in ("normals", "albedo", "cast", "direct", "indirect"):
+        assert (plum / "twin" / f"truth_{name}.npy").is_file()
+
+    before = {path: path.stat().st_mtime_ns for path in (plum / "twin").rglob("*") if ".rgbn" not in path.parts}
+    again = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
+    assert again.returncode == 0
+    assert "rendered already" in again.stderr
+    assert before == {path: path.stat().st_mtime_ns for path in (plum / "twin").rglob("*") if ".rgbn" not in path.parts}
+
+    run = rgbn("process", plum / "twin", "--out", plum / "out", "--method", "near")
+    assert run.returncode == 0, run.stderr
+    assert (plum / "out" / "report.html").is_file()
+    truth = np.load(plum / "twin" / "truth_normals.npy")
+    found = Store(plum / "out").load_normals("near")
+    error = angular_error_deg(found, truth)
+    assert np.isfinite(error).sum() > 1500
+    assert np.nanmedian(error) < 2
+
+
+def test_options_of_the_command_line_go_before_the_descriptions(plum):
+    text = SCENE.replace("[camera.sensor]\niso = 200\nneutral = [0.6, 1.0, 0.7]\n", "").replace(
+        'engine = "mitsuba"\n', ""
+    )
+    (plum / "plum.toml").write_text(text)
+    run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--engine", "mitsuba", "--error", "0.2", "--json")
+    assert run.returncode == 0, run.stderr
+    facts = json.loads(run.stdout)
+    assert (facts["engine"], facts["error"]) == ("mitsuba", 0.2)
+    assert [path.suffix for path in load_session(plum / "twin").flash] == [".png"] * 8
+
+
+def test_nothing_of_anybody_elses_is_written_over(plum):
+    (plum / "mine").mkdir()
+    (plum / "mine" / "session.toml").write_text('[frames]\nflash = "*.png"\n')
+    for out, message in ((plum, "rgbn did not make it"), (plum / "mine", "rgbn did not make it")):
+        run = rgbn("twin", plum / "plum.toml", "--out", out)
+        assert run.returncode == 2
+        assert message in run.stderr
+        assert "Traceback" not in run.stderr
+    assert sorted(path.name for path in plum.iterdir()) == ["mine", "plum.toml"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--photograph"], "[camera.sensor]"),
+        (["--error", "2"], "expected between 0 and 1"),
+        (["--engine", "fast"], "direct"),
+    ],
+)
+def test_what_cannot_be_asked_for_is_refused(plum, words, message):
+    run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", *words)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert not (plum / "twin").exists()
+
+
+def test_a_scene_that_fills_the_picture_leaves_a_border_unmarked():
+    from experiments.scene_twin import _marked
+
+    marked = _marked(np.ones((240, 320), bool))
+    assert 0.9 < marked.mean() < 0.98
+    assert not marked[0].any()
+    assert not marked[:, -1].any()
+    part = np.zeros((240, 320), bool)
+    part[:, :200] = True
+    assert np.array_equal(_marked(part), part)

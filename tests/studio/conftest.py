@@ -1,0 +1,260 @@
+"""Chromium for the studio's tests and where things stand on its screen; and a client that nobody sits at."""
+
+import contextlib
+import io
+import os
+import shutil
+import threading
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from studio.editor.placement import rotation_of
+
+ARGUMENTS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+PATIENCE_S = 240
+"""For what comes in the end, however busy the machine is."""
+SHOTS = Path(__file__).parents[3] / "out" / "studio"
+"""Where screenshots are left to be looked at."""
+VIEW = {"width": 1060, "height": 560}
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """The system's Chromium, driven by Playwright."""
+    path = os.environ.get("RGBN_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium, or name one in RGBN_CHROMIUM")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="session")
+def viser_server():
+    """A server of viser's that no browser comes to."""
+    import viser
+
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+        yield server
+        server.stop()
+
+
+def at_once(answer):
+    """Do what a coroutine does; it may wait for nothing. Playwright's own loop may be running in this thread."""
+    with pytest.raises(StopIteration):
+        answer.send(None)
+
+
+class Nobody:
+    """A client that nobody sits at: viser's own inputs and view, used as its server uses them for a browser."""
+
+    def __init__(self, server, number=1):
+        self.client_id, self._server, self.gui, self.scene = number, server, server.gui, server.scene
+        self.camera, self.told = SimpleNamespace(fov=0.8, aspect=1.5), []
+        self.atomic = server.atomic
+
+    def add_notification(self, title, text, **look):
+        self.told.append(f"{title}: {text}")
+
+    def input(self, label):
+        """Return the input or button of these words that was made last."""
+        handles = self.gui._gui_input_handle_from_uuid.values()
+        return [one for one in handles if (getattr(one, "label", None) or "").partition(":")[0] == label][-1]
+
+    def says(self, handle, value=True):
+        """Change an input, or press a button, given itself or its words."""
+        handle = self.input(handle) if isinstance(handle, str) else handle
+        handle._impl.value = value
+        for call in handle._impl.update_cb:
+            at_once(call(SimpleNamespace(client=self, client_id=self.client_id, target=handle)))
+
+    def clicks(self, handle, **event):
+        """Click something in the view."""
+        for entry in list(handle._impl.click_cb):
+            at_once(entry.callback(SimpleNamespace(client=self, **event)))
+
+    def drags(self, handle, *places):
+        """Drag something in the view from the first of these places over the others, and let it go."""
+        for phase, place in [("start", places[0]), *(("update", place) for place in places[1:]), ("end", places[-1])]:
+            event = SimpleNamespace(client=self, phase=phase, start_position=places[0], end_position=place)
+            for entry in list(handle._impl.drag_cb):
+                at_once(entry.callback(event))
+
+    def seen(self, name):
+        """Return what stands in the view under a name."""
+        return self.scene._handle_from_node_name[name]
+
+    def sends(self, label, name, content):
+        """Send a file by a button."""
+        self.says(label, SimpleNamespace(name=name, content=content))
+
+
+@pytest.fixture
+def nobody(viser_server):
+    """Return what makes a client that nobody sits at."""
+    yield lambda number=1: Nobody(viser_server, number)
+    viser_server.gui.reset()
+    viser_server.scene.reset()
+
+
+@pytest.fixture
+def no_preview():
+    """A preview that draws nothing, and what was asked of it, in order."""
+    asked = []
+    return SimpleNamespace(
+        asked=asked,
+        wish=lambda desk, *rest: asked.append(("wish", desk)),
+        forget=lambda desk: asked.append(("forget", desk)),
+    )
+
+
+@pytest.fixture
+def furnish():
+    """Return what puts panels on a desk and shows them; all desks are closed in the end."""
+    desks = []
+
+    def put(desk, panels):
+        desks.append(desk)
+        desk.panels += [panel(desk) for panel in panels]
+        desk.refresh()
+        return desk
+
+    yield put
+    for desk in desks:
+        desk.close()
+        desk.wait()
+
+
+@pytest.fixture
+def settle():
+    """Return what waits until a desk has done all that was said so far."""
+
+    def wait(desk):
+        done = threading.Event()
+        desk.post(done.set)
+        assert done.wait(60), "the desk is stuck"
+
+    return wait
+
+
+class Visitor:
+    """A browser's window at a studio, and the desk that it works on."""
+
+    def __init__(self, chromium, studio, ready):
+        self.asked = []
+        known = {desk.client.client_id for desk in studio.desks}
+        self.page = chromium.new_page(viewport=VIEW)
+        self.page.set_default_timeout(1000 * PATIENCE_S)
+        self.page.on("request", lambda request: self.asked.append(request.url))
+        self.page.on("websocket", lambda socket: self.asked.append(socket.url))
+        self.page.goto(studio.address)
+        self.button(ready).wait_for()
+        (self.desk,) = (desk for desk in studio.desks if desk.client.client_id not in known)
+
+    def button(self, name):
+        """Return a button by its words."""
+        return self.page.get_by_role("button", name=name, exact=True)
+
+    def press(self, name):
+        """Press a button. By force: a software renderer may take seconds for the frames that show it to stand still."""
+        self.button(name).click(force=True)
+
+    def tab(self, name):
+        """Turn to a tab."""
+        self.page.get_by_role("tab", name=name, exact=True).click(force=True)
+
+    def see(self, text):
+        """Wait until a text is there."""
+        self.page.get_by_text(text).first.wait_for()
+
+    def shows(self, value):
+        """Wait until an input has a value, and the frame after that is drawn: what came with it is there too."""
+        self.page.wait_for_function("v => [...document.querySelectorAll('input')].some(i => i.value == v)", arg=value)
+        self.frames(3)
+
+    def frames(self, count):
+        """Wait until so many frames are drawn."""
+        for _ in range(count):
+            self.page.evaluate("() => new Promise(done => requestAnimationFrame(() => done()))")
+
+    def preview(self, change):
+        """Make a change, and return the previews that come of it, the refined one last."""
+        self.see("refined")
+        drawn, show = [], self.desk.show_preview
+        self.desk.show_preview = lambda one: (drawn.append(one), show(one))
+        change()
+        self.until(lambda: drawn and drawn[-1].is_refined, "a refined picture")
+        self.desk.show_preview = show
+        return drawn
+
+    def send(self, button, path):
+        """Send a file by a button."""
+        with self.page.expect_file_chooser() as chooser:
+            self.press(button)
+        chooser.value.set_files(path)
+
+    def until(self, condition, what):
+        """Wait until something is so; the browser goes on meanwhile."""
+        for _ in range(PATIENCE_S * 20):
+            if condition():
+                return
+            self.page.wait_for_timeout(50)
+        pytest.fail(f"{what}: not within {PATIENCE_S} s")
+
+    def on_screen(self, point):
+        """Return where on the page a point (3,) of the 3-D view is seen, px."""
+        camera, box = self.desk.client.camera, self.page.locator("canvas").first.bounding_box()
+        x, y, z = rotation_of(camera.wxyz).T @ (np.asarray(point, float) - camera.position)
+        focal = box["height"] / 2 / np.tan(camera.fov / 2)
+        return np.array([box["x"] + box["width"] / 2 + focal * x / z, box["y"] + box["height"] / 2 + focal * y / z])
+
+    def drag(self, start, end):
+        """Press, move in steps as a hand does, let go."""
+        mouse = self.page.mouse
+        mouse.move(*(start - [3, 3]))
+        self.frames(2)
+        mouse.move(*start)
+        # What lies under the hand is looked up in the next frame.
+        self.frames(3)
+        mouse.down()
+        self.frames(1)
+        for part in np.linspace(0, 1, 7)[1:]:
+            mouse.move(*(start + part * (end - start)))
+            self.frames(1)
+        mouse.up()
+
+    def keep(self, name):
+        """Leave a screenshot to be looked at."""
+        SHOTS.mkdir(parents=True, exist_ok=True)
+        self.page.screenshot(path=SHOTS / f"{name}.png")
+
+
+@pytest.fixture
+def visit(chromium):
+    """Return what opens a window at a studio; all are closed in the end."""
+    windows = []
+
+    def opened(studio, ready="Load model"):
+        windows.append(Visitor(chromium, studio, ready))
+        return windows[-1]
+
+    yield opened
+    for one in windows:
+        if not one.page.is_closed():
+            one.page.close()

@@ -1,0 +1,99 @@
+"""The pixel under a click is the pixel that is drawn there: on both sides, at every zoom, wherever one looks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from studio.results.pixel import numbers_at
+from studio.results.shown_maps import Source
+from studio.results.side_by_side import Choice, box_of, layout_of, side_by_side, window_of
+from studio.results.window import Window
+
+LEFT, RIGHT = Source("ls"), Source("ls", "twin")
+RED = (255, 128, 128)
+"""A normal to the right, as a picture has it."""
+ODD = [(31, 12), (9, 4), (49, 29), (10, 27)]
+
+
+@pytest.mark.parametrize("zoom", [1, 2, 8, 32])
+@pytest.mark.parametrize("centre", [None, (31, 12), (9, 4), (49, 29), (10, 27), (0, 36)])
+def test_a_click_on_an_odd_pixel_is_that_pixel(flat, zoom, centre):
+    """Every point of the picture that is coloured oddly is clicked as an odd pixel, and no other point is."""
+    results = flat(ODD)
+    choice = Choice("normals", LEFT, RIGHT, zoom, centre)
+    image, layout, window = side_by_side(results, choice), layout_of(results), window_of(results, choice)
+    assert image.shape[:2] == layout.size[::-1]
+    is_odd = (image == RED).all(-1)
+    seen: dict[int, set] = {0: set(), 1: set()}
+    generator = np.random.default_rng(10_064)
+    for side in (0, 1):
+        left, top = layout.corner(side)
+        part = is_odd[top : top + layout.high, left : left + layout.wide]
+        anywhere = generator.uniform(0, part.shape, (300, 2)).astype(int)
+        # The points at the odd pixels' edges, where a shift by half a point would show.
+        edge = part ^ (part & np.roll(part, 1, 0) & np.roll(part, -1, 0) & np.roll(part, 1, 1) & np.roll(part, -1, 1))
+        for y, x in [*anywhere, *np.argwhere(edge)[::7], *(np.argwhere(edge)[::7] + [1, 1])]:
+            if x < layout.wide and y < layout.high:
+                place = (left + x + 0.5) / layout.size[0], (top + y + 0.5) / layout.size[1]
+                pixel = layout.pixel(window, *place)
+                assert (pixel in ODD) == part[y, x], (x, y, pixel)
+                seen[side] |= {pixel} & set(ODD)
+    assert seen[0] == seen[1]
+    if centre is None and zoom == 1:
+        assert seen[0] == set(ODD), "zoom 1 shows all of the object"
+    if centre in ODD:
+        assert centre in seen[0]
+
+
+def test_a_click_beside_the_pictures_is_no_pixel(flat):
+    results = flat(ODD)
+    layout, window = layout_of(results), window_of(results, Choice("normals", LEFT, RIGHT))
+    wide, high = layout.size
+    assert layout.pixel(window, (layout.wide + layout.gap / 2) / wide, 0.5) is None
+    assert layout.pixel(window, 0.2, (layout.above - 2) / high) is None
+    assert layout.pixel(window, 0.2, (layout.above + layout.high + 2) / high) is None
+    for across, down in ((-0.01, 0.5), (1.01, 0.5), (0.2, -0.1), (0.2, 1.1)):
+        assert layout.pixel(window, across, down) is None
+
+
+def test_the_numbers_are_those_of_the_odd_pixel_alone(flat):
+    results = flat([(31, 12)])
+    for u, v in ((31, 12), (12, 31), (30, 12), (31, 13)):
+        (_, real, twin) = numbers_at(results, u, v)
+        expected = (1, 0, 0) if (u, v) == (31, 12) else (0, 0, 1)
+        assert tuple(real.normal) == tuple(twin.normal) == expected
+
+
+def test_the_cursor_stands_around_its_pixel_on_both_sides(flat):
+    """The strokes' middle is the pixel's middle, and the pixel itself stays to be seen."""
+    results = flat([(31, 12)])
+    choice = Choice("normals", LEFT, RIGHT, zoom=8, centre=(30, 13))
+    layout = layout_of(results)
+    plain = side_by_side(results, choice)
+    marked = side_by_side(results, replace(choice, cursor=(31, 12)))
+    for side in (0, 1):
+        left, top = layout.corner(side)
+        place = np.s_[top : top + layout.high, left : left + layout.wide]
+        rows, columns = np.nonzero((plain[place] != marked[place]).any(-1))
+        odd_rows, odd_columns = np.nonzero((plain[place] == RED).all(-1))
+        assert (rows.min() + rows.max()) / 2 == pytest.approx((odd_rows.min() + odd_rows.max()) / 2, abs=2)
+        assert (columns.min() + columns.max()) / 2 == pytest.approx((odd_columns.min() + odd_columns.max()) / 2, abs=2)
+        assert (marked[place][odd_rows, odd_columns] == RED).all(-1).mean() > 0.9
+
+
+def test_zoom_is_about_the_cursor_and_the_edge_ends_a_move(flat):
+    results = flat(ODD)
+    choice = Choice("normals", LEFT, RIGHT, cursor=(31, 12)).zoomed(8)
+    assert window_of(results, choice).centre == pytest.approx((31, 12))
+    assert choice.zoomed(1).centre is None
+    right = choice
+    for _ in range(40):
+        right = right.moved(results, 0.5, 0.0)
+    window = window_of(results, right)
+    assert window.left + window.width == pytest.approx(results.size[0])
+    assert window_of(results, right.moved(results, -0.5, 0)).left == pytest.approx(window.left - window.width / 2)
+    down = window_of(results, choice.moved(results, 0.0, 0.5))
+    assert down.top > window_of(results, choice).top
+    whole = Window.of(box_of(results), 1, (26, 18), results.size)
+    assert (whole.width, whole.height) == (box_of(results).width, box_of(results).height)

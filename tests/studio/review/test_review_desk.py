@@ -1,0 +1,115 @@
+"""A review's desk without a browser: what is clicked, what is missing, and what is written."""
+
+import threading
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from align import embree
+from scene.output_folder import open_record
+from studio.review.balls_panel import BallsPanel
+from studio.review.calibrated_again import calibrate_again
+from studio.review.corrections import outlines_of
+from studio.review.folder import Review
+from studio.review.frames_panel import FramesPanel
+from studio.review.light_stage import SCAN_SIZE, LightStage
+from studio.review.review_desk import ReviewDesk
+from studio.review.scan_picks import load_scan
+from studio.review.twin_panel import TwinPanel
+from studio.review.wall import Wall
+from studio.review.warnings_panel import WarningsPanel
+from studio.workspace import Workspace
+
+
+@pytest.fixture
+def reviewing(made, nobody, no_preview, furnish):
+    """Return what makes the desk of a review of the folder that was made, with panels."""
+
+    def furnished(*panels):
+        desk = ReviewDesk(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
+        desk.read()
+        return furnish(desk, panels)
+
+    return furnished
+
+
+def test_a_click_on_the_scan_is_met_in_the_desks_own_thread(reviewing, settle, monkeypatch, made):
+    """Rays are cast there, against one tree a reading; what fails is told, as of any click."""
+    desk, threads, points = reviewing(LightStage), [], []
+
+    class Counted(embree.RayCaster):
+        def __init__(self, mesh):
+            threads.append(threading.current_thread().name)
+            super().__init__(mesh)
+
+    desk.on_scan = points.append
+    desk.choose(view="Scan")
+    mesh, client = load_scan(desk.review), desk.client
+    monkeypatch.setattr(embree, "RayCaster", Counted)
+    scale = SCAN_SIZE / (2 * mesh.radius_mm)
+    for aside in (0.0, 2.0, 4.0):
+        origin = np.array([aside, -3.0, 900.0])
+        client.clicks(client.seen("/scan/mesh"), ray_origin=origin * scale, ray_direction=[0.0, 0.0, -1.0])
+    settle(desk)
+    assert len(points) == 3
+    np.testing.assert_allclose([point[0] - mesh.center_mm[0] for point in points], [0, 2, 4], atol=1e-3)
+    assert len(threads) == 1
+    assert threads[0].startswith("desk 1")
+    desk.read_again()
+    monkeypatch.setattr(Counted, "__init__", lambda self, mesh: 1 / 0)
+    client.clicks(client.seen("/scan/mesh"), ray_origin=np.zeros(3), ray_direction=[0.0, 0.0, -1.0])
+    settle(desk)
+    assert "ZeroDivisionError" in client.told[-1]
+
+
+def test_what_is_missing_is_said_once_and_breaks_no_refresh(reviewing, made, settle):
+    """A ball is clicked without a camera to draw its knobs by, the twin is asked for where there is no frame."""
+    made.store.path("camera.json").unlink()
+    desk = reviewing(Wall, BallsPanel)
+    desk.choose(ball=1)
+    desk.refresh()
+    assert not desk.client.told
+    made.store.path("frames", "frames.json").unlink()
+    desk = reviewing(TwinPanel, FramesPanel)
+    desk.client.says("beside the photograph", "the twin, same flash")
+    settle(desk)
+    (told,) = set(desk.client.told)
+    assert "frames: " in told
+    assert "fault of the studio" not in told
+
+
+def test_calibrating_again_writes_nothing_into_the_folder(made, monkeypatch):
+    """Not even the photographs of a ball that was shot apart, which it decodes; those are of the right ball."""
+    raw = made.session / "raw"
+    for index, name in enumerate(made.lights.names):
+        for kind, level in (("flash", 90), ("ball", 30)):
+            picture = np.full((120, 160, 3), level + 10 * index, np.uint8)
+            cv2.imwrite(str(raw / name.replace("flash", kind)) + ".png", picture)
+    text = (made.session / "session.toml").read_text()
+    apart = 'kind = "white"\ndiameter_mm = 90.0\nframes = "raw/ball_*.png"\n'
+    (made.session / "session.toml").write_text(text.replace('kind = "white"\ndiameter_mm = 90.0\n', apart))
+    balls = [*made.spheres[:2], replace(made.spheres[2], apart=True)]
+    made.store.save_spheres(balls, made.camera)
+    review = Review.read(made.folder, made.session)
+    asked = []
+    monkeypatch.setattr("calibrate.calibrate.calibrate", lambda frames, camera, requests, **_: asked.extend(requests))
+    before = {path: path.stat().st_mtime_ns for path in made.folder.rglob("*")}
+    # One ball fewer than before: the others' numbers shift.
+    calibrate_again(review, outlines_of(review)[1:])
+    assert {path: path.stat().st_mtime_ns for path in made.folder.rglob("*")} == before
+    assert [request.kind for request in asked] == ["chrome", "white"]
+    seen = [asked[1].frames.read_pixels(index, np.array([5]), np.array([7]))[0].mean() for index in range(5)]
+    np.testing.assert_allclose(seen, (30 + 10 * np.arange(5)) / 255, atol=1e-3)
+
+
+def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
+    desk = reviewing(WarningsPanel)
+    folder = desk.panels[0]._folder
+    assert folder.label == "Warnings (1)"
+    with open_record(made.folder) as record, record.making("solve", "by the test") as entry:
+        entry["warnings"] = ["<img src=x> is *bright*"]
+    desk.read_again()
+    assert folder.label == "Warnings (2)"
+    assert "\\<img src\\=x\\>" in desk.panels[0]._handles[-1].content

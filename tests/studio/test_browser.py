@@ -1,0 +1,192 @@
+"""The studio in a real browser: from a model to a dataset, by clicks and drags."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from capture.session import load_session
+from studio.editor import edits
+from studio.editor.placement import placement_of
+from studio.editor.stage import UNITS_PER_MM
+from studio.server import Studio
+from studio.workspace import Workspace
+from twin.description import Sampling
+from twin.mesh_files import write_ply
+from twin.object_mesh import ObjectMesh, built_in
+from twin.picture_files import read_picture
+from twin.variant import FAST, pick_variant
+
+pytestmark = [pytest.mark.render, pytest.mark.slow]
+
+
+@pytest.fixture
+def studio(tmp_path):
+    """A studio whose camera takes small pictures, with one model in its workspace."""
+    root = tmp_path / "bench"
+    cone = built_in("cone")
+    root.mkdir()
+    write_ply(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
+    small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
+    # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
+    quick = edits.with_sampling(small, Sampling("direct" if pick_variant()[0] == FAST else "mitsuba", 16, 2))
+    running = Studio(Workspace.at(root), port=0, scene=quick)
+    yield running
+    running.close()
+
+
+@pytest.fixture
+def visitor(visit, studio):
+    return visit(studio)
+
+
+def test_a_first_dataset(visitor, studio, tmp_path):
+    """Load, drag, choose lights, export, render: the files are what stock Mitsuba renders and rgbn reads."""
+    desk, root = visitor.desk, visitor.desk.workspace.root
+    drawn = visitor.preview(lambda: visitor.press("Load model"))
+    assert [one.name for one in desk.scene.objects] == ["cone"]
+    assert drawn[-1].picture.max() > 0.2
+    visitor.shows("1 cone")
+    visitor.see("refined")
+    visitor.keep("loaded")
+
+    # The gizmo's arrow along y, drawn upward: the object follows the hand, along y alone.
+    was = placement_of(desk.scene.objects[0])
+    size = 1.5 * np.ptp(desk.scene.objects[0].placed.vertices, axis=0).max() / 2
+    grip = (was.middle_mm + [0, 0.8 * size, 0]) * UNITS_PER_MM
+    start = visitor.on_screen(grip)
+    end = start + [0, -40]
+    visitor.drag(start, end)
+    visitor.until(lambda: desk.history.past[-1][0] == "drag object 0", "the gizmo was dragged")
+    now = placement_of(desk.scene.objects[0])
+    moved = now.middle_mm - was.middle_mm
+    np.testing.assert_allclose(moved[[0, 2]], 0, atol=1e-3)
+    np.testing.assert_allclose(now.rotate_deg, was.rotate_deg, atol=1e-3)
+    assert np.linalg.norm(visitor.on_screen(grip + moved * UNITS_PER_MM) - end) < 8
+    assert moved[1] > 5
+
+    # An arrow's knob, drawn aside: the light shines from where it was let go.
+    visitor.frames(3)
+    knob, start = free_knob(visitor)
+    end = start + [12, 14]
+    visitor.drag(start, end)
+    visitor.until(lambda: desk.history.past[-1][0] == f"drag light {knob}", "the light was dragged")
+    middle = visitor.on_screen(desk.scene.lights.reference_point_mm * UNITS_PER_MM)
+    toward = visitor.on_screen(knob_place(desk.scene, knob) * UNITS_PER_MM) - middle
+    assert np.linalg.norm(desk.scene.lights.directions[knob]) == pytest.approx(1)
+    assert toward @ (end - middle) > 0.995 * np.linalg.norm(toward) * np.linalg.norm(end - middle)
+
+    visitor.tab("Lights")
+    visitor.press("Replace the lights")
+    visitor.until(lambda: desk.scene.lights.names[0] == "hemisphere_000", "the lights are a hemisphere")
+    assert len(desk.scene.lights) == 24
+    visitor.see("hemisphere_000")
+    visitor.keep("lights")
+
+    visitor.tab("File")
+    visitor.press("Export for Mitsuba")
+    visitor.see("Exported 24 lights")
+    export = root / "scene" / "export"
+    program = [Path(sys.executable).parent / "mitsuba", "-m", pick_variant()[0]]
+    out = tmp_path / "stock.exr"
+    light = desk.scene.lights.names[5]
+    subprocess.run(
+        [*program, "-D", f"light={light}", "-D", "samples=64", "-o", out, export / "scene.xml"],
+        check=True,
+        capture_output=True,
+    )
+    visitor.press("Render dataset")
+    visitor.see("Rendered into")
+    visitor.keep("rendered")
+    session = load_session(root / "scene" / "dataset")
+    assert [path.stem for path in session.flash] == list(desk.scene.lights.names)
+    stock, ours = read_picture(out, "linear"), read_picture(session.flash[5], "linear")
+    lit = stock.mean(-1) > 0.05
+    assert lit.mean() > 0.05
+    assert np.median(np.abs(stock - ours)[lit] / stock[lit]) < 0.02, "stock Mitsuba renders the export alike"
+    outside = [url for url in visitor.asked if studio.address.split("//")[1] not in url and not url.startswith("data:")]
+    assert not outside, "nothing is fetched from elsewhere"
+
+
+def knob_place(scene, index):
+    """Return where the arrow of a distant light begins, mm."""
+    spread = float(f"{1.1 * np.linalg.norm(np.ptp(scene.points, axis=0)):.2g}")
+    return scene.lights.reference_point_mm + spread * scene.lights.directions[index]
+
+
+def free_knob(visitor):
+    """Return the light whose knob stands most by itself on the screen, and where, px."""
+    scene, box = visitor.desk.scene, visitor.page.locator("canvas").first.bounding_box()
+    places = np.array([visitor.on_screen(knob_place(scene, k) * UNITS_PER_MM) for k in range(len(scene.lights))])
+    apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
+    middle = visitor.on_screen(scene.lights.reference_point_mm * UNITS_PER_MM)
+    clear = np.minimum(apart.min(1), np.linalg.norm(places - middle, axis=1) / 3)
+    low, high = np.array([box["x"] + 30, 300]), np.array([box["x"] + box["width"] - 30, box["height"] - 30])
+    clear[((places < low) | (places > high)).any(1)] = -1
+    return int(clear.argmax()), places[clear.argmax()]
+
+
+@pytest.mark.full
+def test_a_broken_file_shows_a_message_and_the_studio_lives_on(visitor, tmp_path):
+    desk = visitor.desk
+    before = desk.scene
+    broken = tmp_path / "broken.ply"
+    broken.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n1 2\n")
+    visitor.send("Send a model from here", broken)
+    visitor.see("That cannot be done")
+    visitor.see("broken.ply")
+    assert desk.scene is before
+    visitor.tab("Material")
+    junk = tmp_path / "junk.png"
+    junk.write_bytes(b"no picture")
+    visitor.send("Send a texture from here", junk)
+    visitor.see("cannot be read as a picture")
+    visitor.shows("(the colour)")
+    visitor.keep("broken")
+    assert desk.scene is before
+    visitor.tab("Objects")
+    visitor.press("Add shape")
+    visitor.until(lambda: desk.scene is not before, "the studio lives on")
+
+
+@pytest.mark.full
+def test_two_browsers_do_not_disturb_each_other(visit, studio):
+    one, other = visit(studio), visit(studio)
+    mine, theirs = one.desk, other.desk
+    before = theirs.scene
+    one.press("Add shape")
+    one.until(lambda: mine.history.past, "one browser has changed its scene")
+    other.tab("Lights")
+    other.press("Remove light")
+    other.until(lambda: theirs.history.past, "the other has changed its own")
+    assert len(theirs.scene.lights) == 23
+    assert theirs.scene.objects is before.objects
+    assert len(mine.scene.lights) == 24
+    one.tab("File")
+    one.press("Undo: add sphere")
+    one.until(lambda: not mine.history.past, "undone")
+    assert theirs.history.past, "what the other did stays"
+    other.page.close()
+    one.until(lambda: theirs not in studio.desks, "the desk of a browser that went away is cleared")
+    assert mine in studio.desks
+    one.tab("Camera")
+    one.page.get_by_label("orthographic").click(force=True)
+    one.until(lambda: mine.history.past, "changed again")
+    one.page.reload()
+    one.button("Load model").wait_for()
+    one.until(
+        lambda: [desk.history for desk in studio.desks] == [mine.history], "a reload keeps the scene and its past"
+    )
+
+
+@pytest.mark.full
+def test_a_picture_comes_at_once(visitor):
+    """Not a matter of seconds, which a busy machine stretches: the first picture needs no refinement."""
+    if pick_variant()[0] != FAST:
+        pytest.skip("without the vectorised variant there is only the refined picture")
+    drawn = visitor.preview(lambda: visitor.press("Add shape"))
+    assert [one.is_refined for one in drawn] == [False] * (len(drawn) - 1) + [True]
+    rough, fine = (one.picture for one in drawn[-2:])
+    assert np.corrcoef(rough.ravel(), fine.ravel())[0, 1] > 0.95
