@@ -6,14 +6,14 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from align.embree import Hits, RayCaster
-from align.focal import LongerFocal
-from align.motion import nudge
-from align.smooth_normals import smooth_normals
+from align.pose.focal import LongerFocal
+from align.pose.motion import nudge
+from align.scan.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
+from scene.rays import Hits, RayCaster
 
 Array = NDArray[np.float64]
 

@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from align.mask import find_object
-from align.picture import sparse_normals
-from align.register import Registration, register
+from align.mask.object_mask import find_object
+from align.pose.register import Registration, register
+from align.pose.sharp_picture import sparse_normals
 from align.truth import ground_truth
 from fixtures.mesh_scene import Scene, as_calibrated, random_rotation, random_scene
 from fixtures.mesh_shapes import SHAPES, file_shape, scan_of

@@ -35,12 +35,12 @@ SIZES = {
 }
 STAGES = {
     "scan, read": "lab.job.Job.load_scan",
-    "mask": "align.mask.find_object",
+    "mask": "align.mask.object_mask.find_object",
     "photometric normals": "solve.solve.solve",
-    "scan, normals": "align.smooth_normals.smooth_normals",
-    "registration": "align.register.register",
+    "scan, normals": "align.scan.smooth_normals.smooth_normals",
+    "registration": "align.pose.register.register",
     "ground truth": "align.truth.ground_truth",
-    "pictures": "compare.registration.write_pictures",
+    "pictures": "compare.report.registration_pictures.write_pictures",
 }
 REST = "the rest: files written, the final mask"
 

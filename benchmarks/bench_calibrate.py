@@ -37,7 +37,7 @@ def _mark_session(kind: str, seed: int) -> dict:
 
 
 def _find_in_scene(seed: int) -> dict:
-    from calibrate.finding.balls import find_balls
+    from calibrate.detection.balls import find_balls
     from fixtures.random_scenes import judge, random_scene
     from scene.errors import SceneError
 

@@ -18,12 +18,12 @@ import numpy as np
 from benchmarks.calibration_sessions import CAMERA, OBJECT, directions_to, reflection_points, world_peak
 from benchmarks.pages import put
 from calibrate.calibrate import calibrate
-from compare.line_chart import line_chart
+from compare.report.line_chart import line_chart
 from fixtures.ball_scene import World, flashes, photograph
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.normals import angular_error_deg
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 BALLS, FRAMES, FIRST_SEED = (1, 2, 3, 4, 5), (4, 12, 36, 100), 700

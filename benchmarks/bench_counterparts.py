@@ -12,7 +12,7 @@ import time
 from pathlib import Path
 
 from benchmarks.pages import put
-from compare.line_chart import line_chart
+from compare.report.line_chart import line_chart
 from experiments.counterparts.four_experiments import EXPERIMENTS, METHODS, Experiment
 from experiments.counterparts.pairs import Pair, run_experiments
 

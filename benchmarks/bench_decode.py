@@ -31,7 +31,7 @@ locked = dict(
 
 def synthetic_session(folder: Path, *, count: int, height: int, width: int) -> Path:
     """Write flash frames of smooth light, texture and noise, and a session.toml."""
-    from twin.virtual_camera import Sensor, write_dng
+    from twin.camera.virtual_camera import Sensor, write_dng
 
     rng = np.random.default_rng(0)
     v, u = np.mgrid[:height, :width].astype(np.float32) / width
@@ -66,7 +66,7 @@ def seconds(work, repeats: int = 5) -> float:
 def one_file(path: Path) -> None:
     import rawpy
 
-    from capture.raw import read_raw
+    from capture.photographs.raw import read_raw
 
     scope: dict = {}
     exec(LIBRAW, scope)
@@ -94,7 +94,7 @@ def whole_session(folder: Path) -> None:
         + """
 from concurrent.futures import ThreadPoolExecutor
 import os
-from capture.session import load_session
+from capture.session.session import load_session
 def work(path):
     with rawpy.imread(str(path)) as raw:
         return raw.postprocess(**locked).shape
@@ -104,8 +104,8 @@ with ThreadPoolExecutor(os.cpu_count()) as pool:
     list(pool.map(work, session.flash + session.ambient))
 """,
         "decode, with store and audit": """
-from capture.decode import decode
-from capture.session import load_session
+from capture.photographs.decode import decode
+from capture.session.session import load_session
 from scene.store import Store
 session = load_session(sys.argv[1])
 start = time.perf_counter()
@@ -147,7 +147,7 @@ def main() -> None:
             folder = Path(scratch) / "24 megapixels"
             folder.mkdir()
             synthetic_session(folder, count=12, height=4000, width=6000)
-        from capture.session import load_session
+        from capture.session.session import load_session
 
         one_file(load_session(folder).flash[0])
         whole_session(folder)

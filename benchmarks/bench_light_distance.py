@@ -16,8 +16,8 @@ from benchmarks.bench_intensities import session, true_normals
 from benchmarks.pages import put
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.light_distance import find_positions
 from solve.solve import solve
+from solve.whole.light_distance import find_positions
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "methods.md"
 SHAPES = ("blob", "potato", "relief", "brick", "pear", "knot", "mug", "gear")

@@ -21,11 +21,11 @@ from benchmarks.real_captures import washington
 from benchmarks.real_surfaces import diligent_object
 from scene.lights import Lights
 from scene.pose import Pose
-from twin.fit_material import MaterialFit, fit_material
-from twin.material_residual import Residual, material_residual
-from twin.material_samples import samples_of_normals
-from twin.materials import RoughPlastic
-from twin.scan_material import scan_material
+from twin.description.materials import RoughPlastic
+from twin.material.fit_material import MaterialFit, fit_material
+from twin.material.material_residual import Residual, material_residual
+from twin.material.material_samples import samples_of_normals
+from twin.material.scan_material import scan_material
 
 ROOT = Path(__file__).resolve().parents[1]
 SHAPES = ("blob", "potato", "relief", "knot", "dented_pear", "house", "brick", "mug")

@@ -15,8 +15,8 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.pages import put
-from compare.speed import speed_points
-from compare.speed_chart import speed_chart
+from compare.report.speed import speed_points
+from compare.report.speed_chart import speed_chart
 from solve.solve import METHODS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -19,11 +19,10 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from align.embree import RayCaster
-from align.pick_pose import misses_px, pose_of, refined
-from align.pose_check import check_pose
-from align.register import register
-from align.rim import find_rim
+from align.pose.pick_pose import misses_px, pose_of, refined
+from align.pose.pose_check import check_pose
+from align.pose.register import register
+from align.pose.rim import find_rim
 from align.truth import ground_truth
 from benchmarks.pages import put
 from benchmarks.real_surfaces import (
@@ -40,6 +39,7 @@ from scene.errors import AlignError
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 from scene.pose import Pose
+from scene.rays import RayCaster
 from solve.solve import solve
 
 ROOT = Path(__file__).resolve().parents[1]

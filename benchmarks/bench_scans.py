@@ -24,7 +24,7 @@ import sys, time
 who, path = sys.argv[1:]
 import numpy, scipy.sparse.csgraph, scipy.spatial, trimesh
 from pathlib import Path
-from align.scan import load_scan
+from align.scan.mended_scan import load_scan
 from scene.ray_casting import import_open3d
 open3d = import_open3d()
 read = {

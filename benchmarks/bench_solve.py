@@ -23,7 +23,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve import l1, sbl
+from solve.pixelwise import l1, sbl
 from solve.solve import solve
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.pages import put
-from compare.four_ways import four_ways
+from compare.statistics.four_ways import four_ways
 from scene.normals import unit
 from scene.store import Store
-from solve.low_rank import low_rank
 from solve.solve import UNCALIBRATED, solve
+from solve.whole.low_rank import low_rank
 
 ROOT = Path(__file__).resolve().parents[1]
 DILIGENT = ROOT / ".." / "shared" / "real" / "diligent"

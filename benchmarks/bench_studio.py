@@ -23,10 +23,10 @@ from studio.editor import edits, light_edits
 from studio.editor.live_scene import LiveScene, refined
 from studio.editor.placement import placement_of
 from studio.editor.preview import HEIGHT, WIDTH
-from twin.description import TwinScene
-from twin.materials import Diffuse, RoughPlastic
-from twin.mesh_files import read_mesh, write_ply
-from twin.object_mesh import ObjectMesh, smooth
+from twin.description.description import TwinScene
+from twin.description.materials import Diffuse, RoughPlastic
+from twin.description.mesh_files import read_mesh, write_ply
+from twin.description.object_mesh import ObjectMesh, smooth
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 COMPILED, TIMED = 2, 8

@@ -17,9 +17,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from align.embree import RayCaster
-from align.scan_noise import Neighbours, scan_noise
-from align.smooth_normals import smooth_normals
+from align.scan.scan_noise import Neighbours, scan_noise
+from align.scan.smooth_normals import smooth_normals
 from align.truth import ground_truth
 from benchmarks.pages import put
 from fixtures import star_shapes
@@ -28,6 +27,7 @@ from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
 from scene.ray_casting import import_open3d
+from scene.rays import RayCaster
 
 ROOT = Path(__file__).resolve().parents[1]
 BUNNY = ROOT / ".." / "shared" / "real" / "scan_meshes" / "data" / "stanford-bunny.obj"

@@ -20,11 +20,11 @@ from numpy.typing import NDArray
 
 from benchmarks.pages import put
 from benchmarks.twin_scenes import StockMitsuba, dome, stage, whole_picture
-from compare.line_chart import line_chart
-from twin.direct import Direct
-from twin.flashes import import_mitsuba
-from twin.many import Indirect
-from twin.mitsuba_scene import mitsuba_scene
+from compare.report.line_chart import line_chart
+from twin.engines.direct import Direct
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.many import Indirect
+from twin.engines.mitsuba_scene import mitsuba_scene
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLERS = "multijitter", "independent", "orthogonal"

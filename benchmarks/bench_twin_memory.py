@@ -21,10 +21,10 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from scene.store import Store
-from twin.description import Sampling, TwinObject, TwinScene
-from twin.materials import Diffuse
-from twin.object_mesh import ObjectMesh
-from twin.render import render_scene
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import Diffuse
+from twin.description.object_mesh import ObjectMesh
+from twin.engines.render import render_scene
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "twin.md"
 WIDTH, HEIGHT, LIGHTS, SIDE, PATHS = 6000, 4000, 4, 708, 4

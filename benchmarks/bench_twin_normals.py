@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 
 from benchmarks.pages import put
 from benchmarks.twin_scenes import StockMitsuba, dome, stage, whole_picture
-from compare.line_chart import line_chart
+from compare.report.line_chart import line_chart
 from scene.frames import Frames
 from scene.normals import angular_error_deg
 from solve.solve import solve
-from twin.direct import Direct
-from twin.flashes import import_mitsuba
+from twin.engines.direct import Direct
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.many import Indirect
+from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.ground_truth import ground_truth
-from twin.many import Indirect
-from twin.mitsuba_scene import mitsuba_scene
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
 LIGHTS, CONVERGED = 24, 256

@@ -10,7 +10,7 @@ from fixtures.ball_scene import World, photograph
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
 
 Array = NDArray[np.float64]
 OFF_AXIS_MM = (0.0, 100.0, 200.0, 300.0)

@@ -16,7 +16,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.normals import angular_error_deg
 from scene.spheres import SphereRequest
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
 
 Array = NDArray[np.float64]
 CAMERA = Camera(1200, 800, 1666.7, 1666.7, 606.8, 394.9)

@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.calibration_sessions import CAMERA, session_world
 from fixtures.ball_scene import radiance
-from twin.virtual_camera import Sensor, expose, write_dng
+from twin.camera.virtual_camera import Sensor, expose, write_dng
 
 ROOT = Path(__file__).resolve().parents[1]
 REPEATS = 5
@@ -84,7 +84,7 @@ def write_frames(folder: Path, first: int, last: int, width: int, height: int) -
 
 def measure(width: int = 6000, height: int = 4000) -> dict[str, float]:
     """Return the seconds of LibRaw and of calibrate, and calibrate's peak memory."""
-    from capture.raw import read_raw
+    from capture.photographs.raw import read_raw
 
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.calibration_peers import FOCAL_PX, OFF_AXIS_MM
-from compare.line_chart import line_chart
+from compare.report.line_chart import line_chart
 
 TOOLS = {
     "psbox": "PSBox, select-ball",

@@ -167,9 +167,9 @@ def _write_picture(path: Path, linear: NDArray, taken: Taken, index: int) -> Non
 
 def photographed(folder: Path, scratch: Path) -> Taken:
     """Return a session that another program rendered, its superpixels, with the truth that lies beside it."""
-    from align.scan import load_scan
-    from capture.decode import decode
-    from capture.session import load_session
+    from align.scan.mended_scan import load_scan
+    from capture.photographs.decode import decode
+    from capture.session.session import load_session
 
     session = replace(load_session(folder), half=True)
     frames, _ = decode(session, Store(scratch))
@@ -216,7 +216,7 @@ def ray_traced(seed: int, kind: str = "two") -> Taken:
     """Return a session of the ray tracer: balls around three lumps on a table, its superpixels."""
     from benchmarks.calibration_sessions import session_world
     from fixtures.ball_scene import photograph
-    from twin.virtual_camera import Sensor
+    from twin.camera.virtual_camera import Sensor
 
     world = session_world(seed, kind)
     # The room's light is 1 to 3 % of the flash in most sessions; in every third one it is ten times that.
@@ -265,8 +265,8 @@ def ray_traced(seed: int, kind: str = "two") -> Taken:
 
 def virtual(seed: int, scratch: Path) -> Taken:
     """Return a virtual capture of experiments/counterparts: a white sphere amid balls, 16 flashes, by Mitsuba."""
-    from capture.decode import decode
-    from capture.session import load_session
+    from capture.photographs.decode import decode
+    from capture.session.session import load_session
     from experiments.counterparts.captures import write_capture
     from experiments.counterparts.four_experiments import Setup
     from experiments.counterparts.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene

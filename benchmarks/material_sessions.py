@@ -19,14 +19,14 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose, rotation_from_vector
-from twin.description import WHITE_BALL_ALBEDO, TwinObject, TwinScene
-from twin.direct import Direct
-from twin.flashes import import_mitsuba
-from twin.many import Indirect
-from twin.materials import RoughPlastic, Texture
-from twin.mitsuba_scene import mitsuba_scene
-from twin.object_mesh import ObjectMesh
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
+from twin.description.description import WHITE_BALL_ALBEDO, TwinObject, TwinScene
+from twin.description.materials import RoughPlastic, Texture
+from twin.description.object_mesh import ObjectMesh
+from twin.engines.direct import Direct
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.many import Indirect
+from twin.engines.mitsuba_scene import mitsuba_scene
 
 AMBIENT = 0.004
 """Pixel value of the room's light in every frame; a frame without flash tells it."""

@@ -21,7 +21,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
-from twin.virtual_camera import Sensor, expose, write_dng
+from twin.camera.virtual_camera import Sensor, expose, write_dng
 
 CAMERA = Camera(1200, 800, 1666.7, 1666.7, 606.8, 394.9)
 CENTRE = np.array([0.0, 0.0, -1000.0])

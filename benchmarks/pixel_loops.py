@@ -1,7 +1,7 @@
 """`l1` and `sbl` as people write them: a loop over pixels around numpy.linalg. The reference of bench_solve.
 
-The same weights, floors and tolerances as solve/l1.py and solve/sbl.py; no shadow threshold, so that both see the same
-samples.
+The same weights, floors and tolerances as solve/pixelwise/l1.py and solve/pixelwise/sbl.py; no shadow threshold, so
+that both see the same samples.
 """
 
 import numpy as np

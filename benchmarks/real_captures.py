@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
-from calibrate.light_files.known import read_lights
-from calibrate.photometry.skin import read_skin, shading_directions
+from calibrate.known_lights.read_known import read_lights
+from calibrate.photometry.matte_shading import read_skin, shading_directions
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames, encode
@@ -175,7 +175,7 @@ class DiligentBall:
 
 def diligent_ball() -> DiligentBall:
     """Calibrate DiLiGenT's ball as if it were a white calibration ball, with its own lights put aside."""
-    from align.given import read_normals
+    from align.registered_normals import read_normals
 
     folder = need("diligent", "ballPNG")
     frames = photographs(sorted(folder.glob("[0-9]*.png")))
@@ -255,10 +255,10 @@ class Bunny:
 
 def bunny(scratch: Path) -> Bunny:
     """Calibrate the bunny session by its session.toml; its truth judges."""
-    from capture.camera import camera_of
-    from capture.decode import decode
-    from capture.requests import sphere_requests
-    from capture.session import load_session
+    from capture.camera.session_camera import camera_of
+    from capture.photographs.decode import decode
+    from capture.session.requests import sphere_requests
+    from capture.session.session import load_session
     from scene.store import Store
 
     folder = need("..", "sessions", "bunny")

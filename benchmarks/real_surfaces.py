@@ -12,9 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from align.given import read_normals
+from align.registered_normals import read_normals
 from benchmarks.real_captures import need, photographs
-from calibrate.light_files.known import read_lights
+from calibrate.known_lights.read_known import read_lights
 from fixtures.mesh_scene import random_rotation
 from scene.camera import FROM_OPENCV, Camera
 from scene.frames import Frames

@@ -8,11 +8,11 @@ from numpy.typing import NDArray
 from fixtures.mesh_shapes import blob
 from scene.camera import Camera
 from scene.lights import Lights
-from twin.description import Sampling, TwinObject, TwinScene
-from twin.film import Film, sensor_description
-from twin.materials import Diffuse
-from twin.mitsuba_scene import mitsuba_scene
-from twin.object_mesh import built_in, smooth
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import Diffuse
+from twin.description.object_mesh import built_in, smooth
+from twin.engines.film import Film, sensor_description
+from twin.engines.mitsuba_scene import mitsuba_scene
 
 MIDDLE = np.array([0.0, 0.0, -300.0])
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Aim, Calibration, Notes
-from calibrate.finding.balls import Ball, find_balls
+from calibrate.detection.balls import Ball, find_balls
+from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome, spread_over_frames
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
-from calibrate.photometry.skin import Skin, contradicts_kind, read_skin, shading_directions
-from calibrate.with_known import EQUALLY_BRIGHT, with_known_lights
+from calibrate.photometry.matte_shading import Skin, contradicts_kind, read_skin, shading_directions
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError

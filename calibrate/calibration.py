@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.finding.detect import Rejected
+from calibrate.detection.detect import Rejected
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere

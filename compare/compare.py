@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.facts import light_rows, method_names, read_optional, sphere_rows
-from compare.four_ways import four_ways, is_measured_so
-from compare.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
-from compare.statistics import angular_statistics, common_rotation, error_correlation
+from compare.report.facts import light_rows, method_names, read_optional, sphere_rows
+from compare.report.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
+from compare.statistics.four_ways import four_ways, is_measured_so
+from compare.statistics.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
 from scene.normals import angular_error_deg

@@ -50,7 +50,7 @@ def render_description(
     SceneError
         The description is at fault, or the folder holds something else.
     """
-    from twin.description_file import read_scene
+    from twin.description.description_file import read_scene
 
     if twin.photograph:
         raise SceneError("--photograph is for a session's twin. A scene description has [camera.sensor].")
@@ -69,8 +69,8 @@ def render_description(
 
 
 def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
-    from twin.render import render_scene
-    from twin.session import write_session
+    from twin.engines.render import render_scene
+    from twin.twin_session import write_session
 
     with bar("twin") as progress:
         rendered = render_scene(scene, apart=apart, store=folder, progress=progress, tell=say)

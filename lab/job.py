@@ -79,7 +79,7 @@ class Job:
 
     def load_scan(self) -> Mesh:
         """Return the session's scan, mended; in millimetres where its unit is known, or a ball or a pose told it."""
-        from align.scan import load_scan
+        from align.scan.mended_scan import load_scan
 
         session = self.session
         mesh = load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)

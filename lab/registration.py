@@ -16,13 +16,13 @@ from scene.pose import Pose
 
 def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
-    from align.appearance import outline, shading
-    from align.mask import scan_mask
-    from align.motion import apart_px
-    from align.smooth_normals import smooth_normals
+    from align.mask.object_mask import scan_mask
+    from align.pose.appearance import outline, shading
+    from align.pose.motion import apart_px
+    from align.pose.unknown_scale import scaled_pose
+    from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
-    from align.unknown_scale import scaled_pose
-    from compare.registration import write_pictures
+    from compare.report.registration_pictures import write_pictures
 
     store = job.store
     mesh = job.load_scan()
@@ -86,9 +86,9 @@ def _registered(
     start: Pose | None,
 ) -> tuple[Mesh, Any, float | None]:
     """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
-    from align.picture import sparse_normals
-    from align.register import Registration, register
-    from align.unknown_scale import register_unknown_scale
+    from align.pose.register import Registration, register
+    from align.pose.sharp_picture import sparse_normals
+    from align.pose.unknown_scale import register_unknown_scale
     from solve.solve import solve
 
     def normals_of(some: NDArray[np.bool_]) -> NDArray:
@@ -110,8 +110,8 @@ def _registered(
 
 def _picked(job: Job, camera: Camera, mesh: Mesh) -> Any:
     """Return the pose that the session's picks give, None without picks."""
-    from align.picks import read_picks
-    from capture.requests import hint_scale
+    from align.pose.picks import read_picks
+    from capture.session.requests import hint_scale
 
     session = job.session
     if session.picks is None:

@@ -59,7 +59,7 @@ def open_job(
     SceneError
         Unknown solver or profile, an unreadable session, an output folder that is another's, or in use.
     """
-    from capture.session import load_session
+    from capture.session.session import load_session
     from lab.cluster.connect import executor_of
     from lab.job import Job
     from scene.current import paths_in
@@ -118,7 +118,7 @@ def run_session(
         job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
         if wanted == "compare":
-            from compare.report import write_report
+            from compare.report.report import write_report
 
             with job.record.part_of(REPORTED):
                 page = write_report(job.store, summary)

@@ -62,11 +62,11 @@ def _photographed(
     progress: Callable[[int, int], None],
 ) -> tuple[Frames, list[SphereRequest]]:
     """Return the rendering's frames, decoded from files as photographs are, and what balls to look for in them."""
-    from capture.decode import decode
-    from capture.session import Session
-    from twin.balls import render_balls
-    from twin.grain import expose_colour, sensor_like
-    from twin.virtual_camera import expose, write_dng
+    from capture.photographs.decode import decode
+    from capture.session.session import Session
+    from twin.camera.grain import expose_colour, sensor_like
+    from twin.camera.virtual_camera import expose, write_dng
+    from twin.virtual_balls import render_balls
 
     real = job.store.load_frames()
     sensor = sensor_like(real)

@@ -19,8 +19,8 @@ from scene.store import Store
 @alive("check")
 def check(job: Job) -> Outcome:
     """Decode the frames and audit the capture."""
-    from capture.camera import camera_of
-    from capture.decode import decode
+    from capture.camera.session_camera import camera_of
+    from capture.photographs.decode import decode
 
     with progress_bar("decode") as progress:
         frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
@@ -48,8 +48,8 @@ def check(job: Job) -> Outcome:
 def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
-    from calibrate.light_files.known import read_lights
-    from capture.requests import sphere_requests
+    from calibrate.known_lights.read_known import read_lights
+    from capture.session.requests import sphere_requests
 
     store = job.store
     frames, camera = store.load_frames(), Store(store.path("frames")).load_camera()
@@ -92,10 +92,10 @@ def calibrate(job: Job) -> Outcome:
 
 
 def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str) -> Any:
-    from align.given import read_normals
+    from align.registered_normals import read_normals
     from calibrate.calibration import Calibration
     from calibrate.without_balls.from_normals import lights_from_normals
-    from capture.requests import read_mask
+    from capture.session.requests import read_mask
 
     session = job.session
     normals = read_normals(session.normals, frames.height, frames.width)
@@ -110,9 +110,9 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
 @alive("align")
 def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
-    from align.mask import find_object
-    from capture.requests import read_mask
-    from solve.own_axes import lights_in_other_axes
+    from align.mask.object_mask import find_object
+    from capture.session.requests import read_mask
+    from solve.axes_test import lights_in_other_axes
 
     store, session = job.store, job.session
     frames, camera, lights = store.load_frames(), store.load_camera(), Store(store.path("frames")).load_lights()
@@ -152,7 +152,7 @@ def align(job: Job) -> Outcome:
 
 def _given_truth(job: Job, mask: Any) -> dict:
     """Write the ground truth that the session gives."""
-    from align.given import read_normals
+    from align.registered_normals import read_normals
 
     normals = read_normals(job.session.normals, *mask.shape)
     normals = np.where(mask[..., None], normals, np.nan)
@@ -168,7 +168,7 @@ def solve(job: Job) -> Outcome:
 
 def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
     """Run every method on a store's frames, and save what it finds there."""
-    from solve.given import solve_external
+    from solve.given_normals import solve_external
     from solve.solve import solve as run
 
     frames, camera = store.load_frames(), job.store.load_camera()
@@ -218,7 +218,7 @@ def compare(job: Job) -> Outcome:
 
 
 def _truth_check(job: Job) -> dict:
-    from compare.known_truth import known_truth
+    from compare.statistics.known_truth import known_truth
 
     assert job.truth is not None
     mesh = job.load_scan() if job.session.scan else None

@@ -8,7 +8,7 @@ from cyclopts import Parameter
 from scene.errors import SceneError
 
 if TYPE_CHECKING:
-    from twin.description import Sampling
+    from twin.description.description import Sampling
 
 
 @Parameter(name="*")

@@ -30,8 +30,8 @@ def twin(job: Job) -> Outcome:
 
 def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     """Write the twin as a session of its own; return what the summary keeps of it, and what is suspicious."""
-    from twin.render import render_scene
-    from twin.session import write_session
+    from twin.engines.render import render_scene
+    from twin.twin_session import write_session
 
     store = job.store
     scene, material, scene_warnings = twin_scene(job)
@@ -62,15 +62,15 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
 
     Returns
     -------
-    scene : twin.description.TwinScene
+    scene : twin.description.description.TwinScene
     material : dict
-        `twin.scan_material.ScanMaterial.facts`; where it could not be fitted, model and sentence alone: matte, of a
-        solver's albedo.
+        `twin.material.scan_material.ScanMaterial.facts`; where it could not be fitted, model and sentence alone: matte,
+        of a solver's albedo.
     warnings : list of str
     """
-    from twin.description import Sampling
-    from twin.material_light import material_scene
-    from twin.scan_material import scan_material
+    from twin.description.description import Sampling
+    from twin.material.material_light import material_scene
+    from twin.material.scan_material import scan_material
     from twin.scan_scene import scan_scene
 
     store, lights, camera = job.store, job.store.load_lights(), job.store.load_camera()
@@ -97,7 +97,7 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
 
 def _sensor(job: Job) -> Any:
     """Return a sensor as noisy as the session's, of its kind."""
-    from twin.grain import sensor_like
+    from twin.camera.grain import sensor_like
 
     frames = job.store.load_frames()
     sensor, iso = sensor_like(frames), (job.done["check"]["result"]["frames_table"][0].get("iso") or 100)
@@ -108,8 +108,8 @@ def _sensor(job: Job) -> Any:
 
 def _develop(folder: Store) -> None:
     """Put a twin's photographs in the place of its rendered frames."""
-    from capture.decode import decode
-    from capture.session import load_session
+    from capture.photographs.decode import decode
+    from capture.session.session import load_session
 
     with progress_bar("twin: decode") as progress:
         decode(load_session(folder.folder), folder, progress=progress)

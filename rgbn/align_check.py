@@ -22,9 +22,9 @@ def check_alignment(job: Job) -> dict[str, Any]:
         There is no registered scan.
     """
     from align.meshlab import write_project
-    from align.pose_check import STEPS_PX, check_pose
-    from compare.pictures import Exposure
-    from compare.registration import raking_frame
+    from align.pose.pose_check import STEPS_PX, check_pose
+    from compare.report.pictures import Exposure
+    from compare.report.registration_pictures import raking_frame
 
     store = job.store
     if not store.path("pose.json").exists():

@@ -11,7 +11,7 @@ def examine() -> list[tuple[str, str]]:
     """Return (what, finding) rows; what is most often missing, the ray caster and the renderer, is really tried."""
     rows = [("machine", f"{os.cpu_count()} cores, {_memory_gb():.0f} GB memory")]
     rows += [(name, version) for name, version in libraries().items()]
-    from twin.variant import pick_variant
+    from twin.engines.variant import pick_variant
 
     variant, note = pick_variant()
     rows.append(("renderer", f"{variant}: {note}" if note else variant))

@@ -33,8 +33,8 @@ def export_scene(source: Path, out: Path | None) -> tuple[list[Path], list[str]]
     SceneError
         The scene cannot be rendered, or the session has no scan.
     """
-    from twin.description_file import read_scene
-    from twin.mitsuba_files import write_mitsuba
+    from twin.description.description_file import read_scene
+    from twin.engines.mitsuba_files import write_mitsuba
 
     if is_description(source):
         scene = read_scene(source)

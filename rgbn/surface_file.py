@@ -29,8 +29,8 @@ def write_surface(job: Job, path: Path) -> None:
     SceneError
         No pixel has a normal, or the file cannot be written.
     """
-    from solve.integration import integrate, surface_at
-    from solve.surface_mesh import mesh_of
+    from solve.surface.integration import integrate, surface_at
+    from solve.surface.surface_mesh import mesh_of
 
     store = job.store
     method = next((name for name in job.methods if store.path("depth", f"{name}.npy").exists()), job.methods[0])

@@ -3,8 +3,8 @@
 import numba
 import numpy as np
 
-from solve.decode import tile_at
-from solve.kernels import light_vector
+from solve.codes import tile_at
+from solve.pixelwise.kernels import light_vector
 
 DARK = 0.02
 """Samples under this share of the stack's 99th percentile are not lit: they cannot count among the three."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames, decode
 from scene.lights import Lights
-from solve.decode import read_gray
+from solve.codes import read_gray
 
 GRAY = np.array([0.2989, 0.5870, 0.1140])
 """Rec. 601 weights, as the published DiLiGenT figures use them [Shi2019]."""

@@ -19,17 +19,18 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 
-UNCALIBRATED = ("ldr", "entropy", "tv")
-"""Each a module of solve/uncalibrated/: they know the lights' intensities, where those were calibrated, and no more."""
-
-METHODS = (
-    "ls", "iterative", "position", "l1", "sbl", "hsh", "rpca", "semicalibrated", "near", "reflectance", *UNCALIBRATED
-)  # fmt: skip
-"""Each a module of this folder with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
+UNCALIBRATED = ("ldr", "entropy", "tv")  # they know the intensities, where those were calibrated, and no more
+FOLDERS = {
+    "pixelwise": ("ls", "iterative", "position", "l1", "sbl", "hsh"),
+    "whole": ("rpca", "semicalibrated", "near", "reflectance"),
+    "uncalibrated": UNCALIBRATED,
+}
+METHODS = tuple(name for names in FOLDERS.values() for name in names)
+"""Each a module with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
 
 One with VIEWS is given the unit vectors toward the camera, too. A module with `find_lights` corrects the lights first:
 fit, albedo and sigma are under those. One with POSITIONS is given positions for lights that have none, where the
-object tells them (`solve.light_distance`). One with `find_depth` finds each pixel's depth first: they are there.
+object tells them (`solve.whole.light_distance`). One with `find_depth` finds each pixel's depth first: they are there.
 """
 
 
@@ -60,7 +61,7 @@ def solve(
         `default`: what serves best. `seed`: the plain reading of the benchmark's text, where a method breaks as it
         breaks there [Berkiten2016]. A method may have more: every NAME_SETTINGS of its module is one.
     module : optional
-        What fits, when it is no method of ours: has WHOLE, SETTINGS and `fit_whole`; see `solve.given`.
+        What fits, when it is no method of ours: has WHOLE, SETTINGS and `fit_whole`; see `solve.given_normals`.
     executor : Executor, optional
         Runs the row bands. Default: threads, one a core (the kernels release the interpreter).
     progress : callable, optional
@@ -90,7 +91,7 @@ def solve(
     module = module or _module(method)
     if getattr(module, "CALIBRATED", True):
         lights.check()
-    from solve.doubts import doubts
+    from solve.cautions import doubts
     from solve.samples import bands, scale_of
 
     said = module.doubts(lights.directions, **settings) if hasattr(module, "doubts") else ()
@@ -102,7 +103,7 @@ def solve(
         own_lights, more = module.find_lights(frames, lights, camera, mask, **settings)
         lights, said = own_lights, (*said, *more)
     if getattr(module, "POSITIONS", False) and lights.positions_mm is None:
-        from solve.light_distance import find_positions
+        from solve.whole.light_distance import find_positions
 
         placed, more = find_positions(frames, lights, camera, mask)
         said = (*said, *more)
@@ -164,7 +165,7 @@ def settings_of(method: str, profile: str) -> dict[str, Any]:
 
 
 def _module(method: str) -> ModuleType:
-    return importlib.import_module(f"solve.{'uncalibrated.' if method in UNCALIBRATED else ''}{method}")
+    return importlib.import_module(f"solve.{next(key for key, names in FOLDERS.items() if method in names)}.{method}")
 
 
 def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
@@ -279,7 +280,7 @@ def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
 
 def _judgements(frames, lights, camera, mask, parts, found, gray, geometry, z_mm):
     """Yield the call that judges each band of a method that has fitted all pixels at once."""
-    from solve.whole import scale_of_samples
+    from solve.whole_result import scale_of_samples
 
     scale = scale_of_samples(gray, np.isfinite(gray))
     done = 0

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.object_mesh import ObjectMesh
+from twin.description.object_mesh import ObjectMesh
 
 MOST_FACES = 60_000
 """That are sent to a browser; a software renderer still turns them."""

@@ -24,7 +24,7 @@ from studio.front_door import FrontDoor
 from studio.review.panels import furnish
 from studio.review.review_desk import ReviewDesk
 from studio.workspace import Workspace
-from twin.description import TwinScene
+from twin.description.description import TwinScene
 
 WARM = -1
 """The desk of nobody."""

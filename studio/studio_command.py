@@ -33,7 +33,7 @@ def studio(
     from studio.front_door import LOOPBACK
     from studio.server import Studio
     from studio.workspace import Workspace
-    from twin.description_file import read_scene
+    from twin.description.description_file import read_scene
 
     # viser's, of each place that still writes when its window is closed.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")

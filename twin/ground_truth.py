@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.files import create_array, write_npy
-from twin.description import TwinScene
-from twin.materials import Conductor, Material, Measured, Principled, Texture
+from twin.description.description import TwinScene
+from twin.description.materials import Conductor, Material, Measured, Principled, Texture
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]

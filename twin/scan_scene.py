@@ -1,8 +1,8 @@
 """A registered scan with its measured albedo under the session's lights, as a scene description.
 
 What is physical of it: the shape with its cast shadows, near or distant lights, the measured albedo, light that goes
-from one part of the object to another. What is not: gloss (`twin.material_light.material_scene` adds it), the table and
-whatever else stands around.
+from one part of the object to another. What is not: gloss (`twin.material.material_light.material_scene` adds it), the
+table and whatever else stands around.
 """
 
 from dataclasses import replace
@@ -15,12 +15,12 @@ from scene.errors import RenderError
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
-from twin.depth import albedo_at_the_surface
-from twin.description import WHITE_BALL_ALBEDO, Sampling, TwinObject, TwinScene
-from twin.film import film_for
-from twin.materials import Diffuse, Texture
-from twin.object_mesh import ObjectMesh
-from twin.surface import textured_surface
+from twin.description.description import WHITE_BALL_ALBEDO, Sampling, TwinObject, TwinScene
+from twin.description.materials import Diffuse, Texture
+from twin.description.object_mesh import ObjectMesh
+from twin.engines.film import film_for
+from twin.material.measured_albedo import textured_surface
+from twin.material.measured_depth import albedo_at_the_surface
 from twin.visibility import inside
 
 

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
 from calibrate.lights.blocks import Rows
 from calibrate.lights.directions import mean_directions, mirrored_rays
+from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
 from scene.camera import Camera
 from scene.spheres import Sphere
 

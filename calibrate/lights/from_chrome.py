@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Aim, Notes
-from calibrate.finding.balls import Ball
+from calibrate.detection.balls import Ball
 from calibrate.lights.agreement import agreeing_spots
 from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots, measure_spot

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.finding.coarse import Coarse
+from calibrate.detection.coarse import Coarse
 from calibrate.lights.reflected_disc import Patch, fit_disc
 from scene.camera import Camera
 from scene.frames import Frames

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from calibrate.photometry.intensity import PARTLY, Photometry, measure
-from calibrate.photometry.skin import Skin
+from calibrate.photometry.matte_shading import Skin
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

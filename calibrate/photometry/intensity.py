@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.photometry.matte_shading import Skin
 from calibrate.photometry.patches import cut
 from calibrate.photometry.shading_model import DIM, Fit, Parts, ShadingModel, choose
-from calibrate.photometry.skin import Skin
 
 Array = NDArray[np.float64]
 PARTLY = 0.05

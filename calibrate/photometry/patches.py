@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.photometry.skin import FEWEST_PIXELS, Skin, tukey_weights
+from calibrate.photometry.matte_shading import FEWEST_PIXELS, Skin, tukey_weights
 
 Array = NDArray[np.float64]
 TERMINATOR = 0.1

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.without_balls.probe import Probe, read_probe
-from calibrate.without_balls.semicalibrated import LIT, intensities_from_object
+from calibrate.without_balls.semicalibrated_start import LIT, intensities_from_object
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights

@@ -19,9 +19,9 @@ from scene.camera import Camera
 from scene.files import write_json, write_npy, write_text
 from scene.spheres import Sphere
 from scene.store import Store
-from twin.description import TwinScene
-from twin.engine import Engine
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
+from twin.description.description import TwinScene
+from twin.engines.engine_choice import Engine
 
 Images = NDArray[np.float32]
 
@@ -49,7 +49,7 @@ def write_capture(folder: Store, setup: Setup, name: str, balls: Sequence[Sphere
     balls : sequence of Sphere
         Where another session found them: camera and balls stand still. Without, each session finds its own.
     """
-    from twin.photograph import write_photograph
+    from twin.camera.virtual_photograph import write_photograph
 
     scene = lab_scene(setup)
     mask, truth = object_maps(setup)
@@ -136,9 +136,9 @@ def _by_room(shape: str, fold_deg: float) -> Images:
 
 def standing(scene: TwinScene) -> Images:
     """Return the picture (H, W, 3) of a scene in an even light of radiance 1, by light that met one surface."""
-    from twin.description import Environment
-    from twin.engine import Choice
-    from twin.layers import standing_light
+    from twin.description.description import Environment
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import standing_light
 
     film = scene.film()
     lit = replace(
@@ -153,8 +153,8 @@ def standing(scene: TwinScene) -> Images:
 
 def whole(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = False) -> Images:
     """Return a scene's pictures (F, H, W, 3), or only the light that met more than one surface."""
-    from twin.engine import Choice
-    from twin.layers import render_layers
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import render_layers
 
     film = scene.film()
     layers = render_layers(scene, film, Choice(engine, 0.005, samples, "the recipe's"))

@@ -35,15 +35,15 @@ def compare_folders(
     Returns
     -------
     dict
-        Of `compare.counterparts.compare_counterparts`, with name, created, versions and folders.
+        Of `compare.statistics.counterpart_verdict.compare_counterparts`, with name, created, versions and folders.
 
     Raises
     ------
     SceneError
         A folder is not processed, a method asked for is not in both, or the two have none in common.
     """
-    from compare.counterpart_page import counterpart_page
-    from compare.counterparts import compare_counterparts
+    from compare.report.counterpart_page import counterpart_page
+    from compare.statistics.counterpart_verdict import compare_counterparts
 
     folders = {"real": open_folder(real), "twin": open_folder(twin)}
     common = _common(folders, methods)
@@ -69,7 +69,7 @@ def compare_folders(
 
 def capture_of(folder: Folder, methods: tuple[str, ...], seed: int) -> Any:
     """Return a folder's errors, and what its lights and registration leave open."""
-    from compare.counterpart_draws import Capture
+    from compare.statistics.counterpart_draws import Capture
 
     shifts, carried = shifts_of(folder, methods, seed=seed)
     return Capture(folder.name, folder.kind, error_maps(folder, methods), shifts, carried)

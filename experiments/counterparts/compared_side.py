@@ -51,7 +51,7 @@ class Folder:
     @property
     def name(self) -> str:
         """The session's, or the folder's."""
-        from compare.facts import read_optional
+        from compare.report.facts import read_optional
 
         here = self.store.folder.resolve()
         told = (read_optional(self.store, "summary.json") or {}).get("name")
@@ -66,7 +66,7 @@ def open_folder(path: Path) -> Folder:
     SceneError
         There are no normals in it, or no ground truth.
     """
-    from compare.facts import method_names
+    from compare.report.facts import method_names
 
     if not path.is_dir():
         raise SceneError(f"{path}: is no folder. Give two output folders of `rgbn process`, or one and its twin/.")
@@ -119,8 +119,8 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
     Returns
     -------
     shifts : dict of str to (MOVES, 4) float64
-        By method, in the order of `compare.block_bootstrap.KEYS`; row k is one movement for all methods. Empty where
-        nothing is to be carried.
+        By method, in the order of `compare.statistics.block_bootstrap.KEYS`; row k is one movement for all methods.
+        Empty where nothing is to be carried.
     carried : dict
         direction_sigma_deg, intensity_sigma (medians), pose_sigma_deg, pose_sigma_mm; each None where it is zero or
         unknown; pixels, moves; not_carried: methods that could not be run again; why, where nothing was moved: the
@@ -133,15 +133,15 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
     then every method solves again, and its statistics are held against those of the thinned stack unmoved.
     A rendering's lights and truth are what it was made from: nothing is open there.
     """
-    from compare.block_bootstrap import KEYS
-    from compare.statistics import angular_statistics
+    from compare.statistics.block_bootstrap import KEYS
+    from compare.statistics.statistics import angular_statistics
 
     lights, camera = folder.store.load_lights(), _camera(folder.store)
     pose = folder.store.read_json("pose.json") if folder.store.path("pose.json").exists() else {}
     sigmas = {
         "direction_sigma_deg": _median(lights.direction_sigma_deg),
         "intensity_sigma": _median(lights.intensity_sigma),
-        # Rms lengths of vectors, see `align.register`: along one axis less by the root of 3.
+        # Rms lengths of vectors, see `align.pose.register`: along one axis less by the root of 3.
         "pose_sigma_deg": pose.get("sigma_deg"),
         "pose_sigma_mm": pose.get("sigma_mm"),
     }
@@ -195,7 +195,7 @@ def _solved(
     store: Store, method: str, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]
 ) -> Map | None:
     """Return a method's normals with the profile that it ran with; None where it cannot be run again."""
-    from compare.facts import read_optional
+    from compare.report.facts import read_optional
     from solve.solve import METHODS, solve
 
     if method not in METHODS:

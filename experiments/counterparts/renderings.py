@@ -7,7 +7,7 @@ from experiments.counterparts.four_experiments import METHODS, Setup
 from experiments.counterparts.scenes import object_scene
 from scene.frames import Frames
 from scene.store import Store
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
 
 PATHS = 64
 
@@ -22,10 +22,10 @@ def write_rendering(folder: Store, setup: Setup, name: str) -> None:
     setup : Setup
     name : str
     """
-    from capture.decode import decode
-    from capture.session import load_session
+    from capture.photographs.decode import decode
+    from capture.session.session import load_session
     from solve.solve import solve
-    from twin.session import write_session
+    from twin.twin_session import write_session
 
     scene = object_scene(setup)
     mask, truth = object_maps(setup)

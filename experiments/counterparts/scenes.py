@@ -9,9 +9,9 @@ from experiments.counterparts.four_experiments import Setup
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
-from twin.description import Sampling, TwinObject, TwinScene
-from twin.materials import Conductor, Diffuse, Material
-from twin.object_mesh import ObjectMesh, built_in
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, Material
+from twin.description.object_mesh import ObjectMesh, built_in
 
 Array = NDArray[np.float64]
 

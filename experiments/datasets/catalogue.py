@@ -8,7 +8,7 @@ from typing import Literal
 from experiments.sweeps.nine_experiments import EXPERIMENTS, OBJECTS
 from experiments.sweeps.recipe import Recipe
 from scene.errors import SceneError
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
 
 DECIMALS = {
     "ambient": 2, "interreflection": 1, "images": 0, "noise": 3, "ring": 0, "roughness": 2, "shadow": 2,
@@ -20,8 +20,8 @@ HAND_HELD = (8, 16, 32, 60)
 GROUPS = ("matte", "plastic", "metal", "mixed")
 GROUP_DEPTH = 4
 SENSORS = {
-    # Measured by `twin.grain.sensor_like`: on three photographs of DiLiGenT's cat, whose colours are interpolated
-    # already, and on the four planes of one RAW of a Canon EOS 550D, whose ISO nobody wrote down.
+    # Measured by `twin.camera.grain.sensor_like`: on three photographs of DiLiGenT's cat, whose colours are
+    # interpolated already, and on the four planes of one RAW of a Canon EOS 550D, whose ISO nobody wrote down.
     "diligent": Sensor(full_well_e=18400, read_noise_e=13.2, cfa="none", neutral=(1.0, 1.0, 1.0)),
     "canon": Sensor(full_well_e=5470, read_noise_e=5.1),
     "canon-4x": Sensor(full_well_e=5470, read_noise_e=5.1, iso=400),

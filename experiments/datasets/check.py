@@ -11,7 +11,7 @@ from experiments.datasets.checked_photographs import CLIPPED, Samples, read_samp
 from experiments.datasets.convention import Evidence, arrangements, fitted_intensities
 from experiments.datasets.layout import DISAGREES, TABLES, Layout, mask_faults, read_layout
 from solve.axes import AXES
-from solve.own_axes import axes_by_themselves
+from solve.axes_test import axes_by_themselves
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3

@@ -11,9 +11,9 @@ from experiments.sweeps.shapes import SHAPES
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
-from twin.description import TwinObject, TwinScene
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, Material, RoughPlastic
 from twin.ground_truth import GroundTruth, ground_truth
-from twin.materials import Conductor, Diffuse, Material, RoughPlastic
 
 POWER_SPREAD = 0.08
 DISTANCES = (0.7, 1.3)
@@ -80,9 +80,9 @@ def stack_of(dataset: Dataset) -> Stack:
 
 def _own(dataset: Dataset) -> tuple[Frames, TwinScene, float]:
     """Return the frames of a scene that no sweep has, the scene, and the exposure."""
-    from twin.engine import Choice
-    from twin.layers import render_layers
-    from twin.variant import FAST, pick_variant
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import render_layers
+    from twin.engines.variant import FAST, pick_variant
 
     scene = scene_of(dataset)
     engine = "many" if dataset.recipe.depth > 2 else "direct"
@@ -142,8 +142,8 @@ def _photographed(frames: Frames, dataset: Dataset) -> Frames:
     """Return the frames as the dataset's camera sees them; as they are without one."""
     if dataset.sensor is None:
         return frames
-    from twin.photograph import developed
-    from twin.virtual_camera import expose
+    from twin.camera.virtual_camera import expose
+    from twin.camera.virtual_photograph import developed
 
     images = [
         developed(

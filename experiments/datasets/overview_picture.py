@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.pictures import PAPER, Box, Exposure, normal_picture, shrink, thumbnail
+from compare.report.pictures import PAPER, Box, Exposure, normal_picture, shrink, thumbnail
 from experiments.datasets.dataset_scene import Stack
 from twin.ground_truth import lights_of
 

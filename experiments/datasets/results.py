@@ -66,7 +66,7 @@ def results_text(rows: Rows) -> str:
 
 
 def _page(rows: Rows) -> str:
-    from compare.page import number, table
+    from compare.report.page import number, table
     from experiments.sweeps.sweep_page import STYLE
 
     parts = [

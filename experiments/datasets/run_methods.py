@@ -133,7 +133,7 @@ def _solve(
 
 
 def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:
-    from compare.statistics import angular_statistics
+    from compare.statistics.statistics import angular_statistics
     from scene.normals import angular_error_deg
 
     try:

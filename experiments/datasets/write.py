@@ -43,8 +43,8 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     from scene.normals import encode_normals
     from scene.store import Store
     from solve.external import write_diligent
+    from twin.description.picture_files import write_exr
     from twin.ground_truth import save_ground_truth
-    from twin.picture_files import write_exr
 
     stack = stack_of(dataset)
     truth, everything = stack.truth, (slice(None), slice(None))

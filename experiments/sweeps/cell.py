@@ -115,7 +115,7 @@ def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:
     nothing of the method. albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that
     is not told the lights finds albedo up to a factor: the one that makes the median right is put in.
     """
-    from compare.statistics import angular_statistics
+    from compare.statistics.statistics import angular_statistics
     from scene.normals import angular_error_deg
 
     p = photographs

@@ -83,7 +83,7 @@ def _relief(n: Array, t: Array) -> Array:
 
 def _turn(n: Array, t: Array) -> Array:
     """Return the matrix (3, 3) for which n times it is n after the rotation that suits t best."""
-    from compare.statistics import common_rotation
+    from compare.statistics.statistics import common_rotation
 
     weights, matrix = np.ones(len(n)), np.eye(3)
     for _ in range(ROUNDS):

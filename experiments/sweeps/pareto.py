@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from compare.facts import family
-from compare.speed import SpeedPoint
+from compare.report.facts import family
+from compare.report.speed import SpeedPoint
 
 Rows = list[dict[str, Any]]
 NAME = ("experiment", "level", "shape", "seed", "solver", "profile")

@@ -99,10 +99,10 @@ def _some(lights: Lights, taken: NDArray[np.intp]) -> Lights:
 # Two, for the one after the other of cells that share a scene; more would be of no use, and each takes 25 MB.
 @lru_cache(maxsize=2)
 def _render(recipe: Recipe) -> _Rendered:
-    from twin.engine import Choice
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import render_layers
+    from twin.engines.variant import FAST, pick_variant
     from twin.ground_truth import ground_truth
-    from twin.layers import render_layers
-    from twin.variant import FAST, pick_variant
 
     scene = stage(recipe)
     truth = ground_truth(scene)
@@ -136,8 +136,8 @@ def _medium_light(recipe: Recipe, solid: Images, mask: NDArray[np.bool_]) -> Ima
     """
     import cv2
 
-    from twin.engine import Choice
-    from twin.layers import render_layers
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import render_layers
 
     scene = stage(recipe)
     film = scene.film()
@@ -155,8 +155,8 @@ def _medium_light(recipe: Recipe, solid: Images, mask: NDArray[np.bool_]) -> Ima
 @lru_cache(maxsize=2)
 def _ambient(recipe: Recipe) -> Images:
     """Return (H, W, 3), the light of an even surrounding of radiance 1."""
-    from twin.engine import Choice
-    from twin.layers import render_layers
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import render_layers
 
     scene = stage(recipe, ambient=True)
     # One flash will do, and even that is not used.

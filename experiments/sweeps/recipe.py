@@ -19,7 +19,7 @@ class Recipe:
     relief : float
         Of the shapes that have one: height over radius of the hollows, k of the waves.
     material : str
-        One of the benchmark's eight, see `twin.materials.seed_materials`.
+        One of the benchmark's eight, see `twin.description.materials.seed_materials`.
     reflectance : float
         Of the matte part, where it has no texture.
     roughness, specularity : float

@@ -7,8 +7,8 @@ from experiments.sweeps.recipe import Recipe
 from experiments.sweeps.shapes import SHAPES
 from scene.camera import Camera
 from scene.lights import Lights
-from twin.description import Environment, Sampling, TwinObject, TwinScene
-from twin.materials import Material, RoughPlastic, Texture, seed_materials
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.materials import Material, RoughPlastic, Texture, seed_materials
 
 RADIUS_MM, DISTANCE_MM = 100.0, 1500.0
 MEAN_FREE_PATH_MM = 2 * RADIUS_MM / 50

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.object_mesh import ObjectMesh, built_in, smooth
+from twin.description.object_mesh import ObjectMesh, built_in, smooth
 
 Array = NDArray[np.float64]
 

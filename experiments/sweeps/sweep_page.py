@@ -4,8 +4,8 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from compare.line_chart import line_chart
-from compare.speed_chart import speed_chart
+from compare.report.line_chart import line_chart
+from compare.report.speed_chart import speed_chart
 from experiments.sweeps.atlas import atlas
 from experiments.sweeps.nine_experiments import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
 from experiments.sweeps.pareto import speed_points

@@ -6,8 +6,8 @@ Looks at all pixels at once. Memory: 9 bytes a sample beside the samples themsel
 import numba
 import numpy as np
 
-from solve.uncalibrated.finish import finish
 from solve.uncalibrated.front_end import family
+from solve.uncalibrated.normals_and_lights import finish
 
 WHOLE = True
 CALIBRATED = False

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import CalibrationError
-from solve import iterative
+from solve.pixelwise import iterative
 from solve.uncalibrated.integrability import integrable
-from solve.whole import scale_of_samples
+from solve.whole_result import scale_of_samples
 
 Array = NDArray[np.float64]
 
@@ -85,8 +85,8 @@ def family(
     Notes
     -----
     M ~ U S V' from the eigenvectors of M' M (F, F) [Hayakawa1994]. A pixel's fit to known lights knows no
-    difference between lights and any linear image of them: `solve.iterative` serves as it is, in turn with least
-    squares for the lights over the samples that it keeps.
+    difference between lights and any linear image of them: `solve.pixelwise.iterative` serves as it is, in turn with
+    least squares for the lights over the samples that it keeps.
     """
     if gray.shape[1] < FEWEST_FRAMES:
         raise CalibrationError(

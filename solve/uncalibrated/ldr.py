@@ -7,8 +7,8 @@ import cv2
 import numba
 import numpy as np
 
-from solve.uncalibrated.finish import finish
 from solve.uncalibrated.front_end import family
+from solve.uncalibrated.normals_and_lights import finish
 
 WHOLE = True
 CALIBRATED = False

@@ -7,8 +7,8 @@ import numpy as np
 
 from solve.uncalibrated.entropy import plainest_depth
 from solve.uncalibrated.equal_lights import depth_of_equal_lights
-from solve.uncalibrated.finish import finish
 from solve.uncalibrated.front_end import family
+from solve.uncalibrated.normals_and_lights import finish
 
 WHOLE = True
 CALIBRATED = False

@@ -5,7 +5,7 @@ from typing import Any
 
 from studio.editor import edits
 from studio.editor.desk import Desk
-from twin.description_tables import SamplingTable
+from twin.description.description_tables import SamplingTable
 
 
 class CameraPanel:

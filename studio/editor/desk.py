@@ -10,7 +10,7 @@ from studio.editor.edits import start_scene
 from studio.editor.history import Document, History
 from studio.editor.preview import Drawn, Preview
 from studio.workspace import MOST_FILES, Listing, Workspace
-from twin.description import TwinScene
+from twin.description.description import TwinScene
 
 Edit = Callable[[TwinScene], TwinScene]
 

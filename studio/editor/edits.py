@@ -12,10 +12,10 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from studio.editor.placement import Placement, matrix_of, placement_of
-from twin.description import Environment, Sampling, TwinObject, TwinScene
-from twin.light_groups import direction
-from twin.materials import Diffuse, Material
-from twin.object_mesh import ObjectMesh, built_in
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.light_groups import direction
+from twin.description.materials import Diffuse, Material
+from twin.description.object_mesh import ObjectMesh, built_in
 
 Array = NDArray[np.float64]
 FILLED = 0.8

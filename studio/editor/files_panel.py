@@ -55,8 +55,8 @@ class FilesPanel:
 
     def _save(self) -> Path:
         """Write the scene into its folder, and return the description's path."""
-        from twin.description_check import check_scene
-        from twin.description_writer import write_scene
+        from twin.description.description_check import check_scene
+        from twin.description.description_writer import write_scene
 
         desk, document, name = self._desk, self._desk.history.document, self._name.value
         own = document.folder
@@ -75,7 +75,7 @@ class FilesPanel:
         self._desk.tell("Saved", self._desk.workspace.name(self._save()))
 
     def _open(self) -> None:
-        from twin.description_file import read_scene
+        from twin.description.description_file import read_scene
 
         if self._file.value == NONE:
             self._look()
@@ -92,7 +92,7 @@ class FilesPanel:
         self._desk.restart("new scene", scene, Document(scene.name))
 
     def _export(self) -> None:
-        from twin.mitsuba_files import write_mitsuba
+        from twin.engines.mitsuba_files import write_mitsuba
 
         path = self._save()
         out, scene = path.parent / "export", self._desk.scene

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from twin.description import TwinScene
+from twin.description.description import TwinScene
 
 LONGEST = 200
 TOGETHER_S = 1.0

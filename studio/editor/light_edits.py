@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import RenderError
 from scene.lights import Lights
-from twin.description import TwinScene
-from twin.light_groups import LightGroup, expand
+from twin.description.description import TwinScene
+from twin.description.light_groups import LightGroup, expand
 
 Array = NDArray[np.float64]
 
@@ -22,14 +22,14 @@ def with_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Path) ->
     ----------
     scene : TwinScene
     groups : sequence of tables
-        Of `twin.description_tables`, as a description's [[lights]].
+        Of `twin.description.description_tables`, as a description's [[lights]].
     folder : Path
         What a session's file is relative to.
 
     Raises
     ------
     RenderError
-        As in `twin.light_groups.expand`.
+        As in `twin.description.light_groups.expand`.
     """
     lights, radii = expand(groups, folder, scene.lights.reference_point_mm)
     return replace(scene, lights=lights, radii_mm=radii)

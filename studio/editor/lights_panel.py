@@ -8,9 +8,9 @@ from scene.light_text import number_rows
 from studio.editor import edits, light_edits
 from studio.editor.desk import Desk
 from studio.markdown import plain
-from twin.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
-from twin.light_groups import LightGroup, direction
-from twin.picture_files import read_picture
+from twin.description.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
+from twin.description.light_groups import LightGroup, direction
+from twin.description.picture_files import read_picture
 
 NONE, OTHER = "(none)", "(of the scene)"
 

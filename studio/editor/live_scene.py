@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scene.camera import Camera
 from studio.editor.edits import start_scene
 from studio.editor.light_edits import some
-from twin.description import Environment, TwinObject, TwinScene
-from twin.film import Film
-from twin.materials import Material
-from twin.object_mesh import built_in
+from twin.description.description import Environment, TwinObject, TwinScene
+from twin.description.materials import Material
+from twin.description.object_mesh import built_in
+from twin.engines.film import Film
 
 Picture = NDArray[np.float32]
 SLICES = 4
@@ -52,14 +52,14 @@ class LiveScene:
         width, height : int
             The picture has the shape of the camera's.
         error : float
-            As in `twin.direct.Direct`.
+            As in `twin.engines.direct.Direct`.
 
         Raises
         ------
         RenderError
             The camera sees nothing, or the vectorised variant does not run here.
         """
-        from twin.direct import Direct
+        from twin.engines.direct import Direct
 
         small = fitted(scene, width, height)
         small.film()  # Whether the camera sees anything.
@@ -69,7 +69,7 @@ class LiveScene:
         return _placed(lit, film)
 
     def _update(self, scene: TwinScene) -> None:
-        from twin.flashes import import_mitsuba
+        from twin.engines.flash_shading import import_mitsuba
 
         mi = import_mitsuba()
         was = self._loaded
@@ -78,7 +78,7 @@ class LiveScene:
         self._loaded = scene
 
     def _load(self, mi: Any, scene: TwinScene) -> None:
-        from twin.mitsuba_scene import mitsuba_scene
+        from twin.engines.mitsuba_scene import mitsuba_scene
 
         # Let go first: two scenes at a time would be another count of materials.
         self._mitsuba = self._parameters = None
@@ -142,7 +142,7 @@ def _take_over(mi: Any, loaded: Any, material: Material) -> bool:
 
 
 def _loaded_material(material: Material) -> Any:
-    from twin.mitsuba_scene import mitsuba_scene
+    from twin.engines.mitsuba_scene import mitsuba_scene
 
     square = TwinObject("square", built_in("square"), "it", np.eye(4))
     return mitsuba_scene(replace(start_scene(), objects=(square,), materials={"it": material})).shapes()[0].bsdf()
@@ -194,9 +194,9 @@ def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: 
     RenderError
         The scene is at fault, all faults told.
     """
-    from twin.description_check import check_scene
-    from twin.engine import Choice, choose_engine
-    from twin.layers import Piece, PieceRenderer, standing_light
+    from twin.description.description_check import check_scene
+    from twin.engines.engine_choice import Choice, choose_engine
+    from twin.engines.layers import Piece, PieceRenderer, standing_light
 
     check_scene(scene)
     small = fitted(scene, width, height)

@@ -8,8 +8,18 @@ from typing import Any
 from studio.editor import edits
 from studio.editor.desk import Desk
 from studio.markdown import plain
-from twin.materials import VERTEX, Conductor, Diffuse, Material, Measured, Principled, RoughPlastic, Subsurface, Texture
-from twin.picture_files import read_picture
+from twin.description.materials import (
+    VERTEX,
+    Conductor,
+    Diffuse,
+    Material,
+    Measured,
+    Principled,
+    RoughPlastic,
+    Subsurface,
+    Texture,
+)
+from twin.description.picture_files import read_picture
 
 KINDS = {"matte": Diffuse, "glossy": RoughPlastic, "metal": Conductor, "principled": Principled}
 METALS = ("Al", "Ag", "Au", "Cu", "Cr", "W", "none")
@@ -98,7 +108,7 @@ class MaterialsPanel:
         return known
 
     def _from_colour(self, coded: tuple[int, int, int]) -> None:
-        from twin.mesh_files import linear_from_srgb
+        from twin.description.mesh_files import linear_from_srgb
 
         self._set(reflectance=tuple(float(linear_from_srgb(part / 255)) for part in coded))
 

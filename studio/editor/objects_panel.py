@@ -9,7 +9,7 @@ from studio.editor import edits
 from studio.editor.desk import Desk
 from studio.editor.placement import placement_of
 from studio.workspace import MESHES
-from twin.object_mesh import SHAPES, built_in
+from twin.description.object_mesh import SHAPES, built_in
 
 NONE = "(no file in the workspace)"
 
@@ -69,7 +69,7 @@ class ObjectsPanel:
             self._load_file(self._file.value)
 
     def _load_file(self, name: str) -> None:
-        from twin.mesh_files import read_mesh
+        from twin.description.mesh_files import read_mesh
 
         mesh = read_mesh(self._desk.workspace.path(name))
         if self._desk.change(f"load {name}", lambda scene: edits.added(scene, Path(name).stem, mesh)):

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.pose import rotation_from_vector
-from twin.description import TwinObject
+from twin.description.description import TwinObject
 
 Array = NDArray[np.float64]
 

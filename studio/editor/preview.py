@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 from scene.errors import SceneError
 from studio.editor.live_scene import LiveScene, Picture, refining
-from twin.description import TwinScene
+from twin.description.description import TwinScene
 
 WIDTH, HEIGHT = 320, 240
 STILL_S = 0.4

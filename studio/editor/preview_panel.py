@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from compare.pictures import Exposure
+from compare.report.pictures import Exposure
 from studio.editor.desk import Desk
 from studio.editor.preview import HEIGHT, WIDTH, Drawn
 from studio.markdown import plain

@@ -10,9 +10,9 @@ from studio.display_mesh import display_mesh
 from studio.editor import edits, light_edits
 from studio.editor.desk import Desk, Edit
 from studio.editor.placement import placement_of, quaternion, rotation_of
-from twin.description import TwinObject, TwinScene
-from twin.materials import Diffuse, Material, Principled, RoughPlastic
-from twin.object_mesh import ObjectMesh
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
+from twin.description.object_mesh import ObjectMesh
 
 Array = NDArray[np.float64]
 UNITS_PER_MM = 0.01

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.facts import family, read_optional
+from compare.report.facts import family, read_optional
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.charts import COLOURS
+from compare.report.charts import COLOURS
 from studio.markdown import plain
 from studio.results.pixel import Numbers, Pixel, shade_of
 from studio.results.shown_maps import Results, Source

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.pictures import colour_scale_end
+from compare.report.pictures import colour_scale_end
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights

@@ -6,8 +6,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare import pictures
-from compare.pictures import Box, Exposure, Image, error_picture, legend_ball, normal_picture
+from compare.report import pictures
+from compare.report.pictures import Box, Exposure, Image, error_picture, legend_ball, normal_picture
 from scene.errors import SceneError
 from studio.results.shown_maps import TRUTH, Results, Source
 from studio.results.window import Layout, Window

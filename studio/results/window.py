@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.pictures import Box
+from compare.report.pictures import Box
 
 ZOOMS = (1, 2, 4, 8, 16, 32, 64)
 

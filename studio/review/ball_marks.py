@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare import pictures
+from compare.report import pictures
 from studio.review.corrections import moved, resized
 from studio.review.mirror import mirrored_px, residuals_px, rms_px
 from studio.review.plane import ROOT, Plane, add_lines, add_picture, cross, segments

@@ -31,7 +31,7 @@ def calibrate_again(review: Review, balls: Outlines, *, progress: Callable[[int,
         There is no session or no frames, or the balls do not give lights.
     """
     from calibrate.calibrate import calibrate
-    from capture.requests import sphere_requests
+    from capture.session.requests import sphere_requests
 
     frames, store = review.material.frames, review.store
     if review.session is None or frames is None:

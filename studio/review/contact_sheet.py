@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from compare.pictures import Image, thumbnail
+from compare.report.pictures import Image, thumbnail
 from studio.review.folder import Review
 
 CELL_PX = 200

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session import Session, SphereSpec
+from capture.session.session import Session, SphereSpec
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.spheres import Kind, Sphere
@@ -159,7 +159,7 @@ def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
 
 
 def _scale(session: Session, camera: Camera) -> int:
-    from capture.requests import hint_scale
+    from capture.session.requests import hint_scale
 
     return hint_scale(session, camera.width)
 

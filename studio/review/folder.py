@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session import Session, load_session
-from compare.facts import read_optional
-from compare.material import Material
-from compare.warned import all_warnings
+from capture.session.session import Session, load_session
+from compare.report.facts import read_optional
+from compare.report.shown_material import Material
+from compare.report.warned import all_warnings
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
@@ -45,7 +45,7 @@ class Review:
     session : Session or None
     why_no_session : str
         Empty where there is one.
-    material : compare.material.Material
+    material : compare.report.shown_material.Material
         Frames, camera, mask, and what the report shows of balls and lights.
     lights : Lights or None
     spheres : tuple of Sphere

@@ -1,6 +1,6 @@
 """The panel of the photographs: which frame, from where it is looked at, what lies over it; what the folder lacks."""
 
-from compare.facts import read_optional
+from compare.report.facts import read_optional
 from studio.markdown import plain
 from studio.review.photograph_view import OVERLAYS
 from studio.review.review_desk import VIEWS, ReviewDesk

@@ -16,7 +16,7 @@ from studio.review.hemisphere import Ellipsoid, distant_ellipsoid, ellipsoid_of
 from studio.review.review_desk import ReviewDesk
 from studio.review.scan_picks import load_scan, met
 from studio.review.shown import Shown
-from twin.object_mesh import ObjectMesh
+from twin.description.object_mesh import ObjectMesh
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
@@ -185,7 +185,7 @@ class LightStage:
         return [handle]
 
     def _click(self, mesh: Mesh, origin: Array, direction: Array) -> None:
-        from align.embree import RayCaster
+        from scene.rays import RayCaster
 
         use = self._desk.on_scan
         if use is None:

@@ -6,8 +6,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.pictures import Box, Image, contours, normal_picture, thumbnail
-from compare.registration import WIDTH, shown_pixels, views
+from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
+from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.facts import method_names
-from compare.pictures import Exposure, Image, shrink, thumbnail
-from compare.registration import WIDTH
+from compare.report.facts import method_names
+from compare.report.pictures import Exposure, Image, shrink, thumbnail
+from compare.report.registration_pictures import WIDTH
 from scene.errors import SceneError
 from scene.lights import Lights
 from scene.record import Record
@@ -59,7 +59,7 @@ def _difference(review: Review, index: int, place: int) -> float:
 
 def toward(zenith_deg: float, azimuth_deg: float) -> Array:
     """Return the unit direction (3,) so far from the camera's axis, azimuth 0 right and 90 up."""
-    from twin.light_groups import direction
+    from twin.description.light_groups import direction
 
     return direction(azimuth_deg, 90 - zenith_deg)
 
@@ -92,7 +92,7 @@ def relit_scene(review: Review) -> Any:
         The session, the pose, the lights or a method's albedo is not there.
     """
     from lab.job import Job
-    from twin.description import Sampling
+    from twin.description.description import Sampling
     from twin.scan_scene import scan_scene
 
     store, lights, camera = review.store, review.lights, review.material.camera

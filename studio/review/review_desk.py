@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.pictures import Image
+from compare.report.pictures import Image
 from scene.spheres import Sphere
 from studio.browser_desk import BrowserDesk
 from studio.editor.preview import Preview

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from compare.facts import read_optional
+from compare.report.facts import read_optional
 from scene.errors import SceneError
 from studio.markdown import code, plain
 from studio.review.corrected_session import forget_kept, write_amended

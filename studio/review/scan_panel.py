@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.facts import read_optional
+from compare.report.facts import read_optional
 from studio.markdown import code, plain
 from studio.review.corrected_session import write_amended
 from studio.review.light_stage import LightStage
@@ -88,7 +88,7 @@ class ScanPanel:
         self._desk.refresh()
 
     def _pose(self) -> None:
-        from align.appearance import outline
+        from align.pose.appearance import outline
 
         review = self._desk.review
         mesh = load_scan(review)

@@ -16,7 +16,7 @@ from studio.review.corrected_session import PICKS
 from studio.review.folder import KEPT, Review
 
 if TYPE_CHECKING:
-    from align.embree import RayCaster
+    from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
@@ -64,7 +64,7 @@ def load_scan(review: Review) -> Mesh:
     SceneError
         There is no session, or it has no scan.
     """
-    from align.scan import load_scan
+    from align.scan.mended_scan import load_scan
 
     session = review.session
     if session is None or session.scan is None:
@@ -93,8 +93,8 @@ def write_picks(review: Review, picks: Picks) -> Path:
 
 
 def _table(review: Review, picks: Picks) -> str:
-    from align.scan import UNITS_MM
-    from capture.requests import hint_scale
+    from align.scan.mended_scan import UNITS_MM
+    from capture.session.requests import hint_scale
 
     camera, session = review.material.camera, review.session
     if session is None or camera is None:
@@ -108,15 +108,15 @@ def _table(review: Review, picks: Picks) -> str:
 
 
 def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
-    """Return `align.picks.Picked`, the pose that the picks give. What was kept stays as it is.
+    """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
 
     Raises
     ------
     SceneError
         Too few picks, on one line, or contradicting each other.
     """
-    from align.picks import read_picks
-    from capture.requests import hint_scale
+    from align.pose.picks import read_picks
+    from capture.session.requests import hint_scale
 
     camera, session, text = review.material.camera, review.session, _table(review, picks)
     assert camera is not None

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from align.embree import RayCaster
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
+from scene.rays import RayCaster
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from align.appearance import outline, shading
-from align.embree import RayCaster
+from align.pose.appearance import outline, shading
 from scene.camera import Camera
 from scene.pose import Pose
+from scene.rays import RayCaster
 
 CURVED = Camera(320, 240, 600.0, 590.0, 166.0, 114.0, (-0.3, 0.1, 0.002, -0.003, 0.0))
 

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.contest import compare_poses
-from align.embree import RayCaster
-from align.final import FinalEvidence
-from align.limb import LimbPictures
-from align.motion import nudge
-from align.shading import take_samples
+from align.pose.full_resolution import FinalEvidence
+from align.pose.hypothesis_test import compare_poses
+from align.pose.motion import nudge
+from align.pose.outline_edges import LimbPictures
+from align.pose.shading import take_samples
+from scene.rays import RayCaster
 
 
 @pytest.fixture(scope="module")

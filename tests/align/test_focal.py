@@ -6,8 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from align.focal import EXACT, receded_lights, register_longer
-from align.register import register
+from align.pose.focal import EXACT, receded_lights, register_longer
+from align.pose.register import register
 from align.truth import ground_truth
 from scene.camera import Camera
 from scene.normals import angular_error_deg

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from align.register import register
+from align.pose.register import register
 from scene.mesh import Mesh
 from scene.pose import Pose
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from align.embree import RayCaster
-from align.limb import LimbPictures
-from align.motion import nudge
-from align.rim import find_rim
+from align.pose.motion import nudge
+from align.pose.outline_edges import LimbPictures
+from align.pose.rim import find_rim
+from scene.rays import RayCaster
 
 
 @pytest.fixture(scope="module")

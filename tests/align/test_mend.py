@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from align.scan import load_scan
+from align.scan.mended_scan import load_scan
 from scene.mesh import Mesh
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from align.meshlab import centred_camera, write_project
-from align.scan import load_scan
+from align.scan.mended_scan import load_scan
 from scene.camera import Camera
 from scene.pose import Pose
 

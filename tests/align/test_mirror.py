@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from align.final import Fit
-from align.register import _refuse_mirrored
+from align.pose.full_resolution import Fit
+from align.pose.register import _refuse_mirrored
 from scene.errors import AlignError
 from scene.mesh import Mesh
 

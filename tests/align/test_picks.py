@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from align.motion import nudge
-from align.picks import read_picks
+from align.pose.motion import nudge
+from align.pose.picks import read_picks
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.pose import Pose

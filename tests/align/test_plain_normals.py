@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from align.plain_normals import plain_normal_gain
-from align.scan_noise import Neighbours
+from align.scan.plain_normals import plain_normal_gain
+from align.scan.scan_noise import Neighbours
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from align.motion import nudge
-from align.pose_check import STEPS_PX, check_pose
-from align.rough import small_steps
+from align.pose.motion import nudge
+from align.pose.pose_check import STEPS_PX, check_pose
+from align.pose.rough import small_steps
 
 
 @pytest.fixture(scope="module")

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from align.embree import RayCaster
-from align.motion import nudge
-from align.probes import Probes, image_flow
+from align.pose.motion import nudge
+from align.pose.probes import Probes, image_flow
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.pose import Pose
+from scene.rays import RayCaster
 
 
 @pytest.fixture(scope="module")

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from align.pick_pose import misses_px
-from align.picks import read_picks
+from align.pose.pick_pose import misses_px
+from align.pose.picks import read_picks
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from align.embree import RayCaster
-from align.motion import nudge
-from align.register import register
+from align.pose.motion import nudge
+from align.pose.register import register
 from align.truth import ground_truth
 from fixtures.mesh_shapes import scan_of
 from scene.camera import Camera
@@ -19,6 +18,7 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 from scene.pose import Pose
+from scene.rays import RayCaster
 
 
 def apart(world, pose):
@@ -145,7 +145,7 @@ def test_the_bunny_of_another_program(tmp_path):
 
     import rawpy
 
-    from align.scan import load_scan
+    from align.scan.mended_scan import load_scan
     from scene.frames import Frames
 
     def develop(path):
@@ -185,7 +185,7 @@ def test_the_bunny_of_another_program(tmp_path):
 
 def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
     """The rough search on halved pictures leads to the same pose."""
-    monkeypatch.setattr("align.search.ROUGH_SIZE", 40)
+    monkeypatch.setattr("align.pose.search.ROUGH_SIZE", 40)
     px, deg = apart(world, run(world).pose)
     assert px < 0.1
     assert deg < 0.15
@@ -223,7 +223,7 @@ def test_a_noisy_scan_seen_through_its_hole(bumpy, rotations, build):
 
 
 def test_a_start_is_refined_and_nothing_else_is_looked_for(world, monkeypatch):
-    monkeypatch.setattr("align.search.find_starts", None)
+    monkeypatch.setattr("align.pose.search.find_starts", None)
     beside = nudge(world.pose, [0.03, -0.02, 0.04, 2.0, -1.0, 3.0], world.pose.apply(world.mesh.center_mm))
     px, deg = apart(world, run(world, start=beside).pose)
     assert px < 0.1

@@ -5,7 +5,7 @@ import struct
 import numpy as np
 import pytest
 
-from align.scan import load_scan
+from align.scan.mended_scan import load_scan
 from scene.errors import AlignError
 
 # A tetrahedron, faces counter-clockwise from outside.

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from align.embree import RayCaster
-from align.probes import surface
-from align.shading import find_shadows
+from align.pose.probes import surface
+from align.pose.shading import find_shadows
+from scene.rays import RayCaster
 
 
 def test_only_known_surface_is_asked_for_shadows(world, monkeypatch):

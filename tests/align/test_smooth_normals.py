@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from align.scan_noise import Neighbours, scan_noise
-from align.smooth_normals import smooth_normals
+from align.scan.scan_noise import Neighbours, scan_noise
+from align.scan.smooth_normals import smooth_normals
 from fixtures.star_shapes import blob, brick, cube, relief, shaken
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg

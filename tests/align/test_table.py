@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from align.edges import edges_of
-from align.table import find_table
+from align.scan.edges import edges_of
+from align.scan.scanned_table import find_table
 
 SPAN = np.linspace(-100, 100, 161)
 

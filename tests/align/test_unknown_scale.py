@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.motion import apart_px, nudge
-from align.register import register
-from align.unknown_scale import register_unknown_scale, scaled_pose
+from align.pose.motion import apart_px, nudge
+from align.pose.register import register
+from align.pose.unknown_scale import register_unknown_scale, scaled_pose
 from scene.camera import Camera
 from scene.errors import AlignError
 
@@ -32,7 +32,7 @@ def test_the_scale_comes_out_of_the_distance(world):
 
 def test_picks_in_the_files_unit_start_it(world, monkeypatch):
     """They were left aside, and then held against the pose in millimetres as if they lay far off."""
-    monkeypatch.setattr("align.search.find_starts", None)
+    monkeypatch.setattr("align.pose.search.find_starts", None)
     small = replace(world.mesh, vertices=world.mesh.vertices / 25.4)
 
     def run(mesh, start):

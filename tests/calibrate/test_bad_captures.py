@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
-from calibrate.photometry.skin import contradicts_kind
+from calibrate.photometry.matte_shading import contradicts_kind
 from fixtures.ball_scene import Solid, dust, radiance, scratches
 from scene.errors import CalibrationError
 from scene.frames import Frames

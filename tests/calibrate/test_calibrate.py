@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
-from calibrate.light_files.known import read_lights
+from calibrate.known_lights.read_known import read_lights
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames

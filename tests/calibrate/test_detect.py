@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.finding.balls import find_balls
-from calibrate.finding.circles import alike
-from calibrate.finding.coarse import shrink
-from calibrate.finding.detect import Found, detect
-from calibrate.finding.kind import Behaviour, Points
-from calibrate.finding.mirror_outline import enclosing, outline_of
-from calibrate.finding.silhouette import OutlineFit
+from calibrate.detection.ball_kind import Behaviour, Points
+from calibrate.detection.balls import find_balls
+from calibrate.detection.circles import alike
+from calibrate.detection.coarse import shrink
+from calibrate.detection.detect import Found, detect
+from calibrate.silhouette.ball_silhouette import OutlineFit
+from calibrate.silhouette.mirror_outline import enclosing, outline_of
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
@@ -57,7 +57,7 @@ def test_order_of_frames_does_not_matter(table):
 def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
     """Coarse to fine: searched at half size, fitted at full size."""
     world, frames = table
-    monkeypatch.setattr("calibrate.finding.coarse.LONGEST_SIDE_PX", 300)
+    monkeypatch.setattr("calibrate.detection.coarse.LONGEST_SIDE_PX", 300)
     coarse = shrink(frames, world.camera)
     assert coarse.factor == 2
     assert coarse.images.shape == (len(frames), 200, 300)

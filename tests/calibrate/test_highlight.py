@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from calibrate.finding.coarse import shrink
+from calibrate.detection.coarse import shrink
 from calibrate.lights.highlight import _sites, find_spots
 from calibrate.lights.reflected_disc import _image
 from scene.camera import Camera

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from calibrate.photometry.intensity import measure
+from calibrate.photometry.matte_shading import read_skin, shading_directions
 from calibrate.photometry.patches import cut
 from calibrate.photometry.shading_model import Parts, ShadingModel
-from calibrate.photometry.skin import read_skin, shading_directions
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.normals import angular_error_deg

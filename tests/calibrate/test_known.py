@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from calibrate.light_files.known import lacks_intensities, read_lights
+from calibrate.known_lights.read_known import lacks_intensities, read_lights
 from scene.errors import CalibrationError
 from scene.lights import Lights
 from scene.store import Store

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 import scipy.io
 
-from calibrate.light_files.export import FORMATS, export_lights
-from calibrate.light_files.known import lacks_intensities, read_lights
-from calibrate.light_files.light_frames import matlab_matrix
+from calibrate.known_lights.read_known import lacks_intensities, read_lights
+from formats.light_files.export import FORMATS, export_lights
+from formats.light_files.light_frames import matlab_matrix
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from calibrate.finding.mirrored_table import fit_mirrored_table
-from calibrate.finding.reflection import mirrored_pixels
-from calibrate.finding.silhouette import fit_outline
-from calibrate.finding.standing import find_edges
+from calibrate.silhouette.ball_silhouette import fit_outline
+from calibrate.silhouette.mirrored_table import fit_mirrored_table
+from calibrate.silhouette.reflection import mirrored_pixels
+from calibrate.silhouette.static_circle import find_edges
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera
 from scene.normals import unit
 from scene.spheres import Sphere
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
 
 CAMERA = Camera(640, 480, 900.0, 900.0, 312.0, 245.0)
 

@@ -7,12 +7,12 @@ import pytest
 from scipy.optimize import least_squares, minimize
 
 from calibrate.calibration import Notes
-from calibrate.finding.outline import moved, offset_jacobian, outline_with_normals
 from calibrate.lights.adjustment import Adjustment, ray_meeting
 from calibrate.lights.blocks import at_rest
 from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
+from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
 from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.spheres import Sphere

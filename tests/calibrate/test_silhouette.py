@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from calibrate.finding.silhouette import fit_mask, fit_outline
+from calibrate.silhouette.ball_silhouette import fit_mask, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere

@@ -8,7 +8,7 @@ import pytest
 from calibrate.without_balls.from_normals import MISFIT, lights_from_normals
 from calibrate.without_balls.from_object import strengths_from_object
 from calibrate.without_balls.probe import read_probe
-from calibrate.without_balls.semicalibrated import intensities_from_object
+from calibrate.without_balls.semicalibrated_start import intensities_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -249,7 +249,7 @@ def test_diligent_with_its_lights_withheld(name, angle_deg, strength):
     """Mean angle to the published directions, rms to the published intensities; taken as equal they are 58 % off."""
     import cv2
 
-    from align.given import read_normals
+    from align.registered_normals import read_normals
 
     folder = DILIGENT / f"{name}PNG"
     files = (folder / "filenames.txt").read_text().split()[::3]

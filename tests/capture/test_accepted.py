@@ -4,16 +4,16 @@ from typing import get_args
 
 import pytest
 
-from capture.manifest import ObjectTable
-from capture.resolve import LIGHTS_SUFFIXES, NORMALS_SUFFIXES, SCAN_SUFFIXES
+from capture.session.manifest import ObjectTable
+from capture.session.resolve import LIGHTS_SUFFIXES, NORMALS_SUFFIXES, SCAN_SUFFIXES
 
 
 def test_what_is_accepted_is_what_can_be_read(tmp_path):
     """A file or unit that passes here must not be refused after minutes of decoding; nor the other way round."""
-    from align.scan import SUFFIXES as SCAN
-    from align.scan import UNITS_MM
-    from calibrate.light_files.known import SUFFIXES as LIGHTS
-    from calibrate.light_files.known import read_lights
+    from align.scan.mended_scan import SUFFIXES as SCAN
+    from align.scan.mended_scan import UNITS_MM
+    from calibrate.known_lights.read_known import SUFFIXES as LIGHTS
+    from calibrate.known_lights.read_known import read_lights
     from scene.errors import CalibrationError
     from scene.normal_files import SUFFIXES as NORMALS
 

@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.decode import decode
-from capture.facts import facts_of
-from capture.gamma import noise_slope, speaks_for_gamma
-from capture.movement import movement
-from capture.session import load_session
+from capture.audit.frame_facts import facts_of
+from capture.audit.gamma import noise_slope, speaks_for_gamma
+from capture.audit.movement import movement
+from capture.photographs.decode import decode
+from capture.session.session import load_session
 from scene.errors import CaptureError
 from scene.frames import Frames
 from scene.store import Store

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.globs import MOST_FOLDERS, expand
-from capture.session import load_session
+from capture.session.globs import MOST_FOLDERS, expand
+from capture.session.session import load_session
 from scene.errors import SessionError
 from scene.files import write_png
 
@@ -162,7 +162,7 @@ def test_globs_match_what_they_match_in_the_shell(tmp_path, pattern):
 
 
 def test_a_glob_through_a_whole_disk_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr("capture.globs.MOST_FOLDERS", 20)
+    monkeypatch.setattr("capture.session.globs.MOST_FOLDERS", 20)
     for index in range(30):
         (tmp_path / f"folder_{index}").mkdir()
     assert MOST_FOLDERS > 1000
@@ -201,7 +201,7 @@ def test_an_unreadable_folder(folder):
     (folder / "closed").mkdir(mode=0o000)
     code = (
         "import os, sys; sys.path.insert(0, sys.argv[1])\n"
-        "import capture.manifest, capture.resolve, capture.session as s\n"
+        "import capture.session.manifest, capture.session.resolve, capture.session.session as s\n"
         "from pathlib import Path; os.setgid(65534); os.setuid(65534)\n"
         "for place in sys.argv[2:]:\n"
         "    try: s.load_session(Path(place))\n"
@@ -222,7 +222,7 @@ def test_a_list_of_many_names_is_read_in_no_time(tmp_path):
     """Counting each name among all took as long as the square of their number."""
     import time
 
-    from capture.globs import frame_names
+    from capture.session.globs import frame_names
 
     files = [tmp_path / f"{index % 2}" / f"flash_{index // 2}.png" for index in range(40_000)]
     begin = time.perf_counter()

@@ -6,9 +6,9 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.camera import _camera_of_corners, camera_of
-from capture.exif import Exif
-from capture.session import Charuco, Session, load_session
+from capture.camera.exif import Exif
+from capture.camera.session_camera import _camera_of_corners, camera_of
+from capture.session.session import Charuco, Session, load_session
 from scene.camera import Camera
 from scene.errors import SessionError
 

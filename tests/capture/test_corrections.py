@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from capture.decode import decode
-from capture.exif import Exif
-from capture.session import load_session
+from capture.camera.exif import Exif
+from capture.photographs.decode import decode
+from capture.session.session import load_session
 from scene.errors import CaptureError
 from scene.files import write_png
 from scene.store import Store
@@ -74,7 +74,7 @@ def test_the_dark_frame_is_taken_off_before_the_gain(picture_session, scene_pict
     write_png(folder / "dark.png", (dark * 65535).round().astype(np.uint16))
     exposure = {f"dusk_{i}.png": share / 100 for i, share in enumerate(shares)}
     monkeypatch.setattr(
-        "capture.decode.read_exif",
+        "capture.photographs.decode.read_exif",
         lambda path: Exif(exposure_s=exposure.get(path.name, 0.01), iso=100.0, aperture=8.0),
     )
     frames, _ = decode(load_session(folder), Store(tmp_path / "out"))

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.decode import decode
-from capture.fan_out import fan_out
-from capture.session import load_session
+from capture.photographs.decode import decode
+from capture.session.session import load_session
 from scene.errors import CaptureError, SessionError
+from scene.fan_out import fan_out
 from scene.frames import PEDESTAL, WHITE
 from scene.store import Store
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from capture.session import load_session
+from capture.session.session import load_session
 from scene.errors import SessionError
 from scene.files import write_png
 

@@ -4,7 +4,7 @@ import pytest
 from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
-from capture.exif import Exif, read_exif
+from capture.camera.exif import Exif, read_exif
 
 
 def jpeg(path, fields, main=()):

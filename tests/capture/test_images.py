@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from capture.images import linear_of_values, read_image
+from capture.photographs.images import linear_of_values, read_image
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, decode
 
@@ -161,7 +161,7 @@ def test_exr_on_one_core(tmp_path, write_exr):
     write_exr(tmp_path / "a.exr", rgb())
     program = (
         "import os, sys; os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})\n"
-        "from pathlib import Path; from capture.images import read_image\n"
+        "from pathlib import Path; from capture.photographs.images import read_image\n"
         "print(read_image(Path(sys.argv[1]), 'linear').codes.shape)"
     )
     words = [sys.executable, "-c", program, str(tmp_path / "a.exr")]

@@ -7,7 +7,7 @@ import pytest
 import rawpy
 import tifffile
 
-from capture.raw import read_raw
+from capture.photographs.raw import read_raw
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, Frames, decode
 
@@ -54,7 +54,7 @@ def test_bands_have_no_seams(tmp_path, write_dng, mosaic, monkeypatch):
     rng = np.random.default_rng(0)
     path = write_dng(tmp_path / "a.dng", mosaic(rng.uniform(0, 1, (70, 40, 3))))
     whole = read_raw(path).codes
-    monkeypatch.setattr("capture.raw.BAND_ROWS", 16)
+    monkeypatch.setattr("capture.photographs.raw.BAND_ROWS", 16)
     assert np.array_equal(read_raw(path).codes, whole)
 
 
@@ -208,7 +208,7 @@ def test_a_raw_file_with_all_colours_at_every_pixel(tmp_path):
 
 def test_a_sensor_without_colour_filters(tmp_path):
     """A camera for black and white: one value a pixel becomes three, and the audit's facts can be had of it."""
-    from capture.facts import facts_of
+    from capture.audit.frame_facts import facts_of
 
     image = np.random.default_rng(5).integers(512, 9000, (48, 64), np.uint16)
     tags = [

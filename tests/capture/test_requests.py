@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from capture.decode import decode
-from capture.requests import read_mask, sphere_requests
-from capture.session import SphereSpec, load_session
+from capture.photographs.decode import decode
+from capture.session.requests import read_mask, sphere_requests
+from capture.session.session import SphereSpec, load_session
 from scene.errors import SessionError
 from scene.files import write_png
 from scene.store import Store

@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from capture.globs import natural_key
-from capture.session import Charuco, load_session
+from capture.session.globs import natural_key
+from capture.session.session import Charuco, load_session
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.files import write_png

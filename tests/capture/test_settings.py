@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from capture.exif import Exif
-from capture.session import load_session
-from capture.settings import gaps_in_numbering, mixed_settings
+from capture.audit.camera_settings import gaps_in_numbering, mixed_settings
+from capture.camera.exif import Exif
+from capture.session.session import load_session
 
 
 @pytest.fixture

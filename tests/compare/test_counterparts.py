@@ -5,11 +5,17 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.stats import binom
 
-from compare import counterpart_draws
-from compare.block_bootstrap import draw_blocks, drawn_correlation, drawn_statistics, memory_of, structured_share
-from compare.counterpart_draws import Capture
-from compare.counterparts import compare_counterparts
-from compare.solver_order import Medians, kendall_tau, solver_order
+from compare.statistics import counterpart_draws
+from compare.statistics.block_bootstrap import (
+    draw_blocks,
+    drawn_correlation,
+    drawn_statistics,
+    memory_of,
+    structured_share,
+)
+from compare.statistics.counterpart_draws import Capture
+from compare.statistics.counterpart_verdict import compare_counterparts
+from compare.statistics.solver_order import Medians, kendall_tau, solver_order
 from scene.errors import SceneError
 
 SIDE, DRAWS = 64, 300

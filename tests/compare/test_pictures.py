@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from compare import charts, pictures
-from compare.pictures import Box, Exposure
+from compare.report import charts, pictures
+from compare.report.pictures import Box, Exposure
 from scene.frames import Frames
 
 

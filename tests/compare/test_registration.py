@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from compare import pictures, registration
-from compare.page import wiper
-from compare.pictures import Box, Exposure
+from compare.report import pictures, registration_pictures
+from compare.report.page import wiper
+from compare.report.pictures import Box, Exposure
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
@@ -41,19 +41,21 @@ def test_the_shaded_scan_is_the_photograph_where_it_is_of_one_colour_and_in_plac
     frames, lights, shading, mask, _ = scene(width, height)
     exposure = Exposure.for_frames(frames)
     box = Box.of_mask(mask, margin=0.12)
-    both = registration.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels))
+    both = registration_pictures.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels))
     assert both.photograph.shape == both.shaded.shape
     difference = np.abs(both.photograph.astype(int) - both.shaded).max(-1)
     # But for the rim, where the photograph's pixels are mixed.
     assert np.quantile(difference, 0.95) <= 2
-    off = registration.views(frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels + 0.02 * width))
+    off = registration_pictures.views(
+        frames, exposure, lights, 1, box, lambda pixels: shading(1, pixels + 0.02 * width)
+    )
     assert np.quantile(np.abs(off.photograph.astype(int) - off.shaded).max(-1), 0.95) > 20
 
 
 def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
     image = np.zeros((90, 90, 3), np.uint8)
     stroke = np.array([[[20.0, 27.3], [34.9, 27.3]]])
-    drawn = registration.draw_strokes(image, stroke, [20, 25], 6.0)[..., 0].astype(float)
+    drawn = registration_pictures.draw_strokes(image, stroke, [20, 25], 6.0)[..., 0].astype(float)
     row = (drawn * np.arange(90)[:, None]).sum() / drawn.sum()
     # Pixel 25's centre is row 2.5 of its six.
     assert row == pytest.approx((27.3 - 25 + 0.5) * 6 - 0.5, abs=0.3)
@@ -63,8 +65,8 @@ def test_strokes_lie_where_their_pixels_are_to_a_tenth_of_a_pixel():
 
 def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_its_edge():
     frames, lights, _, _, strokes = scene(600, 400)
-    image = registration.zoom_picture(frames, Exposure.for_frames(frames), lights.directions, strokes)
-    side = registration.WINDOW_PX * registration.ZOOM
+    image = registration_pictures.zoom_picture(frames, Exposure.for_frames(frames), lights.directions, strokes)
+    side = registration_pictures.WINDOW_PX * registration_pictures.ZOOM
     assert image.shape == (26 + side + 4 + side, 4 * side + 18, 3)
     left = image[26 : 26 + side, :side].astype(int)
     drawn = image[30 + side :, :side].astype(int)
@@ -72,35 +74,37 @@ def test_the_zooms_show_each_side_in_the_frame_that_lights_it_and_the_line_on_it
     step = np.abs(np.diff(left[side // 2].sum(-1)))
     # A shadowed limb would have no step; the line runs within a pixel of it.
     assert step.max() > 150
-    assert abs(np.flatnonzero(line).mean() - np.argmax(step)) < registration.ZOOM
+    assert abs(np.flatnonzero(line).mean() - np.argmax(step)) < registration_pictures.ZOOM
 
 
 def test_sigma_shows_where_there_is_none():
     sigma, mask = np.full((40, 60), np.nan), np.zeros((40, 60), bool)
     mask[5:35, 5:55] = True
     sigma[10:30, 10:50] = 0.3
-    end = registration.sigma_scale_end(sigma)
-    image = registration.sigma_picture(sigma, mask, end)
+    end = registration_pictures.sigma_scale_end(sigma)
+    image = registration_pictures.sigma_picture(sigma, mask, end)
     assert end == 0.5
     assert (image[0, 0] == pictures.PAPER).all()
-    assert (image[7, 7] == registration.DOUBT_COLOUR).all()
+    assert (image[7, 7] == registration_pictures.DOUBT_COLOUR).all()
     assert (image[20, 20] == pictures.error_picture(np.array([[0.3]]), end)[0, 0]).all()
-    assert registration.sigma_scale_end(np.full((2, 2), np.nan)) == 1.0
+    assert registration_pictures.sigma_scale_end(np.full((2, 2), np.nan)) == 1.0
 
 
 def test_all_pictures_are_written_and_read_back(tmp_path):
     frames, lights, shading, mask, strokes = scene(300, 200)
     store = Store(tmp_path)
     sigma = np.where(mask, 0.2, np.nan)
-    registration.write_pictures(store, frames, lights, strokes=strokes, shading=shading, mask=mask, sigma_deg=sigma)
+    registration_pictures.write_pictures(
+        store, frames, lights, strokes=strokes, shading=shading, mask=mask, sigma_deg=sigma
+    )
     shapes = {path.stem: cv2.imread(str(path)).shape for path in (tmp_path / "align").glob("*.png")}
     assert set(shapes) == {"photograph", "shaded", "outline", "outline_zoom", "checkerboard", "sigma"}
     assert len({shapes[name] for name in ("photograph", "shaded", "outline", "checkerboard")}) == 1
-    read = registration.read_picture(store, "outline")
+    read = registration_pictures.read_picture(store, "outline")
     assert read is not None
     # Red, green, blue, as it was drawn.
-    assert (np.abs(read.astype(int) - registration.SCAN_COLOUR).max(-1) < 40).sum() > 500
-    assert registration.read_picture(store, "none") is None
+    assert (np.abs(read.astype(int) - registration_pictures.SCAN_COLOUR).max(-1) < 40).sum() > 500
+    assert registration_pictures.read_picture(store, "none") is None
 
 
 def test_the_slider_works_by_keyboard_and_fetches_nothing():

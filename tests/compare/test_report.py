@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from compare.compare import compare
-from compare.report import write_report
+from compare.report.report import write_report
 from scene.camera import Camera
 from scene.files import write_json
 from scene.frames import Frames

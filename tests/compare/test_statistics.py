@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from compare.statistics import angular_statistics, common_rotation, error_correlation
+from compare.statistics.statistics import angular_statistics, common_rotation, error_correlation
 from scene.normals import unit
 from scene.pose import rotation_from_vector
 

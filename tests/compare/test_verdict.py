@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from compare.method_words import WORDS
-from compare.page import number, percent, plain, round_number
-from compare.ranking import ranking, ranking_table
-from compare.verdict import verdict
+from compare.report.method_words import WORDS
+from compare.report.page import number, percent, plain, round_number
+from compare.report.verdict import verdict
+from compare.statistics.ranking import ranking, ranking_table
 
 
 def statistics(median: float) -> dict[str, Any]:

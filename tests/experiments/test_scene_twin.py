@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import rawpy
 
-from capture.session import load_session
+from capture.session.session import load_session
 from scene.camera import Camera
 from scene.normals import angular_error_deg
 from scene.store import Store

@@ -94,7 +94,7 @@ def test_one_corrupt_raw(session, capsys, monkeypatch):
 
 
 def test_a_frame_of_another_size(session, capsys, monkeypatch):
-    from twin.virtual_camera import Sensor, write_dng
+    from twin.camera.virtual_camera import Sensor, write_dng
 
     victim = session / "raw" / "flash_004.dng"
     victim.unlink()

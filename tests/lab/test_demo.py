@@ -146,7 +146,7 @@ def test_a_second_run_is_fast_and_changes_nothing(demo):
 
 def picks_of(out, scan):
     """Return eight points of the scan and the pixels at which the photographs show them, rounded to whole ones."""
-    from align.scan import load_scan
+    from align.scan.mended_scan import load_scan
     from scene.store import Store
 
     mesh, store = load_scan(scan, "mm"), Store(out)
@@ -244,8 +244,8 @@ def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path)
 def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
     """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
     from scene.store import Store
-    from twin.picture_files import read_picture
-    from twin.variant import pick_variant
+    from twin.description.picture_files import read_picture
+    from twin.engines.variant import pick_variant
 
     out = tmp_path / "out"
     shutil.copytree(demo[0], out)

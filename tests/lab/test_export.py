@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibrate.light_files.known import read_lights
+from calibrate.known_lights.read_known import read_lights
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]

@@ -15,8 +15,8 @@ from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
 from scene.store import Store
-from twin.flashes import import_mitsuba
-from twin.materials import Diffuse
+from twin.description.materials import Diffuse
+from twin.engines.flash_shading import import_mitsuba
 
 pytestmark = pytest.mark.render
 
@@ -63,15 +63,15 @@ def test_an_object_of_few_pixels_is_matte_and_says_why(job):
     ("unexplained", "said", "error"), [(0.012, None, 0.01), (0.056, None, 0.028), (0.056, 0.004, 0.004)]
 )
 def test_a_rendering_is_no_more_exact_than_its_material(job, monkeypatch, unexplained, said, error):
-    import twin.material_light
-    import twin.scan_material
+    import twin.material.material_light
+    import twin.material.scan_material
 
     found = SimpleNamespace(
         residual=SimpleNamespace(whole=unexplained), places=SimpleNamespace(fits=()), labels=None, albedo=None,
         facts=dict, warnings=(),
     )  # fmt: skip
-    monkeypatch.setattr(twin.scan_material, "scan_material", lambda *_, **__: found)
-    monkeypatch.setattr(twin.material_light, "material_scene", lambda *given: (given[-1], []))
+    monkeypatch.setattr(twin.material.scan_material, "scan_material", lambda *_, **__: found)
+    monkeypatch.setattr(twin.material.material_light, "material_scene", lambda *given: (given[-1], []))
     job.twin = TwinSettings(error=said)
     sampling = twin_scene(job)[0]
     assert sampling.error == pytest.approx(error)

@@ -174,7 +174,7 @@ def test_a_mat_file_s_texts_and_numbers(tmp_path):
 
 
 def test_lights_json_without_positions_is_told(tmp_path):
-    from calibrate.light_files.known import read_lights
+    from calibrate.known_lights.read_known import read_lights
 
     rows = [{"name": n, "direction": [0, 0, 1], "position_mm": None, "intensity": [1, 1, 1]} for n in "abc"]
     (tmp_path / "lights.json").write_text(json.dumps({"model": "near", "frames": rows}))

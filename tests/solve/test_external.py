@@ -14,7 +14,7 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.axes import AXES, Axes
 from solve.external import External
-from solve.given import solve_external
+from solve.given_normals import solve_external
 
 HEIGHT, WIDTH = 52, 72
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from solve import hsh
+from solve.pixelwise import hsh
 
 
 def lights(count, low, high):

@@ -5,8 +5,8 @@ import pytest
 
 from scene.camera import Camera
 from scene.errors import SceneError
-from solve.grid_laplacian import solve_grid
-from solve.integration import integrate
+from solve.surface.grid_laplacian import solve_grid
+from solve.surface.integration import integrate
 
 SIZE = 60
 PERSPECTIVE = Camera(SIZE, SIZE, 110.0, 110.0, 27.0, 33.5, (-0.06, 0.02, 0.001, -0.002, 0.0))

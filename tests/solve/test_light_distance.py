@@ -10,8 +10,8 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.light_distance import find_positions
 from solve.solve import solve
+from solve.whole.light_distance import find_positions
 
 
 @pytest.fixture(scope="module", params=["blob", pytest.param("potato", marks=pytest.mark.full)])

@@ -6,7 +6,7 @@ import pytest
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
-from solve import ls
+from solve.pixelwise import ls
 from solve.solve import solve
 
 COUNT, HEIGHT, WIDTH = 23, 20, 600

@@ -7,9 +7,9 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.depth_evidence import depth_evidence
 from solve.samples import Geometry
 from solve.solve import solve
+from solve.whole.depth_evidence import depth_evidence
 
 SIZE = 64
 CAMERAS = {
@@ -109,7 +109,9 @@ def test_a_depth_that_does_not_come_to_rest_is_said(monkeypatch):
     camera = CAMERAS["perspective"]
     points, normals, mask = ball(camera)
     lights = lights_at(600.0, [15.0, -10.0, -560.0])
-    monkeypatch.setattr("solve.near.SETTINGS", __import__("solve.near", fromlist=["x"]).SETTINGS | {"rounds": 0})
+    monkeypatch.setattr(
+        "solve.whole.near.SETTINGS", __import__("solve.whole.near", fromlist=["x"]).SETTINGS | {"rounds": 0}
+    )
     estimate = solve("near", photographs(points, normals, mask, lights), lights, camera, mask)
     assert any("did not come to rest" in text for text in estimate.warnings)
 

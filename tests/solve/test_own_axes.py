@@ -5,7 +5,7 @@ import pytest
 
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.own_axes import lights_in_other_axes
+from solve.axes_test import lights_in_other_axes
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from solve import position
+from solve.pixelwise import position
 
 LIGHTS = 20
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scene.errors import SceneError
-from solve import iterative, ls
+from solve.pixelwise import iterative, ls
 from solve.solve import METHODS, settings_of
 
 COUNT = 16

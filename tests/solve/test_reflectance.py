@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from scene.normals import angular_error_deg, unit
-from solve import iterative, reflectance
+from solve.pixelwise import iterative
+from solve.whole import reflectance
 
 FRONT = np.array([0.0, 0.0, 1.0])
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from solve import l1, sbl
+from solve.pixelwise import l1, sbl
 
 LIGHTS = 16
 

@@ -5,8 +5,8 @@ import pytest
 
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from solve import rpca
-from solve.low_rank import low_rank
+from solve.whole import rpca
+from solve.whole.low_rank import low_rank
 
 CENTER = np.array([0.0, 0.0, -600.0])
 

@@ -7,8 +7,8 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.semicalibrated import SETTINGS, find_lights
 from solve.solve import solve
+from solve.whole.semicalibrated import SETTINGS, find_lights
 
 SIZE = 48
 

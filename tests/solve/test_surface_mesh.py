@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from scene.camera import Camera
-from solve.integration import integrate, surface_at
-from solve.surface_mesh import mesh_of
+from solve.surface.integration import integrate, surface_at
+from solve.surface.surface_mesh import mesh_of
 
 SIZE = 40
 CAMERA = Camera(SIZE, SIZE, 90.0, 90.0, 18.0, 21.0)

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.session import load_session
+from capture.session.session import load_session
 from studio.editor import edits
 from studio.editor.placement import placement_of
 from studio.editor.stage import UNITS_PER_MM
 from studio.server import Studio
 from studio.workspace import Workspace
-from twin.description import Sampling
-from twin.mesh_files import write_ply
-from twin.object_mesh import ObjectMesh, built_in
-from twin.picture_files import read_picture
-from twin.variant import FAST, pick_variant
+from twin.description.description import Sampling
+from twin.description.mesh_files import write_ply
+from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.picture_files import read_picture
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 

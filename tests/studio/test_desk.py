@@ -18,9 +18,9 @@ from studio.editor.placement import placement_of
 from studio.editor.stage import UNITS_PER_MM, Stage
 from studio.own_files import put_own
 from studio.workspace import MOST_FILES, Workspace
-from twin.description_file import read_scene
-from twin.description_writer import write_scene
-from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
+from twin.description.description_file import read_scene
+from twin.description.description_writer import write_scene
+from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
 
 
 @pytest.fixture

@@ -13,12 +13,12 @@ from scene.pose import rotation_from_vector
 from studio.editor import edits, light_edits
 from studio.editor.history import TOGETHER_S, History
 from studio.editor.placement import Placement, matrix_of, placement_of, quaternion, rotation_of
-from twin.description import Sampling
-from twin.description_file import read_scene
-from twin.description_tables import GridTable, LightTable, RingTable
-from twin.description_writer import write_scene
-from twin.materials import Diffuse, RoughPlastic
-from twin.object_mesh import ObjectMesh, built_in
+from twin.description.description import Sampling
+from twin.description.description_file import read_scene
+from twin.description.description_tables import GridTable, LightTable, RingTable
+from twin.description.description_writer import write_scene
+from twin.description.materials import Diffuse, RoughPlastic
+from twin.description.object_mesh import ObjectMesh, built_in
 
 ANGLE = st.floats(-89, 89)
 FACTOR = st.floats(0.2, 5)

@@ -12,10 +12,10 @@ from studio.editor import edits, light_edits
 from studio.editor.live_scene import LiveScene, refined
 from studio.editor.placement import placement_of
 from studio.editor.preview import Preview
-from twin.description import TwinObject
-from twin.materials import Conductor, Diffuse, RoughPlastic, Texture
-from twin.object_mesh import ObjectMesh, built_in
-from twin.variant import FAST, pick_variant
+from twin.description.description import TwinObject
+from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
+from twin.description.object_mesh import ObjectMesh, built_in
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
     pytest.mark.render,

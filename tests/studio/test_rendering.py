@@ -9,9 +9,9 @@ import pytest
 
 from studio.editor import edits, light_edits, rendering
 from studio.editor.rendering import Progress, Rendering
-from twin.description import Sampling
-from twin.description_tables import RingTable
-from twin.description_writer import write_scene
+from twin.description.description import Sampling
+from twin.description.description_tables import RingTable
+from twin.description.description_writer import write_scene
 
 pytestmark = [pytest.mark.render]
 

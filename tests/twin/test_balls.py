@@ -11,9 +11,9 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.spheres import Sphere
 from scene.store import Store
-from twin.balls import place_balls, render_balls
-from twin.grain import expose_colour, sensor_like
-from twin.virtual_camera import Sensor, expose, write_dng
+from twin.camera.grain import expose_colour, sensor_like
+from twin.camera.virtual_camera import Sensor, expose, write_dng
+from twin.virtual_balls import place_balls, render_balls
 
 STRAIGHT = Camera(300, 220, 420.0, 420.0, 161.3, 104.8)
 BENT = Camera(300, 220, 420.0, 431.0, 161.3, 104.8, (-0.12, 0.05, 0.002, -0.001, 0.0))
@@ -103,8 +103,8 @@ def test_nothing_to_render():
 @pytest.mark.parametrize(("full_well_e", "read_noise_e"), [(45000, 5), (2000, 2), (20000, 30)])
 @pytest.mark.parametrize("mosaic", [True, False])
 def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, mosaic):
-    from capture.decode import decode
-    from capture.session import Session
+    from capture.photographs.decode import decode
+    from capture.session.session import Session
 
     sensor = Sensor(full_well_e=full_well_e, read_noise_e=read_noise_e, blur_px=0.6, neutral=(1.0, 1.0, 1.0))
     rng = np.random.default_rng(10001)

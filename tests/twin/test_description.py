@@ -13,13 +13,13 @@ import trimesh
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
-from twin.description import Environment, TwinObject, TwinScene
-from twin.description_file import TAGS, read_scene
-from twin.description_writer import write_scene
-from twin.light_groups import direction
-from twin.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
-from twin.object_mesh import SHAPES, ObjectMesh, built_in, smooth
-from twin.picture_files import write_exr
+from twin.description.description import Environment, TwinObject, TwinScene
+from twin.description.description_file import TAGS, read_scene
+from twin.description.description_writer import write_scene
+from twin.description.light_groups import direction
+from twin.description.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
+from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, smooth
+from twin.description.picture_files import write_exr
 
 HEAD = """
 [camera]

@@ -8,17 +8,17 @@ import pytest
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
-from twin.description import Sampling, TwinObject, TwinScene
-from twin.direct import Direct
-from twin.film import Film
-from twin.flashes import import_mitsuba
-from twin.many import Indirect
-from twin.materials import Conductor, Diffuse, RoughPlastic
-from twin.mitsuba_scene import mitsuba_scene
-from twin.object_mesh import built_in
-from twin.path_tracing import PathTracer
-from twin.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
-from twin.variant import FAST, pick_variant
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, RoughPlastic
+from twin.description.object_mesh import built_in
+from twin.engines.direct import Direct
+from twin.engines.film import Film
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.many import Indirect
+from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.path_tracing import PathTracer
+from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
     pytest.mark.render,

@@ -8,18 +8,18 @@ import pytest
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
-from twin import engine as engines
-from twin import pilot as pilots
-from twin.description import Environment, Sampling, TwinObject, TwinScene
-from twin.engine import Choice, choose_engine
-from twin.film import film_for
-from twin.flashes import import_mitsuba
-from twin.layers import render_layers
-from twin.materials import Conductor, Diffuse, RoughPlastic, Subsurface
-from twin.object_mesh import built_in
-from twin.path_tracing import PathTracer
-from twin.pilot import run_pilot
-from twin.variant import FAST, pick_variant
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface
+from twin.description.object_mesh import built_in
+from twin.engines import engine_choice as engines
+from twin.engines import pilot as pilots
+from twin.engines.engine_choice import Choice, choose_engine
+from twin.engines.film import film_for
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.layers import render_layers
+from twin.engines.path_tracing import PathTracer
+from twin.engines.pilot import run_pilot
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
     pytest.mark.render,

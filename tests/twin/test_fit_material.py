@@ -12,18 +12,18 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
-from twin.description import TwinObject, TwinScene
-from twin.direct import Direct
-from twin.fit_material import fit_material
-from twin.flashes import import_mitsuba
-from twin.material_residual import material_residual
-from twin.material_samples import Samples, samples_of_normals, samples_of_scan
-from twin.materials import RoughPlastic
-from twin.mitsuba_scene import mitsuba_scene
-from twin.object_mesh import built_in
-from twin.reflection_models import coat, matte, reflected
-from twin.scan_material import scan_material
-from twin.variant import FAST, pick_variant
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import RoughPlastic
+from twin.description.object_mesh import built_in
+from twin.engines.direct import Direct
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.variant import FAST, pick_variant
+from twin.material.fit_material import fit_material
+from twin.material.material_residual import material_residual
+from twin.material.material_samples import Samples, samples_of_normals, samples_of_scan
+from twin.material.reflection_models import coat, matte, reflected
+from twin.material.scan_material import scan_material
 
 SIDE, RADIUS = 64, 27.0
 WHITE = np.array([0.5, 0.6, 0.4])

@@ -8,11 +8,11 @@ import pytest
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from twin.description import TwinObject, TwinScene
-from twin.film import film_for
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Texture
+from twin.description.object_mesh import built_in
+from twin.engines.film import film_for
 from twin.ground_truth import ground_truth, lights_of, save_ground_truth
-from twin.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Texture
-from twin.object_mesh import built_in
 
 MIDDLE = np.array([-4.0, 6.0, -300.0])
 CAMERA = Camera(96, 80, 150.0, 150.0, 53.4, 35.2)
@@ -171,11 +171,11 @@ def test_maps_made_on_disk_are_those_made_in_memory(camera, tmp_path):
 
 
 def test_a_lens_is_undistorted_alike_in_bands(monkeypatch):
-    monkeypatch.setattr("twin.film.ROWS", 7)
+    monkeypatch.setattr("twin.engines.film.ROWS", 7)
     points = ball_truth(LENS, 40, MIDDLE)[1]
     points = points[np.isfinite(points[..., 0])]
     banded = film_for(LENS, points)
-    monkeypatch.setattr("twin.film.ROWS", 10_000)
+    monkeypatch.setattr("twin.engines.film.ROWS", 10_000)
     whole = film_for(LENS, points)
     assert banded.size[0] > 7
     assert banded.rendered == whole.rendered

@@ -5,28 +5,28 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compare.material_words import material_words
+from compare.report.material_words import material_words
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose
 from tests.twin.test_fit_material import SIDE, WHITE, dome, made
-from twin.description import Sampling, TwinObject, TwinScene
-from twin.direct import Direct
-from twin.fit_material import fit_material
-from twin.flashes import import_mitsuba
-from twin.material_light import material_scene
-from twin.material_places import Places, material_places
-from twin.material_regions import TURN, Neighbours
-from twin.material_samples import Samples
-from twin.materials import RoughPlastic
-from twin.mitsuba_scene import mitsuba_scene
-from twin.nearest import filled
-from twin.object_mesh import ObjectMesh, built_in
-from twin.reflection_models import coat, reflected
-from twin.scan_material import albedo_of, scan_material
-from twin.variant import FAST, pick_variant
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import RoughPlastic
+from twin.description.object_mesh import ObjectMesh, built_in
+from twin.engines.direct import Direct
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.variant import FAST, pick_variant
+from twin.material.fit_material import fit_material
+from twin.material.material_light import material_scene
+from twin.material.material_places import Places, material_places
+from twin.material.material_regions import TURN, Neighbours
+from twin.material.material_samples import Samples
+from twin.material.nearest import filled
+from twin.material.reflection_models import coat, reflected
+from twin.material.scan_material import albedo_of, scan_material
 
 LIGHTS = dome(16)
 

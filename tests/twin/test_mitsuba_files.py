@@ -13,13 +13,13 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.normals import unit
-from twin.description import Environment, Sampling, TwinObject, TwinScene
-from twin.materials import Conductor, Diffuse, Principled, RoughPlastic, Subsurface, Texture
-from twin.mitsuba_files import write_mitsuba
-from twin.object_mesh import ObjectMesh, built_in
-from twin.path_tracing import PathTracer
-from twin.picture_files import read_picture
-from twin.variant import pick_variant
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, Principled, RoughPlastic, Subsurface, Texture
+from twin.description.object_mesh import ObjectMesh, built_in
+from twin.description.picture_files import read_picture
+from twin.engines.mitsuba_files import write_mitsuba
+from twin.engines.path_tracing import PathTracer
+from twin.engines.variant import pick_variant
 
 pytestmark = pytest.mark.render
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 import rawpy
 
-from capture.images import read_image
-from capture.raw import read_raw
+from capture.photographs.images import read_image
+from capture.photographs.raw import read_raw
 from scene.errors import RenderError
 from scene.frames import decode
-from twin.description_file import read_scene
-from twin.description_writer import write_scene
-from twin.photograph import developed, write_photograph
-from twin.virtual_camera import CFA_PATTERNS, Sensor, expose
+from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose
+from twin.camera.virtual_photograph import developed, write_photograph
+from twin.description.description_file import read_scene
+from twin.description.description_writer import write_scene
 
 MOMENT = {"focal_mm": 50.0, "time": datetime(2026, 11, 22, 10)}
 SILENT: dict[str, Any] = {"full_well_e": 1e13, "read_noise_e": 0.0, "blur_px": 0.0}

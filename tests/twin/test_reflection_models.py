@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from twin.flashes import import_mitsuba
-from twin.materials import Diffuse, RoughPlastic, Texture
-from twin.mitsuba_materials import bsdf
-from twin.mitsuba_scene import loadable
-from twin.reflection_models import coat, matte, reflected
+from twin.description.materials import Diffuse, RoughPlastic, Texture
+from twin.engines.flash_shading import import_mitsuba
+from twin.engines.mitsuba_materials import bsdf
+from twin.engines.mitsuba_scene import loadable
+from twin.material.reflection_models import coat, matte, reflected
 
 
 def directions(count: int, seed: int, least: float) -> np.ndarray:

@@ -16,8 +16,8 @@ from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
 from scene.store import Store
-from twin.description import Sampling
-from twin.render import render_scene
+from twin.description.description import Sampling
+from twin.engines.render import render_scene
 from twin.scan_scene import scan_scene
 
 pytestmark = pytest.mark.render
@@ -309,9 +309,9 @@ def test_a_pixel_is_cheaper_where_there_are_more_pixels(monkeypatch):
     pose = Pose.from_rotation_translation(np.eye(3), CENTER)
     given = (ball(subdivisions=2), pose, CAMERA, distant([0, 0, 1]), flat(CAMERA))
     assert render(*given).choice.samples == 64
-    monkeypatch.setattr("twin.render.SAMPLES_PER_FRAME", 100_000)
+    monkeypatch.setattr("twin.engines.render.SAMPLES_PER_FRAME", 100_000)
     assert render(*given).choice.samples in (9, 16, 25, 36)
-    monkeypatch.setattr("twin.render.SAMPLES_PER_FRAME", 1)
+    monkeypatch.setattr("twin.engines.render.SAMPLES_PER_FRAME", 1)
     assert render(*given).choice.samples == 4
     assert render(*given, samples_per_pixel=5).choice.samples == 9
 

@@ -13,8 +13,8 @@ from scene.errors import RenderError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
-from twin.session import write_session
-from twin.virtual_camera import Sensor
+from twin.camera.virtual_camera import Sensor
+from twin.twin_session import write_session
 
 NAMES = ("b_10", "a_2", "c [x]")
 CAMERA = Camera(48, 32, 20.5, 20.25, 5.75, 3.5, (0.01, 0.0, 0.0, 0.0, 0.0))

@@ -10,14 +10,14 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from scene.store import Store
-from twin.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.materials import Conductor, Diffuse, Measured, RoughPlastic, Subsurface, Texture, seed_materials
+from twin.description.object_mesh import built_in
+from twin.engines.mitsuba_files import write_mitsuba
+from twin.engines.path_tracing import PathTracer
+from twin.engines.render import render_scene
+from twin.engines.variant import pick_variant
 from twin.ground_truth import lights_of
-from twin.materials import Conductor, Diffuse, Measured, RoughPlastic, Subsurface, Texture, seed_materials
-from twin.mitsuba_files import write_mitsuba
-from twin.object_mesh import built_in
-from twin.path_tracing import PathTracer
-from twin.render import render_scene
-from twin.variant import pick_variant
 
 pytestmark = pytest.mark.render
 

@@ -15,17 +15,17 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from scene.store import Store
-from twin import layers, many
-from twin.description import Environment, Sampling, TwinObject, TwinScene
-from twin.description_file import read_scene
-from twin.description_writer import write_scene
-from twin.engine import Choice
-from twin.layers import pieces_of, render_layers
-from twin.materials import Diffuse, RoughPlastic
-from twin.object_mesh import built_in
-from twin.render import render_scene, rendering_mark
-from twin.unfinished import Unfinished
-from twin.variant import FAST, pick_variant
+from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.description_file import read_scene
+from twin.description.description_writer import write_scene
+from twin.description.materials import Diffuse, RoughPlastic
+from twin.description.object_mesh import built_in
+from twin.engines import layers, many
+from twin.engines.engine_choice import Choice
+from twin.engines.layers import pieces_of, render_layers
+from twin.engines.render import render_scene, rendering_mark
+from twin.engines.unfinished import Unfinished
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = pytest.mark.render
 NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
@@ -70,8 +70,8 @@ import sys, time
 from pathlib import Path
 from scene.store import Store
 from twin import layers, many
-from twin.description_file import read_scene
-from twin.render import render_scene, rendering_mark
+from twin.description.description_file import read_scene
+from twin.engines.render import render_scene, rendering_mark
 layers.VALUES_PER_BAND = {BAND}
 layers.SAMPLES_PER_CALL = {PATHS}
 many.FIRST_LOOK = 1 << 14

@@ -6,7 +6,7 @@ import sys
 
 import pytest
 
-from twin import variant
+from twin.engines import variant
 
 
 @pytest.fixture

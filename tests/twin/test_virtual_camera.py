@@ -8,7 +8,7 @@ import pytest
 import rawpy
 
 from scene.errors import RenderError, SceneError
-from twin.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
+from twin.camera.virtual_camera import CFA_PATTERNS, Sensor, expose, write_dng
 
 SHOT = {"exposure_s": 1 / 125, "iso": 100, "aperture": 8.0, "focal_mm": 18.0}
 MOMENT = datetime(2026, 11, 21, 10, 0, 4, 370000)

@@ -19,7 +19,7 @@ from scene.current import ROOMS, ROOT, sources
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
 from scene.output_folder import open_record
-from twin.variant import FAST, pick_variant
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
     pytest.mark.render,
@@ -75,7 +75,7 @@ def test_the_true_maps_explain_near_lights(shelf):
 
     truth = {name: np.load(folder / "truth" / f"truth_{name}.npy") for name in ("albedo", "z_mm", "attached", "cast")}
     lights = Store(folder).load_lights()
-    from capture.session import load_session
+    from capture.session.session import load_session
 
     camera = load_session(folder).camera
     v, u = np.nonzero(mask)

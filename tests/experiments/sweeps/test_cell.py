@@ -7,7 +7,7 @@ import pytest
 from experiments.sweeps.cell import run_cell
 from experiments.sweeps.nine_experiments import SOLVERS
 from experiments.sweeps.recipe import Cell, Recipe
-from twin.variant import FAST, pick_variant
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
     pytest.mark.render,

@@ -58,13 +58,13 @@ def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
     assert hash_with("experiments/sweeps/sweep_page.py") == hash_with("experiments/sweeps/sweep_command.py") == before
     seen = {before}
     made = (
-        "solve/ls.py",
+        "solve/pixelwise/ls.py",
         "solve/uncalibrated/tv.py",
-        "twin/direct.py",
+        "twin/engines/direct.py",
         "scene/frames.py",
         "experiments/sweeps/shapes.py",
     )
-    for name in (*made, "compare/statistics.py"):
+    for name in (*made, "compare/statistics/statistics.py"):
         changed = hash_with(name)
         assert changed not in seen
         seen.add(changed)

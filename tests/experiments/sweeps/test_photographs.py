@@ -8,7 +8,7 @@ import pytest
 from experiments.sweeps.photographs import photograph
 from experiments.sweeps.recipe import Recipe
 from experiments.sweeps.shapes import SHAPES
-from twin.variant import FAST, pick_variant
+from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
     pytest.mark.render,

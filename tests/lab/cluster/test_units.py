@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from capture.decode import decode
-from capture.session import load_session
+from capture.photographs.decode import decode
+from capture.session.session import load_session
 from lab.cluster.executor import Cluster
 from lab.cluster.worker import LARGE, content_name, pack, unpack
 from scene.camera import Camera
@@ -23,8 +23,8 @@ from scene.normals import unit
 from scene.pose import Pose
 from scene.store import Store
 from solve.solve import solve
-from twin.description import Sampling
-from twin.render import render_scene
+from twin.description.description import Sampling
+from twin.engines.render import render_scene
 from twin.scan_scene import scan_scene
 
 MOST = 2 * LARGE

@@ -10,7 +10,7 @@ from compare.compare import compare
 from scene.errors import SceneError
 from scene.files import write_json, write_npy
 from scene.normals import angular_error_deg
-from solve import ls
+from solve.pixelwise import ls
 from solve.samples import GRAY, Geometry, points_of, read_band, scale_of
 from studio.results.panel import lacks
 from studio.results.pixel import lit_from, numbers_at, read_pixel

@@ -17,8 +17,8 @@ from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
 from studio.review.mirror import mirrored_px
-from twin.mesh_files import write_ply
-from twin.object_mesh import ObjectMesh, built_in
+from twin.description.mesh_files import write_ply
+from twin.description.object_mesh import ObjectMesh, built_in
 
 FIXTURE = Path(__file__).parents[4] / "fixtures" / "bumpy"
 CAMERA = Camera(160, 120, 220.0, 220.0, 78.0, 61.0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from align.embree import RayCaster
-from capture.session import load_session
+from capture.session.session import load_session
+from scene.rays import RayCaster
 from studio.review.light_stage import SCAN_SIZE
 from studio.review.plane import Plane
 from studio.review.scan_panel import ScanPanel

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 
-from align import embree
+from scene import rays
 from scene.output_folder import open_record
 from studio.review.balls_panel import BallsPanel
 from studio.review.calibrated_again import calibrate_again
@@ -39,7 +39,7 @@ def test_a_click_on_the_scan_is_met_in_the_desks_own_thread(reviewing, settle, m
     """Rays are cast there, against one tree a reading; what fails is told, as of any click."""
     desk, threads, points = reviewing(LightStage), [], []
 
-    class Counted(embree.RayCaster):
+    class Counted(rays.RayCaster):
         def __init__(self, mesh):
             threads.append(threading.current_thread().name)
             super().__init__(mesh)
@@ -47,7 +47,7 @@ def test_a_click_on_the_scan_is_met_in_the_desks_own_thread(reviewing, settle, m
     desk.on_scan = points.append
     desk.choose(view="Scan")
     mesh, client = load_scan(desk.review), desk.client
-    monkeypatch.setattr(embree, "RayCaster", Counted)
+    monkeypatch.setattr(rays, "RayCaster", Counted)
     scale = SCAN_SIZE / (2 * mesh.radius_mm)
     for aside in (0.0, 2.0, 4.0):
         origin = np.array([aside, -3.0, 900.0])

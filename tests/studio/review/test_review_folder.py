@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from align.embree import RayCaster
-from capture.requests import sphere_requests
-from capture.session import load_session
+from capture.session.requests import sphere_requests
+from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.output_folder import open_record
+from scene.rays import RayCaster
 from studio.review.calibrated_again import change_of
 from studio.review.contact_sheet import CHOSEN, CLIPPED, WARNED, contact_sheet
 from studio.review.corrected_session import forget_kept, write_amended

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from capture.session import load_session
+from capture.session.session import load_session
 from lab.job import Outcome
 from lab.plan import STEPS
 from lab.run import run_session
@@ -50,7 +50,7 @@ def test_steps_are_run_as_they_were(tmp_path, monkeypatch):
 
     for name in list(STEPS):
         monkeypatch.setitem(STEPS, name, replace(step(name), needs=("solve", "twin") if name == "compare" else ()))
-    monkeypatch.setattr("compare.report.write_report", lambda store, summary: None)
+    monkeypatch.setattr("compare.report.report.write_report", lambda store, summary: None)
     monkeypatch.setattr("lab.announce.tell", lambda summary: None)
     how = {
         "method": "sbl,ls",

@@ -1,0 +1,1 @@
+"""The object's mask, from the whole stack."""

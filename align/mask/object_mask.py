@@ -1,0 +1,289 @@
+"""The object's mask, found without clicks from the whole stack."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.mask.backdrop import Contradiction, contradict_backdrop
+from align.pose.sharp_picture import block_means, box_of, bright_mean, bright_picture
+from scene.camera import Camera
+from scene.errors import AlignError
+from scene.frames import Frames
+from scene.spheres import Sphere
+
+WORK_SIZE = 640
+"""The search runs on block means with about this many columns; the border is then found on full pixels."""
+BALL_MARGIN_PX = 4.0
+FAINT = 0.25
+"""What stands out from the backdrop by less than this share of the object's median (in square roots) is not of it."""
+LEAST_SHARE = 0.001
+"""An object smaller than this share of the image is taken for dirt."""
+
+
+@dataclass(frozen=True)
+class ObjectMask:
+    """Where the object is.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+    source : str
+        "given", "found" or "scan".
+    warnings : tuple of str
+    """
+
+    mask: NDArray[np.bool_]
+    source: str
+    warnings: tuple[str, ...] = ()
+
+
+def find_object(
+    frames: Frames, camera: Camera, spheres: list[Sphere], *, mask_given: NDArray[np.bool_] | None = None
+) -> ObjectMask:
+    """Find the object: what the backdrop does not explain, near the middle, and is no ball.
+
+    Parameters
+    ----------
+    frames : Frames
+    camera : Camera
+    spheres : list of Sphere
+        Calibration balls; their pixels are no object (those shot apart are not in the picture).
+    mask_given : (H, W) bool, optional
+        The user's mask: checked, and freed of balls' pixels.
+
+    Returns
+    -------
+    found : ObjectMask
+
+    Raises
+    ------
+    AlignError
+        The given mask is empty or of another size; or nothing stands out from the backdrop.
+
+    Notes
+    -----
+    The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
+    lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames. The border is then put
+    where each pixel's brightest quarter of frames passes midway between its values just inside and just outside.
+    """
+    size = (camera.height, camera.width)
+    balls = np.zeros(size, bool)
+    for sphere in spheres:
+        if not sphere.apart:
+            balls |= sphere.mask(camera, grow_px=BALL_MARGIN_PX)
+    if mask_given is not None:
+        return _checked(np.asarray(mask_given, bool), balls, size)
+
+    factor = max(1, round(max(size) / WORK_SIZE))
+    stack = block_means(frames, factor)
+    height, width = stack.shape[1:]
+    balls_small = _blocks(balls, factor, height, width)
+    contradiction = contradict_backdrop(stack, balls_small)
+    small, warnings = _choose(contradiction, balls_small)
+    small = _trim(stack.mean(0), contradiction, small)
+    border = _sharpen(bright_mean(stack), small, balls_small, reach=3)
+    if factor > 1:
+        big = np.zeros(size, bool)
+        blown = np.kron(border, np.ones((factor, factor), bool))
+        big[: blown.shape[0], : blown.shape[1]] = blown
+        reach = 2 * factor + 1
+        # Nothing farther off has a say: the blur's sigma is 1.5 reaches.
+        window = _window(big, margin=10 * reach)
+        border = np.zeros(size, bool)
+        border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
+    border = _one_piece(border & ~balls)
+    rim = border[[0, -1]].sum() + border[:, [0, -1]].sum()
+    if rim > 4:
+        warnings.append(f"mask: the object reaches the image's border ({rim} pixels): part of it may be missing.")
+    return ObjectMask(border, "found", tuple(warnings))
+
+
+def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px: float = 3.0) -> ObjectMask:
+    """Return the object's mask once its scan is registered.
+
+    The registered silhouette has the better border: sub-pixel, and blind to the table, to shadows and
+    to dark albedo. So it is the mask; the found mask adds only what the scan has not: holes inside the
+    silhouette, and parts beyond it that are thicker than twice `tolerance_px` (the scan may be partial).
+
+    Parameters
+    ----------
+    silhouette : (H, W) bool
+        `Truth.mask`.
+    found : ObjectMask
+        Given or found on the photographs.
+    tolerance_px : float
+        What lies closer to the silhouette than this is the found border's own error.
+    """
+    from scipy.ndimage import binary_dilation, binary_opening
+
+    shape, window = silhouette.shape, _window(silhouette | found.mask, margin=int(4 * tolerance_px))
+    silhouette, rough = silhouette[window], found.mask[window]
+    radius = int(np.ceil(tolerance_px))
+    disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= tolerance_px
+    extra = rough & ~silhouette
+    holes, _ = _pieces(~silhouette)
+    outside = np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))
+    in_holes = extra & ~np.isin(holes, outside)
+    near = np.asarray(binary_dilation(silhouette, disc), bool)
+    beyond = np.asarray(binary_opening(extra & ~near, disc), bool)
+    # Back to where it joins the silhouette.
+    beyond = np.asarray(binary_dilation(beyond, disc, iterations=2, mask=extra), bool)
+    mask = silhouette | in_holes | beyond
+    warnings = list(found.warnings)
+    share = (in_holes | beyond).sum() / max(mask.sum(), 1)
+    if share > 0.02:
+        warnings.append(f"mask: {100 * share:.0f} % of the object was not scanned: no ground truth there.")
+    missing = (silhouette & ~np.asarray(binary_dilation(rough, disc), bool)).sum() / max(silhouette.sum(), 1)
+    if missing > 0.02:
+        warnings.append(
+            f"mask: {100 * missing:.0f} % of the registered scan lies outside the mask that was {found.source}: "
+            "something hides the object there, or the mask lacks it."
+        )
+    whole = np.zeros(shape, bool)
+    whole[window] = mask
+    return ObjectMask(whole, "scan", tuple(warnings))
+
+
+def _blocks(mask: NDArray[np.bool_], factor: int, height: int, width: int) -> NDArray[np.bool_]:
+    """Return the blocks that hold a pixel of the mask."""
+    cut = mask[: height * factor, : width * factor]
+    return np.asarray(cut.reshape(height, factor, width, factor).any((1, 3)), bool)
+
+
+def _checked(mask: NDArray[np.bool_], balls: NDArray[np.bool_], size: tuple[int, int]) -> ObjectMask:
+    if mask.shape != size:
+        raise AlignError(
+            f"mask: it is {' x '.join(map(str, mask.shape[::-1]))} px, the frames are {size[1]} x {size[0]}. "
+            "Save it at the frames' size."
+        )
+    if not mask.any():
+        raise AlignError("mask: it is empty. White marks the object.")
+    if mask.mean() > 0.98:
+        raise AlignError(f"mask: {100 * mask.mean():.1f} % of it is white. White marks the object, black the rest.")
+    overlap = mask & balls
+    if not overlap.any():
+        return ObjectMask(mask, "given")
+    rest = mask & ~balls
+    if not rest.any():
+        raise AlignError("mask: it lies on the calibration balls alone. White marks the object.")
+    # A ball's margin may touch the object beside it: only a real overlap is worth a word.
+    if overlap.sum() < 0.01 * mask.sum():
+        return ObjectMask(mask, "given")
+    return ObjectMask(rest, "given", (f"mask: {overlap.sum()} of its pixels lie on calibration balls; left out.",))
+
+
+def _choose(contradiction: Contradiction, balls: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], list[str]]:
+    """Return the piece that is most likely the object: large, and near the middle."""
+    from scipy.ndimage import binary_closing, binary_opening
+
+    plausible = contradiction.object_likely & ~balls
+    cross = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
+    # Opening cuts off noise and the thin rims of balls and shadows.
+    pieces, count = _pieces(binary_opening(binary_closing(plausible, cross), cross, iterations=2))
+    height, width = plausible.shape
+    areas = np.bincount(pieces.ravel(), minlength=count + 1)[1:].astype(float)
+    if not count or areas.max() < LEAST_SHARE * plausible.size:
+        raise AlignError(
+            "mask: no object found: nothing stands out from the backdrop "
+            f"(largest piece {areas.max() if count else 0:.0f} of {plausible.size} blocks; backdrop known to "
+            f"{100 * contradiction.backdrop_noise:.1f} %). Give the mask: mask under [object]."
+        )
+    v, u = np.mgrid[0:height, 0:width]
+    away = np.hypot(v - (height - 1) / 2, u - (width - 1) / 2) / np.hypot(height, width)
+    # Each pixel votes by its place: a big thing in the middle beats a bigger one along the border.
+    votes = np.bincount(pieces.ravel(), np.exp(-((away.ravel() / 0.3) ** 2)), minlength=count + 1)[1:]
+    best = int(np.argmax(votes))
+    warnings = []
+    rivals = [i for i in range(count) if i != best and votes[i] > 0.3 * votes[best]]
+    if rivals:
+        warnings.append(
+            f"mask: {len(rivals) + 1} things stand out from the backdrop; the one of {areas[best]:.0f} blocks "
+            f"nearest to the middle was taken, beside {', '.join(f'{areas[i]:.0f}' for i in rivals)}. If that is "
+            "wrong, give the mask: mask under [object]."
+        )
+    return np.asarray(pieces == best + 1, bool), warnings
+
+
+def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Take off what hangs on the object and is much nearer to the backdrop: folds of a cloth, stains."""
+    from scipy.ndimage import binary_opening
+
+    excess = np.sqrt(np.maximum(picture, 0)) - np.sqrt(contradiction.backdrop)
+    typical = float(np.median(excess[piece]))
+    # Brightness tells them apart only where the object is much brighter, as before a black cloth.
+    if typical <= float(np.median(np.sqrt(contradiction.backdrop[piece]))):
+        return piece
+    strong = np.asarray(binary_opening(piece & (excess > FAINT * typical), np.ones((3, 3), bool)), bool)
+    numbers, count = _pieces(strong)
+    if not count:
+        return piece
+    strong = numbers == np.argmax(np.bincount(numbers.ravel())[1:]) + 1
+    # Dark places within the object are its own.
+    holes, _ = _pieces(~strong)
+    outside = np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))
+    return np.asarray(strong | (piece & ~np.isin(holes, outside)), bool)
+
+
+def _sharpen(picture: NDArray, mask: NDArray[np.bool_], balls: NDArray[np.bool_], *, reach: int) -> NDArray[np.bool_]:
+    """Move the border, within `reach` pixels, to where the picture passes midway between inside and outside."""
+    import cv2
+
+    size = 2 * reach + 1
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
+    # Limbs darken toward the border: midway in square roots lies lower, and so nearer to it.
+    picture = np.sqrt(np.maximum(picture, 0)).astype(np.float32)
+    for _ in range(2):
+        inner = cv2.erode(mask.astype(np.uint8), disc, borderValue=1) > 0
+        outer = (cv2.dilate(mask.astype(np.uint8), disc) == 0) & ~balls
+        levels = []
+        for region in (inner, outer):
+            weight, level = (_blur(image, 1.5 * reach) for image in (region.astype(np.float32), picture * region))
+            levels.append(np.where(weight > 1e-3, level / np.maximum(weight, 1e-3), np.nan))
+        inside, outside = levels
+        clear = np.abs(inside - outside) > 0.3 * np.maximum(np.abs(inside), np.abs(outside))
+        closer = np.abs(picture - inside) < np.abs(picture - outside)
+        mask = inner | np.where(clear, closer, mask) & ~outer & ~inner & ~balls
+    return mask
+
+
+def _blur(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]:
+    """Return the image after a Gaussian; a wide one is computed on fewer pixels, which hold as much."""
+    import cv2
+
+    height, width = image.shape
+    step = max(1, int(sigma_px / 6))
+    if step > 1:
+        image = np.asarray(cv2.resize(image, (width // step, height // step), interpolation=cv2.INTER_AREA), np.float32)
+    image = np.asarray(cv2.GaussianBlur(image, (0, 0), sigma_px / step), np.float32)
+    return np.asarray(cv2.resize(image, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _window(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
+    """Return the rows and columns of a mask's box, grown by a margin."""
+    if not mask.any():
+        return np.s_[:, :]
+    rows, columns = box_of(mask)
+    return slice(max(rows.start - margin, 0), rows.stop + margin), slice(
+        max(columns.start - margin, 0), columns.stop + margin
+    )
+
+
+def _pieces(mask: NDArray) -> tuple[NDArray[np.int32], int]:
+    """Return the 4-connected pieces' numbers (H, W), 0 outside, and how many there are."""
+    import cv2
+
+    count, numbers = cv2.connectedComponents(np.asarray(mask, np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    return numbers.astype(np.int32, copy=False), count - 1
+
+
+def _one_piece(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the largest piece, its small holes filled."""
+    pieces, count = _pieces(mask)
+    if not count:
+        raise AlignError("mask: the object's border could not be found. Give the mask: mask under [object].")
+    piece = pieces == np.argmax(np.bincount(pieces.ravel())[1:]) + 1
+    holes, _ = _pieces(~piece)
+    area = np.bincount(holes.ravel())
+    # A handle's opening stays open; a dark spot is filled.
+    return piece | (area < 0.005 * piece.sum())[holes] & ~piece

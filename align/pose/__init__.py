@@ -1,0 +1,1 @@
+"""The scan's pose: start, registration, refinement, uncertainty."""

@@ -1,0 +1,74 @@
+"""How the registered scan would look: its outline, and its shading under one light."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.probes import surface
+from align.pose.rim import find_rim
+from align.pose.shading import find_shadows
+from scene.camera import Camera
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.pose import Pose
+from scene.rays import RayCaster
+
+CELLS = 1500
+"""The outline is searched on a raster of at most so many cells across the scan; its points are exact all the same."""
+
+
+def outline(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+    """Return the scan's outline in the picture as short strokes along it, (K, 2 ends, 2), pixels.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        mm.
+    pose : Pose
+        camera_from_scan.
+    camera : Camera
+        Distortion is honoured.
+    """
+    rim = find_rim(RayCaster(mesh), camera, pose, cells=CELLS)
+    along = np.stack([-rim.outward[:, 1], rim.outward[:, 0]], -1)
+    # A little longer than their distance, so that they join.
+    return rim.pixels[:, None] + 0.6 * rim.step * np.array([-1.0, 1.0])[:, None] * along[:, None]
+
+
+def shading(mesh: Mesh, pose: Pose, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
+    """Return what a white matte scan would show at pixels under one light, (..., ), NaN off the scan.
+
+    Parameters
+    ----------
+    mesh, pose, camera
+        As in `outline`.
+    lights : Lights
+    index : int
+        Which of them.
+    pixels : (..., 2) float
+
+    Returns
+    -------
+    shading : (...) float32
+        max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not
+        in it.
+    """
+    one = Lights(
+        lights.names[index : index + 1],
+        lights.directions[index : index + 1],
+        lights.intensities[index : index + 1],
+        None if lights.positions_mm is None else lights.positions_mm[index : index + 1],
+        lights.reference_point_mm,
+    )
+    caster = RayCaster(mesh)
+    flat = np.asarray(pixels, np.float64).reshape(-1, 2)
+    out = np.full(len(flat), np.nan, np.float32)
+    step = 1 << 19
+    for first in range(0, len(flat), step):
+        part = slice(first, first + step)
+        points, normals = surface(caster, camera, pose, flat[part])
+        seen = np.isfinite(points[:, 0])
+        points, normals = points[seen], normals[seen]
+        cosine = np.maximum(np.einsum("pk,pk->p", one.toward(points)[0], normals), 0)
+        values = out[part]
+        values[seen] = np.where(find_shadows(caster, one, pose, points, normals)[0], 0, cosine)
+    return out.reshape(np.shape(pixels)[:-1])

@@ -1,0 +1,189 @@
+"""The outline's edges: where the photographs show them, and where they would lie if the scan were where it seems to be.
+
+A limb darkens as its surface turns away, and a lens blurs it: the steepest place of its profile lies some tenths of a
+pixel inside the outline, more on a ball than on a box. Taken for the outline, it passes for depth. The scan tells the
+profile: its normals inside the outline, under the lights, next to what the photographs show beyond.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.probes import surface
+from align.pose.rim import Rim, sample
+from align.pose.sharp_picture import box_of
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.pose import Pose
+from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+
+SECTORS = 8
+"""Directions in the image; an edge is looked for in the frames whose light comes from its own side: the limb is lit,
+and the object's shadow falls to the other side."""
+MARGIN_PX = 32
+SPACING_PX = 0.25
+BLUR_PX = 1.0
+"""Lens, pixel and demosaicing together. Twice as much moves the expected edge by less than a tenth of a pixel."""
+SMOOTHING_PX = 0.8
+"""Of the slope along a profile."""
+INSIDE_PX, OUTSIDE_PX = (-5.0, -1.5), (1.5, 5.0)
+"""Where, beside an edge, the object's and the backdrop's brightness are read."""
+CONTRAST = 0.2
+FARTHEST_PX = 2.5
+"""An edge expected farther inside is the limb's own shadow border, not its outline."""
+
+
+@dataclass(frozen=True)
+class LimbPictures:
+    """For each direction in the image the mean of the frames lit from there, gray, light for light of intensity one.
+
+    Means, and no maxima: of what object and backdrop add to a pixel of the edge, each is the same mean.
+
+    Parameters
+    ----------
+    pictures : (S, h, w) float32
+    corner : (2,) int
+        Pixel (u, v) of pictures[:, 0, 0].
+    members : (S, N) bool
+        The frames of each.
+    """
+
+    pictures: NDArray[np.float32]
+    corner: NDArray[np.int64]
+    members: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> "LimbPictures":
+        """Take the pictures about the mask (H, W), in one pass over the frames."""
+        rows, columns = box_of(mask)
+        low = np.maximum([columns.start - MARGIN_PX, rows.start - MARGIN_PX], 0)
+        high = np.minimum([columns.stop + MARGIN_PX, rows.stop + MARGIN_PX], [frames.width, frames.height])
+        # Image axes: u along the camera's x, v against its y.
+        score = _sector_axes() @ (lights.directions[:, :2] * [1.0, -1.0]).T
+        keep = min(len(frames), max(3, len(frames) // 4))
+        members = np.zeros(score.shape, bool)
+        np.put_along_axis(members, np.argsort(-score, axis=1)[:, :keep], True, axis=1)
+        pictures = np.zeros((SECTORS, high[1] - low[1], high[0] - low[0]), np.float32)
+        weight = (1 / lights.intensities / 3 / keep).astype(np.float32)
+        columns = slice(int(low[0]), int(high[0]))
+        for band in frames.bands(64 << 20):
+            rows = slice(max(band.start, int(low[1])), min(band.stop, int(high[1])))
+            if rows.start >= rows.stop:
+                continue
+            there = slice(rows.start - int(low[1]), rows.stop - int(low[1]))
+            for index in np.flatnonzero(members.any(0)).tolist():
+                gray = frames.read(rows, [index], columns=columns)[0] @ weight[index]
+                for sector in np.flatnonzero(members[:, index]):
+                    pictures[sector, there] += gray
+        return cls(pictures, low.astype(np.int64), members)
+
+    def locate(self, pixels: NDArray, outward: NDArray, *, reach_px: float) -> Array:
+        """Return how far outside each of K pixels an edge lies (K,), px along `outward`; NaN where there is none.
+
+        The edge is where the profile is steepest, to a fraction of a pixel by a parabola through the slope's peak. Not
+        where it crosses half of the contrast: shading slopes inside the outline, and would bend that level.
+        """
+        half = int(np.ceil((reach_px + 2) / SPACING_PX))
+        along = SPACING_PX * np.arange(-half, half + 1)
+        return _steepest(along, self._profiles(pixels, outward, along), reach_px)
+
+    def expect(
+        self, caster: RayCaster, camera: Camera, lights: Lights, pose: Pose, rim: Rim, located: NDArray
+    ) -> Array:
+        """Return where `locate` would find the edge of the scan at `pose` (K,), px.
+
+        Parameters
+        ----------
+        located : (K,)
+            Where it was found; the brightness to both sides is read there.
+
+        Notes
+        -----
+        Inside, the sector's mean of max(0, light . normal), times the albedo that fits the photographs near the edge;
+        outside, what they show there; the step blurred. Where the scan does not tell (a hole, a part too thin), what is
+        expected of the others in the middle.
+        """
+        edge = rim.pixels + np.nan_to_num(located)[:, None] * rim.outward
+        half = int(np.ceil((FARTHEST_PX + 3.5) / SPACING_PX))
+        # Midway between samples: the outline itself lies at 0.
+        along = SPACING_PX * (np.arange(-half, half) + 0.5)
+        inside, lit = along < 0, (along > INSIDE_PX[0]) & (along < INSIDE_PX[1])
+        outside = (along > OUTSIDE_PX[0]) & (along < OUTSIDE_PX[1])
+        seen = self._profiles(edge, rim.outward, along)
+        shading = self._shading(caster, camera, lights, pose, rim, along[inside])
+        model, measured = shading[:, lit[inside]], seen[:, lit]
+        albedo = (model * measured).sum(1) / np.maximum((model * model).sum(1), 1e-12)
+        beyond = np.broadcast_to(np.median(seen[:, outside], axis=1)[:, None], (len(edge), int((~inside).sum())))
+        from scipy.ndimage import gaussian_filter1d
+
+        profile = np.concatenate([albedo[:, None] * shading, beyond], 1)
+        known = np.isfinite(profile).all(1)
+        blurred = gaussian_filter1d(np.nan_to_num(profile), BLUR_PX / SPACING_PX, axis=1, mode="nearest")
+        expected = np.where(known, _steepest(along, blurred, FARTHEST_PX), np.nan)
+        told = np.isfinite(expected)
+        return np.where(told, expected, np.median(expected[told]) if told.any() else 0.0)
+
+    def _shading(
+        self, caster: RayCaster, camera: Camera, lights: Lights, pose: Pose, rim: Rim, along: NDArray
+    ) -> Array:
+        """Return (K, M), the scan's shading in each outline point's sector at places `along` its normal."""
+        sector = _sector_of(rim.outward)
+        out = np.full((len(sector), len(along)), np.nan)
+        for index in range(SECTORS):
+            here = sector == index
+            if not here.any():
+                continue
+            pixels = rim.pixels[here, None] + along[:, None] * rim.outward[here, None]
+            points, normals = surface(caster, camera, pose, pixels.reshape(-1, 2))
+            known = np.isfinite(normals[:, 0])
+            shading = np.full(len(points), np.nan)
+            toward = lights.toward(points[known])[self.members[index]]
+            shading[known] = np.maximum(np.einsum("npk,pk->np", toward, normals[known]), 0).mean(0)
+            out[here] = shading.reshape(-1, len(along))
+        return out
+
+    def _profiles(self, pixels: NDArray, outward: NDArray, along: NDArray) -> Array:
+        sector = _sector_of(outward)
+        out = np.zeros((len(pixels), len(along)))
+        for index in range(SECTORS):
+            here = sector == index
+            at = pixels[here, None] + along[:, None] * outward[here, None] - self.corner
+            out[here] = sample(self.pictures[index], at)
+        return out
+
+
+def _sector_axes() -> Array:
+    angle = 2 * np.pi * np.arange(SECTORS) / SECTORS
+    return np.stack([np.cos(angle), np.sin(angle)], -1)
+
+
+def _sector_of(outward: NDArray) -> NDArray[np.int64]:
+    return np.argmax(outward @ _sector_axes().T, axis=1)
+
+
+def _steepest(along: NDArray, profile: Array, reach_px: float) -> Array:
+    """Return where profiles (K, M) at places `along` (M,) are steepest, within the reach; NaN without an edge."""
+    from scipy.ndimage import convolve1d
+
+    kernel_at = SPACING_PX * np.arange(-int(3 * SMOOTHING_PX / SPACING_PX), int(3 * SMOOTHING_PX / SPACING_PX) + 1)
+    kernel = -kernel_at * np.exp(-0.5 * (kernel_at / SMOOTHING_PX) ** 2)
+    slope = convolve1d(profile, kernel, axis=1, mode="nearest")
+    inner = np.median(profile[:, along < INSIDE_PX[1]], axis=1)
+    outer = np.median(profile[:, along > OUTSIDE_PX[0]], axis=1)
+    # Falling outward where the object is brighter, rising where the backdrop is.
+    slope *= np.where(inner > outer, -1, 1)[:, None]
+    slope[:, np.abs(along) > reach_px] = -np.inf
+    peak = np.argmax(slope, axis=1)
+    row = np.arange(len(profile))
+    found = (peak > 0) & (peak < len(along) - 1)
+    found &= np.abs(inner - outer) > CONTRAST * np.maximum(inner, outer)
+    left, top, right = (slope[row, np.clip(peak + d, 0, len(along) - 1)] for d in (-1, 0, 1))
+    # A peak at the window's end is the flank of an edge that lies beyond it.
+    found &= np.isfinite(left) & np.isfinite(right) & (top > 0)
+    bend = np.where(found, left - 2 * top + right, -1.0)
+    shift = np.where(found, 0.5 * (left - right), 0.0) / np.where(bend < 0, bend, -1.0)
+    return np.where(found, along[peak] + SPACING_PX * np.clip(shift, -1, 1), np.nan)

@@ -1,0 +1,211 @@
+"""A start by hand: points of the scan, and the pixels at which they are seen."""
+
+import csv
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, islice
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.pick_pose import misses_px, pose_of, refined
+from align.scan.mended_scan import LARGEST, UNITS_MM
+from scene.camera import Camera
+from scene.errors import AlignError
+from scene.mesh import Mesh
+from scene.pose import Pose
+from scene.ray_casting import import_open3d
+from scene.reading import reading, text_of
+
+Array = NDArray[np.float64]
+
+COLUMNS = ("u", "v", "x", "y", "z")
+FEWEST = 4
+FAR_FROM_SURFACE = 0.03
+"""Of the scan's radius: a pick that lies further from its surface was not made on it."""
+STRAIGHT = 0.05
+"""Picks whose second principal extent is a smaller share of their first lie on one line."""
+TRIALS = 400
+"""Fours of picks that are tried, at most."""
+
+
+@dataclass(frozen=True)
+class Picked:
+    """The pose that picks give.
+
+    Parameters
+    ----------
+    pose : Pose
+        camera_from_scan, mm: a start for the refinement, no more.
+    residual_px : float
+        Rms distance between pixels and projected points, of the picks that agree.
+    warnings : tuple of str
+        Picks that were left out, by their rows.
+    """
+
+    pose: Pose
+    residual_px: float
+    warnings: tuple[str, ...] = ()
+
+
+def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half: bool = False) -> Picked:
+    """Read a table of picks, and find the pose at which they fit.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with a header row naming the columns u, v (pixels of the photographs, 0-based, integers are pixel
+        centres) and x, y, z (the same point on the scan, in the scan's own unit). Four rows or more; from six
+        on, one wrong row is found and left out.
+    camera : Camera
+    mesh : Mesh
+        The scan, mm.
+    unit : {"m", "cm", "mm", "inch", "unknown"}
+        Of x, y, z.
+    half : bool
+        The pixels count those of photographs twice as large as the camera's.
+
+    Raises
+    ------
+    AlignError
+        Unreadable, too few, outside the picture, off the scan's surface, on one line, or contradicting each other.
+    """
+    rows, table = _read(Path(path))
+    pixels, points = table[:, :2], table[:, 2:] * UNITS_MM[unit]
+    if half:
+        pixels = (pixels + 0.5) / 2 - 0.5
+    _check(path, rows, pixels, points, camera, mesh, unit)
+    # Hand and eye are good to some pixels; a wrong correspondence is off by far more.
+    tolerance_px = max(5.0, 0.005 * float(np.hypot(camera.width, camera.height)))
+    start, agree = _consensus(camera, points, pixels, mesh, tolerance_px)
+    if start is None:
+        raise AlignError(f"{path}: no pose puts these {len(rows)} points at their pixels. Pick again.")
+    pose = start
+    for _ in range(3):
+        if agree.sum() < FEWEST:
+            break
+        pose = refined(pose, camera, points[agree], pixels[agree], mesh.center_mm)
+        misses = misses_px(pose, camera, points, pixels)
+        agree = misses < tolerance_px
+    misses = misses_px(pose, camera, points, pixels)
+    # Any four points fit some pose fairly; it takes a fifth to say that they are right.
+    if not agree.all() and agree.sum() < max(FEWEST + 1, 0.6 * len(rows)):
+        worst = int(np.argmax(misses))
+        raise AlignError(
+            f"{path}: the picks contradict each other: at the best pose only {agree.sum()} of {len(rows)} come within "
+            f"{tolerance_px:.0f} px of their pixels, and row {rows[worst]} lies {misses[worst]:.0f} px away. Are "
+            "u, v counted from the upper left, x, y, z in the scan's own axes, and is the scan not mirrored? Of six "
+            "picks or more a single wrong one is found."
+        )
+    warnings = tuple(
+        f"{Path(path).name}: row {rows[index]} was left out: its point lies {misses[index]:.0f} px from its pixel "
+        f"({pixels[index, 0]:.0f}, {pixels[index, 1]:.0f}) where the other {agree.sum()} agree within "
+        f"{misses[agree].max():.1f} px."
+        for index in np.flatnonzero(~agree)
+    )
+    return Picked(pose, float(np.sqrt(np.mean(misses[agree] ** 2))), warnings)
+
+
+def _read(path: Path) -> tuple[list[int], Array]:
+    """Return the rows' line numbers, and u, v, x, y, z (K, 5)."""
+    picks, do = "the picks cannot be read", "Give a CSV file in UTF-8."
+    text = text_of(path, picks, AlignError, do=do)
+    with reading(path, picks, AlignError, do=do):
+        return _table(path, csv.DictReader(text.splitlines(), skipinitialspace=True))
+
+
+def _table(path: Path, reader: csv.DictReader) -> tuple[list[int], Array]:
+    found = [name.strip() for name in reader.fieldnames or []]
+    if not set(COLUMNS) <= set(found):
+        raise AlignError(
+            f"{path}: the first row names {', '.join(found) or 'nothing'}; expected the columns {', '.join(COLUMNS)}, "
+            "with commas between them."
+        )
+    reader.fieldnames = found
+    rows, table = [], []
+    for row in reader:
+        values = [row[name] for name in COLUMNS]
+        try:
+            numbers = [float(value) for value in values]
+        except (TypeError, ValueError):
+            numbers = [np.nan]
+        if not (np.abs(numbers) < LARGEST).all():
+            raise AlignError(
+                f"{path}: row {reader.line_num} holds {values}; expected five numbers, {', '.join(COLUMNS)}."
+            )
+        rows.append(reader.line_num)
+        table.append(numbers)
+    if len(rows) < FEWEST:
+        raise AlignError(f"{path}: {len(rows)} picks are too few for a pose; expected {FEWEST}, better 6 or more.")
+    return rows, np.array(table)
+
+
+def _check(path: Path, rows: list[int], pixels: Array, points: Array, camera: Camera, mesh: Mesh, unit: str) -> None:
+    """Raise on what no pose can mend."""
+    limit = np.array([camera.width, camera.height]) - 0.5
+    for row, pixel in zip(rows, pixels, strict=True):
+        if (pixel < -0.5).any() or (pixel > limit).any():
+            raise AlignError(
+                f"{path}: row {row} has its pixel at {pixel[0]:.1f}, {pixel[1]:.1f}, outside the picture of "
+                f"{camera.width} x {camera.height} px."
+            )
+    away = _surface_distance(mesh, points)
+    far = FAR_FROM_SURFACE * mesh.radius_mm
+    if (away > far).any():
+        worst = int(np.argmax(away))
+        name = "units" if unit == "unknown" else unit
+        off, bound, size = (value / UNITS_MM[unit] for value in (away[worst], far, 2 * mesh.radius_mm))
+        raise AlignError(
+            f"{path}: the point of row {rows[worst]} lies {off:.4g} {name} from the scan's surface, "
+            f"{(away > far).sum()} of {len(rows)} further than {bound:.2g} {name} (the scan is {size:.4g} {name} "
+            "across). Give x, y, z in the scan's own unit and axes."
+        )
+    for what, values in (("points", points), ("pixels", pixels)):
+        extent = np.linalg.svd(values - values.mean(0), compute_uv=False)
+        if extent[1] < STRAIGHT * max(extent[0], 1e-12):
+            raise AlignError(
+                f"{path}: the {what} lie on one line, about which the scan could still turn. Add picks beside it."
+            )
+        if what == "points" and camera.is_orthographic and extent[2] < STRAIGHT * extent[0]:
+            raise AlignError(
+                f"{path}: the points lie in one plane; an orthographic camera does not tell its tilt from the "
+                "opposite one. Add a pick in front of that plane, or behind."
+            )
+
+
+def _surface_distance(mesh: Mesh, points: Array) -> Array:
+    """Return (K,), mm, how far points (K, 3) lie from the mesh."""
+    open3d = import_open3d()
+    scene, tensor = open3d.t.geometry.RaycastingScene(), open3d.core.Tensor
+    scene.add_triangles(
+        tensor((mesh.vertices - mesh.center_mm).astype(np.float32)), tensor(mesh.faces.astype(np.uint32))
+    )
+    return scene.compute_distance(tensor((points - mesh.center_mm).astype(np.float32))).numpy().astype(np.float64)
+
+
+def _consensus(
+    camera: Camera, points: Array, pixels: Array, mesh: Mesh, tolerance_px: float
+) -> tuple[Pose | None, NDArray[np.bool_]]:
+    """Return the pose of four picks with which the others agree best, and who agrees [Torr2000]."""
+    best, lowest, agree = None, np.inf, np.zeros(len(points), bool)
+    for chosen in _fours(len(points)):
+        pose = pose_of(camera, points[chosen], pixels[chosen], mesh.radius_mm, mesh.center_mm)
+        if pose is None:
+            continue
+        misses = misses_px(pose, camera, points, pixels)
+        # Poses from four noisy picks are rough: they agree within twice the tolerance.
+        cost = float(np.minimum((misses / (2 * tolerance_px)) ** 2, 1).sum())
+        if cost < lowest:
+            best, lowest, agree = pose, cost, misses < 2 * tolerance_px
+    return best, agree
+
+
+def _fours(count: int) -> Iterator[list[int]]:
+    """Yield sets of four: all of them, or as many at random as are worth trying."""
+    if count <= 11:
+        yield from (list(chosen) for chosen in islice(combinations(range(count), FEWEST), TRIALS))
+        return
+    generator = np.random.default_rng(0)
+    for _ in range(TRIALS):
+        yield list(generator.choice(count, FEWEST, replace=False))

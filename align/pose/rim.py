@@ -1,0 +1,152 @@
+"""The silhouette: where the scan ends in the image."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.probes import image_flow
+from scene.camera import Camera
+from scene.pose import Pose
+from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Rim:
+    """Points of the scan's outline, as seen at one pose.
+
+    Parameters
+    ----------
+    points : (K, 3) float64
+        On the scan, camera frame, mm.
+    pixels : (K, 2) float64
+        Their image; exact to a thousandth of the raster's step.
+    outward : (K, 2) float64
+        Unit, image axes (u, v), away from the scan.
+    raster : (h, w) bool
+        The scan's silhouette on every `step`-th pixel.
+    corner : (2,) int
+        Pixel (u, v) of raster[0, 0].
+    step : int
+    """
+
+    points: Array
+    pixels: Array
+    outward: Array
+    raster: NDArray[np.bool_]
+    corner: NDArray[np.int64]
+    step: int
+
+    def overlap(self, mask: NDArray[np.bool_]) -> float:
+        """Return intersection over union with a mask, on the raster."""
+        window = self._window(mask)
+        # What of the mask the raster does not reach counts as missed.
+        area = max(mask.sum() / self.step**2, window.sum())
+        both = (window & self.raster).sum()
+        return float(both / (area + self.raster.sum() - both))
+
+    def beyond(self, mask: NDArray[np.bool_]) -> float:
+        """Return the silhouette's area outside a mask, in areas of the mask."""
+        return float((self.raster & ~self._window(mask)).sum() * self.step**2 / max(mask.sum(), 1))
+
+    def _window(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return the mask on the raster; False outside the picture."""
+        height, width = mask.shape
+        v = self.corner[1] + self.step * np.arange(self.raster.shape[0])
+        u = self.corner[0] + self.step * np.arange(self.raster.shape[1])
+        inside_v, inside_u = (v >= 0) & (v < height), (u >= 0) & (u < width)
+        window = np.zeros(self.raster.shape, bool)
+        window[np.ix_(inside_v, inside_u)] = mask[np.ix_(v[inside_v], u[inside_u])]
+        return window
+
+
+def outline_jacobian(camera: Camera, points: NDArray, outward: NDArray, pivot: NDArray) -> Array:
+    """Return d(pixel . outward)/d(twist) (K, 6) of outline points (K, 3), camera frame, for `nudge` about `pivot`.
+
+    A point on the rim may slide along the surface: across the outline that moves nothing, to first order.
+    """
+    if not len(points):
+        return np.zeros((0, 6))
+    return np.einsum("kp,kpt->kt", outward, image_flow(camera, points, pivot))
+
+
+def find_rim(caster: RayCaster, camera: Camera, pose: Pose, *, cells: int) -> Rim:
+    """Return the scan's outline at a pose, searched on a raster of about `cells` cells across the scan."""
+    import cv2
+
+    corner, size = _frame(caster, camera, pose)
+    step = max(1, int(np.ceil(size.max() / cells)))
+    u = corner[0] + step * np.arange(int(size[0]) // step + 1)
+    v = corner[1] + step * np.arange(int(size[1]) // step + 1)
+    pixels = np.stack(np.meshgrid(u, v), -1).astype(np.float64)
+    raster = caster.look(camera, pose, pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
+
+    across = raster[:, 1:] != raster[:, :-1]
+    down = raster[1:] != raster[:-1]
+    ends = [np.concatenate([pixels[:, :-1][across], pixels[:-1][down]])]
+    ends.append(np.concatenate([pixels[:, 1:][across], pixels[1:][down]]))
+    first_is_inside = np.concatenate([raster[:, :-1][across], raster[:-1][down]])[:, None]
+    inside = np.where(first_is_inside, ends[0], ends[1])
+    outside = np.where(first_is_inside, ends[1], ends[0])
+    for _ in range(int(np.ceil(np.log2(step))) + 8):
+        middle = (inside + outside) / 2
+        hit = caster.look(camera, pose, middle).hit[:, None]
+        inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
+    hits = caster.look(camera, pose, inside)
+    origins, directions = camera.rays(inside)
+    points = origins + directions * np.where(hits.hit, hits.distance, np.nan)[:, None]
+
+    soft = cv2.GaussianBlur(raster.astype(np.float32), (0, 0), 1.5)
+    gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
+    at = ((inside - corner) / step).astype(np.float32)
+    slope = cv2.remap(gradient, at[:, 0], at[:, 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    slope = slope.reshape(-1, 2).astype(np.float64)
+    length = np.linalg.norm(slope, axis=1, keepdims=True)
+    good = (length[:, 0] > 1e-3) & np.isfinite(points[:, 0])
+    good &= (inside > 1).all(1) & (inside[:, 0] < camera.width - 2) & (inside[:, 1] < camera.height - 2)
+    return Rim(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
+
+
+def _frame(caster: RayCaster, camera: Camera, pose: Pose) -> tuple[NDArray[np.int64], Array]:
+    """Return the corner (u, v) and the size of the box of pixels that holds the scan, cut to the image."""
+    vertices = caster.mesh.vertices
+    # A subset of a dense scan bounds it well enough with the margin of a twentieth.
+    seen = camera.project(pose.apply(vertices[:: max(1, len(vertices) // 20000)]))
+    limit = np.array([camera.width, camera.height])
+    low, high = np.nanmin(seen, 0), np.nanmax(seen, 0)
+    margin = 3 + 0.05 * (high - low).max()
+    low = np.clip(np.floor(low - margin), -2, limit)
+    high = np.clip(np.ceil(high + margin), low + 1, limit + 1)
+    return low.astype(np.int64), high - low
+
+
+def signed_distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return (H, W) float32, pixels from the mask's border, positive outside."""
+    import cv2
+
+    padded = np.pad(mask, 1).astype(np.uint8)
+    outside = cv2.distanceTransform(1 - padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    inside = cv2.distanceTransform(padded, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    # The border runs midway between the last pixel inside and the first outside.
+    distance = outside - np.float32(0.5)
+    np.subtract(np.float32(0.5), inside, out=distance, where=mask)
+    return distance
+
+
+def sample(image: NDArray[np.float32], pixels: NDArray) -> Array:
+    """Return `image` (H, W) at pixels (..., 2), bilinear; the border's value outside."""
+    import cv2
+
+    # cv2.remap's maps may have at most 32767 rows or columns: fold the list.
+    flat = np.asarray(pixels, np.float32).reshape(-1, 2)
+    if not len(flat):
+        return np.zeros(np.shape(pixels)[:-1])
+    width = 4096
+    rows = -(-len(flat) // width)
+    grid = np.zeros((rows * width, 2), np.float32)
+    grid[: len(flat)] = flat
+    grid = grid.reshape(rows, width, 2)
+    values = cv2.remap(image, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return values.ravel()[: len(flat)].reshape(np.shape(pixels)[:-1]).astype(np.float64)

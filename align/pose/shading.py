@@ -1,0 +1,165 @@
+"""The shading: how well the scan's normals, under the calibrated lights, explain the photographs."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+from scene.pose import Pose
+from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+
+GRAZING = 0.12
+"""A light lower than this over the surface (cosine) is left out: penumbra and bounced light rule there."""
+FEWEST = 4
+"""A pixel needs this many lit samples: three fit any normal without residual."""
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What N frames show at P pixels of the object.
+
+    Parameters
+    ----------
+    pixels : (P, 2) float64
+    values : (N, P) float32
+        Mean of the channels, each divided by the light's intensity at the reference point.
+    usable : (N, P) bool
+        Not saturated, and above the noise.
+    clipped : (N, P) bool
+    scale : (P,) float64
+        The pixel's rms over its usable samples.
+    """
+
+    pixels: Array
+    values: NDArray[np.float32]
+    usable: NDArray[np.bool_]
+    clipped: NDArray[np.bool_]
+    scale: Array
+
+
+def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> Samples:
+    """Read about `count` pixels of the mask, evenly spread, from all frames."""
+    inside = np.flatnonzero(mask)
+    # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
+    pick = np.unique(np.linspace(0, len(inside) - 1, min(count, len(inside))).astype(int))
+    v, u = np.divmod(inside[pick], mask.shape[1])
+    values = np.zeros((len(frames), len(u)), np.float32)
+    clipped = np.zeros((len(frames), len(u)), bool)
+    weight = (1 / lights.intensities / 3).astype(np.float32)
+    for index in range(len(frames)):
+        pixels, clipped[index] = frames.read_pixels(index, v, u)
+        values[index] = pixels @ weight[index]
+    scale = np.sqrt(np.mean(np.where(clipped, 0, values) ** 2, axis=0)).astype(np.float64)
+    floor = 0.05 * np.median(scale)
+    usable = ~clipped & (values > 0.1 * scale)
+    return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, clipped, np.maximum(scale, floor))
+
+
+def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:
+    """Return (N, P): the scan stands between the point and the light."""
+    back = pose.inverse()
+    lift = 2e-3 * caster.mesh.radius_mm
+    # The inside, seen through a hole, has points but no normals; a ray of NaN would try every triangle.
+    known = np.isfinite(points).all(1) & np.isfinite(normals).all(1)
+    start = back.apply(points[known] + lift * normals[known])
+    out = np.zeros((len(lights), len(points)), bool)
+    for index in range(len(lights)):
+        if lights.positions_mm is None:
+            toward = np.broadcast_to(back.rotate(lights.directions[index]), start.shape)
+            far = np.full(len(start), np.inf)
+        else:
+            toward = back.apply(lights.positions_mm[index]) - start
+            far = np.linalg.norm(toward, axis=1)
+            toward = toward / far[:, None]
+        out[index, known] = caster.blocked(start, toward, far)
+    return out
+
+
+def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return (N, P): samples that a scan with these normals should explain."""
+    b = cosines(vectors, normals)
+    used = samples.usable & ~shadows & (b > GRAZING * np.linalg.norm(vectors, axis=-1))
+    used &= np.isfinite(normals[:, 0])
+    return used & (used.sum(0) >= FEWEST)
+
+
+def explain(
+    samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array, slopes: Array | None = None
+) -> tuple[Array, Array | None]:
+    """Explain samples by normals, with the best albedo for each pixel.
+
+    Parameters
+    ----------
+    used : (N, P) bool
+        Of `choose`; held while the pose moves, so that the cost does not jump.
+    normals : (P, 3)
+        Camera frame, NaN where the scan is missed.
+    vectors : (N, P, 3)
+        Light vectors at the pixels' points.
+    slopes : (P, 3, 6), optional
+        Of the normals, see `Probes.slopes`: gives the Jacobian.
+
+    Returns
+    -------
+    residuals : (N, P) float64
+        (measured - albedo * light . normal) / the pixel's scale; zero where not used.
+    jacobian : (N, P, 6) float64 or None
+        Of the residuals, for `nudge`; the albedo follows the pose.
+
+    Notes
+    -----
+    With b = light . normal and weights w: albedo = sum w b E / sum w b^2 (variable projection
+    [Golub1973]); w falls off for samples that the rest of their pixel contradicts
+    (highlights, bounced light). The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.
+    """
+    values, weight, b, square, albedo = _fit_albedo(samples, used, normals, vectors)
+    residuals = np.where(used, values - albedo * b, 0.0)
+    if slopes is None:
+        return residuals, None
+    along = np.matmul(vectors.transpose(1, 0, 2), slopes)
+    drift = np.einsum("np,pnt->pt", weight * (values - 2 * albedo * b), along) / square[:, None]
+    jacobian = -(albedo[:, None, None] * along + b.T[:, :, None] * drift[:, None, :])
+    return residuals, np.where(used.T[:, :, None], jacobian, 0.0).transpose(1, 0, 2)
+
+
+def _fit_albedo(
+    samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return values, weights, light . normal (N, P); sum of w b^2 and albedo (P,)."""
+    values = np.where(used, samples.values, 0) / samples.scale
+    weight = used.astype(np.float64)
+    b = cosines(vectors, normals)
+    square = albedo = np.zeros(b.shape[1])
+    for turn in range(4):
+        square = np.maximum((weight * b * b).sum(0), 1e-12)
+        albedo = (weight * b * values).sum(0) / square
+        if turn < 3:
+            weight = used / (1 + ((values - albedo * b) / 0.1) ** 2) ** 2
+    return values, weight, b, square, albedo
+
+
+def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> Array:
+    """Return (P, 3) unit normals that fit the used samples best, whatever the scan says; NaN under 5 samples.
+
+    Reweighted like `explain`, so that a highlight spoils both alike.
+    """
+    values = np.where(used, samples.values, 0) / samples.scale
+    weight = used.astype(np.float64)
+    out = np.zeros((values.shape[1], 3))
+    for _ in range(4):
+        matrix = np.einsum("np,npi,npj->pij", weight, vectors, vectors) + 1e-9 * np.eye(3)
+        out = np.linalg.solve(matrix, np.einsum("np,npi,np->pi", weight, vectors, values)[..., None])[..., 0]
+        residuals = values - np.einsum("npi,pi->np", vectors, out)
+        weight = used / (1 + (residuals / 0.1) ** 2) ** 2
+    out[used.sum(0) < FEWEST + 1] = np.nan
+    return unit(out)
+
+
+def cosines(vectors: Array, normals: NDArray) -> Array:
+    """Return (N, P) light . normal, 0 where the normal is unknown."""
+    return np.einsum("npk,pk->np", vectors, np.nan_to_num(normals))

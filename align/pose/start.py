@@ -1,0 +1,259 @@
+"""Where could the scan stand? Every orientation tried, without a start.
+
+The scan is looked at from directions all around. Silhouette and normals of each view are sampled on
+a polar grid about the silhouette's centroid; there, a turn in the image plane is a shift along the angle,
+and normals written as (radial, tangential, toward the viewer) do not change with it. So all turns of
+a view are scored at once by a Fourier transform, against the mask and the photometric-stereo normals.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.motion import even_directions, looking_along
+from scene.camera import Camera
+from scene.errors import AlignError
+from scene.pose import Pose
+from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+
+VIEWS = 1200
+"""View directions: neighbours are 6 degrees apart."""
+RADII, ANGLES = 24, 72
+"""The polar grid; a turn is found to 2.5 degrees."""
+RASTER = 28
+"""Rays along a side of the square raster that measures a view's area and centroid."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A pose worth refining; `score` is 0 to 1, higher is better."""
+
+    pose: Pose
+    score: float
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A camera turned (perspective) or shifted (orthographic) until it looks at the mask's centroid.
+
+    Image coordinates here are x = X / -Z, y = Y / -Z of the turned frame (orthographic: X, Y in mm).
+    """
+
+    camera: Camera
+    rotation: Array
+    """(3, 3) camera_from_aim."""
+    shift: Array
+    """(3,) mm, zero under perspective."""
+    area: float
+    """The mask's, in image coordinates squared."""
+    reach: float
+    """Greatest distance of a mask pixel from the axis, in image coordinates."""
+
+    @classmethod
+    def at(cls, camera: Camera, mask: NDArray[np.bool_]) -> "Aim":
+        v, u = np.nonzero(mask)
+        origins, directions = camera.rays(np.stack([u, v], -1))
+        if camera.is_orthographic:
+            shift = np.array([*origins[:, :2].mean(0), 0.0])
+            reach = np.linalg.norm(origins[:, :2] - shift[:2], axis=1).max()
+            return cls(camera, np.eye(3), shift, len(u) / (camera.fx * camera.fy), float(reach))
+        rotation = np.eye(3)
+        # A pixel covers cos^3 / f^2 of solid angle, and 1 / cos^3 of that in the turned image.
+        solid = (-directions[:, 2]) ** 3 / (camera.fx * camera.fy)
+        for _ in range(5):
+            turned = directions @ rotation
+            xy = turned[:, :2] / -turned[:, 2:]
+            weight = solid / (-turned[:, 2]) ** 3
+            middle = np.array([*(weight @ xy / weight.sum()), -1.0])
+            # The turn that takes the centroid's ray to -z, as small as it can be.
+            rotation = rotation @ _smallest_turn(np.array([0.0, 0.0, -1.0]), middle / np.linalg.norm(middle))
+        return cls(camera, rotation, np.zeros(3), float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
+
+    def rays(self, xy: NDArray) -> tuple[Array, Array]:
+        """Return origins and unit directions (P, 3), aim frame, of image coordinates (P, 2)."""
+        zero = np.zeros(len(xy))
+        if self.camera.is_orthographic:
+            return np.stack([xy[:, 0], xy[:, 1], zero], -1), np.stack([zero, zero, zero - 1], -1)
+        directions = np.stack([xy[:, 0], xy[:, 1], zero - 1], -1)
+        return np.zeros((len(xy), 3)), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+    def pixels(self, xy: NDArray) -> Array:
+        """Return the camera's pixels (P, 2) of image coordinates (P, 2)."""
+        origins, directions = self.rays(xy)
+        return self.camera.project(origins @ self.rotation.T + self.shift + directions @ self.rotation.T)
+
+    def to_camera(self, rotation: NDArray, translation: NDArray) -> Pose:
+        """Return camera_from_scan of a pose in the aim frame."""
+        return Pose.from_rotation_translation(self.rotation @ rotation, self.rotation @ translation + self.shift)
+
+
+def find_starts(
+    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], normals: NDArray, *, count: int = 24
+) -> list[Start]:
+    """Return the `count` best distinct poses of a scan, from nothing but mask and normals.
+
+    Parameters
+    ----------
+    caster : RayCaster
+        The scan.
+    camera : Camera
+    mask : (H, W) bool
+        The object.
+    normals : (H, W, 3) float
+        Photometric-stereo normals, camera frame, NaN where unknown.
+
+    Returns
+    -------
+    starts : list of Start
+        Best first; any two at least 10 degrees apart. Under perspective the depth is the one at which
+        the scan looks as large as the mask; an orthographic camera does not tell it, and the scan is put
+        just behind the plane z = 0.
+    """
+    aim = Aim.at(camera, mask)
+    views = looking_along(even_directions(VIEWS))
+    offsets = _place(caster, aim, views)
+    radius = (np.arange(RADII) + 0.5) / RADII * 1.1 * aim.reach
+    angle = np.linspace(0, 2 * np.pi, ANGLES, endpoint=False)
+    polar = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
+
+    inside, target = _sample_target(aim, mask, normals, polar)
+    seen, rendered = _cast_views(caster, aim, views, offsets, polar, with_normals=True)
+    score = _score(inside, target, seen, rendered, angle, radius)
+
+    starts: list[Start] = []
+    for flat in np.argsort(score, axis=None)[::-1]:
+        view, turn = np.unravel_index(flat, score.shape)
+        c, s = np.cos(angle[turn]), np.sin(angle[turn])
+        spin = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        pose = aim.to_camera(spin @ views[view], spin @ offsets[view])
+        if all((pose.inverse() @ other.pose).angle_deg() > 10 for other in starts):
+            starts.append(Start(pose, float(score[view, turn])))
+            if len(starts) == count:
+                break
+    return starts
+
+
+def _smallest_turn(source: NDArray, target: NDArray) -> Array:
+    """Return the rotation (3, 3) about source x target that takes unit `source` to unit `target`."""
+    cross = np.cross(source, target)
+    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    return np.eye(3) + skew + skew @ skew / (1 + source @ target)
+
+
+def _place(caster: RayCaster, aim: Aim, views: Array) -> Array:
+    """Return translations (V, 3), aim frame, that give each view the mask's centroid and area."""
+    mesh = caster.mesh
+    orthographic = aim.camera.is_orthographic
+    side = (np.arange(RASTER) + 0.5) / RASTER * 2 - 1
+    raster = np.stack(np.meshgrid(side, side), -1).reshape(-1, 2)
+    centers = views @ mesh.center_mm
+    # A first distance from the mean projected area of a convex body, a quarter of its surface.
+    first, second, third = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
+    surface = np.linalg.norm(np.cross(second - first, third - first), axis=1).sum() / 2
+    distance = np.full(len(views), max(np.sqrt(surface / 4 / aim.area), 1.5 * mesh.radius_mm))
+    middle = np.zeros((len(views), 2))
+    for _ in range(1 if orthographic else 2):
+        if orthographic:
+            distance[:] = 1.5 * mesh.radius_mm
+        offsets = np.concatenate([middle, -distance[:, None]], 1) - centers
+        extent = mesh.radius_mm if orthographic else mesh.radius_mm / np.sqrt(distance**2 - mesh.radius_mm**2)
+        # The raster follows the mesh: it must hold all of it, wherever the last round put it.
+        origin_xy = middle if orthographic else middle / distance[:, None]
+        wide = np.broadcast_to(extent, len(views)) * (1 if orthographic else 1.15)
+        xy = origin_xy[:, None] + wide[:, None, None] * raster
+        hits = _cast_views(caster, aim, views, offsets, xy, with_normals=False)[0]
+        share = hits.mean(1)
+        if not share.all():
+            raise AlignError("the scan cannot be seen from some side: it is no surface. Export it again.")
+        centroid = (hits[..., None] * xy).sum(1) / hits.sum(1)[:, None]
+        if orthographic:
+            middle = middle - centroid
+        else:
+            area = share * (2 * wide) ** 2
+            middle = middle - centroid * distance[:, None]
+            distance = np.maximum(distance * np.sqrt(area / aim.area), 1.2 * mesh.radius_mm)
+    return np.concatenate([middle, -distance[:, None]], 1) - centers
+
+
+def _cast_views(
+    caster: RayCaster, aim: Aim, views: Array, offsets: Array, xy: Array, *, with_normals: bool
+) -> tuple[NDArray[np.bool_], NDArray[np.float32]]:
+    """Cast image coordinates (V, P, 2) or (P, 2) in every view; return hits (V, P), normals (V, P, 3) aim frame."""
+    count = xy.shape[-2]
+    hit = np.zeros((len(views), count), bool)
+    normals = np.zeros((len(views), count, 3) if with_normals else (0, count, 3), np.float32)
+    step = max(1, (1 << 18) // count)
+    for first in range(0, len(views), step):
+        part = slice(first, first + step)
+        block = np.broadcast_to(xy if xy.ndim == 2 else xy[part], (len(views[part]), count, 2))
+        origins, directions = aim.rays(block.reshape(-1, 2))
+        origins = origins.reshape(*block.shape[:2], 3) - offsets[part, None]
+        directions = directions.reshape(*block.shape[:2], 3)
+        # Row vectors times R is R^T applied: from the aim frame into the scan's.
+        found = caster.cast((origins @ views[part]).reshape(-1, 3), (directions @ views[part]).reshape(-1, 3))
+        hit[part] = found.hit.reshape(block.shape[:2])
+        if with_normals:
+            smooth = np.nan_to_num(found.interpolate(caster.mesh, caster.normals))
+            # The inside, seen through a hole, has no normals; it is silhouette all the same.
+            smooth[~found.front] = 0
+            normals[part] = smooth.reshape(*block.shape[:2], 3) @ views[part].transpose(0, 2, 1)
+    return hit, normals
+
+
+def _sample_target(
+    aim: Aim, mask: NDArray[np.bool_], normals: NDArray, polar: Array
+) -> tuple[NDArray[np.bool_], Array]:
+    """Return mask (P,) and normals (P, 3), aim frame and averaged over a grid cell, at polar samples."""
+    import cv2
+
+    pixels = aim.pixels(polar)
+    height, width = mask.shape
+    # The samples are coarser than the pixels: blur first, so that each stands for its cell.
+    cell = aim.reach / RADII * aim.camera.fx / 2
+    known = mask & np.isfinite(normals).all(-1)
+    weight = cv2.GaussianBlur(known.astype(np.float32), (0, 0), max(cell, 0.5))
+    mean = cv2.GaussianBlur(np.where(known[..., None], normals, 0).astype(np.float32), (0, 0), max(cell, 0.5))
+    u = np.clip(np.round(pixels[:, 0]), 0, width - 1).astype(int)
+    v = np.clip(np.round(pixels[:, 1]), 0, height - 1).astype(int)
+    within = (np.abs(pixels - np.stack([u, v], -1)) <= 0.51).all(1)
+    inside = mask[v, u] & within
+    vector = mean[v, u].astype(np.float64)
+    length = np.linalg.norm(vector, axis=1)
+    good = inside & (weight[v, u] > 0.05) & (length > 0)
+    out = np.zeros((len(polar), 3))
+    out[good] = (vector[good] / length[good][:, None]) @ aim.rotation
+    return inside, out
+
+
+def _score(
+    inside: NDArray[np.bool_], target: Array, seen: NDArray[np.bool_], rendered: NDArray, angle: Array, radius: Array
+) -> Array:
+    """Return (V, ANGLES): overlap of the silhouettes times agreement of the normals, for every view and turn."""
+    shape = (RADII, ANGLES)
+    area = np.repeat(radius, ANGLES)
+
+    def polar_frame(vectors: NDArray) -> NDArray:
+        x, y, z = (vectors[..., i].reshape(*vectors.shape[:-2], *shape) for i in range(3))
+        return np.stack([x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle), z], -3)
+
+    def transform(values: NDArray) -> NDArray[np.complex64]:
+        return np.fft.rfft(values.astype(np.float32), axis=-1).astype(np.complex64)
+
+    def correlate(a: NDArray, b: NDArray) -> Array:
+        # sum over the grid of a(phi) b(phi - turn): the view turned by +turn against the target.
+        spectrum = a * np.conj(b)
+        return np.fft.irfft(spectrum.sum(axis=tuple(range(1, spectrum.ndim - 1))), ANGLES, axis=-1)
+
+    known = np.linalg.norm(target, axis=1) > 0.5
+    silhouettes = transform(seen.reshape(-1, *shape))
+    overlap = correlate(transform((inside * area).reshape(1, *shape)), silhouettes)
+    outside = transform((np.linalg.norm(rendered, axis=-1) > 0.5).reshape(-1, *shape))
+    both = correlate(transform((known * area).reshape(1, *shape)), outside)
+    agreement = correlate(transform(polar_frame(target * area[:, None])[None]), transform(polar_frame(rendered)))
+    union = (inside * area).sum() + (seen * area).sum(1)[:, None] - overlap
+    cosine = np.clip(agreement / np.maximum(both, 1e-6), -1, 1)
+    # Angles weigh as in a Gaussian of 25 degrees: photometric-stereo normals may be 20 degrees off.
+    return overlap / union * np.exp((cosine - 1) / np.radians(25) ** 2)

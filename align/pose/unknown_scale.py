@@ -1,0 +1,93 @@
+"""A scan without a unit: its scale comes out of the registration.
+
+A camera alone cannot tell a small object nearby from a large one far off. The lights were calibrated about a point at a
+known distance, though, where the balls stand and the object with them: that distance is the scale.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.register import Registration
+from scene.camera import Camera
+from scene.errors import AlignError
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.pose import Pose
+
+Register = Callable[[Mesh, Pose | None], Registration]
+
+
+def register_unknown_scale(
+    mesh: Mesh,
+    camera: Camera,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    register: Register,
+    *,
+    start: Pose | None = None,
+) -> tuple[Mesh, Registration, float]:
+    """Register a scan whose unit is not known.
+
+    Parameters
+    ----------
+    mesh : Mesh
+        In the file's unit.
+    camera : Camera
+        Perspective.
+    lights : Lights
+        Calibrated about a point at the object's distance.
+    mask : (H, W) bool
+        The object.
+    register : callable
+        (mesh in mm, start or None) -> Registration.
+    start : Pose, optional
+        camera_from_scan in the file's unit, as picks give it.
+
+    Returns
+    -------
+    mesh : Mesh
+        In mm.
+    found : Registration
+    mm_per_unit : float
+
+    Raises
+    ------
+    AlignError
+        The camera is orthographic: it does not tell distance.
+    """
+    if camera.is_orthographic:
+        raise AlignError(
+            "scan_unit: it is unknown, and an orthographic camera does not tell the scale. Give scan_unit, or a ball "
+            "in the scan: scan_ball_diameter_mm under [object]."
+        )
+    distance = -float(lights.reference_point_mm[2])
+    if start is None:
+        rows, columns = np.nonzero(mask)
+        extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
+        # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
+        scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)
+        first = register(_scaled(mesh, scale), None)
+    else:
+        scale = distance / -float(start.apply(mesh.center_mm)[2])
+        first = register(_scaled(mesh, scale), scaled_pose(start, scale))
+    middle = first.pose.apply(scale * mesh.center_mm)
+    nearer = distance / -float(middle[2])
+    scale *= nearer
+    found = register(_scaled(mesh, scale), scaled_pose(first.pose, nearer))
+    said = (
+        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, which puts the object at the "
+        f"distance that the lights were calibrated about, {distance:.4g} mm. Normals hardly depend on it; lengths do."
+    )
+    return _scaled(mesh, scale), replace(found, warnings=(*found.warnings, said)), scale
+
+
+def scaled_pose(pose: Pose, scale: float) -> Pose:
+    """Return camera_from_scan when all lengths are multiplied by `scale`."""
+    return Pose.from_rotation_translation(pose.rotation, scale * pose.translation)
+
+
+def _scaled(mesh: Mesh, scale: float) -> Mesh:
+    return Mesh(scale * mesh.vertices, mesh.faces, mesh.repairs)

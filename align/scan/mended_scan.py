@@ -1,0 +1,215 @@
+"""The scan as the scanner wrote it, read and mended: docs/scans.md says the same for users."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.scan.edges import Edges, edges_of
+from align.scan.orient import orient
+from align.scan.same_rows import renumber
+from align.scan.scan_ball import find_balls
+from align.scan.scanned_table import find_table
+from align.scan.triangles import crosses, lengths
+from align.scan.weld import weld
+from formats.meshes.scan_files import SUFFIXES, read_scan
+from scene.errors import AlignError
+from scene.mesh import Mesh
+
+__all__ = ["SUFFIXES", "UNITS_MM", "load_scan"]
+
+# A scan of unknown unit keeps its file's numbers.
+UNITS_MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "inch": 25.4, "unknown": 1.0}
+LARGEST = 1e9
+"""Units of the file: no scan reaches further from its origin, and squares of it keep their precision."""
+USUAL_MM = (2.0, 3000.0)
+"""Objects that are photographed on a table are this large, across."""
+SMALLEST_PIECE = 0.01
+"""A piece with less than this share of the largest piece's area is scanner dust."""
+
+Vertices = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+
+def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -> Mesh:
+    """Read a scan and mend what can be mended; `Mesh.repairs` says what was done.
+
+    Vertices at one place are merged, and those of borders that all but meet; faces without area, double faces, a
+    table, a calibration ball, pieces below 1 % of the largest one's area and unused vertices are dropped; faces are
+    turned so that neighbours agree, and outward. Holes stay open.
+
+    Parameters
+    ----------
+    path : Path
+        .ply (binary or ASCII, polygons or triangle strips), .obj, .stl, .off, .glb.
+    unit : {"m", "cm", "mm", "inch", "unknown"}
+        The unit of the file's numbers, whatever its format's standard says.
+    ball_diameter_mm : float, optional
+        A ball of this diameter is in the scan, apart from the object. It gives the scale where the unit is unknown.
+
+    Returns
+    -------
+    mesh : Mesh
+        Millimetres, in the scan's own frame; in the file's own unit where that is unknown and no ball was
+        given. Texture, colour and the file's normals are left behind.
+
+    Raises
+    ------
+    AlignError
+        The file cannot be read, is a point cloud, is empty, holds positions that are no numbers, has not the one
+        ball, or is so far from a surface that edges with three and more faces dominate.
+    """
+    path = Path(path)
+    if unit not in UNITS_MM:
+        raise AlignError(f"scan_unit: found {unit!r}, expected one of {', '.join(UNITS_MM)}.")
+    vertices, faces = read_scan(path)
+    _check(path, vertices, faces)
+    repairs: list[str] = []
+    vertices, faces, edges = weld(vertices, faces, repairs)
+    _check_left(path, faces)
+    _check_manifold(path, vertices, faces, edges, repairs)
+    table, said = find_table(vertices, faces, edges)
+    if said:
+        repairs.append(said)
+    if table.any():
+        faces = faces[~table]
+        edges = edges_of(faces)
+    scale = UNITS_MM[unit]
+    kept = np.ones(len(faces), bool)
+    if ball_diameter_mm is not None:
+        kept, radius = _without_ball(path, vertices, faces, edges, repairs)
+        if unit == "unknown":
+            scale = ball_diameter_mm / (2 * radius)
+            repairs.append(f"scale from the ball: one unit of the file is {scale:.6g} mm")
+        else:
+            found = 2 * radius * scale
+            repairs.append(f"the ball in the scan measures {found:.4g} mm, {ball_diameter_mm:.4g} mm were said")
+    kept &= _large(vertices, faces, edges, kept, repairs)
+    if not kept.all():
+        faces, edges = faces[kept], edges.select(kept)
+    _check_left(path, faces)
+    in_mm = unit != "unknown" or ball_diameter_mm is not None
+    _tell_borders(vertices * scale, faces, edges, "mm" if in_mm else "units of the file", repairs)
+    faces = orient(vertices, faces, edges, repairs)
+    used = np.zeros(len(vertices), bool)
+    used[faces] = True
+    # What a table, a ball or dust leaves behind.
+    vertices, faces = (vertices, faces) if used.all() else (vertices[used], renumber(used)[faces])
+    _tell_size(vertices * scale, unit, in_mm, repairs)
+    return Mesh(vertices * scale, faces, tuple(repairs))
+
+
+def _check(path: Path, vertices: Vertices, faces: Faces) -> None:
+    if len(vertices) == 0:
+        raise AlignError(f"{path}: the scan is empty. Export it again as a triangle mesh.")
+    if len(faces) == 0:
+        raise AlignError(
+            f"{path}: {len(vertices)} points, but no faces: a point cloud. Mesh it in the scanner's program first."
+        )
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        raise AlignError(
+            f"{path}: faces name vertices {faces.min()} to {faces.max()}, but there are {len(vertices)}. "
+            "The file is damaged; export the scan again."
+        )
+    far = np.abs(vertices[faces]).max(initial=0)
+    if LARGEST < far < np.inf:
+        raise AlignError(
+            f"{path}: positions reach {far:.3g} units of the file; nothing beyond {LARGEST:.0e} can be a scan. "
+            "The file is damaged; export the scan again."
+        )
+    # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.
+    x, y, z = np.isfinite(vertices).T
+    bad = ~(x & y & z)
+    if bad.any() and bad[faces].any():
+        raise AlignError(
+            f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position (the first is number "
+            f"{np.flatnonzero(bad)[0]}: {vertices[bad][0]}). Export the scan again."
+        )
+
+
+def _check_left(path: Path, faces: Faces) -> None:
+    if len(faces) < 4:
+        raise AlignError(f"{path}: only {len(faces)} faces with an area are left of the scan. Export it again.")
+
+
+def _check_manifold(path: Path, vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]) -> None:
+    if not len(edges.crowded):
+        return
+    share = len(edges.crowded) / edges.total
+    places = "; ".join(
+        f"edge {one}-{two} at ({', '.join(f'{x:.4g}' for x in (vertices[one] + vertices[two]) / 2)})"
+        for one, two in np.sort(edges.ends(faces, edges.crowded[:3]), axis=1)
+    )
+    what = f"{len(edges.crowded)} of {edges.total} edges ({100 * share:.2g} %) have three or more faces: {places}"
+    if share > 0.02:
+        raise AlignError(
+            f"{path}: not the surface of one object: {what}{' ...' if len(edges.crowded) > 3 else ''}. At most 2 % can "
+            "be worked with. Repair the scan (for example with MeshLab's 'Repair non manifold edges') and try again."
+        )
+    repairs.append(f"non-manifold, used as it is: {what}")
+
+
+def _without_ball(
+    path: Path, vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]
+) -> tuple[NDArray[np.bool_], float]:
+    """Return which faces (T,) are not the calibration ball, and its radius in the file's unit."""
+    balls = find_balls(vertices, faces, edges.piece)
+    if len(balls) != 1 or (edges.piece == balls[0][0]).all():
+        found = f"balls with diameters {', '.join(f'{2 * r:.4g}' for _, r in balls)}" if balls else "none"
+        raise AlignError(
+            f"{path}: object.scan_ball_diameter_mm expects one ball apart from the object; found {found}. "
+            "Scan the ball with a gap beside the object, or drop the key."
+        )
+    kept = edges.piece != balls[0][0]
+    repairs.append(f"dropped the calibration ball ({(~kept).sum()} faces)")
+    return kept, balls[0][1]
+
+
+def _large(
+    vertices: Vertices, faces: Faces, edges: Edges, kept: NDArray[np.bool_], repairs: list[str]
+) -> NDArray[np.bool_]:
+    """Return which faces (T,) belong to pieces that are no dust."""
+    area = np.bincount(edges.piece, np.where(kept, lengths(crosses(vertices, faces)), 0))
+    large = area >= SMALLEST_PIECE * area.max()
+    dust = (area > 0) & ~large
+    if dust.any():
+        repairs.append(f"dropped {dust.sum()} loose pieces ({100 * area[dust].sum() / area.sum():.2g} % of the area)")
+    if large.sum() > 1:
+        repairs.append(f"kept {large.sum()} separate pieces")
+    return large[edges.piece]
+
+
+def _tell_borders(vertices: Vertices, faces: Faces, edges: Edges, unit: str, repairs: list[str]) -> None:
+    """Say how many holes and outer borders there are, and how large the largest is."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    if not len(edges.border):
+        return
+    ends = edges.border_ends(faces)
+    names, index = np.unique(ends, return_inverse=True)
+    one, two = index.reshape(-1, 2).T
+    count, loop = connected_components(coo_matrix((np.ones(len(one)), (one, two)), (len(names),) * 2), directed=False)
+    length = np.bincount(loop[one], np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), count)
+    largest = vertices[names[loop == length.argmax()]]
+    repairs.append(
+        f"{count} open borders, left open: no truth there; the largest is {length.max():.3g} {unit} long and "
+        f"{np.linalg.norm(np.ptp(largest, axis=0)):.3g} {unit} across"
+    )
+
+
+def _tell_size(vertices: Vertices, unit: str, in_mm: bool, repairs: list[str]) -> None:
+    """Say so when the unit makes the object a speck or a house."""
+    across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    if not in_mm:
+        repairs.append(f"scan_unit is unknown: the scan is {across:.4g} units of its file across")
+    elif not USUAL_MM[0] <= across <= USUAL_MM[1]:
+        fits = [
+            f'"{other}" ({across / UNITS_MM[unit] * factor:.3g} mm)'
+            for other, factor in UNITS_MM.items()
+            if other != "unknown" and 10 * USUAL_MM[0] <= across / UNITS_MM[unit] * factor <= USUAL_MM[1] / 2
+        ]
+        repairs.append(
+            f'the scan is {across:.3g} mm across: is scan_unit = "{unit}" right?'
+            + (f" Usual would be {' or '.join(fits)}" if fits else "")
+        )

@@ -1,0 +1,177 @@
+"""How rough a scan is by its own noise: its size, how far it reaches along the surface, and what it does to fits.
+
+Noise is everywhere, detail is not: the noise is read where the surface is smoothest. It may be shared by neighbouring
+vertices, as scanners that average make it; then fits of growing size leave growing residuals, and averages help less.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_matrix, diags, eye
+
+from align.scan.jets import fit_normals
+from scene.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+STEPS = (1.9, 2.6, 3.7, 5.3, 7.6)
+"""Radii of the fits, in spacings of the vertices: each about twice the area of the one before."""
+SMOOTHEST = 0.2
+"""The share of the vertices, those with the smallest residuals, that show the noise bare."""
+SAMPLE = 3000
+DRAWS = 2
+REACHES = 3
+ROUNDING = 1e-7
+"""Of the scan's radius: files hold coordinates as float32."""
+FITS = 4
+"""How many of the steps, the smallest, tell noise from shape."""
+GROWTH = np.geomspace(3.0, 8.0, 12)
+"""From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
+PREFERENCE = 0.7
+
+
+@dataclass(frozen=True)
+class Neighbours:
+    """The mesh as a graph.
+
+    Parameters
+    ----------
+    indptr, indices : (V + 1,), (E,) int64
+        The neighbours of vertex i are indices[indptr[i]:indptr[i + 1]].
+    average : (V, V) sparse
+        The mean over a vertex and its neighbours.
+    spacing_mm : (V,) float64
+        Length of the edges around, evened out.
+    """
+
+    indptr: NDArray[np.int64]
+    indices: NDArray[np.int64]
+    average: csr_matrix
+    spacing_mm: Array
+
+    @classmethod
+    def of(cls, mesh: Mesh, *, keep: NDArray[np.bool_] | None = None) -> "Neighbours":
+        """Return the graph of a mesh; `keep` (3 T,) leaves out half-edges (corner 0 to 1, 1 to 2, 2 to 0)."""
+        count = len(mesh.vertices)
+        start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+        if keep is not None:
+            start, end = start[keep], end[keep]
+        graph = csr_matrix((np.ones(len(start)), (start, end)), (count, count))
+        graph = (graph + graph.T).tocsr()
+        graph.data[:] = 1
+        near = graph + eye(count)
+        average = (diags(1 / np.asarray(near.sum(1)).ravel()) @ near).tocsr()
+        rows = np.repeat(np.arange(count), np.diff(graph.indptr))
+        length = np.linalg.norm(mesh.vertices[rows] - mesh.vertices[graph.indices], axis=1)
+        degree = np.bincount(rows, minlength=count)
+        spacing = np.bincount(rows, length, count) / np.maximum(degree, 1)
+        # A vertex without edges takes the scan's middle length.
+        spacing[degree == 0] = np.median(spacing)
+        for _ in range(3):
+            spacing = average @ spacing
+        return cls(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), average, spacing)
+
+    def smooth(self, values: Array, rounds: int) -> Array:
+        """Return (V, ...) averaged `rounds` times over each vertex and its neighbours."""
+        for _ in range(rounds):
+            values = self.average @ values
+        return values
+
+
+@dataclass(frozen=True)
+class ScanNoise:
+    """The scan's noise, across the surface.
+
+    Parameters
+    ----------
+    sigma_mm : float
+        Standard deviation.
+    reach : int
+        How often white noise is averaged over neighbours to make noise like it; 0: white.
+    excess : (L, 2) float64
+        Variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it.
+    rest : (L, 2) float64
+        Mean squared residual of those fits, for noise of 1 mm.
+    """
+
+    sigma_mm: float
+    reach: int
+    excess: Array
+    rest: Array
+
+
+def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
+    """Measure the noise of a scan from the residuals of quadratic fits of three sizes.
+
+    Noise of known size and reach is put on the same mesh and fitted alike; the scan's noise is the one
+    whose residuals grow with the fit's size as the scan's do. Where they grow faster than any noise's, what is left
+    over is the surface's shape: then the smallest fit bounds the noise.
+    """
+    generator = np.random.default_rng(seed)
+    count = len(mesh.vertices)
+    chosen = generator.permutation(count)[:SAMPLE]
+    few = chosen[: SAMPLE // 5]
+    own = np.array([_quantile(_fit(mesh, near, chosen, step, np.zeros(0))[2]) for step in STEPS])
+    left = np.zeros((REACHES, len(STEPS)))
+    answer = np.zeros((REACHES, len(STEPS), 2))
+    rest = np.zeros_like(answer)
+    for reach in range(REACHES):
+        for _ in range(DRAWS):
+            noise = near.smooth(generator.standard_normal(count), reach)
+            noise /= noise.std()
+            for level, step in enumerate(STEPS):
+                normals, variance, rough = _fit(mesh, near, few, step, noise)
+                turned = 1 - np.einsum("kdx,kx->kd", normals, mesh.vertex_normals[few]) ** 2
+                known = np.isfinite(variance)
+                for degree in range(2):
+                    ok = known[:, degree]
+                    if ok.any():
+                        answer[reach, level, degree] += np.mean(turned[ok, degree] / variance[ok, degree]) / DRAWS
+                if level == 0 and known[:, 1].any():
+                    rest[reach] += np.mean(rough[known[:, 1], 1]) / DRAWS
+                left[reach, level] += _quantile(rough) / DRAWS
+    floor = (ROUNDING * mesh.radius_mm) ** 2
+    if not (left > 0).all():
+        # So few vertices that no fit leaves a residual.
+        return ScanNoise(float(np.sqrt(floor)), 0, *np.ones((2, len(STEPS), 2)))
+    sigma, reach = _unmix(own[:FITS] + floor, left[:, :FITS])
+    return ScanNoise(
+        float(np.sqrt(sigma**2 + floor)), reach, np.maximum(answer[reach], 1e-3), np.maximum(rest[reach], 1e-3)
+    )
+
+
+def _unmix(own: Array, left: Array) -> tuple[float, int]:
+    """Return sigma (mm) and reach of the noise in residuals `own` (L,) that noise of 1 mm makes `left` (R, L).
+
+    own = sigma^2 left + shape, where the shape grows from each fit to the next by one factor.
+    """
+    from scipy.optimize import nnls
+
+    best, answer = np.inf, (0.0, 0)
+    for reach, noise in enumerate(left):
+        for factor in GROWTH:
+            parts = np.stack([noise, own[0] * factor ** np.arange(len(own))], -1)
+            (square, _), miss = nnls(parts / own[:, None], np.ones(len(own)))
+            # White, unless shared noise explains the residuals clearly better.
+            if miss < (best if reach == 0 or answer[1] == reach else PREFERENCE * best):
+                best, answer = miss, (float(np.sqrt(square)), reach)
+    return answer
+
+
+def _fit(mesh: Mesh, near: Neighbours, chosen: NDArray, step: float, heights: Array) -> tuple[Array, Array, Array]:
+    normals, variance, rough = np.zeros((len(chosen), 2, 3)), np.zeros((len(chosen), 2)), np.zeros((len(chosen), 2))
+    small = 1e-4 * heights  # slopes stay small: the answer is linear
+    fit_normals(
+        chosen, step * near.spacing_mm[chosen], mesh.vertices, small, mesh.vertex_normals,
+        near.indptr, near.indices, normals, variance, rough,
+    )  # fmt: skip
+    if len(heights):
+        return normals, variance * 1e-8, rough * 1e8
+    return normals, variance, rough
+
+
+def _quantile(rough: Array) -> float:
+    square = rough[:, 0]
+    known = square[np.isfinite(square)]
+    return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0

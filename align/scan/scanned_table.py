@@ -1,0 +1,134 @@
+"""A table that was scanned with the object, told from the object's own flat base."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.scan.edges import Edges
+from align.scan.triangles import crosses, lengths, middles
+
+Vertices = NDArray[np.float64]
+Faces = NDArray[np.int64]
+
+BEYOND = 0.1
+"""A table reaches beyond the rest by this share of the rest's width ..."""
+SIDES = 0.75
+"""... in this share of the directions ..."""
+ALWAYS = 0.02
+"""... and by this in all of them: the foot of a bracket ends with it."""
+SHALLOW = 0.15
+"""A rest lower than this share of its width may be a relief on its ground: that stays."""
+BENEATH = 0.02
+"""At most this share of the rest's area lies beneath a table: a plinth has sides, a table seen from above none."""
+
+
+def find_table(vertices: Vertices, faces: Faces, edges: Edges) -> tuple[NDArray[np.bool_], str]:
+    """Return which faces (T,) are table, and what to say of it ("" where there is nothing to say).
+
+    A table is flat; everything else stands on one side of it; it reaches well beyond the rest's outline, most ways
+    round; its own outline is open (nobody scans a table from below), and what stands on it is no shallow relief.
+    So the base of a vase, the side of a brick, a plate, a plinth with sides and the ground of a relief stay.
+    """
+    nothing = np.zeros(len(faces), bool), ""
+    if not len(edges.border):
+        return nothing
+    size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
+    border = vertices[edges.border_ends(faces).ravel()]
+    # Small holes only: a table's outline goes around all that stands on it.
+    if np.linalg.norm(np.ptp(border, axis=0)) < 0.1 * size:
+        return nothing
+    area = lengths(crosses(vertices, faces))
+    middle = middles(vertices, faces)
+    generator = np.random.default_rng(0)
+    total = np.cumsum(area)
+    # Corners, not middles: those scatter less than the vertices, which have to lie in the plane.
+    picked = np.searchsorted(total, generator.random(4000) * total[-1] * (1 - 1e-9))
+    sample = vertices[faces[picked, 0]]
+    plane = _plane(sample, generator, size)
+    if plane is None:
+        return nothing
+    normal, offset, tolerance = plane
+    height = vertices @ normal - offset
+    low = np.abs(height) < tolerance
+    flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
+    face_height = middle @ normal - offset
+    above, beneath = face_height > 2 * tolerance, face_height < -2 * tolerance
+    if not flat.any() or not above.any() or area[beneath].sum() > BENEATH * area[above].sum():
+        return nothing
+
+    across = np.linalg.svd(normal[None])[2][1:]
+    ours, rest = (_outline(middle[_some(part)] @ across.T) for part in (flat, above))
+    width = float((rest + np.roll(rest, len(rest) // 2)).max())
+    margin = (ours - rest) / width
+    if np.mean(margin > BEYOND) < SIDES or not _is_open(vertices @ across.T, faces, edges, flat):
+        return nothing
+    tall = float(np.quantile(face_height[_some(above)], 0.995))
+    share = 100 * area[flat].sum() / area.sum()
+    doubt = ""
+    if tall < SHALLOW * width:
+        doubt = "the rest is as shallow as a relief"
+    elif margin.min() < ALWAYS:
+        doubt = "not on every side"
+    if doubt:
+        return nothing[0], (
+            f"a flat part ({share:.0f} % of the area) reaches beyond the rest, as a table does, but {doubt}: kept. "
+            "Cut it off if it is a table"
+        )
+    return flat, f"dropped a table ({flat.sum()} faces, {share:.0f} % of the area)"
+
+
+def _outline(points: NDArray) -> NDArray[np.float64]:
+    """Return how far points (N, 2) reach in 64 directions, but for the outermost of them."""
+    angles = np.arange(64) * np.pi / 32
+    return np.quantile(points @ np.stack([np.cos(angles), np.sin(angles)]), 0.995, axis=0)
+
+
+def _some(part: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """Return the numbers of some 20000 of the faces in a part (T,): enough for its outline."""
+    faces = np.flatnonzero(part)
+    return faces[:: len(faces) // 20000 + 1]
+
+
+def _plane(
+    sample: Vertices, generator: np.random.Generator, size: float
+) -> tuple[NDArray[np.float64], float, float] | None:
+    """Return normal, offset and half thickness of the largest plane with nothing beneath; the rest is on its front."""
+    triples = sample[generator.integers(0, len(sample), (1500, 3))]
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    length = np.linalg.norm(normals, axis=1)
+    # Three points in a row, or close together, span no plane worth trying.
+    good = length > 1e-3 * size**2
+    if not good.any():
+        return None
+    normals = normals[good] / length[good, None]
+    heights = sample @ normals.T - np.einsum("nk,nk->n", triples[good, 0], normals)
+    tolerance = 0.005 * size
+    on, over, under = (
+        (np.abs(heights) < tolerance).mean(0), (heights > 2 * tolerance).mean(0), (heights < -2 * tolerance).mean(0),
+    )  # fmt: skip
+    free = np.minimum(over, under) <= BENEATH
+    if not (free & (on > 0.1)).any():
+        return None
+    best = int(np.argmax(np.where(free, on, 0)))
+    normal, near = normals[best], np.abs(heights[:, best]) < tolerance
+    if under[best] > over[best]:
+        normal = -normal
+    # Fitted to what lies on it, twice, each time within what its own scatter allows.
+    for _ in range(3):
+        middle = sample[near].mean(0)
+        fitted = np.linalg.svd(sample[near] - middle, full_matrices=False)[2][2]
+        normal = fitted * np.sign(fitted @ normal)
+        offset = float(middle @ normal)
+        height = sample @ normal - offset
+        spread = 1.4826 * float(np.median(np.abs(height[near])))
+        tolerance = float(np.clip(5 * spread, 5e-4 * size, 5e-3 * size))
+        near = np.abs(height) < tolerance
+    return normal, offset, tolerance
+
+
+def _is_open(points: NDArray, faces: Faces, edges: Edges, flat: NDArray[np.bool_]) -> bool:
+    """Whether most corners of the flat part's hull, in its plane (V, 2), are the mesh's own border."""
+    from scipy.spatial import ConvexHull
+
+    used = np.unique(faces[flat])
+    hull = used[ConvexHull(points[used]).vertices]
+    return bool(np.isin(hull, edges.border_ends(faces)).mean() >= 0.5)

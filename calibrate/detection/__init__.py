@@ -1,0 +1,1 @@
+"""The calibration balls, found in the photographs."""

@@ -1,0 +1,226 @@
+"""The balls that a session asks for: given, or found, and each with its diameter."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.detection.coarse import Coarse, shrink
+from calibrate.detection.detect import Found, Rejected, detect
+from calibrate.detection.hint import around_hint
+from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.frames import Frames
+from scene.spheres import Kind, Sphere, SphereRequest
+
+Array = NDArray[np.float64]
+HINT_REACH = 0.2
+"""Share of its radius by which a circle given by hand may be wrong, 3 px at least: the outline is sought so far."""
+HINT_SCORE = 0.6
+"""Share of its outline that a ball must show before it is moved off the circle given by hand."""
+GIVEN_SIGMA = 0.05
+"""Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
+
+
+@dataclass(frozen=True)
+class Ball:
+    """A ball with its outline's covariance and the photographs that show it."""
+
+    sphere: Sphere
+    covariance: Array
+    frames: Frames
+    coarse: Coarse
+
+
+def find_balls(
+    frames: Frames,
+    camera: Camera,
+    requests: Sequence[SphereRequest],
+    *,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[list[Ball], tuple[Rejected, ...], tuple[str, ...]]:
+    """Return the balls, the circles that are none, and warnings.
+
+    Balls that stand in their own photographs are looked for there; without requests, whatever balls stand
+    in the session's frames are taken.
+
+    Raises
+    ------
+    CalibrationError
+        No ball was found, or a request cannot be met by its own photographs.
+    """
+    groups: list[tuple[Frames, list[SphereRequest]]] = []
+    for request in requests:
+        own = frames if request.frames is None else request.frames
+        _check_own_frames(frames, own, camera)
+        for group_frames, group in groups:
+            if group_frames is own:
+                group.append(request)
+                break
+        else:
+            groups.append((own, [request]))
+    if not groups:
+        groups = [(frames, [])]
+    balls: list[Ball] = []
+    rejected: tuple[Rejected, ...] = ()
+    warnings: list[str] = []
+    for number, (own, group) in enumerate(groups):
+
+        def step(done: int, total: int, number: int = number) -> None:
+            if progress:
+                progress(number * total + done, len(groups) * total)
+
+        coarse = shrink(own, camera, progress=step)
+        apart = own is not frames
+        given = [r for r in group if r.mask is not None or r.center_px is not None]
+        open_ = [r for r in group if r.mask is None and r.center_px is None]
+        fits = [_given(own, camera, coarse, request, warnings) for request in given]
+        diameters = [request.diameter_mm for request in given]
+        if open_ or not group:
+            wanted: dict[Kind, int] | None = None
+            if group:
+                wanted = {}
+                for request in open_:
+                    wanted[request.kind] = wanted.get(request.kind, 0) + 1
+            found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
+            rejected += refused
+            for one, diameter in _match(found, open_, refused, warnings):
+                fits.append(one.fit)
+                diameters.append(diameter)
+                warnings += [one.warning] if one.warning else []
+        blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
+        for fit, diameter in zip(fits, diameters, strict=True):
+            one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
+            sphere = replace(one.sphere, diameter_mm=diameter, apart=apart)
+            balls.append(Ball(sphere, one.covariance, own, coarse))
+    if not balls:
+        raise CalibrationError(_nothing(requests, rejected))
+    return balls, rejected, tuple(warnings)
+
+
+def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:
+    if own is frames:
+        return
+    if len(own) != len(frames):
+        raise CalibrationError(
+            f"spheres.frames: {len(own)} photographs of the ball, but {len(frames)} flash frames. A ball that is shot "
+            "apart needs the same lights in the same order."
+        )
+    if (own.width, own.height) != (camera.width, camera.height):
+        raise CalibrationError(
+            f"spheres.frames: {own.width} x {own.height} px, but the camera has {camera.width} x {camera.height}."
+        )
+
+
+def _given(frames: Frames, camera: Camera, coarse: Coarse, request: SphereRequest, warnings: list[str]) -> OutlineFit:
+    """Fit a ball whose place the user gave, by mask or by circle."""
+    if request.mask is not None:
+        if request.mask.shape != (frames.height, frames.width):
+            raise CalibrationError(
+                f"spheres.mask: {request.mask.shape[1]} x {request.mask.shape[0]} px, but the frames are "
+                f"{frames.width} x {frames.height}."
+            )
+        area = int(request.mask.sum())
+        if area < 200:
+            raise CalibrationError(
+                f"spheres.mask: only {area} px are set; a ball needs 200 at least. White is the ball."
+            )
+        rows, columns = np.nonzero(request.mask)
+        start = Sphere(request.kind, np.array([columns.mean(), rows.mean()]), float(np.sqrt(area / np.pi)))
+        fit = fit_mask(request.mask, camera, start)
+        if fit is None or fit.residual_px > 0.05 * start.radius_px:
+            raise CalibrationError("spheres.mask: its border is not the outline of a ball.")
+        return fit
+    if request.center_px is None or request.radius_px is None:
+        raise CalibrationError("spheres: center_px needs radius_px too; give both, or neither to have the ball found.")
+    start = Sphere(request.kind, np.array(request.center_px, np.float64), float(request.radius_px))
+    fit = _fit_hint(frames, camera, coarse, start)
+    if fit is not None:
+        return fit
+    u, v = request.center_px
+    sigma = max(1.0, GIVEN_SIGMA * start.radius_px)
+    warnings.append(
+        f"{request.kind} ball at ({u:.0f}, {v:.0f}) px: no outline was found within {HINT_REACH:.0%} of the given "
+        f"circle's radius, {start.radius_px:.0f} px; it is taken as it is, with {sigma:.1f} px of doubt."
+    )
+    return OutlineFit(replace(start, sigma_px=sigma, score=0.0), np.eye(3) * sigma**2, sigma)
+
+
+def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> OutlineFit | None:
+    """Return the best outline around a circle given by hand, or None: a hand slips by a tenth of the radius.
+
+    The standing circles around it come first: beside an outline there is always some weaker edge, and a search of a
+    few pixels around the given circle would take it. A matte ball's own outline wins only where it shows clearly more.
+    A mirror's may stand clearer than what it mirrors and still be missed among the standing circles, where noise hides
+    all but the rim of the mirrored dark: it is always looked at, and of equals the outermost wins.
+    """
+    reach = max(3.0, HINT_REACH * hint.radius_px)
+
+    def fit(start: Sphere, search_px: float) -> list[OutlineFit]:
+        one = fit_outline(frames, camera, start, search_px=search_px)
+        if one is None or one.sphere.score < HINT_SCORE:
+            return []
+        off = np.hypot(*(one.sphere.center_px - hint.center_px))
+        return [one] if max(off, abs(one.sphere.radius_px - hint.radius_px)) < reach else []
+
+    standing: list[OutlineFit] = []
+    for start in around_hint(coarse, hint, reach_px=reach)[:2]:
+        standing += fit(start, 1.4 * coarse.factor + 0.6)
+    best = best_outline(standing, hint.kind) if standing else None
+    if best is not None and best.sphere.score >= 0.9 and hint.kind == "white":
+        return best
+    for own in fit(hint, max(3.0, 0.04 * hint.radius_px)):
+        if hint.kind == "chrome":
+            best = best_outline([*standing, own], hint.kind)
+        elif best is None or 0.9 * own.sphere.score > best.sphere.score:
+            best = own
+    return best
+
+
+def _match(
+    found: list[Found], requests: list[SphereRequest], rejected: tuple[Rejected, ...], warnings: list[str]
+) -> list[tuple[Found, float | None]]:
+    """Give each found ball the diameter of a request of its kind, the larger diameter to the larger picture."""
+    if not requests:
+        return [(one, None) for one in found]
+    out: list[tuple[Found, float | None]] = []
+    for kind in dict.fromkeys(request.kind for request in requests):
+        asked = [request.diameter_mm for request in requests if request.kind == kind]
+        mine = sorted((one for one in found if one.sphere.kind == kind), key=lambda one: -one.sphere.radius_px)
+        if len(mine) < len(asked):
+            near = "; ".join(
+                f"({r.center_px[0]:.0f}, {r.center_px[1]:.0f}) px, radius {r.radius_px:.0f}: {r.reason}"
+                for r in rejected[:2]
+            )
+            warnings.append(
+                f"{len(asked)} {kind} balls were asked for, {len(mine)} found"
+                + (f" (refused: {near})." if near else ".")
+            )
+        known = sorted((d for d in asked if d is not None), reverse=True)
+        if len(set(known)) > 1 or 0 < len(known) < len(asked):
+            if len(known) == len(asked) == len(mine):
+                warnings.append(
+                    f"{kind} balls of {', '.join(f'{d:g}' for d in known)} mm were told apart by their size in the "
+                    "picture."
+                )
+            else:
+                warnings.append(
+                    f"{len(mine)} {kind} balls were found for diameters {known} mm and cannot be told apart: no "
+                    "diameter is used. Give center_px and radius_px."
+                )
+                known = []
+        for i, one in enumerate(mine):
+            out.append((one, known[i] if i < len(known) else None))
+    return out
+
+
+def _nothing(requests: Sequence[SphereRequest], rejected: tuple[Rejected, ...]) -> str:
+    asked = ", ".join(f"{sum(r.kind == k for r in requests)} {k}" for k in dict.fromkeys(r.kind for r in requests))
+    text = f"spheres: no ball found (asked for: {asked or 'any'}); {len(rejected)} circles were looked at"
+    if rejected:
+        best = rejected[0]
+        u, v = best.center_px
+        text += f", the best at ({u:.0f}, {v:.0f}) px, radius {best.radius_px:.0f} px: {best.reason}"
+    return text + ". Give center_px and radius_px in session.toml, or known lights (lights.file)."

@@ -1,0 +1,120 @@
+"""Which of the circles that behave like balls are taken: those asked for, or those that are sure."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from calibrate.detection.ball_kind import Behaviour
+from calibrate.detection.circles import alike, rank
+from scene.camera import Camera
+from scene.spheres import Kind, Sphere
+
+SURE_SCORE = 0.6
+"""What nobody asked for must show this much of its outline."""
+SURE_SHADING = 0.95
+"""What nobody asked for as a matte ball must follow n.l to this share."""
+SURE_FLATTER = 0.005
+"""Advantage of a flatter body's shading from which on it is not taken without being asked for."""
+SHADES = 0.975
+"""From here on its shading alone makes it a ball, whatever others say."""
+SAME_LIGHTS = 0.7
+"""Share of the frames in which two balls must see the lights alike."""
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A circle, coarse pixels, that behaves like a ball.
+
+    Parameters
+    ----------
+    others : tuple of Sphere
+        Other circles that may be its outline instead, the likeliest first.
+    doubtful : bool
+        The first of them is about as good.
+    """
+
+    sphere: Sphere
+    behaviour: Behaviour
+    others: tuple[Sphere, ...] = ()
+    doubtful: bool = False
+
+
+Reasons = list[tuple[Sphere, str]]
+
+
+def asked_for(suspects: list[Suspect], wanted: dict[Kind, int]) -> tuple[list[Suspect], Reasons]:
+    """Take as many of each kind as were asked for: those that show most outline and agree on the lights."""
+    left: Reasons = []
+    pool = []
+    for suspect in suspects:
+        sphere = suspect.sphere
+        if wanted.get(sphere.kind, 0):
+            pool.append(suspect)
+        elif sphere.kind == "white" and suspect.behaviour.points.wander and wanted.get("chrome", 0):
+            pool.append(replace(suspect, sphere=replace(sphere, kind="chrome")))  # glossy, and asked for as a mirror
+        else:
+            left.append((sphere, f"behaves like a {sphere.kind} ball, but none was asked for"))
+    total = sum(wanted.values())
+
+    def worth(suspect: Suspect) -> float:
+        others = sorted((alike(suspect.behaviour, o.behaviour) for o in pool if o is not suspect), reverse=True)
+        agreement = np.mean(others[: max(1, total - 1)]) if others else 1.0
+        return rank(suspect.sphere) * (0.3 + max(0.0, float(agreement)))
+
+    taken: list[Suspect] = []
+    for suspect in sorted(pool, key=worth, reverse=True):
+        kind = suspect.sphere.kind
+        if sum(s.sphere.kind == kind for s in taken) < wanted[kind]:
+            taken.append(suspect)
+        else:
+            left.append((suspect.sphere, f"behaves like a {kind} ball, but the {wanted[kind]} asked for fit better"))
+    return taken, left
+
+
+def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], Reasons]:
+    """Without requests: what shows most of its outline, behaves clearly, and agrees with the others."""
+    taken: list[Suspect] = []
+    left: Reasons = []
+    for suspect in suspects:
+        sphere = suspect.sphere
+        behaviour = suspect.behaviour
+        if sphere.kind == "white" and (behaviour.lambert < SURE_SHADING or behaviour.flatness > SURE_FLATTER):
+            left.append(
+                (
+                    sphere,
+                    f"shading follows n.l only to {behaviour.lambert:.0%}, a flatter body's {behaviour.flatness:+.1%}",
+                )
+            )
+            continue
+        if not poor(suspect):
+            taken.append(suspect)
+            continue
+        share = _in_picture(sphere, camera)
+        if share < 0.95:
+            left.append((sphere, f"it is cut by the border: {share:.0%} of its outline is in the picture"))
+        else:
+            left.append((sphere, f"only {sphere.score:.0%} of its outline stands still (expected {SURE_SCORE:.0%})"))
+    agree = np.array([[alike(a.behaviour, b.behaviour) for b in taken] for a in taken])
+    kept = list(range(len(taken)))
+    while len(kept) > 1:
+        # Who agrees with fewer than half of the others goes, the least agreeable first.
+        votes = [sum(agree[i, k] >= SAME_LIGHTS for k in kept if k != i) / (len(kept) - 1) for i in kept]
+        # A matte ball is one by its own shading, a mirror is one by what the others say: of two that disagree it goes.
+        votes = [max(vote, 1.0 * (taken[i].behaviour.lambert >= SHADES)) for vote, i in zip(votes, kept, strict=True)]
+        worst = min(range(len(kept)), key=lambda n: (votes[n], rank(taken[kept[n]].sphere)))
+        if votes[worst] >= 0.5:
+            break
+        left.append((taken[kept[worst]].sphere, "its highlights do not move as those of the other balls"))
+        del kept[worst]
+    return [taken[i] for i in kept], left
+
+
+def poor(suspect: Suspect) -> bool:
+    """Return whether a suspect shows too little of its outline to be taken without being asked for."""
+    return suspect.sphere.score < SURE_SCORE
+
+
+def _in_picture(sphere: Sphere, camera: Camera) -> float:
+    """Return the share of the outline that is in the picture."""
+    points = sphere.outline(camera, 180)
+    return float(np.mean(np.all((points >= 0) & (points <= [camera.width - 1, camera.height - 1]), axis=1)))

@@ -1,1 +1,0 @@
-"""Where the balls are: candidates, their kind, their outlines."""

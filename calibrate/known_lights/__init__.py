@@ -1,0 +1,1 @@
+"""Lights from a file: read, put in the photographs' order, checked."""

@@ -1,0 +1,150 @@
+"""Lights from a file instead of balls: which reader, checked, in the frames' order."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.light_files.light_dome import read_dome
+from formats.light_files.light_json import read_json
+from formats.light_files.light_mat import read_mat
+from formats.light_files.light_tables import read_diligent, read_lp
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.lights import Lights
+
+Array = NDArray[np.float64]
+SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
+LARGEST = 1e9
+"""Of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others."""
+NO_INTENSITIES = "has no intensities"
+"""Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""
+
+
+def lacks_intensities(lights: Lights) -> bool:
+    """Whether the lights' file had directions only, and nothing has told the intensities since."""
+    return bool((lights.intensities == 1).all()) and any(f.endswith(NO_INTENSITIES) for fs in lights.flags for f in fs)
+
+
+def without_flag(lights: Lights) -> tuple[tuple[str, ...], ...]:
+    """Return the lights' flags less the one that says that their file has no intensities."""
+    return tuple(tuple(flag for flag in flags if not flag.endswith(NO_INTENSITIES)) for flags in lights.flags)
+
+
+def read_lights(
+    path: Path, names: tuple[str, ...], *, skipped: tuple[int, ...] = (), camera: Camera | None = None
+) -> Lights:
+    """Read the lights of the frames `names` from a file.
+
+    Parameters
+    ----------
+    path : Path
+        `.lp` (RTI), DiLiGenT's light_directions.txt with light_intensities.txt and filenames.txt beside it where
+        present, `.json` (this program's lights.json, or AliceVision's), `.dome` (RelightLab), or `.mat` (light.mat of
+        near_ps).
+    names : tuple of F str
+        The frames' names, without suffix, in order.
+    skipped : tuple of int
+        Places, among all that were photographed, of frames that are left out: a file without names counts them too.
+    camera : Camera or None
+        Places what a `.dome` holds in millimetres; see `light_dome.read_dome`.
+
+    Returns
+    -------
+    Lights
+        Camera frame, in the frames' order, each channel's mean intensity 1; intensities 1, and a flag, where the file
+        has none.
+
+    Raises
+    ------
+    CalibrationError
+        The file is missing or malformed, its count is not the frames', or a frame has no light in it.
+
+    Notes
+    -----
+    A file whose names are none of the frames' is taken in its own order, and each light is flagged so.
+    `light_frames` tells each format's axes, origin and unit.
+    """
+    if not path.is_file():
+        raise CalibrationError(f"{path}: no such file. Correct lights.file in session.toml.")
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise CalibrationError(
+            f"{path}: lights in {path.suffix or 'a file without suffix'} are not known; expected one of "
+            f"{', '.join(SUFFIXES)} (.txt: DiLiGenT's light_directions.txt)."
+        )
+    lights = _read(path, suffix, camera)
+    return _in_order(path, _checked(path, lights), names, skipped).normalised()
+
+
+def _read(path: Path, suffix: str, camera: Camera | None) -> Lights:
+    if suffix == ".dome":
+        return read_dome(path, camera)
+    return {".mat": read_mat, ".lp": read_lp, ".json": read_json, ".txt": read_diligent}[suffix](path)
+
+
+def _checked(path: Path, lights: Lights) -> Lights:
+    """Return a file's lights with unit directions; intensities 1 and flagged where the file has none, coded as NaN."""
+    if not len(lights):
+        raise CalibrationError(f"{path}: holds no lights. Write or export the file again.")
+    columns = [("direction", lights.directions), ("intensity", lights.intensities), ("position", lights.positions_mm)]
+    has_intensities = not np.isnan(lights.intensities).all()
+    for what, rows in columns:
+        if rows is None or (what == "intensity" and not has_intensities):
+            continue
+        bad = np.flatnonzero(~(np.abs(rows) < LARGEST).all(axis=1))
+        if len(bad):
+            raise CalibrationError(
+                f"{path}: light {bad[0] + 1} has the {what} {rows[bad[0]].tolist()}, not a finite number of sensible "
+                "size each."
+            )
+    if (lights.intensities <= 0).any():
+        raise CalibrationError(f"{path}: intensities must be positive, found {lights.intensities.min():g}.")
+    length = np.linalg.norm(lights.directions, axis=-1, keepdims=True)
+    if (length < 1e-4).any():
+        raise CalibrationError(f"{path}: light {int(length.argmin()) + 1} has no direction (length {length.min():g}).")
+    lights = replace(lights, directions=lights.directions / length)
+    if has_intensities:
+        return lights
+    said = f"{path.name} {NO_INTENSITIES}"
+    return replace(
+        lights,
+        intensities=np.ones_like(lights.directions),
+        flags=tuple((*flags, said) for flags in lights.flags),
+    )
+
+
+def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple[int, ...]) -> Lights:
+    """Return the lights in the frames' order, under the frames' names."""
+    known = {name: i for i, name in enumerate(lights.names)}
+    no_name_known = not any(name in known for name in names)
+    if len(known) == len(lights) and all(name in known for name in names):
+        order, flag = [known[name] for name in names], ()
+    elif len(lights) == len(names) and no_name_known:
+        order, flag = list(range(len(names))), ("taken in the file's order: its names are not the frames'",)
+    elif len(lights) == len(names) + len(skipped) and no_name_known:
+        order = [i for i in range(len(lights)) if i not in skipped]
+        flag = ("taken in the file's order, which counts the skipped frames",)
+    elif len(lights) != len(names):
+        raise CalibrationError(
+            f"{path}: {len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or by "
+            "name."
+        )
+    else:
+        missing = [name for name in names if name not in known]
+        raise CalibrationError(
+            f"{path}: no light for the frame {missing[0]!r} ({len(missing)} of {len(names)} missing)."
+        )
+    return Lights(
+        names,
+        lights.directions[order],
+        lights.intensities[order],
+        None if lights.positions_mm is None else lights.positions_mm[order],
+        lights.reference_point_mm,
+        lights.direction_sigma_deg[order],
+        lights.intensity_sigma[order],
+        lights.ambient,
+        lights.white_value,
+        tuple(lights.flags[i] + flag for i in order),
+    )

@@ -1,1 +1,0 @@
-"""Lights read from, and written to, the files of other tools."""

@@ -1,0 +1,1 @@
+"""A ball's silhouette to hundredths of a pixel."""

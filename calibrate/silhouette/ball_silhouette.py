@@ -1,0 +1,265 @@
+"""A ball's outline to hundredths of a pixel: the cone that a sphere cuts, three unknowns, no free ellipse."""
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.silhouette.cone_fit import Reader, Settled, settle
+from calibrate.silhouette.edge_profile import MATTE, MIRROR, MIRROR_CLOSE, STEP_PX, Limb
+from calibrate.silhouette.mirrored_table import fit_mirrored_table
+from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
+from calibrate.silhouette.static_circle import agree, find_edges, kernel_reach_px
+from calibrate.silhouette.strips import image_strips, read_strips
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.spheres import Kind, Sphere
+
+Array = NDArray[np.float64]
+SOFTEST = 8
+"""Softness, in that of a sharp picture, up to which an outline is looked for."""
+READ = 12
+"""Frames in which an outline is read: it stands still, and more of them show the same again."""
+LEAST_SEEN = 0.25
+WIDE = 0.05
+"""Share of its radius by which a chrome ball's outline is searched around its coarse circle, at least."""
+TABLE_EXPLAINS = 0.99
+"""Share of a chrome limb's variance from which on the mirrored table is taken for its cause."""
+TABLE_FROM_PX = 22.0
+"""A smaller ball's limb is too few pixels for three more unknowns."""
+TABLE_FLOOR_PX = 0.01
+"""What shifts an outline that is fitted by the mirrored table, beyond its residuals' scatter."""
+EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
+"""What shifts an outline that is fitted on the steepest places alone, beyond its edges' scatter."""
+LIMB_FLOOR_PX = 0.01
+"""The same of a limb's profile."""
+LIMB_SHARE = 0.5
+"""Share of what another profile would change of a mirror's outline."""
+BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
+"""Relative error of the blur: read at a mirror's limb of radius r, the first over r; read on a matte ball."""
+
+
+@dataclass(frozen=True)
+class OutlineFit:
+    """A fitted ball.
+
+    Parameters
+    ----------
+    sphere : Sphere
+        With `sigma_px` and `score`, the share of the outline on which an edge was found where the fit is.
+    covariance : (3, 3) float64
+        Of (center u, center v, radius), px^2.
+    residual_px : float
+        Robust spread of the edges about the outline.
+    blur_px : float
+        Standard deviation of the blur under which the limb is seen; NaN where only its edge was fitted.
+    by_table : bool
+        The table that a chrome ball mirrors was found and fits.
+    """
+
+    sphere: Sphere
+    covariance: Array
+    residual_px: float
+    blur_px: float = np.nan
+    by_table: bool = False
+
+
+def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
+    """Fit the ball's outline at full size, in about `READ` of the frames together.
+
+    Parameters
+    ----------
+    frames : Frames
+    camera : Camera
+    sphere : Sphere
+        The start.
+    search_px : float
+        How far from the start the outline may lie.
+
+    Returns
+    -------
+    OutlineFit or None
+        None if less than a quarter of the outline shows an edge.
+    """
+    read = _reader(frames)
+    best: list[OutlineFit] = []
+    best_softness = softness = 1
+    while softness <= SOFTEST and (softness == 1 or sphere.radius_px > 20 * softness):
+        fits = _fit_edges(read, camera, sphere, max(search_px, 1.5 * softness), softness)
+        if fits and (not best or fits[0].sphere.score > best[0].sphere.score + 0.15):
+            best, best_softness = fits, softness
+        if best and best[0].sphere.score >= 0.6:
+            break
+        softness *= 2
+    if not best:
+        return None
+    edge, blur = best[0], float(best_softness)
+    if sphere.kind == "white":
+        return _fit_matte(read, camera, best, sphere, blur) or edge
+    return _fit_chrome(frames, read, camera, edge, blur) or edge
+
+
+def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
+    """Return a chrome ball's fit with the blur that matte balls of the same photographs show, where they agree on it.
+
+    What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
+    """
+    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < 0.15:
+        return fit
+    read = _reader(frames)
+    limb = Limb(MIRROR, fit.sphere.radius_px, blur_px, 0.7)
+    first = settle(read, camera, fit.sphere, limb, free_blur=False)
+    if first is None:
+        return fit
+    again = _fit_mirror(read, camera, fit, first, BLUR_DOUBT)
+    return again if _apart(again.sphere, fit.sphere) < 0.5 * blur_px else fit
+
+
+def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
+    """Fit the outline to a given silhouette (H, W) bool."""
+    image = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), 1.0)
+
+    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
+        return image_strips(image, points, normals, offsets)
+
+    fits = _fit_edges(read, camera, sphere, max(3.0, 0.06 * sphere.radius_px), 1)
+    return fits[0] if fits else None
+
+
+def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit:
+    """Return the best of some fits of one ball.
+
+    On a matte ball the one on which most of the outline agrees wins; a mirror's outline runs beside the rims that
+    it mirrors, all of them inside, and so of equals the outermost wins.
+    """
+    if kind == "white":
+        return max(fits, key=_clearness)
+    best = max(fit.sphere.score for fit in fits)
+    return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)
+
+
+def _reader(frames: Frames) -> Reader:
+    some = frames.some(READ)
+
+    def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
+        return read_strips(some, points, normals, offsets)
+
+    return read
+
+
+def _fit_edges(read: Reader, camera: Camera, sphere: Sphere, search_px: float, softness: int) -> list[OutlineFit]:
+    """Fit the outline to the steepest places across it, from three radii; return the fits, the best first."""
+    if sphere.kind == "chrome":
+        # What a mirror shows along its rim draws the coarse circle inward, by some hundredths of its radius.
+        search_px = max(search_px, WIDE * sphere.radius_px)
+        starts = [(share * search_px, reach * search_px) for reach in (1.0, 0.4) for share in (0.0, 0.4, 0.8)]
+    else:
+        starts = [(share * search_px, search_px) for share in (-0.5, 0.0, 0.5)]
+    fits = _agreements(read, camera, sphere, starts, search_px, softness)
+    if not fits:
+        return []
+    best = max(fits, key=_clearness)
+    again = _agreements(read, camera, best.sphere, [(0.0, 2.0 * softness)], 2.0 * softness, softness)
+    return [_nearest(again, best.sphere) if again else best, *(fit for fit in fits if fit is not best)]
+
+
+def _clearness(fit: OutlineFit) -> float:
+    return fit.sphere.score / max(fit.residual_px, 0.15)
+
+
+def _nearest(fits: list[OutlineFit], start: Sphere) -> OutlineFit:
+    """Return the fit nearest to the start of those that show enough: a mirror's rims run beside its outline."""
+    enough = 0.8 * max(fit.sphere.score for fit in fits)
+    return min((fit for fit in fits if fit.sphere.score >= enough), key=lambda fit: _apart(fit.sphere, start))
+
+
+def _agreements(
+    read: Reader, camera: Camera, sphere: Sphere, starts: list[tuple[float, float]], search_px: float, softness: int
+) -> list[OutlineFit]:
+    """Return the outlines on which edges agree, from each start: what the radius is more, and the reach at first."""
+    count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
+    points, normals = outline_with_normals(camera, sphere, count)
+    jacobian = offset_jacobian(camera, sphere, points, normals)
+    reach = search_px + 1 + kernel_reach_px(softness)
+    offsets = np.arange(-reach, reach + 0.01, STEP_PX)
+    spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
+    strips = read(points, normals, offsets)
+    out: list[OutlineFit] = []
+    # Each frame by the mean of all, where there are others: a single one by itself shows edges that it has not.
+    even = [strips / (np.maximum(strips.mean(0), 0) + 0.02 * np.nanmean(strips))] if len(strips) > 1 else []
+    for values in [strips, *even]:
+        edges = find_edges(values, offsets, spacing, softness=softness, search_px=search_px + 1)
+        if edges is None:
+            continue
+        for more, first_reach in starts:
+            start = np.array([0.0, 0.0, more])
+            one = agree(edges, jacobian, start=start, reach_px=first_reach, closest_px=0.35 * softness)
+            if one is None or np.abs(one.shift).max() > 1.5 * search_px or one.score < LEAST_SEEN:
+                continue
+            floor = (EDGE_FLOOR_PX * softness) ** 2 + (EDGE_FLOOR_SHARE * one.spread) ** 2
+            seen = replace(moved(sphere, one.shift), score=one.score, sigma_px=float(np.sqrt(floor)))
+            out.append(OutlineFit(seen, floor * np.eye(3), one.spread))
+    return out
+
+
+def _fit_matte(
+    read: Reader, camera: Camera, edges: list[OutlineFit], start: Sphere, softness: float
+) -> OutlineFit | None:
+    """Fit a matte ball's limb; None where it does not hold.
+
+    Where the ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
+    """
+    tried: list[Settled] = []
+    for sphere in [*(fit.sphere for fit in edges), start]:
+        if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
+            fit = settle(read, camera, sphere, Limb(MATTE, start.radius_px, softness), free_blur=True)
+            tried += [fit] if fit else []
+    if not tried:
+        return None
+    best = min(tried, key=lambda fit: fit.doubt)
+    nearest = min(edges, key=lambda fit: _apart(fit.sphere, best.sphere))
+    return _finished(nearest, best.sphere, best.covariance + LIMB_FLOOR_PX**2 * np.eye(3), best.limb.blur_px)
+
+
+def _fit_chrome(frames: Frames, read: Reader, camera: Camera, edge: OutlineFit, softness: float) -> OutlineFit | None:
+    """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
+    sphere = edge.sphere
+    table = None
+    if sphere.radius_px > TABLE_FROM_PX:
+        table = fit_mirrored_table(frames, camera, sphere, blur_px=softness)
+    if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, sphere) < softness + WIDE * sphere.radius_px:
+        covariance = table.covariance + TABLE_FLOOR_PX**2 * np.eye(3)
+        return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
+    first = settle(read, camera, sphere, Limb(MIRROR, sphere.radius_px, softness, 0.7), free_blur=True)
+    if first is None:
+        return None
+    fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
+    return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
+
+
+def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: Settled, blur_doubt: float) -> OutlineFit:
+    """Fit a mirror's limb where its blur is known to `blur_doubt`, relative."""
+    last = settle(read, camera, first.sphere, replace(first.limb, terms=MIRROR_CLOSE), free_blur=False) or first
+    sharper = replace(last.limb, blur_px=(1 - blur_doubt) * last.limb.blur_px)
+    other = settle(read, camera, last.sphere, sharper, free_blur=False)
+    # What the model may err by: other profiles, another blur.
+    doubts = [LIMB_SHARE * _difference(first.sphere, last.sphere)]
+    doubts += [_difference(other.sphere, last.sphere)] if other else []
+    covariance = last.covariance + LIMB_FLOOR_PX**2 * np.eye(3) + sum(np.outer(d, d) for d in doubts)
+    return _finished(edge, last.sphere, covariance, last.limb.blur_px)
+
+
+def _finished(edge: OutlineFit, sphere: Sphere, covariance: Array, blur_px: float) -> OutlineFit:
+    sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
+    return OutlineFit(replace(sphere, sigma_px=sigma, score=edge.sphere.score), covariance, edge.residual_px, blur_px)
+
+
+def _difference(a: Sphere, b: Sphere) -> Array:
+    """Return how far two outlines differ in u, v and radius, px."""
+    return np.array([*(a.center_px - b.center_px), a.radius_px - b.radius_px])
+
+
+def _apart(a: Sphere, b: Sphere) -> float:
+    """Return how far two outlines differ, px."""
+    return float(np.linalg.norm(_difference(a, b)))

@@ -1,0 +1,119 @@
+"""What the audit needs to know of each frame, gathered by whoever decodes it while it is in memory."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.photographs.photograph import CLIPPED_CODE, SATURATION
+from scene.frames import PEDESTAL, WHITE
+
+SMALL_PX = 768
+"""Longer side of the reduced picture, at most."""
+BIN = 64
+"""Codes in one bin of the histogram."""
+
+
+@dataclass(frozen=True)
+class FrameFacts:
+    """One frame in short; linear, before gain.
+
+    Parameters
+    ----------
+    small : (h, w) float32
+        Mean of the channels, averaged over boxes, at most SMALL_PX long.
+    mean : float
+    clipped_share : float
+        Share of pixels with a clipped channel.
+    blown_share : float
+        The part of it in spots wider than a chrome ball's highlight (1 % of the picture's width).
+    histogram : (3, 1024) int64
+        Codes by channel, of a regular sample of the pixels; empty for float frames.
+    white : float
+        Linear value at which this file's header says that the sensor clips.
+    is_mosaic : bool
+    """
+
+    small: NDArray[np.float32]
+    mean: float
+    clipped_share: float
+    blown_share: float
+    histogram: NDArray[np.int64]
+    white: float = 1.0
+    is_mosaic: bool = False
+
+
+def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> FrameFacts:
+    """Return the facts of one frame's codes (H, W, 3)."""
+    small = reduced(codes)
+    clipped_share = blown_share = 0.0
+    histogram = np.zeros((3, 0), np.int64)
+    if codes.dtype == np.uint16:
+        clipped_share, blown_share = _clipped(codes, white)
+        step = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6)))
+        sample = codes[::step, ::step] // BIN
+        histogram = np.stack([np.bincount(sample[..., i].ravel(), minlength=65536 // BIN) for i in range(3)])
+    return FrameFacts(small, float(small.mean()), clipped_share, blown_share, histogram, white, is_mosaic)
+
+
+def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:
+    """Return the linear mean of the channels (h, w), averaged over whole boxes of pixels."""
+    import cv2
+
+    step = max(1, -(-max(codes.shape[:2]) // longest_px))
+    height, width = max(codes.shape[0] // step, 1), max(codes.shape[1] // step, 1)
+    out = np.zeros((height, width), np.float32)
+    # In bands: a whole frame as float32 would be twice the frame.
+    rows = max(1, 256 // step)
+    for start in range(0, height, rows):
+        stop = min(start + rows, height)
+        band = codes[start * step : stop * step, : width * step].astype(np.float32)
+        out[start:stop] = cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA).mean(axis=2)
+    return (out - PEDESTAL) / np.float32(WHITE - PEDESTAL) if codes.dtype == np.uint16 else out
+
+
+def _clipped(codes: NDArray[np.uint16], white: float) -> tuple[float, float]:
+    """Return the share of clipped pixels, and the share of those in wide spots."""
+    import cv2
+
+    limit = min(CLIPPED_CODE, round(SATURATION * white * (WHITE - PEDESTAL)) + PEDESTAL)
+    unclipped = cv2.inRange(np.ascontiguousarray(codes), (0, 0, 0), (limit - 1,) * 3)
+    count = codes.shape[0] * codes.shape[1] - cv2.countNonZero(unclipped)
+    if not count:
+        return 0.0, 0.0
+    step = max(1, max(codes.shape[:2]) // SMALL_PX)
+    small = 255 - cv2.resize(unclipped, None, fx=1 / step, fy=1 / step, interpolation=cv2.INTER_AREA)
+    width = max(3, round(small.shape[1] * 0.01) | 1)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (width, width))
+    wide = cv2.morphologyEx((small > 127).astype(np.uint8), cv2.MORPH_OPEN, disc)
+    return count / (codes.shape[0] * codes.shape[1]), float(wide.mean())
+
+
+def sensor_ceiling(facts: list[FrameFacts]) -> float | None:
+    """Return the linear value below white at which the sensor clips all the same, or None.
+
+    White levels in headers are guesses at times, and 12-bit values lie in 16-bit files. A ceiling shows as a pile
+    at the top of the histogram, at the same value in several frames; and it is believed only where one may be:
+    above 0.8 of white, or at the end of 8 to 15 bits.
+    """
+    tops = []
+    for fact in facts:
+        for counts in fact.histogram:
+            filled = np.flatnonzero(counts)
+            # A top pile of 4 bins (0.4 %) against the eight such windows below it.
+            if len(filled) and filled[-1] >= 36 + PEDESTAL // BIN // 2:
+                top = filled[-1]
+                pile = counts[top - 3 : top + 1].sum()
+                below = counts[top - 35 : top - 3].reshape(8, 4).sum(axis=1)
+                if pile >= 20 and pile > 3 * below.max() and pile > 8 * below.mean():
+                    tops.append(top)
+    if not tops:
+        return None
+    top = int(np.median(tops))
+    agreeing = sum(abs(other - top) <= 1 for other in tops)
+    level = ((top + 1) * BIN - PEDESTAL) / (WHITE - PEDESTAL)
+    ends_of_bits = [(2**bits - 1) / 65535 for bits in range(8, 16)]
+    plausible = level > 0.8 or any(abs(level - end) < 1.5 * BIN / (WHITE - PEDESTAL) for end in ends_of_bits)
+    if agreeing < max(2, len(tops) / 2) or not plausible or level >= SATURATION:
+        return None
+    return level

@@ -1,0 +1,105 @@
+"""The flashes: which did not fire, and which fired twice from the same place."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.audit.frame_facts import FrameFacts
+from scene.errors import CaptureError
+
+MISFIRE = 0.04
+"""Share of the other frames' light below which the flash did not fire."""
+OUTSHINES, LARGE = 0.25, 0.01
+"""By how much, relative, and in which share of the picture the frame without flash may be brighter than one with."""
+SAME_LIGHT = 0.003
+"""Relative difference of two pictures, after scaling, below which their lights cannot be told apart: about a degree."""
+
+
+def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) -> list[str]:
+    """Raise for frames without light of their own; name those that are dark everywhere.
+
+    Parameters
+    ----------
+    names : tuple of F str
+    light : (F, h, w) float32
+        Reduced pictures at the reference exposure, ambient taken off.
+    ambient : (h, w) float32 or None
+
+    Raises
+    ------
+    CaptureError
+        A flash did not fire, or it fired in the ambient frame.
+    """
+    brightest = light.max(axis=0)
+    lit = brightest > 0.1 * np.quantile(brightest, 0.99)
+    level = light[:, lit].mean(axis=1)
+    usual = float(np.median(level))
+    if ambient is not None and usual <= 0.02 * float(ambient[lit].mean()):
+        raise CaptureError(
+            f"frames.ambient: is as bright as the flash frames (mean {ambient.mean():.4f} of white, flash adds "
+            f"{usual:.4f}). The flash fired there, or nowhere: shoot the ambient frame again without flash."
+        )
+    if ambient is not None:
+        # Light only adds: where the frame without flash is brighter, it had a light that the others had not.
+        over = np.array([np.mean(one < -OUTSHINES * ambient - 0.02 * usual) for one in light])
+        if np.median(over) > LARGE:
+            raise CaptureError(
+                f"frames.ambient: is brighter than the frames with flash in {np.median(over):.1%} of the picture "
+                "(median frame; expected 0 %): the flash fired there, or the room was lit otherwise. Shoot the ambient "
+                "frame again without flash, or leave it out."
+            )
+    share = level / max(usual, 1e-9)
+    dead = np.flatnonzero(share < MISFIRE)
+    if len(dead):
+        lines = [
+            f"{names[i]}: the flash did not fire (its light is {max(share[i], 0):.1%} of the other frames')."
+            for i in dead
+        ]
+        raise CaptureError("\n".join([*lines, "Reshoot, or list it under frames.skip."]))
+    warnings = []
+    least = np.sort(light, axis=0)
+    for i in np.flatnonzero(share < 0.5):
+        # A misfire in a bright room has the room's light, and no more: darker than all others, everywhere.
+        darker = np.mean(light[i][lit] <= least[0][lit] + 0.02 * usual)
+        if len(names) >= 4 and darker > 0.98 and share[i] < 0.6 * np.partition(share, 1)[1]:
+            warnings.append(
+                f"{names[i]}: darker than every other frame all over the picture ({share[i]:.0%} of their light). "
+                "If the flash did not fire, list it under frames.skip."
+            )
+    if np.quantile(brightest, 0.995) < 0.02:
+        warnings.append(
+            f"frames: underexposed, the brightest parts reach {np.quantile(brightest, 0.995):.2%} of white. Noise will "
+            "rule: open the aperture or move the flash closer."
+        )
+    return warnings
+
+
+def doubles(names: tuple[str, ...], facts: list[FrameFacts], light: NDArray) -> list[str]:
+    """Name frames that are one picture, and frames whose lights are the same; `light` as in `misfires`."""
+    import cv2
+
+    warnings = []
+    seen: dict[bytes, str] = {}
+    unique = []
+    for i, fact in enumerate(facts):
+        # Two exposures never agree in the noise of every box.
+        first = seen.setdefault(fact.small.tobytes(), names[i])
+        if first == names[i]:
+            unique.append(i)
+        else:
+            warnings.append(f"{first} and {names[i]} are the same photograph. List one of them under frames.skip.")
+    # Further reduced: what is left of the noise must lie far below the threshold.
+    scale = min(1.0, 64 / max(light.shape[1:]))
+    tiny = [cv2.resize(light[i], None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA).ravel() for i in unique]
+    rows = np.array([row / max(float(np.linalg.norm(row)), 1e-12) for row in tiny], np.float64)
+    difference = np.sqrt(np.maximum(2 - 2 * rows @ rows.T, 0))
+    grouped: set[int] = set()
+    for a in range(len(unique)):
+        same = [b for b in range(a + 1, len(unique)) if difference[a, b] < SAME_LIGHT and b not in grouped]
+        if same and a not in grouped:
+            grouped.update(same)
+            listed = ", ".join(names[unique[b]] for b in (a, *same))
+            warnings.append(
+                f"{listed}: lit from the same place (the pictures differ by {difference[a, same].max():.2%} after "
+                "scaling). They count as one light."
+            )
+    return warnings

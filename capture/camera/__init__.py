@@ -1,0 +1,1 @@
+"""The camera of a session: from session.toml, a board, or EXIF."""

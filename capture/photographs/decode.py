@@ -1,0 +1,238 @@
+"""A session's photographs to `Frames`: decoded once, in parallel, into a memory-mapped store."""
+
+import os
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import Executor
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.audit.audit import audit
+from capture.audit.exposure import exposure_by_room, reference_exposure
+from capture.audit.frame_facts import FrameFacts, reduced, sensor_ceiling
+from capture.camera.exif import Exif, read_exif
+from capture.camera.session_camera import fitted
+from capture.photographs.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
+from capture.photographs.photograph import SATURATION
+from capture.session.session import Session
+from scene.camera import Camera
+from scene.fan_out import fan_out
+from scene.files import create_array, remove, write_npy
+from scene.frames import Frames
+from scene.store import Store
+
+Progress = Callable[[int, int], None]
+
+DECODING_BYTES = 1 << 30
+"""Of all photographs that are decoded at a time: on a machine of many cores memory, not they, decides how many."""
+
+
+@dataclass(frozen=True)
+class CaptureReport:
+    """What the photographs turned out to be.
+
+    Parameters
+    ----------
+    names : tuple of F str
+    width, height : int
+        Pixels, after `half`.
+    brightness : (F,) float64
+        Mean linear value of each frame at the reference exposure, ambient not subtracted.
+    saturated_share : (F,) float64
+        Share of each frame's pixels that are clipped, small highlights included.
+    gain : (F,) float64
+        Brings each frame to the reference exposure.
+    exif : tuple of F Exif
+    ambient_count : int
+        Ambient frames that were averaged.
+    seconds : float
+        Wall time of decoding and audit.
+    warnings : tuple of str
+        Suspicious but usable.
+    """
+
+    names: tuple[str, ...]
+    width: int
+    height: int
+    brightness: NDArray[np.float64]
+    saturated_share: NDArray[np.float64]
+    gain: NDArray[np.float64]
+    exif: tuple[Exif, ...]
+    ambient_count: int = 0
+    seconds: float = 0.0
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def frames_table(self) -> list[dict[str, Any]]:
+        """One row a frame, for summary and report."""
+        return [
+            {
+                "name": name,
+                "brightness": float(self.brightness[i]),
+                "saturated_share": float(self.saturated_share[i]),
+                "gain": float(self.gain[i]),
+                **{key: value for key, value in asdict(self.exif[i]).items() if value is not None},
+            }
+            for i, name in enumerate(self.names)
+        ]
+
+
+def decode(
+    session: Session, store: Store, *, executor: Executor | None = None, progress: Progress | None = None
+) -> tuple[Frames, CaptureReport]:
+    """Decode a session into `frames/` of its output folder, and audit it.
+
+    Parameters
+    ----------
+    session : Session
+    store : Store
+        Gets frames/codes.npy, frames/ambient.npy and, last, frames/frames.json: all of them or none.
+    executor : Executor or None
+        Where frames are decoded; None: a thread a core (LibRaw and OpenCV let go of the interpreter). Any
+        executor will do whose workers see the same files.
+    progress : callable or None
+        Called with (done, total) files.
+
+    Returns
+    -------
+    frames : Frames
+        Memory-mapped from the store.
+    report : CaptureReport
+
+    Raises
+    ------
+    CaptureError
+        A photograph is corrupt, missing, of another size or kind, or its flash did not fire.
+    SessionError
+        [camera] is of another size than the first photograph; told before the others are decoded.
+    """
+    begin = time.perf_counter()
+    exif = [read_exif(path) for path in session.flash]
+    reference, gain = reference_exposure(exif)
+    steps = _Steps(progress, len(session.flash) + len(session.ambient) + len(session.dark) + len(session.flat))
+    scratch = {key: store.path("frames", f".{key}.npy.{os.getpid()}.tmp") for key in ("dark", "flat")}
+    try:
+        recipe = Recipe(session.encoding, session.half, session.flash[0])
+        first = read_photograph(session.flash[0], recipe)
+        height, width, _ = first.codes.shape
+        if isinstance(session.camera, Camera):
+            # Now, and not after minutes of decoding.
+            fitted(session.camera, session, width, height)
+        recipe = replace(recipe, shape=(height, width), dtype=str(first.codes.dtype), sensor_range=first.sensor_range)
+        recipe = _with_corrections(session, recipe, scratch, steps)
+        ambient, ambient_exif = _ambient(session, recipe, reference, steps)
+        # From here on an older header would speak of frames that are gone.
+        remove(store.path("frames", "frames.json"))
+        shape = (len(session.flash), height, width, 3)
+        with create_array(store.path("frames", "codes.npy"), shape, first.codes.dtype) as codes:
+            frame_bytes = codes.nbytes // len(codes)
+            jobs = [
+                Job(path, recipe, Path(str(codes.filename)), codes.offset + i * frame_bytes, first if i == 0 else None)
+                for i, path in enumerate(session.flash)
+            ]
+            # A unit holds its file, its codes, and the decoder's own copies.
+            threads = max(1, DECODING_BYTES // (2 * frame_bytes))
+            facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
+            saturation, ceiling_warnings = _saturation(facts, first.codes.dtype)
+            if ceiling_warnings and recipe.is_corrected:
+                # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
+                steps.total += len(jobs)
+                recipe = replace(recipe, saturation=saturation)
+                jobs = [replace(job, recipe=recipe) for job in jobs]
+                facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
+            is_mosaic = any(fact.is_mosaic for fact in facts)
+            pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
+            by_room, told = exposure_by_room(session.names, pictures, None if ambient is None else reduced(ambient))
+            gain = gain * by_room
+            frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
+            told = (*ceiling_warnings, *told)
+            warnings = told + audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
+            del frames, codes
+        saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
+        store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
+    finally:
+        for path in scratch.values():
+            remove(path)
+    report = CaptureReport(
+        session.names,
+        width,
+        height,
+        np.array([fact.mean for fact in facts]) * gain,
+        np.array([fact.clipped_share for fact in facts]),
+        gain,
+        tuple(exif),
+        len(session.ambient),
+        time.perf_counter() - begin,
+        warnings,
+    )
+    return store.load_frames(), report
+
+
+class _Steps:
+    """Counts files done, for the progress bar."""
+
+    def __init__(self, progress: Progress | None, total: int) -> None:
+        self.progress, self.total, self.count = progress, total, 0
+
+    def done(self) -> None:
+        self.count += 1
+        if self.progress:
+            self.progress(self.count, self.total)
+
+
+def _with_corrections(session: Session, recipe: Recipe, scratch: dict[str, Path], steps: _Steps) -> Recipe:
+    """Return the recipe with the dark frame and the flat field, if there are any, as files for every worker."""
+    dark = None
+    if session.dark:
+        dark = _mean(session.dark, [1.0] * len(session.dark), recipe, steps)
+        write_npy(scratch["dark"], dark)
+    if session.flat:
+        flat = _mean(session.flat, [1.0] * len(session.flat), recipe, steps)
+        write_npy(scratch["flat"], flat_field(flat, dark, session.flat[0].name))
+    return replace(
+        recipe,
+        dark=scratch["dark"] if session.dark else None,
+        flat=scratch["flat"] if session.flat else None,
+    )
+
+
+def _mean(files: Sequence[Path], gain: Sequence[float], recipe: Recipe, steps: _Steps) -> NDArray[np.float32]:
+    mean = mean_photograph(files, gain, recipe)
+    for _ in files:
+        steps.done()
+    return mean
+
+
+def _ambient(
+    session: Session, recipe: Recipe, reference: float | None, steps: _Steps
+) -> tuple[NDArray | None, list[Exif]]:
+    """Return the mean ambient frame as codes at the reference exposure, corrected as the flash frames are."""
+    if not session.ambient:
+        return None, []
+    exif = [read_exif(path) for path in session.ambient]
+    gain = [1.0 if not reference or not e.exposure else reference / e.exposure for e in exif]
+    mean = _mean(session.ambient, gain, recipe, steps)
+    if recipe.dark:
+        # Each ambient frame holds the dark frame once, before its gain.
+        mean -= np.load(recipe.dark, mmap_mode="r") * np.float32(np.mean(gain))
+    if recipe.flat:
+        mean /= np.load(recipe.flat, mmap_mode="r")
+    return recoded(mean, np.dtype(recipe.dtype)), exif
+
+
+def _saturation(facts: list[FrameFacts], dtype: np.dtype) -> tuple[float, tuple[str, ...]]:
+    """Return `Frames.saturation`: from the files' white levels, or from where the sensor is seen to clip."""
+    if dtype != np.uint16:
+        return np.inf, ()
+    white = min(fact.white for fact in facts)
+    ceiling = sensor_ceiling(facts)
+    if ceiling is None or ceiling >= SATURATION * white:
+        return SATURATION * white, ()
+    return SATURATION * ceiling, (
+        f"frames: pixels pile up at {ceiling:.4f} of the stated white level, in several frames: the sensor clips "
+        "there, and samples above are treated as saturated.",
+    )

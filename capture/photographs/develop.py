@@ -1,0 +1,180 @@
+"""One photograph to one frame of the store: read, check, take off the dark frame, divide by the flat field."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.audit.frame_facts import FrameFacts, facts_of, reduced
+from capture.photographs.images import FLOAT16_MAX, Encoding, read_image
+from capture.photographs.photograph import SATURATION, Photograph
+from capture.photographs.raw import read_raw
+from capture.session.globs import kind_of
+from scene.errors import CaptureError
+from scene.frames import PEDESTAL, WHITE
+from scene.frames import decode as linear_of
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """What is done alike to every photograph of a session.
+
+    Parameters
+    ----------
+    encoding, half
+        As in `Session`.
+    like : Path
+        The photograph whose size and kind all others must have.
+    shape : (H, W) or None
+        Size to expect; None: any.
+    dtype : str
+        "uint16" or "float16".
+    sensor_range : float or None
+        DN from black to white of the session's first RAW file.
+    dark, flat : Path or None
+        (H, W, 3) float32 .npy: subtracted; divided by.
+    saturation : float
+        Linear value from which a sample is clipped, where the sensor is known to end below the files' white.
+    """
+
+    encoding: Encoding
+    half: bool
+    like: Path
+    shape: tuple[int, int] | None = None
+    dtype: str = "uint16"
+    sensor_range: float | None = None
+    dark: Path | None = None
+    flat: Path | None = None
+    saturation: float = SATURATION
+
+    @property
+    def is_corrected(self) -> bool:
+        return self.dark is not None or self.flat is not None
+
+
+@dataclass(frozen=True)
+class Job:
+    """A work unit: one photograph into its place in the codes' file, `offset` bytes from its start."""
+
+    file: Path
+    recipe: Recipe
+    out: Path
+    offset: int
+    read: Photograph | None = None
+
+
+def read_photograph(file: Path, recipe: Recipe) -> Photograph:
+    """Read one file, uncorrected.
+
+    Raises
+    ------
+    CaptureError
+        Unreadable, or of another size or kind than `recipe.like`.
+    """
+    if kind_of(file) == "raw":
+        photograph = read_raw(file, sensor_range=recipe.sensor_range, half=recipe.half)
+    else:
+        photograph = read_image(file, recipe.encoding, half=recipe.half)
+    height, width, _ = photograph.codes.shape
+    if min(height, width) < 2:
+        raise CaptureError(f"{file}: is {width} x {height} px{' after halving' if recipe.half else ''}, no photograph.")
+    if recipe.shape and (height, width) != recipe.shape:
+        raise CaptureError(
+            f"{file}: is {width} x {height} px, {recipe.like.name} is {recipe.shape[1]} x {recipe.shape[0]}. "
+            "One session has one size: reshoot, or list the odd one under frames.skip."
+        )
+    if recipe.shape and photograph.codes.dtype != recipe.dtype:
+        raise CaptureError(
+            f"{file}: holds {'float' if photograph.codes.dtype == np.float16 else 'integer'} pixels, "
+            f"{recipe.like.name} does not. Export all frames alike."
+        )
+    return photograph
+
+
+def develop(job: Job) -> FrameFacts:
+    """Decode a photograph into the store; see `Job`. Doing it twice gives the same file."""
+    photograph = job.read or read_photograph(job.file, job.recipe)
+    codes, recipe = photograph.codes, job.recipe
+    # Where the sensor ends shows only before each pixel is divided by a number of its own.
+    facts = facts_of(codes, white=photograph.white, is_mosaic=photograph.is_mosaic)
+    if recipe.is_corrected:
+        limit = min(recipe.saturation, SATURATION * photograph.white)
+        codes = corrected(codes, _load(recipe.dark), _load(recipe.flat), limit)
+        small = reduced(codes)
+        facts = replace(facts, small=small, mean=float(small.mean()))
+    # Written, not mapped: on a network's file system others see what was written when the file is closed.
+    with open(job.out, "r+b") as file:
+        file.seek(job.offset)
+        file.write(np.ascontiguousarray(codes).data)
+    return facts
+
+
+def _load(path: Path | None) -> NDArray | None:
+    return None if path is None else np.load(path, mmap_mode="r")
+
+
+def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None, saturation: float) -> NDArray:
+    """Return codes of (linear - dark) / flat; what was clipped, from `saturation` on, gets the highest code.
+
+    So a clipped sample stays one, and since a flat field only lowers values (see `flat_field`), no other becomes one.
+    """
+    limit = round(saturation * (WHITE - PEDESTAL)) + PEDESTAL
+    out = np.zeros_like(codes)
+    for start in range(0, len(codes), 256):
+        rows = slice(start, start + 256)
+        linear = linear_of(codes[rows])
+        if dark is not None:
+            linear -= dark[rows]
+        if flat is not None:
+            linear /= flat[rows]
+        out[rows] = recoded(linear, codes.dtype)
+        if codes.dtype == np.uint16:
+            out[rows][codes[rows] >= limit] = 65535
+    return out
+
+
+def recoded(linear: NDArray, dtype: np.dtype) -> NDArray:
+    """Return codes of linear values in the stack's own type."""
+    if dtype == np.uint16:
+        return np.clip(np.round(linear * (WHITE - PEDESTAL)) + PEDESTAL, 0, 65535).astype(np.uint16)
+    return np.clip(linear, -FLOAT16_MAX, FLOAT16_MAX).astype(np.float16)
+
+
+def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: Recipe) -> NDArray[np.float32]:
+    """Return the mean (H, W, 3) of photographs, linear float32, each times its gain, uncorrected."""
+    total: NDArray[np.float32] | None = None
+    for file, factor in zip(files, gain, strict=True):
+        linear = linear_of(read_photograph(file, recipe).codes)
+        linear *= np.float32(factor / len(files))
+        total = linear if total is None else np.add(total, linear, out=total)
+    assert total is not None
+    return total
+
+
+def flat_field(mean: NDArray[np.float32], dark: NDArray | None, name: str) -> NDArray[np.float32]:
+    """Return the divisor that evens out lens and sensor: the flat frame less dark, each channel by its own mean.
+
+    All of it is scaled so that its darkest place (the 0.1 % quantile) is 1. A divisor below 1 would lift good samples
+    above white, where neither a code nor `Frames.saturation` could tell them from clipped ones.
+
+    Raises
+    ------
+    CaptureError
+        The flat frame is too dark somewhere, or clipped.
+    """
+    flat = mean if dark is None else mean - dark
+    level = flat.mean(axis=(0, 1))
+    relative = flat / level
+    # By quantiles: one dead or hot pixel is no reason to refuse.
+    low = float(np.quantile(relative[::4, ::4], 0.001))
+    clipped = float(np.mean(mean >= 0.98))
+    if level.min() < 0.02 or low < 0.05:
+        raise CaptureError(
+            f"frames.flat: {name} is too dark to divide by (channel means {np.round(level, 4).tolist()} of white, "
+            f"darkest places {low:.3f} of the mean). Photograph an evenly lit white surface, brighter."
+        )
+    if clipped > 0.001:
+        raise CaptureError(f"frames.flat: {name} is overexposed ({clipped:.1%} of it is clipped). Shoot it darker.")
+    return (np.maximum(relative, 0.02) / low).astype(np.float32)

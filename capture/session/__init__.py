@@ -1,0 +1,1 @@
+"""The session's folder: session.toml or another layout, resolved to files."""

@@ -1,0 +1,146 @@
+"""What calibration and alignment are given of a session: the balls asked for, the object's mask."""
+
+from concurrent.futures import Executor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session.session import Session, SphereSpec
+from scene.camera import Camera
+from scene.errors import CaptureError, SceneError, SessionError
+from scene.files import write_json
+from scene.frames import PEDESTAL, Frames
+from scene.spheres import SphereRequest
+from scene.store import Store
+
+
+def sphere_requests(
+    session: Session, store: Store, *, executor: Executor | None = None
+) -> tuple[list[SphereRequest], tuple[str, ...]]:
+    """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded.
+
+    Parameters
+    ----------
+    session : Session
+    store : Store
+        Holds the session's frames already. A ball that was shot apart gets frames of its own in
+        spheres/<n>/frames; they are used again while neither its photographs nor the session's frames change.
+    executor : Executor or None
+        Where balls' photographs are decoded; see `capture.photographs.decode.decode`.
+
+    Returns
+    -------
+    requests : list of SphereRequest
+    warnings : tuple of str
+        What the audit says of balls' own photographs, each after the ball's key.
+
+    Raises
+    ------
+    SessionError
+        A mask or a ball's photographs are of another size than the frames.
+    CaptureError
+        A ball's photograph cannot be decoded.
+    """
+    header = store.load_frames()
+    decoded: dict[tuple[Path, ...], Frames] = {}
+    requests, warnings = [], []
+    for i, spec in enumerate(session.spheres):
+        key = f"spheres[{i}]"
+        if spec.frames and spec.frames not in decoded:
+            decoded[spec.frames], found = _frames_apart(
+                session,
+                spec,
+                Store(store.path("spheres", str(i))),
+                store.path("frames", "frames.json"),
+                executor=executor,
+            )
+            warnings += [f"{key}: {text}" for text in found]
+        frames = decoded.get(spec.frames)
+        if frames is not None and (frames.height, frames.width) != (header.height, header.width):
+            raise SessionError(
+                f"{key}.frames: the ball's photographs are {frames.width} x {frames.height} px, the flash frames "
+                f"{header.width} x {header.height}. Both must come from the same camera at the same size."
+            )
+        scale = hint_scale(session, header.width)
+        center, radius = spec.center_px, spec.radius_px
+        if center and radius:
+            # Pixel centres are integers: 2 x 2 pixels around 0.5 become pixel 0.
+            center = ((center[0] + 0.5) / scale - 0.5, (center[1] + 0.5) / scale - 0.5)
+            radius /= scale
+            if not (-radius < center[0] < header.width + radius and -radius < center[1] < header.height + radius):
+                raise SessionError(
+                    f"{key}.center_px: found {list(spec.center_px or ())}, outside of the picture of "
+                    f"{header.width} x {header.height} px."
+                )
+        mask = read_mask(spec.mask, header.height, header.width) if spec.mask else None
+        requests.append(SphereRequest(spec.kind, spec.diameter_mm, center, radius, mask, frames))
+    return requests, tuple(warnings)
+
+
+def hint_scale(session: Session, width: int) -> int:
+    """Return 2 where hints count full-size pixels of halved frames: they go with [camera], else the photographs."""
+    if not session.half:
+        return 1
+    return 1 if isinstance(session.camera, Camera) and session.camera.width == width else 2
+
+
+def _frames_apart(
+    session: Session, spec: SphereSpec, store: Store, session_header: Path, *, executor: Executor | None
+) -> tuple[Frames, list[str]]:
+    """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
+    from capture.photographs.decode import decode
+
+    # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:
+    # a photograph that replaces another may well be the older file.
+    stamps = [_stamp(path) for path in (*spec.frames, session_header)]
+    source = store.path("source.json")
+    if store.path("frames", "frames.json").exists() and source.exists():
+        known = store.read_json("source.json")
+        if isinstance(known, dict) and known.get("files") == stamps:
+            return store.load_frames(), list(map(str, known.get("warnings", ())))
+    # The session's ambient frame shows the object's scene, not the ball's.
+    own = replace(session, flash=spec.frames, ambient=(), spheres=())
+    frames, report = decode(own, store, executor=executor)
+    write_json(source, {"files": stamps, "warnings": report.warnings})
+    return frames, list(report.warnings)
+
+
+def _stamp(path: Path) -> list[str | int]:
+    try:
+        status = path.stat()
+    except OSError as error:
+        raise CaptureError(f"{path}: cannot be read ({error.strerror}). Restore the file.") from error
+    return [str(path), status.st_size, status.st_mtime_ns]
+
+
+def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:
+    """Return a mask image as (height, width) bool: True where it is brighter than half of its white.
+
+    A mask of twice the size fits frames that were halved: a superpixel belongs if all four pixels do.
+
+    Raises
+    ------
+    SessionError
+        Unreadable, of another size, or empty.
+    """
+    from capture.photographs.images import read_image
+
+    try:
+        codes = read_image(path, "linear").codes
+    except SceneError as error:
+        raise SessionError(f"{path}: the mask cannot be read. Give a PNG, white where the object is.") from error
+    values = codes.max(axis=-1).astype(np.float32)
+    low, high = float(values.min()), float(values.max())
+    mask = values > (low + high) / 2 if high > low else values > PEDESTAL
+    if (mask.shape[0] // 2, mask.shape[1] // 2) == (height, width):
+        mask = mask[: 2 * height, : 2 * width].reshape(height, 2, width, 2).all(axis=(1, 3))
+    if mask.shape != (height, width):
+        raise SessionError(
+            f"{path}: the mask is {mask.shape[1]} x {mask.shape[0]} px, the frames {width} x {height}. "
+            "It must have the frames' size."
+        )
+    if not mask.any():
+        raise SessionError(f"{path}: the mask is empty (one value everywhere). Paint the object white on black.")
+    return mask

@@ -1,0 +1,1 @@
+"""report.html: its sections, pictures and charts."""

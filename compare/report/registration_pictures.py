@@ -1,0 +1,201 @@
+"""Pictures that show whether a scan lies where the object is: outline, wipe, checkerboard, sigma."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.report import pictures
+from compare.report.pictures import Box, Exposure, Image
+from scene.files import write_png
+from scene.frames import Frames
+from scene.image_files import read_pixels
+from scene.lights import Lights
+from scene.store import Store
+
+FOLDER = "align"
+"""Of the pictures, below the output folder."""
+WIDTH = 1200
+SCAN_COLOUR = (255, 0, 190)
+"""Of the scan's outline: no object under white flashes has it."""
+DOUBT_COLOUR = (214, 104, 128)
+"""Of pixels on the object without a ground-truth normal."""
+WINDOW_PX = 46
+ZOOM = 6
+SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom": (0.0, 1.0)}
+"""Image axes (u, v)."""
+
+
+@dataclass(frozen=True)
+class Views:
+    """A photograph and the shaded scan, pixel by pixel alike."""
+
+    photograph: Image
+    shaded: Image
+
+
+def growth(width: int) -> int:
+    """Return by how much a small picture is enlarged."""
+    return max(1, WIDTH // width)
+
+
+def raking_frame(directions: NDArray) -> int:
+    """Return the frame whose light stands nearest to 40 degrees from the axis: shape shows, shadows stay short."""
+    zenith = np.degrees(np.arccos(np.clip(directions[:, 2], -1, 1)))
+    return int(np.argmin(np.abs(zenith - 40)))
+
+
+def shown_pixels(box: Box, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return (h, w, 2), the pixels (u, v) of the photographs at the middles of a picture (h, w) of the box."""
+    height, width = shape[:2]
+    u = box.left - 0.5 + (np.arange(width) + 0.5) * box.width / width
+    v = box.top - 0.5 + (np.arange(height) + 0.5) * box.height / height
+    return np.stack(np.meshgrid(u, v), -1)
+
+
+def views(
+    frames: Frames, exposure: Exposure, lights: Lights, index: int, box: Box, shading: Callable[[NDArray], NDArray]
+) -> Views:
+    """Return one photograph, and the scan shaded by its light, through the same tone curve.
+
+    Parameters
+    ----------
+    shading : callable
+        Pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
+
+    Notes
+    -----
+    One albedo for the whole scan, the median over its lit pixels in each channel. Not the recovered albedo map: it
+    was measured at the photographs' pixels, and would paint their edges onto the shading wherever the scan lies.
+    Off the scan the shaded picture is the photograph.
+    """
+    import cv2
+
+    linear = pictures.thumbnail(frames, index, box.shown_width(WIDTH), box)
+    grow = growth(linear.shape[1])
+    size = (grow * linear.shape[1], grow * linear.shape[0])
+    linear = np.asarray(cv2.resize(linear, size, interpolation=cv2.INTER_CUBIC))
+    factor = shading(shown_pixels(box, linear.shape))[..., None] * lights.intensities[index]
+    lit = np.isfinite(factor[..., 0]) & (factor[..., 0] > 0.2 * np.nanmax(factor[..., 0], initial=1e-6))
+    albedo = np.median(linear[lit] / factor[lit], axis=0) if lit.any() else np.zeros(3)
+    rendered = np.where(np.isfinite(factor), factor * albedo, linear)
+    return Views(exposure.develop(linear), exposure.develop(rendered))
+
+
+def write_pictures(
+    store: Store,
+    frames: Frames,
+    lights: Lights,
+    *,
+    strokes: NDArray,
+    shading: Callable[[int, NDArray], NDArray],
+    mask: NDArray[np.bool_],
+    sigma_deg: NDArray,
+) -> None:
+    """Write the pictures of a registration to align/: photograph, shaded, outline, outline_zoom, checkerboard, sigma.
+
+    Parameters
+    ----------
+    store : Store
+    frames : Frames
+    lights : Lights
+    strokes : (K, 2, 2) float
+        The scan's outline: both ends of short strokes along it, pixels.
+    shading : callable
+        Frame, pixels (h, w, 2) -> shading (h, w); see `views`.
+    mask : (H, W) bool
+        The object.
+    sigma_deg : (H, W) float
+        Of the ground-truth normals, NaN where unknown.
+    """
+    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
+    box = Box.of_mask(mask, margin=0.12)
+    index = raking_frame(lights.directions)
+    both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
+    sigma = pictures.shrink(sigma_deg[box.rows, box.columns], box.shown_width(WIDTH))
+    end = sigma_scale_end(sigma_deg)
+    grow = growth(sigma.shape[1])
+    coloured = sigma_picture(sigma, mask[box.rows, box.columns], end).repeat(grow, 0).repeat(grow, 1)
+    images = {
+        "photograph": both.photograph,
+        "shaded": both.shaded,
+        "outline": outline_picture(both.photograph, box, strokes),
+        "outline_zoom": zoom_picture(frames, exposure, lights.directions, strokes),
+        "checkerboard": pictures.checkerboard(both.photograph, both.shaded),
+        "sigma": pictures.with_colour_scale(coloured, end, "sigma of the ground truth; rose: no normal"),
+    }
+    for name, image in images.items():
+        write_png(store.path(FOLDER, f"{name}.png"), image)
+
+
+def read_picture(store: Store, name: str) -> Image | None:
+    """Return a picture of align/, None where it is not there."""
+    import cv2
+
+    path = store.path(FOLDER, f"{name}.png")
+    return read_pixels(path, cv2.IMREAD_COLOR)[..., ::-1] if path.exists() else None
+
+
+def outline_picture(photograph: Image, box: Box, strokes: NDArray) -> Image:
+    """Return the photograph of the box with the outline drawn on it."""
+    return draw_strokes(photograph.copy(), strokes, [box.left, box.top], photograph.shape[1] / box.width)
+
+
+def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, strokes: NDArray) -> Image:
+    """Return the outline's leftmost, top, rightmost and lowest stretch, each pixel `ZOOM` wide, in a row.
+
+    Above as photographed, below with the outline: a line hides the edge that it is to be judged by. Each is from the
+    frame whose light comes from that side, so that the limb is lit; its brightness is stretched by itself.
+    """
+    import cv2
+
+    middles = strokes.mean(1)
+    columns = []
+    for name, side in SIDES.items():
+        place = middles[np.argmax(middles @ side)]
+        # Directions have y up, image axes v down.
+        score = directions[:, 0] * side[0] - directions[:, 1] * side[1] - 2 * (directions[:, 2] < 0.35)
+        index = int(np.argmax(score))
+        side_px = min(WINDOW_PX, frames.width, frames.height)
+        left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
+        box = Box(int(left), int(top), int(left) + side_px, int(top) + side_px)
+        crop = frames.read(box.rows, [index], columns=box.columns)[0]
+        white = max(float(np.quantile(crop / exposure.balance, 0.995)), 1e-6)
+        tile = Exposure(white, exposure.balance).develop(crop)
+        tile = np.repeat(np.repeat(tile, ZOOM, 0), ZOOM, 1)
+        drawn = draw_strokes(tile.copy(), strokes, [box.left, box.top], ZOOM)
+        label = np.full((26, tile.shape[1], 3), 255, np.uint8)
+        words = f"{name}: {frames.names[index]}, {ZOOM} x"
+        cv2.putText(label, words, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (40, 40, 40), 1, cv2.LINE_AA)
+        gap = np.full((4, tile.shape[1], 3), 255, np.uint8)
+        columns += [np.concatenate([label, tile, gap, drawn]), np.full((30 + 2 * len(tile), 6, 3), 255, np.uint8)]
+    return np.concatenate(columns[:-1], 1)
+
+
+def draw_strokes(image: Image, strokes: NDArray, corner: list[int], scale: float) -> Image:
+    """Draw strokes (K, 2, 2), pixels of the photographs, on an image enlarged by `scale` from pixel `corner` on."""
+    import cv2
+
+    # cv2 counts from pixel centres too, and in fractions of 1/64 here.
+    ends = (strokes - corner + 0.5) * scale - 0.5
+    near = ((ends > -50).all(-1) & (ends < [image.shape[1] + 50, image.shape[0] + 50]).all(-1)).all(-1)
+    lines = np.round(ends[near] * 64).astype(np.int32)
+    return np.asarray(cv2.polylines(image, list(lines), False, SCAN_COLOUR, 1, cv2.LINE_AA, 6), np.uint8)
+
+
+def sigma_scale_end(sigma_deg: NDArray) -> float:
+    """Return where the colour scale of sigma ends: a round number that all but 2 % stay under."""
+    known = sigma_deg[np.isfinite(sigma_deg)]
+    return pictures.colour_scale_end(float(np.quantile(known, 0.98)) if known.size else 1.0, least=0.1)
+
+
+def sigma_picture(sigma_deg: NDArray, mask: NDArray[np.bool_], end_deg: float) -> Image:
+    """Return sigma (h, w) as colours; rose where the mask, of that size or larger, has a pixel without sigma."""
+    import cv2
+
+    image = pictures.error_picture(sigma_deg, end_deg)
+    size = (sigma_deg.shape[1], sigma_deg.shape[0])
+    share = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+    image[(np.asarray(share) > 0.5) & ~np.isfinite(sigma_deg)] = DOUBT_COLOUR
+    return image

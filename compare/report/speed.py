@@ -1,0 +1,83 @@
+"""Seconds and error of every method, out of a summary: what the chart of speed against accuracy shows."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from compare.report.facts import family
+from compare.report.page import is_number
+
+
+@dataclass(frozen=True)
+class SpeedPoint:
+    """One method on the photographs (`real`) or on their twin.
+
+    Parameters
+    ----------
+    method : str
+    family : str
+        `calibrated`, `uncalibrated` or `external`; see `compare.report.facts.family`.
+    kind : str
+        `real` or `twin`.
+    seconds : float
+        Wall seconds for a million pixels of one frame, of this kind's own solving.
+    median_deg : float
+        Median angular error against the ground truth.
+    """
+
+    method: str
+    family: str
+    kind: str
+    seconds: float
+    median_deg: float
+
+
+def seconds_per_megapixel_image(row: dict[str, Any], kind: str) -> float | None:
+    """Return a method's seconds for a million pixels of one frame, real or twin; `row` of summary's solve.methods."""
+    if kind == "real":
+        seconds = row.get("seconds_per_megapixel_image")
+        return seconds if is_number(seconds) else None
+    seconds, megapixels, frames = row.get("twin_seconds"), row.get("megapixels"), row.get("frames")
+    if is_number(seconds) and is_number(megapixels) and is_number(frames) and megapixels * frames > 0:
+        return seconds / (megapixels * frames)
+    return None
+
+
+def speed_points(summary: dict[str, Any]) -> tuple[list[SpeedPoint], list[tuple[str, str]]]:
+    """Return what can be charted, and what cannot: (method, why), every method in one of the two or in both.
+
+    Parameters
+    ----------
+    summary : dict
+        As in summary.json: solve.methods and compare.
+    """
+    compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
+    errors = compared.get("methods") or {}
+    any_twin = any((row or {}).get("twin") for row in errors.values())
+    points, missing = [], []
+    for method in dict.fromkeys([*solved, *errors]):
+        row, error = solved.get(method) or {}, errors.get(method) or {}
+        for kind, words in (("real", ""), ("twin", " on the twin")):
+            median, seconds = (error.get(kind) or {}).get("median_deg"), seconds_per_megapixel_image(row, kind)
+            if is_number(median) and is_number(seconds) and min(median, seconds) > 0:
+                points.append(SpeedPoint(method, family(method), kind, seconds, median))
+            elif kind == "twin" and not any_twin:
+                continue
+            elif not compared.get("has_truth"):
+                missing.append((method, "there is no ground truth to tell an error"))
+            elif not is_number(median):
+                missing.append((method, f"no normal{words} where the truth is known"))
+            elif not is_number(seconds):
+                missing.append((method, f"no time{words} is in the summary"))
+            else:
+                missing.append((method, f"a median error or a time{words} of zero has no place on logarithmic axes"))
+    return points, missing
+
+
+def pareto_front(points: Sequence[SpeedPoint]) -> list[SpeedPoint]:
+    """Return the points, fastest first, for which none is both at least as fast and at least as accurate."""
+    front: list[SpeedPoint] = []
+    for point in sorted(points, key=lambda p: (p.seconds, p.median_deg)):
+        if not front or point.median_deg < front[-1].median_deg:
+            front.append(point)
+    return front

@@ -1,0 +1,1 @@
+"""Errors in numbers, with their uncertainty; whether two captures fail alike."""

@@ -1,0 +1,1 @@
+"""Files that others read and write: light files, normal maps, meshes, session layouts."""

@@ -1,0 +1,1 @@
+"""Light files of this and other programs: .lp, DiLiGenT's tables, .dome, .mat, JSON."""

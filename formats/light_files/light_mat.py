@@ -1,0 +1,87 @@
+"""`light.mat` and `camera.mat` of near_ps, MATLAB's near-light solver [Queau2018]."""
+
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from formats.light_files.light_frames import from_opencv, matlab_matrix, to_opencv
+from formats.light_files.light_tables import nameless
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.lights import Lights
+from scene.mat_files import arrays_of_mat
+from scene.reading import numbers, reading
+
+USUAL_DEPTH_MM = 700.0
+"""Where near_ps takes the object to stand when it is not told."""
+
+
+def read_mat(path: Path) -> Lights:
+    """Read `light.mat`: S (n, 3), mm, and where there Phi (n, 3) or (n, 1), mu (n, 1), Dir (n, 3).
+
+    Notes
+    -----
+    Near lights: a white surface at x has Phi n.(S - x) / |S - x|^3. The file does not say where the object is; a
+    variable `reference` (1, 3), which this program adds, does. Without it the object is taken to stand 700 mm before
+    the camera, and each light is flagged.
+    """
+    data = arrays_of_mat(path, error=CalibrationError)
+    if "S" not in data:
+        raise CalibrationError(
+            f"{path}: holds {', '.join(sorted(data)) or 'nothing'}; expected S (n x 3, mm), and Phi, mu, Dir."
+        )
+    shapes = "has S, Phi or mu of a strange shape"
+    with reading(path, shapes, CalibrationError, do="Expected n x 3, n x 3, n x 1."):
+        positions = from_opencv(np.asarray(data["S"], np.float64).reshape(-1, 3))
+        power = np.full_like(positions, np.nan)
+        if "Phi" in data:
+            power = np.broadcast_to(np.asarray(data["Phi"], np.float64).reshape(len(positions), -1), positions.shape)
+        bent = float(np.max(np.abs(np.asarray(data.get("mu", 0.0), np.float64)), initial=0.0))
+        names = tuple(str(name) for name in np.ravel(data.get("names", ())))
+        known = "reference" in data
+        reference = from_opencv(numbers(np.ravel(data.get("reference", [0, 0, USUAL_DEPTH_MM])), 3))
+    flag = () if known else (f"the object is taken to stand {USUAL_DEPTH_MM:g} mm away: {path.name} does not tell",)
+    if bent:
+        flag += (f"taken as shining alike to all sides: mu up to {bent:g} is not used",)
+    offset = positions - reference
+    square = np.sum(offset**2, axis=1, keepdims=True)
+    return Lights(
+        names if len(names) == len(positions) else nameless(len(positions)),
+        offset,
+        power / np.maximum(square, 1e-12),
+        positions,
+        reference,
+        flags=(flag,) * len(positions),
+    )
+
+
+def light_mat(lights: Lights) -> bytes:
+    """Return `light.mat` of near lights."""
+    assert lights.positions_mm is not None
+    square = np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, axis=1, keepdims=True)
+    white = np.ones(3) if lights.white_value is None else lights.white_value
+    return _mat(
+        {
+            "S": to_opencv(lights.positions_mm),
+            "Phi": lights.intensities * white * square,
+            "mu": np.zeros((len(lights), 1)),
+            "Dir": np.tile([0.0, 0.0, 1.0], (len(lights), 1)),
+            "reference": to_opencv(lights.reference_point_mm)[None],
+            "names": np.array(lights.names, dtype=object)[:, None],
+        }
+    )
+
+
+def camera_mat(camera: Camera) -> bytes:
+    """Return `camera.mat`: K, whose pixels count from 1."""
+    return _mat({"K": matlab_matrix(camera)})
+
+
+def _mat(variables: dict[str, Any]) -> bytes:
+    import scipy.io
+
+    buffer = io.BytesIO()
+    scipy.io.savemat(buffer, variables)
+    return buffer.getvalue()

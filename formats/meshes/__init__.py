@@ -1,0 +1,1 @@
+"""PLY, OBJ, STL, OFF, GLB."""

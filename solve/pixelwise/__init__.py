@@ -1,0 +1,1 @@
+"""Methods that look at one pixel at a time; one file a method."""

@@ -1,0 +1,114 @@
+"""The recovered surface as a mesh that MeshLab, trimesh and others open: a vertex a pixel, torn where the depth is."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.files import write_whole
+from solve.surface.integration import Surface
+
+VERTEX = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(name, "u1") for name in ("red", "green", "blue")]
+)
+FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+
+
+@dataclass(frozen=True)
+class SurfaceMesh:
+    """A surface as triangles.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        Millimetres, camera frame.
+    normals : (V, 3) float64
+        Unit, camera frame, toward the camera's side.
+    colors : (V, 3) uint8
+        Albedo, sRGB, the 99th percentile at nine tenths of white.
+    faces : (T, 3) int64
+        Counter-clockwise seen from the camera.
+    """
+
+    vertices: NDArray[np.float64]
+    normals: NDArray[np.float64]
+    colors: NDArray[np.uint8]
+    faces: NDArray[np.int64]
+
+    def write(self, path: Path) -> None:
+        """Write binary PLY [Turk1994].
+
+        Raises
+        ------
+        SceneError
+            The file cannot be written.
+        """
+        vertex = np.zeros(len(self.vertices), VERTEX)
+        for names, values in (("xyz", self.vertices), (("nx", "ny", "nz"), self.normals)):
+            for axis, name in enumerate(names):
+                vertex[name] = values[:, axis]
+        for channel, name in enumerate(("red", "green", "blue")):
+            vertex[name] = self.colors[:, channel]
+        face = np.zeros(len(self.faces), FACE)
+        face["count"], face["corners"] = 3, self.faces
+        kinds = {"f": "float", "u": "uchar"}
+        header = [
+            "ply",
+            "format binary_little_endian 1.0",
+            "comment millimetres; camera frame: x right, y up, z toward the viewer",
+            f"element vertex {len(vertex)}",
+            *(f"property {kinds[VERTEX[name].kind]} {name}" for name in VERTEX.names or ()),
+            f"element face {len(face)}",
+            "property list uchar int vertex_indices",
+            "end_header",
+        ]
+        with write_whole(path) as file:
+            file.write(("\n".join(header) + "\n").encode())
+            file.write(vertex.tobytes())
+            file.write(face.tobytes())
+
+
+def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera, *, gap_px: float = 2.0) -> SurfaceMesh:
+    """Return the mesh of a surface.
+
+    Parameters
+    ----------
+    surface : Surface
+    normals, albedo : (H, W, 3) float
+        Of a method's estimate.
+    camera : Camera
+    gap_px : float
+        No face spans two neighbours that lie farther than this many pixels off each other's tangent planes.
+
+    Notes
+    -----
+    Each square of four pixels gives two triangles, where it is whole; where one corner is missing, the triangle of
+    the other three is given.
+    """
+    inside = np.isfinite(surface.z_mm)
+    number = np.full(inside.shape, -1)
+    number[inside] = np.arange(np.count_nonzero(inside))
+    right, down = surface.gap_right <= gap_px, surface.gap_down <= gap_px
+    # a b    The square's corners; which of its four sides hold.
+    # c d
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    top, bottom, left, far = right[:-1, :-1], right[1:, :-1], down[:-1, :-1], down[:-1, 1:]
+    first, second = top & left, bottom & far
+    # Where the diagonal b-c does not serve two triangles, a-d may serve one.
+    third, fourth = ~first & ~second & left & bottom, ~first & ~second & top & far
+    faces = [
+        np.stack([corner[chosen] for corner in corners], -1)
+        for chosen, corners in ((first, (a, c, b)), (second, (b, c, d)), (third, (a, c, d)), (fourth, (a, d, b)))
+    ]
+    points = surface.points_mm(camera)[inside]
+    return SurfaceMesh(points, np.asarray(normals, np.float64)[inside], _colors(albedo[inside]), np.concatenate(faces))
+
+
+def _colors(albedo: NDArray) -> NDArray[np.uint8]:
+    known = np.nan_to_num(np.asarray(albedo, np.float64))
+    top = float(np.percentile(known, 99)) if known.size else 0.0
+    linear = np.clip(0.9 * known / top, 0, 1) if top > 0 else np.zeros_like(known)
+    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    return np.round(255 * encoded).astype(np.uint8)

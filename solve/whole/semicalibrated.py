@@ -1,0 +1,222 @@
+"""Directions known, intensities not: they are found with the normals. For a flash that does not fire alike.
+
+First each flash's intensity, per channel, from some thousand pixels; then the normals band by band, by `iterative`.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from solve.medians import row_medians
+from solve.pixelwise import iterative
+from solve.samples import GRAY, Geometry
+from solve.whole.intensities import GROUPS, Intensities, evidence, solve_intensities
+
+SETTINGS = iterative.SETTINGS | {"pixels": 12_000, "rounds": 12}
+SEED_SETTINGS = SETTINGS
+"""The seed has no such method."""
+
+CONTRAST = 3.0
+"""The next best intensities must leave this many times the misfit of the best."""
+SIGMA = 0.1
+"""Relative standard deviation beyond which an intensity is not believed."""
+_FACING = 0.1
+"""Cosine under which a sample says more of the noise than of its flash."""
+_STANDS_STILL = 1e-4
+_WORTH_MOVING = 0.02
+"""Of a step of depth."""
+
+
+def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, pixels, rounds, **settings):
+    """Fit b = albedo x normal as `iterative` does; the lights are those of `find_lights`."""
+    return iterative.fit(gray, valid, points, directions, positions, reach, is_near, scale, **settings)
+
+
+def find_lights(
+    frames: Frames,
+    lights: Lights,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    *,
+    pixels: int,
+    rounds: int,
+    shadow_threshold: float,
+    outlier_sigmas: float,
+    noise_floor: float,
+    **settings,
+) -> tuple[Lights, tuple[str, ...]]:
+    """Return the lights with the intensities that the object itself tells.
+
+    Parameters
+    ----------
+    frames : Frames
+    lights : Lights
+        Directions (and positions) are taken as they are; intensities only where the object tells none.
+    camera : Camera
+    mask : (H, W) bool
+    pixels : int
+        At most; evenly spread over the mask.
+    rounds : int
+        At most; three to six are typical.
+    shadow_threshold, outlier_sigmas, noise_floor, settings
+        See `iterative.fit`.
+
+    Returns
+    -------
+    lights : Lights
+        Intensities on the scale of the given ones, at the reference point; of near lights it is moved to the depth
+        of the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the
+        object, and what that depth's own error does.
+    doubts : tuple of str
+
+    Notes
+    -----
+    In turn: the intensities from the samples that obey Lambert's law, by one eigenvector (see `intensities`),
+    then which samples these are, by `iterative` on these intensities. There each frame's own median ratio of
+    sample to shading is divided out first: a flash whose intensity is still wrong would be an outlier
+    everywhere, and be believed never again.
+
+    The intensities that are given play no part in those that are found. From a plane, or with three lights, they
+    cannot be told: then the given ones stay, and a doubt says so. Nor can that of a light without which the rest
+    lie in one plane: it keeps what was given.
+    """
+    color, valid, pixel = _samples(frames, mask, pixels)
+    groups = (np.arange(len(pixel)) * GROUPS) // len(pixel)
+    options = {"shadow_threshold": shadow_threshold, "outlier_sigmas": outlier_sigmas} | settings
+    found, here, used, parts = lights.intensities, lights, None, []
+    for turn in range(rounds):
+        gray = np.einsum("pfc,fc->pf", color, (GRAY / found).astype(np.float32))
+        scale = float(np.percentile(gray[valid], 99)) if valid.any() else 1.0
+        lit = valid & (gray > shadow_threshold * np.quantile(gray, 0.75, axis=1)[:, None])
+        points, toward = _seen(here, camera, pixel)
+        if used is None:
+            used = lit
+        else:
+            b, _ = iterative.fit(gray, valid, points, *Geometry.of(here), scale, noise_floor=noise_floor, **options)
+            used = _lambertian(gray, lit, toward, b, outlier_sigmas, noise_floor * scale)
+        divided = color / found.astype(np.float32)
+        parts = evidence(divided, used, toward, groups)
+        solved = [solve_intensities(part) for part in parts]
+        if min(part.relative.min() for part in solved) <= 0:
+            continue  # the next round believes other samples
+        now = found * np.stack([part.relative for part in solved], 1)
+        # The scale is a gauge: albedo stays comparable with the other methods'.
+        now /= np.exp(np.mean(np.log(now / lights.intensities), axis=0))
+        change, found = np.abs(now / found - 1).max(), now
+        there = here
+        if turn and lights.positions_mm is not None:
+            there = _at_better_depth(here, camera, pixel, 0.5 * _width(points), (divided, used, groups), solved)
+        if change < _STANDS_STILL and there is here:
+            break
+        here = there
+    solved = [solve_intensities(part, with_sigma=True) for part in parts]
+    points, _ = _seen(here, camera, pixel)
+    return _believed(lights, replace(here, intensities=found), solved, _fall_off(here, points))
+
+
+def _at_better_depth(lights: Lights, camera: Camera, pixel, step: float, samples: tuple, solved) -> Lights:
+    """Return near lights seen from the depth, some `step` (mm) away at most, that leaves less misfit; or themselves."""
+
+    def misfit(depth: float) -> float:
+        divided, used, groups = samples
+        _, toward = _seen(_at_depth(lights, depth), camera, pixel)
+        return sum(solve_intensities(part).misfit for part in evidence(divided, used, toward, groups))
+
+    depth = float(lights.reference_point_mm[2])
+    before, now, after = misfit(depth - step), sum(part.misfit for part in solved), misfit(depth + step)
+    bend = before - 2 * now + after
+    move = 0.5 * (before - after) / bend if bend > 0 else np.sign(before - after)
+    target = depth + step * float(np.clip(move, -1, 1))
+    # Not for the noise's sake, and not by a parabola that is none.
+    if abs(move) < _WORTH_MOVING or misfit(target) >= now:
+        return lights
+    return _at_depth(lights, target)
+
+
+def _at_depth(lights: Lights, depth: float) -> Lights:
+    """Return near lights with another depth of the reference point, mm."""
+    assert lights.positions_mm is not None
+    point = np.array([*lights.reference_point_mm[:2], depth])
+    arm = lights.positions_mm - point
+    return replace(lights, reference_point_mm=point, directions=arm / np.linalg.norm(arm, axis=1, keepdims=True))
+
+
+def _width(points: NDArray) -> float:
+    """Return how far points (P, 3) lie from their middle across the view, rms, mm."""
+    return float(np.sqrt(np.mean(np.sum((points[:, :2] - points[:, :2].mean(0)) ** 2, 1))))
+
+
+def _fall_off(lights: Lights, points: NDArray) -> NDArray:
+    """Return what the depth's own error does to the intensities (F,), relative: a quarter of the object's width."""
+    center = points.mean(0)
+    nearer = center + [0, 0, 0.25 * _width(points)]
+    here, there = (np.linalg.norm(lights.toward(place[None])[:, 0], axis=1) for place in (center, nearer))
+    change = np.log(there / here)
+    return change - change.mean()
+
+
+def _believed(
+    given: Lights, lights: Lights, solved: list[Intensities], shared: NDArray
+) -> tuple[Lights, tuple[str, ...]]:
+    """Return the found lights, or the given ones, and why."""
+    sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
+    silent = ~np.isfinite(sigma)
+    if min(part.contrast for part in solved) < CONTRAST or not np.median(sigma[~silent]) < SIGMA:
+        said = (
+            "the intensities cannot be told from this object (it is too flat, or its lights too few or too alike): "
+            "those given are used, as by `iterative`."
+        )
+        return given, (said,)
+    found, doubts = lights.intensities, []
+    if silent.any():
+        # A frame that no pixel ties to the others keeps what was given, on the scale of those that are told.
+        factor = np.exp(np.mean(np.log(found[~silent] / given.intensities[~silent]), axis=0))
+        found = np.where(silent[:, None], given.intensities * factor, found)
+        doubts.append(f"nothing on the object tells the intensity of {_named(given, silent)}: as given.")
+    if (vague := sigma > SIGMA).any():
+        doubts.append(
+            f"the intensity of {_named(given, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
+        )
+    return replace(lights, intensities=found, intensity_sigma=np.hypot(sigma, shared)), tuple(doubts)
+
+
+def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
+    names = [name for name, wanted in zip(lights.names, which, strict=True) if wanted]
+    return ", ".join(names[:3]) + (f" and {len(names) - 3} others" if len(names) > 3 else "")
+
+
+def _samples(frames: Frames, mask: NDArray[np.bool_], pixels: int):
+    """Return color (P, F, 3), valid (P, F) and (u, v) (P, 2) of pixels evenly spread over the mask."""
+    row, column = np.nonzero(mask)
+    chosen = np.unique(np.linspace(0, len(row) - 1, min(pixels, len(row))).astype(int))
+    row, column = row[chosen], column[chosen]
+    color = np.empty((len(row), len(frames), 3), np.float32)
+    valid = np.empty((len(row), len(frames)), bool)
+    for index in range(len(frames)):
+        color[:, index], clipped = frames.read_pixels(index, row, column)
+        valid[:, index] = ~clipped
+    return color, valid, np.stack([column, row], -1)
+
+
+def _seen(lights: Lights, camera: Camera, pixel: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the pixels' points (P, 3) at the reference depth, and the lights as seen from there (P, F, 3)."""
+    points = camera.points_at_depth(pixel, lights.reference_point_mm[2])
+    return points, np.ascontiguousarray(lights.toward(points).transpose(1, 0, 2))
+
+
+def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
+    """Return the samples (P, F) that agree with b, each frame's median ratio to it divided out."""
+    shade = np.einsum("pfi,pi->pf", toward, b)
+    facing = lit & (shade > _FACING * np.linalg.norm(b, axis=1, keepdims=True))
+    shade = np.where(facing, shade, 1)
+    ratio = row_medians((gray / shade).T, facing.T)
+    ratio = np.where(ratio > 0, ratio, 1)
+    size = np.linalg.norm(b, axis=1, keepdims=True)
+    residual = np.abs(gray / ratio - shade) / np.maximum(size, 1e-12)
+    # One spread for all pixels: one that is shadowed half the time would believe anything by its own.
+    spread = 1.4826 * np.median(residual[facing]) if facing.any() else 0.0
+    return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))

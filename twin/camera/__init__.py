@@ -1,0 +1,1 @@
+"""The virtual camera: a linear image becomes a RAW photograph."""

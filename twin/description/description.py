@@ -1,0 +1,176 @@
+"""The one scene description that feeds every engine: what stands where, of what, in which light, before which camera.
+
+Everything is in the camera frame and in millimetres. `twin.description.description_file` reads and writes it.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.lights import Lights
+from twin.camera.virtual_camera import Sensor
+from twin.camera.virtual_photograph import Files
+from twin.description.materials import Material, Rgb
+from twin.description.object_mesh import ObjectMesh
+from twin.engines.film import Film, film_for
+
+Array = NDArray[np.float64]
+WHITE_BALL_ALBEDO = 0.8
+"""Reflectance that the white ball of a session is taken to have."""
+
+
+@dataclass(frozen=True, eq=False)
+class TwinObject:
+    """A mesh, where it stands, and of what it is.
+
+    Parameters
+    ----------
+    name : str
+    mesh : ObjectMesh
+        In its own frame.
+    material : str
+        A key of the scene's materials.
+    matrix : (4, 4) float64
+        camera_from_object, affine.
+    """
+
+    name: str
+    mesh: ObjectMesh
+    material: str
+    matrix: Array = field(default_factory=lambda: np.eye(4))
+
+    @cached_property
+    def placed(self) -> ObjectMesh:
+        """The mesh in the camera frame."""
+        return self.mesh.moved(self.matrix)
+
+
+@dataclass(frozen=True, eq=False)
+class Environment:
+    """Light that stands still: in every frame the same.
+
+    Parameters
+    ----------
+    radiance : (h, w, 3) float32 or None
+        All round, as latitude and longitude: the first row is up (y), the middle column lies toward the viewer (z), the
+        quarter to its left toward x.
+    scale : float
+        Factor on `radiance`.
+    rotate_deg : float
+        Turns the map about y, from z toward x.
+    ambient : tuple of 3 float
+        Radiance from everywhere, added to the map's.
+    """
+
+    radiance: NDArray[np.float32] | None = None
+    scale: float = 1.0
+    rotate_deg: float = 0.0
+    ambient: Rgb = (0.0, 0.0, 0.0)
+
+    @property
+    def is_dark(self) -> bool:
+        return self.radiance is None and not any(self.ambient)
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How a scene is to be rendered.
+
+    Parameters
+    ----------
+    engine : {"auto", "direct", "many", "mitsuba"}
+    samples : int or None
+        A pixel; None: left to the engine.
+    max_depth : int
+        2: direct light only; 3: one interreflection; and so on.
+    error : float
+        Relative root-mean-square error that is aimed at where the engine is "auto".
+    """
+
+    engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"
+    samples: int | None = None
+    max_depth: int = 3
+    error: float = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class TwinScene:
+    """What is to be rendered, one frame for each light.
+
+    Parameters
+    ----------
+    camera : Camera
+    objects : tuple of TwinObject
+    materials : mapping of str to Material
+    lights : Lights
+        N, all distant or all near. Not necessarily of mean intensity 1: the intensities are what they are.
+    radii_mm : (N,) float64
+        Of near lights that are discs toward the reference point; 0 for points.
+    environment : Environment
+    sampling : Sampling
+    name : str
+    sensor : Sensor or None
+        Of the virtual camera that photographs the rendered frames. None: they are kept as they are.
+    files : {"png", "dng", "exr"} or None
+        What photographs are written as; None: DNG of a Bayer sensor, else PNG.
+
+    Notes
+    -----
+    A pixel's value is the radiance that it sees. A light of intensity 1 gives the irradiance pi at the reference point,
+    so a matte surface of reflectance r that faces it has the pixel value r, exactly:
+    radiance = r / pi * pi * intensity * cos. Where `lights.white_value` is given, the value of the white ball (0.8)
+    under intensity 1, irradiance = pi * intensity * white_value / 0.8, and pixel values are those of the session.
+    A constant environment of radiance L gives a convex matte surface the pixel value r L, and shows itself in mirrors;
+    behind the objects the picture is black.
+    """
+
+    camera: Camera
+    objects: tuple[TwinObject, ...]
+    materials: Mapping[str, Material]
+    lights: Lights
+    radii_mm: Array = field(default_factory=lambda: np.zeros(0))
+    environment: Environment = Environment()
+    sampling: Sampling = Sampling()
+    name: str = "scene"
+    sensor: Sensor | None = None
+    files: Files | None = None
+
+    def __post_init__(self) -> None:
+        if not len(self.radii_mm):
+            object.__setattr__(self, "radii_mm", np.zeros(len(self.lights)))
+
+    @property
+    def white(self) -> Array:
+        """(3,) pixel value of a matte surface of reflectance 1 that faces a light of intensity 1."""
+        value = self.lights.white_value
+        return np.ones(3) if value is None else value / WHITE_BALL_ALBEDO
+
+    @property
+    def irradiance(self) -> Array:
+        """(N, 3) of each light on a surface that faces it at the reference point."""
+        return np.pi * self.lights.intensities * self.white
+
+    @cached_property
+    def points(self) -> Array:
+        """(P, 3) every vertex, camera frame."""
+        return np.concatenate([one.placed.vertices for one in self.objects])
+
+    def film(self) -> Film:
+        """Return the film that holds every object; the whole picture where one reaches behind the camera.
+
+        Raises
+        ------
+        RenderError
+            The camera sees nothing.
+        """
+        points, camera = self.points, self.camera
+        if np.isfinite(camera.project(points)).all():
+            return film_for(camera, points)
+        film_for(camera, points)
+        corners = [[0, 0], [camera.width - 1, 0], [0, camera.height - 1], [camera.width - 1, camera.height - 1]]
+        return film_for(camera, camera.points_at_depth(corners, -1000.0))

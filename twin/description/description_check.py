@@ -1,0 +1,106 @@
+"""What is wrong with a scene, before anything is rendered: every fault at once."""
+
+import numpy as np
+
+from scene.errors import RenderError
+from scene.mesh import Mesh
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import VERTEX, Material, Texture
+from twin.description.object_mesh import ObjectMesh
+from twin.engines.mitsuba_materials import material_faults
+from twin.visibility import inside
+
+
+def check_scene(scene: TwinScene) -> None:
+    """Raise when a scene cannot be rendered.
+
+    Raises
+    ------
+    RenderError
+        Every fault, one line each.
+    """
+    faults = scene_faults(scene)
+    if faults:
+        raise RenderError(
+            "\n  ".join([f"{scene.name}: {len(faults)} faults", *faults]) if len(faults) > 1 else faults[0]
+        )
+
+
+def scene_faults(scene: TwinScene) -> list[str]:
+    """Return what is wrong with a scene, one line each, with its key."""
+    faults = material_faults(scene.materials)
+    for index, one in enumerate(scene.objects):
+        key = f"objects[{index}]"
+        if one.material not in scene.materials:
+            faults.append(f"{key}.material: {one.material!r} is none of the scene's materials.")
+        elif not len(one.mesh.faces) or not np.isfinite(one.placed.vertices).all():
+            faults.append(f"{key}: {len(one.mesh.faces)} faces, or positions that are not finite; nothing to render.")
+        else:
+            faults += _object_faults(key, one, scene.materials[one.material])
+    radiance = scene.environment.radiance
+    if radiance is not None and not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
+        bad = int(np.count_nonzero(~np.isfinite(radiance) | (radiance < 0)))
+        faults.append(f"environment.map: {bad} of {radiance.size} values are not finite or below 0. Mend the picture.")
+    faults += _light_faults(scene)
+    if not faults:
+        try:
+            scene.film()
+        except RenderError as error:
+            faults.append(f"camera: {error}")
+    return faults
+
+
+def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
+    """Return what a material wants of a mesh that the mesh has not."""
+    faults = []
+    values = [getattr(material, field, None) for field in ("reflectance", "specularity")]
+    if one.mesh.texcoords is None and any(isinstance(value, Texture) for value in values):
+        faults.append(
+            f"{key}.material: {one.material!r} has a texture, but the mesh of {one.name!r} has no texture coordinates. "
+            "Unwrap the mesh (in Blender, say) and export it with UVs, or take a reflectance without texture."
+        )
+    if one.mesh.colours is None and VERTEX in [value for value in values if isinstance(value, str)]:
+        faults.append(f"{key}.material: {one.material!r} takes the vertices' colours, but {one.name!r} has none.")
+    if getattr(material, "subsurface", None) is not None and not _is_closed(one.mesh):
+        faults.append(
+            f"{key}.material: {one.material!r} scatters below the surface, but the mesh of {one.name!r} is not closed: "
+            "there is no inside. Close its holes, or leave subsurface out."
+        )
+    return faults
+
+
+def _welded(mesh: ObjectMesh) -> Mesh:
+    """Return the triangles with one vertex a place: at a texture's seam a mesh has several."""
+    scale = float(np.ptp(mesh.vertices, axis=0).max()) or 1.0
+    # The seams of the built-in shapes agree only to rounding.
+    _, first, which = np.unique(np.round(mesh.vertices / scale, 7), axis=0, return_index=True, return_inverse=True)
+    faces = which.reshape(-1)[mesh.faces]
+    whole = (faces != np.roll(faces, 1, 1)).all(1)
+    return Mesh(mesh.vertices[first], faces[whole])
+
+
+def _is_closed(mesh: ObjectMesh) -> bool:
+    """Return whether every edge has two faces."""
+    edges = np.sort(_welded(mesh).faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+def _light_faults(scene: TwinScene) -> list[str]:
+    faults, lights = [], scene.lights
+    arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
+    for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
+        if not np.isfinite(row).all() or (row[3:6] < 0).any():
+            faults.append(
+                f"lights {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite "
+                "numbers and no negative intensity."
+            )
+    if lights.positions_mm is None or faults:
+        return faults
+    for one in scene.objects:
+        within = inside(_welded(one.placed), lights.positions_mm)
+        faults += [
+            f"lights {lights.names[i]}: at {np.round(lights.positions_mm[i], 1)} mm, inside {one.name!r}, it lights "
+            "nothing. Move it."
+            for i in np.flatnonzero(within)
+        ]
+    return faults

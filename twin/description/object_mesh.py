@@ -1,0 +1,114 @@
+"""A mesh with what a material needs of it: normals, texture coordinates, colours; and the built-in shapes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.mesh import Mesh
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectMesh:
+    """Triangles, and what is known at their corners.
+
+    Parameters
+    ----------
+    vertices : (V, 3) float64
+        mm.
+    faces : (T, 3) int64
+        Counter-clockwise seen from outside.
+    normals : (V, 3) float64 or None
+        Interpolated over a face; None: every face is flat. Length 1, or shorter where they are means of others.
+    texcoords : (V, 2) float64 or None
+        (s, t), t down: see `twin.description.materials.Texture`.
+    colours : (V, 3) float64 or None
+        Linear reflectance.
+    """
+
+    vertices: Array
+    faces: NDArray[np.int64]
+    normals: Array | None = None
+    texcoords: Array | None = None
+    colours: Array | None = None
+
+    def moved(self, matrix: Array) -> "ObjectMesh":
+        """Return the mesh after an affine map (4, 4); one that mirrors turns the faces over, so that out stays out."""
+        linear = matrix[:3, :3]
+        normals, faces = self.normals, self.faces
+        if np.linalg.det(linear) < 0:
+            faces = faces[:, ::-1]
+        if normals is not None:
+            length = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals @ np.linalg.inv(linear)
+            now = np.linalg.norm(normals, axis=1, keepdims=True)
+            normals = normals * (length / np.where(now > 0, now, 1))
+        vertices = self.vertices @ linear.T + matrix[:3, 3]
+        return ObjectMesh(vertices, faces, normals, self.texcoords, self.colours)
+
+
+def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, colours: Array | None) -> ObjectMesh:
+    """Return a mesh whose normals are those of its faces, weighted by area; vertices at one place share theirs."""
+    places, which = np.unique(vertices, axis=0, return_inverse=True)
+    which = which.reshape(-1)
+    normals = Mesh(places, which[faces]).vertex_normals[which]
+    return ObjectMesh(vertices, faces, normals, texcoords, colours)
+
+
+SHAPES = ("sphere", "square", "disc", "cube", "cylinder", "cone")
+
+
+def built_in(name: str) -> ObjectMesh:
+    """Return a shape of size 1 with texture coordinates.
+
+    `sphere`: radius 1; `square`: -1 to 1 in x and y, facing z; `disc`: radius 1, facing z; `cube`: -1 to 1;
+    `cylinder`: radius 1, z from -1 to 1, open; `cone`: radius 1 at z = 0, its tip at z = 1, open.
+    """
+    if name == "square":
+        return _facets(np.eye(3)[None], offset=0.0)
+    if name == "cube":
+        # Cyclic turns of the axes, and each with two axes negated: six proper rotations, one a face.
+        turns = [np.roll(np.eye(3), k, 0) for k in range(3)]
+        return _facets(np.array(turns + [turn * [1, -1, -1] for turn in turns]), offset=1.0)
+    down, around = {"sphere": (128, 256), "disc": (1, 128), "cylinder": (1, 256), "cone": (64, 256)}[name]
+    t, s = np.meshgrid(np.linspace(0, 1, down + 1), np.linspace(0, 1, around + 1), indexing="ij")
+    angle = 2 * np.pi * s
+    if name == "sphere":
+        radius, z = np.sin(np.pi * t), np.cos(np.pi * t)
+    elif name == "cone":
+        radius, z = t, 1 - t
+    elif name == "disc":
+        radius, z = t, 0 * t
+    else:
+        radius, z = 1 + 0 * t, 1 - 2 * t
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1).reshape(-1, 3)
+    if name == "sphere":
+        normals = points
+    elif name == "cone":
+        normals = np.stack([np.cos(angle), np.sin(angle), 1 + 0 * t], -1).reshape(-1, 3) / np.sqrt(2)
+    elif name == "disc":
+        normals = np.broadcast_to([0.0, 0.0, 1.0], points.shape).copy()
+    else:
+        normals = points * [1, 1, 0]
+    corner = np.arange((down + 1) * (around + 1)).reshape(down + 1, around + 1)
+    a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+    cross = np.cross(points[faces[:, 1]] - points[faces[:, 0]], points[faces[:, 2]] - points[faces[:, 0]])
+    # At a pole or a tip one of the two triangles has no area.
+    faces = faces[np.linalg.norm(cross, axis=1) > 1e-12]
+    texcoords = np.stack([s, t], -1).reshape(-1, 2)
+    if name == "disc":
+        texcoords = (points[:, :2] * [1, -1] + 1) / 2
+    used, faces = np.unique(faces, return_inverse=True)
+    return ObjectMesh(points[used], faces.reshape(-1, 3), normals[used], texcoords[used])
+
+
+def _facets(rotations: Array, offset: float) -> ObjectMesh:
+    """Return squares that face the z axes of rotations (F, 3, 3), so far from the origin."""
+    corners = np.array([[-1, -1, offset], [1, -1, offset], [1, 1, offset], [-1, 1, offset]], float)
+    vertices = np.einsum("fij,pj->fpi", rotations, corners).reshape(-1, 3)
+    faces = np.array([[0, 1, 2], [0, 2, 3]]) + 4 * np.arange(len(rotations))[:, None, None]
+    texcoords = np.tile([[0.0, 1], [1, 1], [1, 0], [0, 0]], (len(rotations), 1))
+    return ObjectMesh(vertices, faces.reshape(-1, 3), np.repeat(rotations[:, :, 2], 4, 0), texcoords)

@@ -1,0 +1,1 @@
+"""The engines that render a scene description, and the choice among them."""

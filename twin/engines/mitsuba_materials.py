@@ -1,0 +1,172 @@
+"""Materials as Mitsuba's BSDFs: plain dictionaries, with arrays where a file or an object will stand."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from scene.errors import RenderError
+from twin.description.materials import (
+    VERTEX,
+    Conductor,
+    Diffuse,
+    Material,
+    Measured,
+    Principled,
+    Reflectance,
+    RoughPlastic,
+    Subsurface,
+    Texture,
+)
+
+VERTEX_COLOUR = "vertex_color"
+"""Mitsuba's name of a mesh's r, g, b."""
+
+
+LEAST_WEIGHT = 0.2
+"""Of the coated part, of all that is sampled: below it a highlight would rarely be."""
+
+
+def bsdf(material: Material) -> dict[str, Any]:
+    """Return Mitsuba's description of a material, both sides alike.
+
+    Notes
+    -----
+    A texture is {"type": "bitmap", "data": array, ...}. Subsurface scattering is Mitsuba's `mask` over a null boundary:
+    see `twin.description.materials.Subsurface`; `medium` gives what lies within.
+    """
+    solid = {"type": "twosided", "side": _one_side(material)}
+    below = getattr(material, "subsurface", None)
+    return solid if below is None else {"type": "mask", "opacity": 1.0 - below.share, "solid": solid}
+
+
+def medium(material: Material) -> dict[str, Any] | None:
+    """Return Mitsuba's description of the medium below a material's surface, if there is one."""
+    below: Subsurface | None = getattr(material, "subsurface", None)
+    if below is None:
+        return None
+    return {
+        "type": "homogeneous",
+        "albedo": _value(below.albedo),
+        "sigma_t": 1.0 / below.mean_free_path_mm,
+        "phase": {"type": "isotropic"},
+    }
+
+
+def _one_side(material: Material) -> dict[str, Any]:
+    match material:
+        case Diffuse():
+            return {"type": "diffuse", "reflectance": _value(material.reflectance)}
+        case RoughPlastic(covered=1):
+            return _plastic(material, material.reflectance, material.specularity)
+        case RoughPlastic():
+            covered = float(material.covered)
+            weight = max(covered, LEAST_WEIGHT)
+            coated = _plastic(
+                material, _times(material.reflectance, covered / weight), _times(material.specularity, 1 / weight)
+            )
+            bare = {
+                "type": "diffuse",
+                "reflectance": _value(_times(material.reflectance, (1 - covered) / (1 - weight))),
+            }
+            # The weight is the second one's, in the order of the names too.
+            return {"type": "blendbsdf", "weight": weight, "bare": bare, "coated": coated}
+        case Conductor(roughness=0):
+            return {"type": "conductor", "material": material.metal}
+        case Conductor():
+            alpha = float(material.roughness)
+            return {"type": "roughconductor", "distribution": "ggx", "material": material.metal, "alpha": alpha}
+        case Principled():
+            return {
+                "type": "principled",
+                "base_color": _value(material.reflectance),
+                "roughness": float(np.sqrt(material.roughness)),
+                "metallic": float(material.metallic),
+                "specular": float(material.specularity),
+            }
+        case Measured():
+            return {"type": "measured", "filename": material.file}
+
+
+def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:
+    return {
+        "type": "roughplastic",
+        "distribution": "ggx",
+        "alpha": float(material.roughness),
+        "int_ior": float(material.index),
+        "ext_ior": 1.0,
+        "diffuse_reflectance": _value(reflectance),
+        "specular_reflectance": _number(specularity),
+    }
+
+
+def _times(value: Any, factor: float) -> Any:
+    """Return a number or a texture times a factor; three numbers as a texture: colours above 1 are refused."""
+    if factor == 1:
+        return value
+    if isinstance(value, Texture):
+        return replace(value, values=value.values * np.float32(factor))
+    if isinstance(value, tuple):
+        return Texture(np.full((1, 1, 3), factor * np.array(value), np.float32))
+    return factor * value
+
+
+def _value(reflectance: Reflectance) -> dict[str, Any]:
+    if isinstance(reflectance, Texture):
+        return _bitmap(reflectance)
+    if reflectance == VERTEX:
+        return {"type": "mesh_attribute", "name": VERTEX_COLOUR}
+    return {"type": "rgb", "value": [float(value) for value in reflectance]}  # type: ignore[union-attr]
+
+
+def _number(value: float | Texture) -> Any:
+    return _bitmap(value) if isinstance(value, Texture) else float(value)
+
+
+def _bitmap(texture: Texture) -> dict[str, Any]:
+    return {
+        "type": "bitmap",
+        "data": texture.values,
+        "raw": True,
+        "filter_type": "bilinear",
+        "wrap_mode": texture.wrap,
+    }
+
+
+def material_faults(materials: Mapping[str, Material]) -> list[str]:
+    """Return what Mitsuba cannot make of materials, one line each."""
+    faults = []
+    for name, material in materials.items():
+        for field in ("reflectance", "specularity"):
+            value = getattr(material, field, None)
+            numbers = value.values if isinstance(value, Texture) else np.zeros(0) if value in (None, VERTEX) else value
+            if np.size(numbers) and not (np.min(numbers) >= 0 and np.max(numbers) <= 1):
+                faults.append(
+                    f"materials.{name}.{field}: found {np.min(numbers):.3g} to {np.max(numbers):.3g}; expected 0 to 1: "
+                    "no surface gives back more light than it gets."
+                )
+        if isinstance(material, RoughPlastic) and material.reflectance == VERTEX:
+            faults.append(
+                f"materials.{name}.reflectance: rough_plastic takes no colours of the vertices (a limit of Mitsuba); "
+                "use principled, or a texture."
+            )
+        if isinstance(material, Measured):
+            if not material.file.is_file():
+                faults.append(f"materials.{name}.file: {material.file} not found.")
+        elif isinstance(material, Conductor) and not _is_known(material.metal):
+            faults.append(
+                f"materials.{name}.metal: found {material.metal!r}; expected Au, Ag, Al, Cr, Cu, W or another name of "
+                'Mitsuba\'s metals, or "none" for a perfect mirror.'
+            )
+    return faults
+
+
+def _is_known(metal: str) -> bool:
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    found = find_spec("mitsuba")
+    if found is None or found.origin is None:
+        raise RenderError("Mitsuba is not installed. Run `make setup`.")
+    return metal == "none" or (Path(found.origin).parent / "data" / "ior" / f"{metal}.eta.spd").is_file()

@@ -1,0 +1,79 @@
+"""The engine `mitsuba`: stock Mitsuba, one path-traced image for each light. The reference of the other engines."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.description.description import TwinScene
+from twin.engines.film import Film, sensor_description
+from twin.engines.mitsuba_scene import flash, mitsuba_scene
+
+SAMPLES_PER_BAND = 1 << 21
+"""Samples traced in one call: bounds the vectorised variant's memory to about half a gigabyte."""
+
+
+class PathTracer:
+    """A scene before a film, ready to be rendered under one light after the other."""
+
+    def __init__(self, scene: TwinScene, film: Film, *, variant: str) -> None:
+        import mitsuba as mi
+
+        mi.set_variant(variant)  # type: ignore[attr-defined]
+        mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
+        self._mitsuba: Any = mi
+        self._film = film
+        self._scene = scene
+        self._lit_by = 0
+        self._loaded: Any = mitsuba_scene(scene, light=0)
+        self._parameters: Any = mi.traverse(self._loaded)
+        self._sensors: dict[tuple[int, int], Any] = {}
+
+    def image(self, index: int, samples_per_pixel: int, *, seed: int = 0) -> NDArray[np.float32]:
+        """Return pixel values (h, w, 3) of the film's window under one light and the environment.
+
+        Parameters
+        ----------
+        index : int
+            Which light.
+        samples_per_pixel : int
+        seed : int
+            Other samples of the same light.
+        """
+        if index != self._lit_by:
+            self._light(index)
+        bands = self._film.bands(SAMPLES_PER_BAND, samples_per_pixel)
+        return np.concatenate([self._band((seed, index), *band, samples_per_pixel) for band in bands])
+
+    def _light(self, index: int) -> None:
+        """Change the flash in place: shapes and materials, which cost the time, stay."""
+        mi, parameters, scene = self._mitsuba, self._parameters, self._scene
+        new, was = flash(scene, index), flash(scene, self._lit_by)
+        self._lit_by = index
+        if new["type"] != was["type"]:
+            self._loaded = mitsuba_scene(scene, light=index)
+            self._parameters = mi.traverse(self._loaded)
+            return
+        if new["type"] == "directional":
+            up = np.eye(3)[np.argmin(np.abs(new["direction"]))].tolist()
+            frame = mi.Transform4f().look_at(origin=[0, 0, 0], target=new["direction"], up=up)
+            parameters["flash.to_world"] = frame
+            parameters["flash.irradiance.value"] = mi.Color3f(*new["irradiance"]["value"])
+        elif new["type"] == "point":
+            parameters["flash.position"] = mi.Point3f(*new["position"])
+            parameters["flash.intensity.value"] = mi.Color3f(*new["intensity"]["value"])
+        else:
+            parameters["flash.to_world"] = mi.Transform4f(new["to_world"])
+            parameters["flash.emitter.radiance.value"] = mi.Color3f(*new["emitter"]["radiance"]["value"])
+        parameters.update()
+
+    def _band(self, seeds: tuple[int, int], first_row: int, height: int, samples_per_pixel: int) -> NDArray[np.float32]:
+        mi = self._mitsuba
+        key = (first_row, height)
+        if key not in self._sensors:
+            sensor = sensor_description(self._film, self._scene.points, first_row, height)
+            self._sensors[key] = mi.load_dict(sensor)
+        # Mixed, not added up: neighbouring bands and lights must not share samples.
+        seed = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
+        image = mi.render(self._loaded, sensor=self._sensors[key], spp=samples_per_pixel, seed=seed)
+        return np.asarray(image, np.float32)[..., :3]

@@ -1,0 +1,264 @@
+"""A scene rendered to frames, one for each light, by the engine that it asks for; killed and run again, it goes on."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, as_completed
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.current import code_fingerprint, fingerprint
+from scene.files import write_npy
+from scene.frames import PEDESTAL, Frames, encode
+from scene.output_folder import scratch_for
+from scene.store import Store
+from twin.description.description import TwinScene
+from twin.engines.engine_choice import Choice, choose_engine
+from twin.engines.film import Film
+from twin.engines.flash_shading import give_memory_back
+from twin.engines.layers import Piece, PieceRenderer, pieces_of, standing_light
+from twin.engines.path_tracing import PathTracer
+from twin.engines.unfinished import Unfinished
+from twin.engines.variant import SLOW, pick_variant
+from twin.ground_truth import ground_truth
+
+SAMPLES_PER_FRAME = 1 << 24
+"""Samples that a frame by stock Mitsuba may cost, unless more are asked for or a pilot has told how many it takes."""
+
+
+LAYERS = ("direct", "indirect")
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """The twin's frames, and how they were made.
+
+    Parameters
+    ----------
+    frames : Frames
+        Named and ordered as the lights; no ambient, no noise but the sampling's. Black where the object is not.
+    choice : Choice
+        The engine, and why.
+    variant : str
+        Mitsuba's.
+    max_depth : int
+    noise : float or None
+        Of stock Mitsuba's sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip
+        twice. None: by another engine.
+    seconds : float
+        Wall time of this run.
+    pieces, found : int
+        Frames, or bands of all frames; and how many of them a run that was stopped had left.
+    warnings : tuple of str
+    """
+
+    frames: Frames
+    choice: Choice
+    variant: str
+    max_depth: int
+    noise: float | None
+    seconds: float
+    pieces: int
+    found: int = 0
+    warnings: tuple[str, ...] = ()
+
+    def facts(self) -> dict[str, Any]:
+        """Return what the summary says of it."""
+        choice, pilot = self.choice, self.choice.pilot
+        return {
+            "engine": choice.engine,
+            "reason": choice.reason,
+            "error": choice.error,
+            "samples_per_pixel": None if choice.engine == "direct" else choice.samples,
+            "onward_share": None if pilot is None else pilot.onward,
+            "disagreement": None if pilot is None else pilot.disagreement,
+            "seconds_expected": None if pilot is None else pilot.seconds(choice.error),
+            "time_and_error": None if pilot is None else pilot.curves(choice.error),
+            "variant": self.variant,
+            "max_depth": self.max_depth,
+            "noise": self.noise,
+            "seconds": self.seconds,
+            "warnings": self.warnings,
+        }
+
+
+@dataclass(frozen=True)
+class _Work:
+    """What is to be rendered: all that another process needs to know."""
+
+    scene: TwinScene
+    film: Film
+    choice: Choice
+    apart: bool
+    standing: NDArray[np.float32] | None
+
+
+def render_scene(
+    scene: TwinScene,
+    *,
+    apart: bool = False,
+    executor: Executor | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    tell: Callable[[str], None] | None = None,
+    store: Store | None = None,
+) -> Rendering:
+    """Render a scene, one frame for each light.
+
+    Parameters
+    ----------
+    scene : TwinScene
+        With `sampling.engine` "auto" the engine is chosen by a pilot rendering; see `twin.engines.engine_choice`.
+    apart : bool
+        With a store, also keep light that met one surface, and light that met more, each by itself.
+    executor : Executor or None
+        Renders shares of the frames elsewhere, on a cluster say. Mitsuba uses all cores of a machine by itself.
+    progress : callable or None
+        Called with (pieces done, pieces in all): frames, or bands of all frames.
+    tell : callable or None
+        Called with the line that says which engine renders, and why.
+    store : Store or None
+        Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
+        `twin.ground_truth`; with `apart` also `truth_direct.npy` and `truth_indirect.npy`, (F, H, W, 3) float16, and
+        `truth_standing.npy`, (H, W, 3) float32, where there is an environment. Without a store frames stay in memory.
+        Until it is done a rendering lies in `scene.record.scratch_for` the store: of a run that was killed, the same
+        rendering keeps what is there, and does only what lacks.
+
+    Raises
+    ------
+    RenderError
+        The camera sees nothing.
+    """
+    started = time.perf_counter()
+    film, folder = scene.film(), None if store is None else scratch_for(store.folder)
+    kept = Unfinished(folder, "" if folder is None else rendering_mark(scene, apart))
+    choice = _elsewhere(executor, _choose, scene, film) if kept.notes is None else Choice(**kept.notes)
+    give_memory_back()
+    if tell is not None:
+        tell(str(choice))
+    noise = _elsewhere(executor, _noise, scene, film, choice) if choice.engine == "mitsuba" else None
+    standing = _elsewhere(executor, standing_light, scene, film, choice, apart)
+    work = _Work(scene, film, choice, apart and store is not None, standing)
+    pieces, found = pieces_of(film, len(scene.lights), choice), len(kept.done)
+    if kept.notes is None:
+        shape = (len(scene.lights), scene.camera.height, scene.camera.width, 3)
+        layers = dict.fromkeys(LAYERS if work.apart else (), (shape, np.float16, 0))
+        kept.begin(asdict(choice), {"codes": (shape, np.uint16, PEDESTAL), **layers})
+    if progress is not None and found:
+        progress(found, len(pieces))
+    for index, parts in _made(work, pieces, sorted(set(range(len(pieces))) - kept.done), executor):
+        piece, first = pieces[index], film.rows.start
+        rows = slice(first + piece.rows.start, first + piece.rows.stop)
+        for name, values in parts.items():
+            kept.arrays[name][piece.frames, rows, film.columns] = values
+        kept.finished(index)
+        if progress is not None:
+            progress(len(kept.done), len(pieces))
+    give_memory_back()
+    if store is None:
+        frames = Frames(scene.lights.names, kept.arrays["codes"], np.ones(len(scene.lights)))
+    else:
+        frames = _stored(store, kept, work)
+        ground_truth(scene, folder=store.folder)
+    seconds = time.perf_counter() - started
+    variant, depth, warnings = pick_variant()[0], scene.sampling.max_depth, _warnings(film, choice, noise)
+    return Rendering(frames, choice, variant, depth, noise, seconds, len(pieces), found, warnings)
+
+
+def rendering_mark(scene: TwinScene, apart: bool) -> str:
+    """Return what tells a rendering from any other: the scene, the code and the libraries."""
+    return fingerprint(scene, apart, code=code_fingerprint("twin.engines.render"))
+
+
+def _elsewhere(executor: Executor | None, work: Callable[..., Any], *arguments: Any) -> Any:
+    return work(*arguments) if executor is None else executor.submit(work, *arguments).result()
+
+
+def _choose(scene: TwinScene, film: Film) -> Choice:
+    choice = choose_engine(scene, film)
+    if choice.engine != "mitsuba":
+        return choice
+    samples = choice.samples
+    if scene.sampling.samples is None and choice.pilot is None:
+        affordable = SAMPLES_PER_FRAME // (film.window[2] * film.window[3])
+        samples = int(np.clip(math.isqrt(affordable), 2, 8)) ** 2
+    # Each pixel is sampled on a jittered grid.
+    return replace(choice, samples=math.ceil(math.sqrt(samples)) ** 2)
+
+
+def _warnings(film: Film, choice: Choice, noise: float | None) -> tuple[str, ...]:
+    warnings, (variant, note) = [], pick_variant()
+    if variant == SLOW:
+        warnings.append(f"The twin was rendered by Mitsuba's slow variant: {note}")
+    if film.pixels is not None and choice.engine == "mitsuba":
+        warnings.append(
+            "The twin was rendered without lens distortion and with square pixels, then resampled (bilinear): it is "
+            "slightly softer than a photograph."
+        )
+    if noise is not None and noise > 0.03:
+        warnings.append(
+            f"The twin's own noise is {100 * noise:.0f} % of a lit pixel at {choice.samples} samples a pixel; it "
+            "counts as an error of the methods that are run on it."
+        )
+    return tuple(warnings)
+
+
+def _made(
+    work: _Work, pieces: list[Piece], todo: list[int], executor: Executor | None
+) -> Iterator[tuple[int, dict[str, NDArray]]]:
+    """Yield (index, arrays of the film's box) of every piece, as they are done."""
+    if executor is None:
+        yield from _make(work, pieces, todo)
+        return
+    # A share costs its worker one scene; more shares than a machine's cores only build more scenes.
+    shares = [todo[start::16] for start in range(min(len(todo), 16))]
+    futures = [executor.submit(_list, work, pieces, share) for share in shares]
+    for future in as_completed(futures):
+        yield from future.result()
+
+
+def _list(work: _Work, pieces: list[Piece], share: list[int]) -> list[tuple[int, dict[str, NDArray]]]:
+    return list(_make(work, pieces, share))
+
+
+def _make(work: _Work, pieces: list[Piece], share: list[int]) -> Iterator[tuple[int, dict[str, NDArray]]]:
+    """Render some of the pieces in this process. Idempotent: the samples are seeded by the piece's place."""
+    if not share:
+        return
+    renderer = PieceRenderer(work.scene, work.film, work.choice, apart=work.apart)
+    for index in share:
+        layers, standing = renderer.render(pieces[index]), work.standing
+        layers = replace(layers, standing=None if standing is None else standing[pieces[index].rows])
+        parts: dict[str, NDArray] = {"codes": encode(layers.frames())}
+        if work.apart:
+            onward = np.zeros_like(layers.direct) if layers.onward is None else layers.onward
+            parts |= {"direct": layers.direct, "indirect": onward}
+        yield index, parts
+
+
+def _noise(scene: TwinScene, film: Film, choice: Choice) -> float:
+    """Render the film's middle rows twice under the strongest light; see `Rendering.noise`."""
+    top, left, height, width = film.window
+    strip = replace(film, window=(top + max(0, height // 2 - 24), left, min(48, height), width))
+    tracer = PathTracer(scene, strip, variant=pick_variant()[0])
+    index = int(np.argmax(scene.irradiance.sum(1)))
+    one, two = (tracer.image(index, choice.samples, seed=seed) for seed in (1, 2))
+    mean = (one + two) / 2
+    lit = mean > 0.05 * mean.max()
+    # Two renderings differ by twice the variance of one.
+    return float(np.sqrt(np.mean((one - two)[lit] ** 2) / 2) / np.mean(mean[lit])) if lit.any() else 0.0
+
+
+def _stored(store: Store, kept: Unfinished, work: _Work) -> Frames:
+    """Move a finished rendering to its store."""
+    scene, film = work.scene, work.film
+    codes, names = kept.arrays["codes"], [name for name in kept.arrays if name != "codes"]
+    kept.hand_over({"codes": store.path("frames", "codes.npy"), **{n: store.path(f"truth_{n}.npy") for n in names}})
+    if work.apart and work.standing is not None:
+        whole = np.zeros((*codes.shape[1:3], 3), np.float32)
+        whole[film.rows, film.columns] = work.standing
+        write_npy(store.path("truth_standing.npy"), whole)
+    store.save_frames_header(Frames(scene.lights.names, codes, np.ones(len(scene.lights))))
+    return store.load_frames()

@@ -1,0 +1,1 @@
+"""The object's material, fitted to its photographs."""

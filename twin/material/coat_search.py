@@ -1,0 +1,190 @@
+"""The coat that suits samples best: each pixel's albedo eliminated [Golub1973], weights and fit in turn."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.material.material_kernels import predicted, reduced
+from twin.material.material_noise import Noise, inflation, noise_of
+from twin.material.material_samples import Samples
+from twin.material.reflection_models import Coat, coat
+
+Array = NDArray[np.float64]
+Weights = NDArray[np.float32]
+
+SMOOTHEST, ROUGHEST = 0.02, 1.0
+TRIED = np.geomspace(SMOOTHEST, ROUGHEST, 25)
+COVERED = (0.0, 0.33, 0.67, 1.0)
+ROUNDS = 4
+"""Of weights and fit in turn."""
+STEP = 0.06
+"""Of the logarithm of the roughness, between the three that a round puts a parabola through."""
+COVERED_STEP = 0.15
+"""The same of the share that is covered."""
+FREEDOM = 4.0
+"""Of Student's t: how far a sample may lie off."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """One model, fitted.
+
+    Parameters
+    ----------
+    surface : Coat
+    strength : (3,) float64
+        Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where that is
+        unknown).
+    parameters : int
+        Beside the albedo.
+    """
+
+    surface: Coat
+    strength: Array
+    parameters: int
+
+
+class CoatSearch:
+    """The best coat on samples.
+
+    Parameters
+    ----------
+    samples : Samples
+    white : (3,) float64 or None
+        Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
+    bare : bool
+        Whether part of the body may lie bare; else the coat covers all.
+    about : Fit or None
+        Where the search starts; None: everywhere.
+    """
+
+    def __init__(self, samples: Samples, white: Array | None, *, bare: bool, about: Fit | None = None) -> None:
+        self._samples, self._white = samples, white
+        self._parameters = (2 if white is not None else 4) + bare
+        self.weights = _start(samples)
+        self.fit = self._anywhere(COVERED if bare else (1.0,)) if about is None else about
+        self.noise = self._weigh()
+        for _ in range(ROUNDS):
+            if bare:
+                self.fit = self._along_covered(self.fit)
+            self.fit = self._along_roughness(self.fit)
+            self.noise = self._weigh()
+
+    def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Return what the coat gives back (P, F, 3), and its variance."""
+        values, slope, _ = predicted(
+            self._samples, self.weights, self.fit.surface, everywhere(self._samples, self.fit.strength)
+        )
+        return values, self.noise.variance(values, slope)
+
+    def inflation(self) -> float:
+        """Return by how much the samples count too often; see `twin.material.material_noise.inflation`."""
+        values, variance = self.predicted()
+        samples = self._samples
+        residual = (samples.values - values) / np.sqrt(variance)
+        return inflation(samples, np.where(samples.usable[..., None], residual, 0))
+
+    def deviance(self) -> float:
+        """Return -2 log likelihood with the noise that suits this coat, up to a constant; channels count as one."""
+        values, variance = self.predicted()
+        square = (self._samples.values - values) ** 2 / variance
+        each = np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)
+        return float(np.sum(each.mean(-1)[self._samples.usable], dtype=np.float64))
+
+    def covariance(self) -> Array:
+        """Return that of the logarithms of roughness and strength: the inverse of half the second differences."""
+        strength, step = self.fit.strength, 0.03
+        if not strength.any():
+            return np.full((2, 2), np.nan)
+        middle_at = float(np.log(self.fit.surface.roughness))
+        sums = {i: self._sums(_roughened(self.fit.surface, middle_at + i * step)) for i in (-1, 0, 1)}
+
+        def left(i: int, j: int) -> float:
+            a, b, c = sums[i].T
+            k = strength * np.exp(j * step)
+            return float(np.sum(c - 2 * k * b + k * k * a))
+
+        middle = left(0, 0)
+        first = (left(1, 0) - 2 * middle + left(-1, 0)) / step**2
+        second = (left(0, 1) - 2 * middle + left(0, -1)) / step**2
+        mixed = (left(1, 1) - left(1, -1) - left(-1, 1) + left(-1, -1)) / (4 * step**2)
+        bend = np.array([[first, mixed], [mixed, second]]) / 2
+        if not (np.linalg.det(bend) > 0 and first > 0):
+            return np.full((2, 2), np.nan)
+        return np.asarray(np.linalg.inv(bend), np.float64)
+
+    def _sums(self, surface: Coat) -> Array:
+        return reduced(self._samples, self.weights, surface).sum(0)
+
+    def _best(self, surface: Coat) -> tuple[float, Fit]:
+        """Return the sum of squares that a surface leaves, and it with its best strength."""
+        strength, left = strengths(self._sums(surface), self._white)
+        return left, Fit(surface, strength, self._parameters)
+
+    def _anywhere(self, shares: tuple[float, ...]) -> Fit:
+        """Return the best coat of any roughness that is tried, covering any of the shares.
+
+        A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
+        """
+        found = [self._best(replace(coat(float(x)), covered=share)) for x in TRIED for share in shares]
+        return min(found, key=lambda one: one[0])[1]
+
+    def _along_roughness(self, fit: Fit) -> Fit:
+        middle = float(np.log(fit.surface.roughness))
+        ends = float(np.log(SMOOTHEST)), float(np.log(ROUGHEST))
+        return self._moved(lambda x: _roughened(fit.surface, x), middle, STEP, 3, ends)
+
+    def _along_covered(self, fit: Fit) -> Fit:
+        return self._moved(
+            lambda share: replace(fit.surface, covered=share), fit.surface.covered, COVERED_STEP, 4, (0.0, 1.0)
+        )
+
+    def _moved(
+        self, surfaces: Callable[[float], Coat], here: float, step: float, most: float, ends: tuple[float, float]
+    ) -> Fit:
+        """Return the best fit along one number: the lowest point of a parabola through three."""
+        middle = float(np.clip(here, ends[0] + step, ends[1] - step))
+        low, mid, high = (self._best(surfaces(middle + side * step))[0] for side in (-1, 0, 1))
+        bend = low - 2 * mid + high
+        move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high) * np.inf
+        return self._best(surfaces(float(np.clip(middle + step * np.clip(move, -most, most), *ends))))[1]
+
+    def _weigh(self) -> Noise:
+        """Put weights in place that suit the fit; return the noise."""
+        samples = self._samples
+        values, slope, _ = predicted(samples, self.weights, self.fit.surface, everywhere(samples, self.fit.strength))
+        residual = samples.values - values
+        noise = noise_of(residual, values, slope, samples.usable)
+        variance = noise.variance(values, slope)
+        robust = (FREEDOM + 1) / (FREEDOM + residual**2 / variance)
+        self.weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
+        return noise
+
+
+def _roughened(surface: Coat, logarithm: float) -> Coat:
+    return replace(coat(float(np.exp(logarithm))), covered=surface.covered)
+
+
+def _start(samples: Samples) -> Weights:
+    """Return first weights (P, F, 3): a twentieth of the value, and of the dark a hundredth of what is bright."""
+    bright = np.percentile(samples.values[samples.usable], 90, axis=0)
+    variance = (0.01 * bright) ** 2 + (0.05 * samples.values) ** 2
+    return np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
+
+
+def everywhere(samples: Samples, strength: Array) -> Array:
+    """Return (P, 3), one strength for all pixels."""
+    return np.broadcast_to(strength, (len(samples), 3))
+
+
+def strengths(sums: Array, white: Array | None) -> tuple[Array, float]:
+    """Return the best strength of each channel, and the sum of squares that it leaves, of sums (3 channels, 3)."""
+    a, b, c = sums.T
+    a = np.maximum(a, 1e-300)
+    if white is None:
+        strength = np.maximum(b / a, 0)
+    else:
+        strength = white * max(float(np.sum(white * b) / np.sum(white**2 * a)), 0)
+    return strength, float(np.sum(c - 2 * strength * b + strength**2 * a))

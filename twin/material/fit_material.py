@@ -1,0 +1,155 @@
+"""The material of a registered object, from its photographs: no more of it than they ask for.
+
+Matte; rough plastic; or rough plastic whose coat dims only a share of the body: the one whose evidence [Schwarz1978] is
+best.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.lights import Lights
+from twin.description.description import WHITE_BALL_ALBEDO
+from twin.material.coat_search import FREEDOM, ROUGHEST, SMOOTHEST, CoatSearch, Fit, everywhere
+from twin.material.material_kernels import predicted
+from twin.material.material_noise import Noise
+from twin.material.material_samples import Samples
+from twin.material.reflection_models import INDEX, Coat, matte
+
+Array = NDArray[np.float64]
+
+FIRST_LOOK = 2_000
+"""Pixels on which it is decided whether the body lies bare."""
+AT_THE_END = 1.02
+"""Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
+
+
+@dataclass(frozen=True, eq=False)
+class MaterialFit:
+    """What an object is made of.
+
+    Parameters
+    ----------
+    model : {"matte", "rough plastic"}
+    roughness, specularity, index, covered : float
+        As in `twin.description.materials.RoughPlastic`; a matte object has specularity and covered 0.
+    roughness_sigma, specularity_sigma : float
+        Relative standard deviations, the samples' dependence allowed for; NaN of a matte object.
+    strength : (3,) float64
+        See `twin.material.coat_search.Fit`.
+    noise : Noise
+    effective_samples : float
+        As many independent ones tell as much.
+    evidence : tuple of str
+        How the model was chosen.
+    warnings : tuple of str
+    """
+
+    model: Literal["matte", "rough plastic"]
+    roughness: float
+    specularity: float
+    index: float
+    covered: float
+    roughness_sigma: float
+    specularity_sigma: float
+    strength: Array
+    surface: Coat
+    noise: Noise
+    effective_samples: float
+    evidence: tuple[str, ...]
+    warnings: tuple[str, ...] = ()
+
+    def __str__(self) -> str:
+        """The sentence that is printed."""
+        if self.model == "matte":
+            return f"matte: {self.evidence[0]}"
+        bare = "" if self.covered == 1 else f", dimming {100 * self.covered:.0f} % of the body"
+        return (
+            f"rough plastic, roughness {self.roughness:.3f} (± {100 * self.roughness_sigma:.1f} %), specularity "
+            f"{self.specularity:.3f} (± {100 * self.specularity_sigma:.1f} %) at index {self.index:.2f}{bare}: "
+            f"{'; '.join(self.evidence)}"
+        )
+
+
+def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
+    """Return the material that explains the samples with the fewest numbers.
+
+    Parameters
+    ----------
+    samples : Samples
+    lights : Lights
+        The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
+
+    Notes
+    -----
+    value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
+    pixel's alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best
+    albedo is C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha and covered. Weights: 1 /
+    variance, by `noise_of` from the residuals themselves (constant, photons, a share of the value, the normals'
+    errors), times Student's (nu + 1) / (nu + r^2 / variance).
+    """
+    white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
+    some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
+    looks = [CoatSearch(some, white, bare=bare) for bare in (False, True)]
+    first, told_bare = _barer(some, *looks)
+    search = CoatSearch(samples, white, bare=first is looks[1], about=first.fit)
+    variance = search.predicted()[1]
+    factor = search.inflation()
+    effective = float(np.count_nonzero(samples.usable)) / factor
+    none = Fit(matte(), np.zeros(3), 0)
+    falls = _deviance(samples, none, variance) - _deviance(samples, search.fit, variance)
+    fall = falls / factor - search.fit.parameters * np.log(effective)
+    told = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
+    fit = search.fit
+    if fall <= 0 or fit.strength.mean() <= 0:
+        evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({told})",)
+        return MaterialFit(
+            "matte", 1.0, 0.0, 1.0, 0.0, np.nan, np.nan, np.zeros(3), none.surface, search.noise, effective, evidence
+        )
+    sigma = np.sqrt(np.diag(search.covariance()) * factor)
+    specularity = float(fit.strength.mean() / (1.0 if white is None else np.mean(white)))
+    return MaterialFit(
+        "rough plastic", fit.surface.roughness, specularity, INDEX, fit.surface.covered, float(sigma[0]),
+        float(sigma[1]), fit.strength, fit.surface, search.noise, effective,
+        (f"BIC falls by {fall:,.0f} against matte ({told})", told_bare),
+        tuple(_doubts(fit.surface.roughness, specularity, float(sigma[1]), known=white is not None)),
+    )  # fmt: skip
+
+
+def _barer(samples: Samples, over_all: CoatSearch, part_bare: CoatSearch) -> tuple[CoatSearch, str]:
+    """Return the one of two fits to the same samples that the evidence favours, and the words for it."""
+    factor = max(over_all.inflation(), part_bare.inflation())
+    charge = float(np.log(np.count_nonzero(samples.usable) / factor))
+    gain = (over_all.deviance() - part_bare.deviance()) / factor - charge
+    if gain > 0:
+        return part_bare, f"by {gain:,.0f} more with part of the body bare ({len(samples):,} pixels)"
+    return over_all, f"it rises by {-gain:,.0f} with part of the body bare ({len(samples):,} pixels)"
+
+
+def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) -> Iterator[str]:
+    """Yield what is suspicious about a coat."""
+    for end, what in ((ROUGHEST, "a body that is not Lambert's, or a sheen"), (SMOOTHEST, "a polished coat")):
+        if abs(np.log(roughness / end)) < np.log(AT_THE_END):
+            yield f"The roughness ran to {end:g}, the end of what is tried: {what} would do that."
+    if not known:
+        yield "The white ball's pixel value is unknown: the specularity is that of a surface whose pixel value is 1."
+    elif specularity > 1 + 3 * sigma:
+        yield (
+            f"The highlights are {specularity:.2f} times those of a full coat of index {INDEX}; the twin has 1. A "
+            "higher index, a metal, or a wrong white ball would do that."
+        )
+
+
+def _deviance(samples: Samples, fit: Fit, variance: NDArray[np.float32]) -> float:
+    """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant of the variance."""
+    weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
+    for _ in range(3):
+        values = predicted(samples, weights, fit.surface, everywhere(samples, fit.strength))[0]
+        square = (samples.values - values) ** 2 / variance
+        robust = (FREEDOM + 1) / (FREEDOM + square)
+        weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
+    # Three channels err together: they count as one sample.
+    return float(np.sum((FREEDOM + 1) * np.log1p(square / FREEDOM).mean(-1)[samples.usable], dtype=np.float64))

@@ -1,0 +1,166 @@
+"""The scene of fitted materials, and light that reaches a sample by way of the object's other parts, rendered small."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.pose import Pose
+from twin.description.description import Sampling, TwinScene
+from twin.description.materials import Diffuse, Material, RoughPlastic
+from twin.description.object_mesh import ObjectMesh
+from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.material.fit_material import MaterialFit
+from twin.material.material_samples import Samples
+from twin.scan_scene import scan_scene
+from twin.visibility import Sight
+
+SIDE = 112
+"""Pixels across the object: light from elsewhere changes slowly."""
+SAMPLES, DEPTH = 36, 4
+
+
+def material_scene(
+    fits: tuple[MaterialFit, ...],
+    labels: NDArray[np.int8] | None,
+    albedo: NDArray[np.float32],
+    mesh: Mesh,
+    pose: Pose,
+    camera: Camera,
+    lights: Lights,
+    sampling: Sampling,
+) -> tuple[TwinScene, tuple[str, ...]]:
+    """Return the scene of a scan made of fitted materials, and what is suspicious about it.
+
+    Parameters and errors: see `twin.scan_scene.scan_scene`; `albedo` (H, W, 3) is that of the fits, of the body.
+    `labels` (H, W): which of the fits a pixel is of, -1 where unknown; None if there is but one.
+
+    Notes
+    -----
+    Of several materials each gets the faces that mostly its pixels see, and those unseen whose nearest seen face is
+    its: one object each, with the same normals at the border.
+    """
+    scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, sampling=sampling)
+    ((name, body),) = scene.materials.items()
+    assert isinstance(body, Diffuse)
+    # Where the white value is unknown, the scene has taken one.
+    made = [_made(fit, body, float(np.mean(scene.white))) for fit in fits]
+    if len(made) == 1 or labels is None:
+        return replace(scene, materials={name: made[0]}), warnings
+    (whole,) = scene.objects
+    of_face = _face_labels(whole.mesh, camera, labels, len(fits))
+    parts = [(number, np.flatnonzero(of_face == number)) for number in range(len(fits)) if (of_face == number).any()]
+    return replace(
+        scene,
+        materials={f"{name}_{number + 1}": made[number] for number, _ in parts},
+        objects=tuple(
+            replace(
+                whole, name=f"{whole.name}_{number + 1}", material=f"{name}_{number + 1}", mesh=_part(whole.mesh, faces)
+            )
+            for number, faces in parts
+        ),
+    ), warnings
+
+
+def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
+    if fit.model == "matte":
+        return body
+    specularity = min(float(np.mean(fit.strength)) / white, 1.0)
+    return RoughPlastic(body.reflectance, fit.roughness, specularity, fit.index, covered=fit.covered)
+
+
+def _face_labels(mesh: ObjectMesh, camera: Camera, labels: NDArray[np.int8], count: int) -> NDArray[np.intp]:
+    """Return (T,) the label of most pixels that see a face; of an unseen one, that of the nearest seen one."""
+    from scipy.spatial import KDTree
+
+    votes = np.zeros((len(mesh.faces), count), np.intp)
+    labelled = np.flatnonzero((labels >= 0).any(1))
+    box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, camera.width)
+    for rows, face, _, _ in Sight(mesh.vertices, mesh.faces, camera).rows(*box):
+        hit = (face >= 0) & (labels[rows] >= 0)
+        np.add.at(votes, (face[hit], labels[rows][hit]), 1)
+    seen = votes.sum(1) > 0
+    found = np.argmax(votes, 1)
+    middle = mesh.vertices[mesh.faces].mean(1)
+    if seen.any() and not seen.all():
+        found[~seen] = found[seen][KDTree(middle[seen]).query(middle[~seen])[1]]
+    return found
+
+
+def _part(mesh: ObjectMesh, faces: NDArray[np.intp]) -> ObjectMesh:
+    """Return some faces (T,) of a mesh, with the corners that they have."""
+    used, corner = np.unique(mesh.faces[faces], return_inverse=True)
+    at_corners = (None if a is None else a[used] for a in (mesh.normals, mesh.texcoords, mesh.colours))
+    return ObjectMesh(mesh.vertices[used], corner.reshape(-1, 3), *at_corners)
+
+
+def onward_light(
+    samples: Samples,
+    fit: MaterialFit,
+    albedo: NDArray[np.float32],
+    mesh: Mesh,
+    pose: Pose,
+    camera: Camera,
+    lights: Lights,
+) -> NDArray[np.float32]:
+    """Return (P, F, 3), pixel values that come by way of two surfaces or three, all of them matte.
+
+    What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more
+    noise into the samples than they take out.
+
+    Parameters
+    ----------
+    samples, fit, mesh, pose, camera, lights
+        As the fit had them.
+    albedo : (P, 3) float32
+        Of the samples.
+
+    Raises
+    ------
+    RenderError
+        No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
+    """
+    from twin.engines.flash_shading import give_memory_back, import_mitsuba
+    from twin.engines.many import Indirect
+
+    import_mitsuba()
+    across = max(int(np.ptp(samples.rows)), int(np.ptp(samples.columns))) + 1
+    scale = min(1.0, SIDE / across)
+    small = camera.scaled(int(np.ceil(camera.width * scale)), int(np.ceil(camera.height * scale)), scale, scale)
+    row, column = ((place + 0.5) * scale - 0.5 for place in (samples.rows, samples.columns))
+    body, sampling = replace(fit, model="matte"), Sampling("many", SAMPLES, DEPTH)
+    scene, _ = material_scene((body,), None, _picture(row, column, albedo, small), mesh, pose, small, lights, sampling)
+    film = scene.film()
+    images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
+    give_memory_back()
+    return _looked_up(images, row - film.rows.start, column - film.columns.start)
+
+
+def _picture(row: NDArray, column: NDArray, albedo: NDArray[np.float32], small: Camera) -> NDArray[np.float32]:
+    """Return (H, W, 3), the samples' mean in each small pixel; NaN where there is none."""
+    place = np.round(row).astype(int) * small.width + np.round(column).astype(int)
+    place = np.clip(place, 0, small.width * small.height - 1)
+    count = np.bincount(place, minlength=small.width * small.height)
+    total = np.stack([np.bincount(place, albedo[:, c], len(count)) for c in range(3)], -1)
+    with np.errstate(invalid="ignore"):
+        return (total / count[:, None]).reshape(small.height, small.width, 3).astype(np.float32)
+
+
+def _looked_up(images: NDArray[np.float32], row: NDArray, column: NDArray) -> NDArray[np.float32]:
+    """Return (P, F, 3) of images (F, h, w, 3), bilinear, of lit pixels alone: none of the black behind the object."""
+    import cv2
+
+    seen = (images.max((0, -1)) > 0).astype(np.float32)
+    at = column.astype(np.float32), row.astype(np.float32)
+
+    def look(image: Any) -> NDArray:
+        return np.asarray(cv2.remap(image, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)).reshape(
+            len(row), -1
+        )
+
+    share = np.maximum(look(seen), 1e-6)
+    return np.stack([look(image) / share for image in images], 1).astype(np.float32)

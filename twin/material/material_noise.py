@@ -1,0 +1,119 @@
+"""How much the samples of a material's fit err, read from what the fit leaves, and how much they err together."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from twin.material.material_samples import Samples
+
+SOME = 20_000
+"""Samples that the variance is read from."""
+CELLS = (4, 16, 64)
+"""Pixels to a block, of those that are tried."""
+LIGHTS_TOGETHER = 6
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Variance of a sample: constant + photons v + share^2 v^2 + tilt^2 slope^2 at the value v.
+
+    Parameters
+    ----------
+    constant, photons : float
+    share : float
+        Of the value.
+    tilt_deg : float
+        Of the normals, one axis.
+    """
+
+    constant: float
+    photons: float
+    share: float
+    tilt_deg: float
+
+    def variance(self, values: NDArray[np.float32], slope: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the variance (P, F, 3) at predicted values and their change for a radian's tilt."""
+        bright = np.maximum(values, 0)
+        own = self.constant + self.photons * bright + (self.share * bright) ** 2
+        return (own + (np.radians(self.tilt_deg) * slope) ** 2).astype(np.float32)
+
+
+def noise_of(
+    residual: NDArray[np.float32], values: NDArray[np.float32], slope: NDArray[np.float32], usable: NDArray[np.bool_]
+) -> Noise:
+    """Return the noise that residuals (P, F, 3) show: non-negative least squares upon their squares.
+
+    Squares are weighed with the inverse square of the variance so far, and cut off at nine times it: four rounds.
+    """
+    from scipy.optimize import nnls
+
+    pixel, frame = np.nonzero(usable)
+    step = max(1, len(pixel) // SOME)
+    pixel, frame = pixel[::step], frame[::step]
+    square = residual[pixel, frame].astype(np.float64).ravel() ** 2
+    bright = np.maximum(values[pixel, frame].astype(np.float64).ravel(), 0)
+    tilted = slope[pixel, frame].astype(np.float64).ravel() ** 2
+    columns = np.stack([np.ones_like(bright), bright, bright**2, tilted], 1)
+    # Nothing is known better than a thousandth of what is bright: a whisker against a variance of 0.
+    floor = (1e-3 * np.percentile(bright, 90)) ** 2
+    variance = np.full(len(square), max(float(np.median(square)) / 0.45, floor))
+    found = np.zeros(4)
+    for _ in range(4):
+        # A normal deviate's square, cut off at 9, keeps 0.985 of its mean.
+        # The four columns' own triangle stands for all rows.
+        turn, triangle = np.linalg.qr(columns / variance[:, None])
+        found = nnls(triangle, turn.T @ (np.minimum(square, 9 * variance) / 0.985 / variance))[0]
+        variance = np.maximum(columns @ found, floor)
+    return Noise(
+        float(max(found[0], floor)), float(found[1]), float(np.sqrt(found[2])), float(np.degrees(np.sqrt(found[3])))
+    )
+
+
+def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:
+    """Return by how much neighbouring pixels and lights that err together count too often, 1 or more.
+
+    Parameters
+    ----------
+    samples : Samples
+    residual : (P, F, 3) float32
+        Over its standard deviation; 0 where unused.
+
+    Notes
+    -----
+    Variance of a block's sum over the sum of its variances: blocks of neighbouring pixels under neighbouring lights,
+    the largest found over several sizes. Channels are averaged first.
+    """
+    mean = np.clip(residual, -4, 4).mean(-1).astype(np.float64)
+    rows, columns = samples.rows - samples.rows.min(), samples.columns - samples.columns.min()
+    area = len(samples) / samples.pixel_share
+    directions = samples.toward.mean(0)
+    group = _grouped(directions)
+    per_group = np.stack([mean[:, group == g].sum(1) for g in range(group.max() + 1)], 1)
+    squares = float(np.sum(mean**2))
+    worst = 1.0
+    for pixels in CELLS:
+        side = max(1.0, np.sqrt(area / len(samples) * pixels))
+        wide = int(columns.max() // side) + 1
+        cell = (rows // side).astype(int) * wide + (columns // side).astype(int)
+        together = sum(float(np.sum(np.bincount(cell, column) ** 2)) for column in per_group.T)
+        worst = max(worst, together / max(squares, 1e-300))
+    return worst
+
+
+def _grouped(directions: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Return (F,) groups of about six neighbouring lights: halved along their longest extent, again and again."""
+    group = np.zeros(len(directions), np.intp)
+    todo = [np.arange(len(directions))]
+    done = 0
+    while todo:
+        members = todo.pop()
+        if len(members) <= LIGHTS_TOGETHER:
+            group[members] = done
+            done += 1
+            continue
+        off = directions[members] - directions[members].mean(0)
+        along = off @ np.linalg.svd(off, full_matrices=False)[2][0]
+        order = members[np.argsort(along)]
+        todo += [order[: len(order) // 2], order[len(order) // 2 :]]
+    return group

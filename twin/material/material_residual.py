@@ -1,0 +1,243 @@
+"""What a fitted material leaves of the photographs, frame by frame, and what would explain it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.lights import Lights
+from twin.material.fit_material import MaterialFit
+from twin.material.material_kernels import predicted
+from twin.material.material_samples import Samples
+from twin.material.reflection_models import reflected
+
+Array = NDArray[np.float64]
+
+SOME = 2_000
+"""Pixels that the parts are found on."""
+STEP = 1e-3
+"""Radians, of the finite differences."""
+LOBE, LAMBERT = 10, 6
+"""Bends of the free curves that stand for another coat and another body: over the half angle, over the cosine to the
+light."""
+TELLING = 0.25
+"""Share of the squared residual above which another coat or another body is said to be wanted."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """One cause of the residual, let free.
+
+    Parameters
+    ----------
+    explains : float
+        Share of the squared residual that goes, the freedom it takes allowed for; 0 if none.
+    size : float
+        Root mean square of what was found, in `unit`.
+    unit : str
+    expected : float
+        Relative RMSE that the calibration's own sigma would leave; NaN where it tells none.
+    """
+
+    explains: float
+    size: float
+    unit: str
+    expected: float = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Residual:
+    """Relative RMSE: root of the squared residuals' sum over the squared values', usable samples, all channels.
+
+    Parameters
+    ----------
+    whole : float
+    per_frame : (F,) float64
+        NaN of a frame without samples.
+    parts : dict of str to Part
+        Each let free alone: `direction`, `intensity`, `ambient`, `registration` (pose), `normals` (each pixel's own),
+        `highlights` (a coat of any shape), `body` (any law of the light's angle); they overlap and do not add up.
+    """
+
+    whole: float
+    per_frame: Array
+    parts: dict[str, Part]
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What the residual says against the model."""
+        wanted = {
+            "highlights": "a second lobe, or highlights of another shape,",
+            "body": "a body that gives back light otherwise than the fitted one",
+        }
+        return tuple(
+            f"One roughness and one strength are not all: {what} would explain {100 * self.parts[name].explains:.0f} % "
+            "of the squared residual."
+            for name, what in wanted.items()
+            if self.parts[name].explains > TELLING
+        )
+
+    def __str__(self) -> str:
+        """The line that is printed."""
+        told = ", ".join(f"{name} {100 * part.explains:.0f} %" for name, part in self.parts.items())
+        return f"relative RMSE {100 * self.whole:.2f} %; of its square, each alone would explain: {told}"
+
+
+def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Residual:
+    """Return what a fit leaves, and what explains it.
+
+    Notes
+    -----
+    The prediction's change for each nuisance, linearised, is fitted to the residual by plain least squares, with each
+    pixel's albedo free all along (eliminated, as in the fit).
+    """
+    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
+    strength = np.broadcast_to(fit.strength, (len(samples), 3))
+    values, _, _ = predicted(samples, weights, fit.surface, strength)
+    square = np.where(samples.usable, np.sum((samples.values - values).astype(np.float64) ** 2, -1), 0)
+    bright = np.where(samples.usable, np.sum(samples.values.astype(np.float64) ** 2, -1), 0)
+    with np.errstate(invalid="ignore"):
+        per_frame = np.sqrt(square.sum(0) / bright.sum(0))
+    whole = float(np.sqrt(square.sum() / bright.sum()))
+    some = samples.only(slice(None, None, max(1, len(samples) // SOME)))
+    return Residual(whole, per_frame, dict(_parts(some, fit, lights)))
+
+
+def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple[str, Part]]:
+    usable = samples.usable[..., None]
+    weights = np.repeat(usable, 3, -1).astype(np.float32)
+    values, _, albedo = predicted(samples, weights, fit.surface, np.broadcast_to(fit.strength, (len(samples), 3)))
+    light = np.where(usable, samples.irradiance, 0).astype(np.float64)
+    body, gloss = reflected(fit.surface, samples.normals, samples.views, samples.toward)
+    design = light * body[..., None]
+    residual = np.where(usable, samples.values - values, 0).astype(np.float64)
+    bright = float(np.sum(np.where(usable, samples.values, 0).astype(np.float64) ** 2))
+    own = albedo.astype(np.float64)[:, None]
+
+    def change(normals: NDArray, toward: NDArray) -> Array:
+        """Return the prediction's change (P, F, 3) for a step of normals or lights."""
+        moved = normals.astype(np.float32), samples.views, np.ascontiguousarray(toward, np.float32)
+        after, shine = reflected(fit.surface, *moved)
+        return light * (own * (after - body)[..., None] + fit.strength * (shine - gloss)[..., None]) / STEP
+
+    project = _Eliminated(design, int(np.count_nonzero(usable)), residual)
+    tangents = _tangents(samples.toward)
+    turned = np.stack([change(samples.normals, _turned(samples.toward, t)) for t in tangents], -1)
+    sigma = np.radians(lights.direction_sigma_deg)
+    yield "direction", project.part(
+        _by_frame(turned), float(np.degrees(1)), "deg",
+        float(np.sqrt(np.sum(turned**2 * (sigma**2)[:, None, None]) / bright)),
+    )  # fmt: skip
+    scaled = np.where(usable, values, 0).astype(np.float64)[..., None] * np.eye(3)
+    expected = float(np.sqrt(np.sum(scaled**2 * (lights.intensity_sigma**2)[:, None, None]) / bright))
+    yield "intensity", project.part(_by_frame(scaled), 1.0, "relative", expected)
+    ambient = np.where(usable, own, 0)[..., None] * np.eye(3)
+    yield "ambient", project.part(_shared(ambient), 1.0, "pixel value on white")
+    shifts = [np.cross(axis, samples.normals) for axis in np.eye(3)]
+    shifts += [samples.slopes[:, k] for k in (0, 1)]
+    pose = np.stack([change(samples.normals + STEP * shift, samples.toward) for shift in shifts], -1)
+    yield "registration", project.part(_shared(pose), 1.0, "rad, px")
+    lean = [change(_turned(samples.normals, t), samples.toward) for t in _tangents(samples.normals)]
+    yield "normals", project.each_pixel(np.stack(lean, -1))
+    lobe, lambert = _curves(samples, light, own)
+    yield "highlights", project.part(_shared(lobe), 1.0, "pixel value")
+    yield "body", project.part(_shared(lambert), 1.0, "relative")
+
+
+class _Eliminated:
+    """Least squares on residuals (P, F, 3) with each pixel's albedo, of the columns `design`, free."""
+
+    def __init__(self, design: Array, pixels_lit: int, residual: Array) -> None:
+        self._design, self._residual = design, residual
+        self._square = np.maximum(np.einsum("pfc,pfc->pc", design, design), 1e-300)
+        self._left = float(np.sum(self._free(residual) ** 2))
+        self._freedom = 3 * pixels_lit - self._square.size
+
+    def _free(self, columns: Array) -> Array:
+        share = np.einsum("pfc,pfc->pc", self._design, columns) / self._square
+        return columns - self._design * share[:, None]
+
+    def part(self, columns: Iterator[tuple[int, Array]], factor: float, unit: str, expected: float = np.nan) -> Part:
+        """Return the part of nuisances: `columns` gives the frame of each (-1: all) and what it does."""
+        inner, right, over = {}, [], []
+        found = list(columns)
+        for one, (frame, column) in enumerate(found):
+            here = slice(None) if frame < 0 else slice(frame, frame + 1)
+            projection = np.einsum("pfc,pfc->pc", self._design[:, here], column)
+            over.append((projection / np.sqrt(self._square)).ravel())
+            free = self._residual[:, here]
+            own = np.einsum("pfc,pfc->pc", self._design, self._residual) / self._square
+            right.append(float(np.sum(column * free) - np.sum(projection * own)))
+            for other in range(one + 1):
+                if frame < 0 or found[other][0] in (frame, -1):
+                    inner[one, other] = float(np.sum(column * found[other][1]))
+        matrix = np.zeros((len(found),) * 2)
+        for (one, other), value in inner.items():
+            matrix[one, other] = matrix[other, one] = value
+        matrix -= np.stack(over) @ np.stack(over).T
+        # A constant factor on all lights is the albedo's: the smallest step of all is taken along such directions.
+        solved, _, rank, _ = np.linalg.lstsq(matrix, np.array(right), rcond=1e-9)
+        return self._told(
+            float(solved @ np.array(right)), int(rank), factor * float(np.sqrt(np.mean(solved**2))), unit, expected
+        )
+
+    def each_pixel(self, columns: Array) -> Part:
+        """Return the part of two nuisances of each pixel's own, columns (P, F, 3, 2)."""
+        first, second = (self._free(columns[..., k]) for k in (0, 1))
+        residual = self._free(self._residual)
+        a, b, c = (np.sum(x * y, (1, 2)) for x, y in ((first, first), (first, second), (second, second)))
+        r, s = (np.sum(x * residual, (1, 2)) for x in (first, second))
+        determinant = a * c - b * b
+        good = determinant > 1e-6 * (a * c + 1e-300)
+        bottom = np.where(good, determinant, 1)
+        x, y = np.where(good, (c * r - b * s) / bottom, 0), np.where(good, (a * s - b * r) / bottom, 0)
+        size = float(np.degrees(np.sqrt(np.median(x**2 + y**2) / 2)))
+        return self._told(float(np.sum(x * r + y * s)), 2 * int(good.sum()), size, "deg, median")
+
+    def _told(self, fall: float, freed: int, size: float, unit: str, expected: float = np.nan) -> Part:
+        left = max(self._left - fall, 0) / max(self._freedom - freed, 1)
+        return Part(float(max(1 - left / (self._left / self._freedom), 0)), size, unit, expected)
+
+
+def _by_frame(columns: Array) -> Iterator[tuple[int, Array]]:
+    """Yield (frame, (P, 1, 3)) of columns (P, F, 3, K), each frame for itself."""
+    for frame in range(columns.shape[1]):
+        for k in range(columns.shape[3]):
+            yield frame, columns[:, frame : frame + 1, :, k]
+
+
+def _shared(columns: Array) -> Iterator[tuple[int, Array]]:
+    """Yield (-1, (P, F, 3)) of columns (P, F, 3, K), one for all frames."""
+    for k in range(columns.shape[3]):
+        yield -1, columns[..., k]
+
+
+def _tangents(vectors: NDArray) -> tuple[Array, Array]:
+    """Return two unit vectors across unit vectors (..., 3), that change slowly with them."""
+    x, y, z = np.moveaxis(vectors.astype(np.float64), -1, 0)
+    first = np.stack([z, 0 * x, -x], -1)
+    first /= np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-9)
+    return first, np.cross(np.stack([x, y, z], -1), first)
+
+
+def _turned(vectors: NDArray, tangent: Array) -> Array:
+    moved = vectors + STEP * tangent
+    return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
+
+
+def _curves(samples: Samples, light: Array, albedo: Array) -> tuple[Array, Array]:
+    """Return (P, F, 3, LOBE), any coat over the half angle, and (P, F, 3, LAMBERT), any body over the light's."""
+    half = samples.toward + samples.views[:, None]
+    half = half / np.linalg.norm(half, axis=-1, keepdims=True)
+    angle = np.arccos(np.clip(np.einsum("pfi,pi->pf", half, samples.normals), 0, 1))
+    cosine = np.einsum("pfi,pi->pf", samples.toward, samples.normals)
+    # Finer where highlights are: evenly in the square root of the angle.
+    lobe = _hats(np.sqrt(angle / (np.pi / 2)), LOBE)[:, :, None] * light[..., None]
+    lambert = _hats(cosine, LAMBERT)[:, :, None] * (light * albedo)[..., None]
+    return lobe, lambert
+
+
+def _hats(where: NDArray, count: int) -> Array:
+    """Return (..., count), the weights of linear interpolation between nodes at 0 to 1."""
+    return np.maximum(1 - np.abs(np.asarray(where, np.float64)[..., None] * (count - 1) - np.arange(count)), 0)

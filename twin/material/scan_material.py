@@ -1,0 +1,174 @@
+"""The material of a registered scan, from photographs to albedo map: fitted, light from elsewhere off, fitted again."""
+
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import RenderError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.mesh import Mesh
+from scene.pose import Pose
+from twin.material.fit_material import MaterialFit, fit_material
+from twin.material.material_kernels import predicted
+from twin.material.material_light import onward_light
+from twin.material.material_places import Places, material_places
+from twin.material.material_residual import Part, Residual, material_residual
+from twin.material.material_samples import MOST, Samples, ScanSurface, inner_pixels, samples_of_scan
+
+SAMPLES_AT_ONCE = 1 << 20
+MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
+"""Of the fit: pixels times frames; pixels, however many frames there are."""
+
+
+@dataclass(frozen=True, eq=False)
+class ScanMaterial:
+    """What a scanned object is made of.
+
+    Parameters
+    ----------
+    fit : MaterialFit
+        Of the whole object, as if it were of one material.
+    places : Places
+        One material, the same, or two.
+    labels : (H, W) int8
+        Which of them a pixel of the mask is of; -1 beyond.
+    residual : Residual
+        Of `places`.
+    onward : float
+        Light by way of other parts of the object, that was subtracted: root mean square over that of the values. 0
+        where it could not be rendered.
+    albedo : (H, W, 3) float32
+        Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN where unknown.
+    trouble : tuple of str
+        What went wrong on the way.
+    """
+
+    fit: MaterialFit
+    places: Places
+    labels: NDArray[np.int8]
+    residual: Residual
+    onward: float
+    albedo: NDArray[np.float32]
+    trouble: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is suspicious about it."""
+        fits = self.places.fits
+        told = [f"Place {number + 1}: {text}" for number, fit in enumerate(fits) for text in fit.warnings]
+        return (*(told if len(fits) > 1 else self.fit.warnings), *self.trouble, *self.residual.doubts)
+
+    def facts(self) -> dict[str, Any]:
+        """Return what the summary keeps of it; relative standard deviations, residuals and shares are not percents."""
+        fits = self.places.fits
+        if len(fits) == 1:
+            made_of = {"model": self.fit.model, "sentence": str(self.places), **_numbers(self.fit)}
+        else:
+            each = [
+                {"share": share, "model": fit.model, "sentence": str(fit), **_numbers(fit)}
+                for share, fit in zip(self.places.shares, fits, strict=True)
+            ]
+            made_of = {"model": "two materials", "sentence": str(self.places), "why": self.places.evidence}
+            made_of |= {"places": each}
+        return {
+            **made_of,
+            "samples_worth": self.fit.effective_samples,
+            "onward": self.onward,
+            "relative_rmse": self.residual.whole,
+            "relative_rmse_per_frame": self.residual.per_frame,
+            "explained_by": {name: asdict(part) for name, part in self.residual.parts.items()},
+        }
+
+
+def scan_material(
+    frames: Frames,
+    lights: Lights,
+    camera: Camera,
+    mask: NDArray[np.bool_],
+    mesh: Mesh,
+    pose: Pose,
+    *,
+    normals: NDArray[np.float32] | None = None,
+    most: int | None = None,
+) -> ScanMaterial:
+    """Return the material of a registered scan.
+
+    Parameters and errors: see `twin.material.material_samples.samples_of_scan`; `most` follows from the number of
+    frames.
+
+    Notes
+    -----
+    Light from the object's other parts is rendered with the first fit's material and subtracted, once: a second time
+    changes nothing that can be seen. Then places of different gloss are looked for. The albedo map holds what little of
+    that light is left in each pixel.
+    """
+    if most is None:
+        most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
+    samples = samples_of_scan(frames, lights, camera, mask, mesh, pose, normals=normals, most=most)
+    fit, onward, trouble = fit_material(samples, lights), 0.0, ()
+    try:
+        elsewhere = onward_light(samples, fit, albedo_of(samples, fit), mesh, pose, camera, lights)
+    except RenderError as error:
+        trouble = (f"Light from elsewhere stayed in the fitted samples: {error}",)
+    else:
+        usable = samples.usable
+        onward = float(np.sqrt(np.sum(elsewhere[usable] ** 2) / np.sum(samples.values[usable] ** 2)))
+        samples = replace(samples, values=samples.values - elsewhere)
+        fit = fit_material(samples, lights)
+    places = material_places(samples, lights, fit)
+    labels = places.picture(samples, mask)
+    albedo = np.full((camera.height, camera.width, 3), np.nan, np.float32)
+    surface = ScanSurface(camera, mesh, pose, normals)
+    rows, columns = inner_pixels(mask, normals)
+    step = max(1, SAMPLES_AT_ONCE // len(frames))
+    for first in range(0, len(rows), step):
+        some = surface.samples(frames, lights, rows[first : first + step], columns[first : first + step])
+        for number, one in enumerate(places.fits):
+            own = some.only(labels[some.rows, some.columns] == number)
+            if len(own):
+                albedo[own.rows, own.columns] = albedo_of(own, one)
+    return ScanMaterial(fit, places, labels, _residual(samples, places, lights), onward, albedo, trouble)
+
+
+def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
+    """Return the albedo (P, 3) of samples of a fitted material."""
+    everywhere = np.broadcast_to(fit.strength, (len(samples), 3))
+    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
+    for _ in range(2):
+        values, slope, _ = predicted(samples, weights, fit.surface, everywhere)
+        variance = np.maximum(fit.noise.variance(values, slope), 1e-12)
+        robust = 5 / (4 + (samples.values - values) ** 2 / variance)
+        weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
+    return predicted(samples, weights, fit.surface, everywhere)[2]
+
+
+def _numbers(fit: MaterialFit) -> dict[str, float]:
+    names = ("roughness", "roughness_sigma", "specularity", "specularity_sigma", "index", "covered")
+    return {} if fit.model == "matte" else {name: getattr(fit, name) for name in names}
+
+
+def _residual(samples: Samples, places: Places, lights: Lights) -> Residual:
+    """Return what places leave together; what would explain it is let free in each, and weighed by what each leaves."""
+    if len(places.fits) == 1:
+        return material_residual(samples, places.fits[0], lights)
+    each = [samples.only(places.labels == number) for number in range(len(places.fits))]
+    left = [material_residual(some, fit, lights) for some, fit in zip(each, places.fits, strict=True)]
+    bright = np.stack([np.sum(np.where(some.usable, np.sum(some.values**2, -1), 0), 0) for some in each])
+    squares = np.stack([np.nan_to_num(one.per_frame) ** 2 for one in left]) * bright
+    with np.errstate(invalid="ignore"):
+        per_frame = np.sqrt(squares.sum(0) / bright.sum(0))
+    weight = squares.sum(1) / max(squares.sum(), 1e-300)
+    parts = {}
+    for name, first in left[0].parts.items():
+        own = [one.parts[name] for one in left]
+        size, expected = (
+            float(np.sqrt(sum(w * getattr(part, key) ** 2 for w, part in zip(weight, own, strict=True))))
+            for key in ("size", "expected")
+        )
+        explains = float(sum(w * part.explains for w, part in zip(weight, own, strict=True)))
+        parts[name] = Part(explains, size, first.unit, expected)
+    return Residual(float(np.sqrt(squares.sum() / bright.sum())), per_frame, parts)

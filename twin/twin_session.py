@@ -1,0 +1,131 @@
+"""The twin as a session of its own: a folder that `rgbn process` takes like any capture."""
+
+import glob
+import json
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import RenderError
+from scene.files import write_npy, write_text
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.store import Store
+from twin.camera.virtual_camera import NO_FILTER, Sensor
+from twin.camera.virtual_photograph import Files, write_photograph
+
+HEADLINE = "# Rendered by rgbn."
+"""First line of the session.toml: what may be written over."""
+
+_FIRST_SHOT = datetime(2000, 1, 1, 12, 0)
+"""A rendering has no hour: EXIF gets a fixed one, so that the same rendering gives the same files."""
+
+
+def write_session(
+    folder: Store,
+    frames: Frames,
+    camera: Camera,
+    lights: Lights,
+    mask: NDArray[np.bool_],
+    truth: NDArray[np.float32],
+    *,
+    sensor: Sensor | None = None,
+    files: Files | None = None,
+    seed: int = 0,
+    name: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Path:
+    """Write rendered frames, their camera, lights, mask and true normals as a session folder.
+
+    Parameters
+    ----------
+    folder : Store
+        Gets session.toml, flash/<name>.png (or .dng, .exr), lights.json with its text forms, mask.png and truth.npy.
+    frames : Frames
+    lights : Lights
+        Of the same names, in the same order.
+    mask : (H, W) bool
+    truth : (H, W, 3) float32
+        Unit normals, camera frame, NaN where unknown.
+    sensor : Sensor or None
+        None: no noise. Else the virtual camera photographs each frame.
+    files : {"png", "dng", "exr"} or None
+        See `twin.camera.virtual_photograph.write_photograph`. None: DNG of a Bayer sensor, else PNG.
+    seed : int
+        Of the virtual camera's noise; frame i draws from its own stream (seed, i).
+    name : str or None
+        The session's; None: that of the folder around, and "twin".
+    progress : callable or None
+        Called with (frames written, frames in all).
+
+    Returns
+    -------
+    path : Path
+        The session.toml. It is written last: where it is, the session is whole.
+
+    Raises
+    ------
+    RenderError
+        Frames and lights, or frames and camera, do not fit together.
+    """
+    if frames.names != lights.names:
+        raise RenderError(
+            f"{folder.folder}: frames {', '.join(frames.names[:3])} ... ({len(frames)}) and lights "
+            f"{', '.join(lights.names[:3])} ... ({len(lights)}) differ; a session has one light a frame, in one order."
+        )
+    size = (camera.height, camera.width)
+    if not (frames.height, frames.width) == size == mask.shape == truth.shape[:2]:
+        raise RenderError(
+            f"{folder.folder}: frames {frames.codes.shape[1:3]}, camera {size}, mask {mask.shape} "
+            f"and normals {truth.shape[:2]} px: all must agree."
+        )
+    if files is None:
+        files = "png" if sensor is None or sensor.cfa == NO_FILTER else "dng"
+    # Without millimetres to pixels (orthographic) a normal lens is as good as any.
+    pixel_um = Sensor.pixel_um if sensor is None else sensor.pixel_um
+    focal_mm = 50.0 if camera.is_orthographic else camera.fx * pixel_um / 1000
+    written = []
+    for index, light in enumerate(frames.names):
+        written.append(f"flash/{light}.{files}")
+        write_photograph(
+            folder.path(written[-1]),
+            frames.frame(index),
+            sensor,
+            np.random.default_rng([seed, index]),
+            focal_mm=focal_mm,
+            time=_FIRST_SHOT + timedelta(seconds=2 * index),
+        )
+        if progress is not None:
+            progress(index + 1, len(frames))
+    folder.save_lights(lights, files=tuple(written))
+    folder.save_mask(mask)
+    write_npy(folder.path("truth.npy"), np.asarray(truth, np.float32))
+    path = folder.path("session.toml")
+    write_text(path, _manifest(written, camera, name or f"{folder.folder.resolve().parent.name} twin"))
+    return path
+
+
+def _manifest(files: list[str], camera: Camera, name: str) -> str:
+    """Return session.toml. The files are listed one by one: their order is that of lights.json."""
+    # JSON's strings are TOML's too; a name with brackets must not be taken for a glob.
+    listed = "".join(f"  {json.dumps(glob.escape(file))},\n" for file in files)
+    lines = [
+        HEADLINE,
+        "version = 1",
+        f"name = {json.dumps(name)}",
+        "",
+        "[frames]",
+        f"flash = [\n{listed}]",
+        *(["linear = true"] if files[0].endswith(".png") else []),
+        "",
+    ]
+    if not camera.is_orthographic:  # which is what a session without [camera] is taken to be
+        lines += ["[camera]", f"width = {camera.width}", f"height = {camera.height}"]
+        lines += [f"{key} = {float(getattr(camera, key))}" for key in ("fx", "fy", "cx", "cy")]
+        lines += [f"distortion = {[float(value) for value in camera.distortion]}", ""]
+    lines += ["[lights]", 'file = "lights.json"', "", "[object]", 'mask = "mask.png"', 'normals = "truth.npy"', ""]
+    return "\n".join(lines)
