@@ -22,9 +22,8 @@ from scene.lights import Lights
 UNCALIBRATED = ("ldr", "entropy", "tv")  # they know the intensities, where those were calibrated, and no more
 FOLDERS = {
     "pixelwise": ("ls", "iterative", "position", "l1", "sbl", "hsh"),
-    "whole": ("rpca", "semicalibrated", "near", "reflectance"),
-    "uncalibrated": UNCALIBRATED,
-}
+    "whole": ("rpca", "semicalibrated", "near", "reflectance"), "uncalibrated": UNCALIBRATED,
+}  # fmt: skip
 METHODS = tuple(name for names in FOLDERS.values() for name in names)
 """Each a module with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
 
