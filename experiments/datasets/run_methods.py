@@ -9,6 +9,7 @@ import numpy as np
 
 from experiments.datasets.results import write_results
 from experiments.datasets.shelf import Entry, contents_of, entries
+from lab.options import BY_DEFAULT, Solving
 from lab.progress import say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
@@ -21,9 +22,7 @@ def run(
     shelf: Path,
     patterns: Sequence[str],
     *,
-    method: str,
-    profile: str = "default",
-    external: tuple[list[str], float] = ([], 3600.0),
+    solving: Solving = BY_DEFAULT,
     out: Path,
 ) -> list[dict[str, Any]]:
     """Run methods on datasets, as far as their results are not there yet, and write the tables.
@@ -33,8 +32,8 @@ def run(
     shelf : Path
     patterns : sequence of str
         Names of datasets that are on the shelf; none: all of them.
-    method, profile, external
-        As `lab.run.open_job` has them.
+    solving : Solving
+        Which methods, and how.
     out : Path
         Gets results.parquet, results.txt, index.html; results/ keeps each result, work/ what programs said.
 
@@ -48,23 +47,19 @@ def run(
     SceneError
         No such dataset, method or program; a dataset that has changed.
     """
-    from lab.run import methods_of
-    from solve.external import External
-
-    methods_of(method, profile)
-    programs = {one.name: one for one in (External.parse(text, external[1]) for text in external[0])}
-    names = [*dict.fromkeys(word.strip() for word in method.split(",") if word.strip()), *programs]
+    programs = solving.programs()
+    names = [*solving.methods(), *programs]
     wanted = _wanted(shelf, patterns)
     rows = []
     with open_record(out) as record:
         for number, entry in enumerate(wanted, 1):
             digest = contents_of(shelf, entry)
-            keys = {name: _key(digest, name, profile, programs) for name in names}
+            keys = {name: _key(digest, name, solving.profile, programs) for name in names}
             missing = [name for name in names if not record.is_intact(_place(out, keys[name]))]
             made = {}
             if missing:
                 say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
-                for name, row in _solve(out, entry, missing, method, profile, external):
+                for name, row in _solve(out, entry, missing, solving):
                     made[name] = row
                     if row["status"] == "ok":
                         write_json(_place(out, keys[name]), row)
@@ -105,31 +100,28 @@ def _place(out: Path, key: str) -> Path:
     return out / "results" / f"{key}.json"
 
 
-def _solve(
-    out: Path, entry: Entry, names: list[str], method: str, profile: str, external: tuple[list[str], float]
-) -> Iterator[tuple[str, dict[str, Any]]]:
+def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Iterator[tuple[str, dict[str, Any]]]:
     """Yield the rows of some methods on one dataset, each as soon as it is made."""
     from lab.plan import STEPS
     from lab.run import open_job
     from lab.steps import solve_all
 
     folder = out / "work" / entry.name
-    how: dict[str, Any] = {"method": method, "profile": profile, "external": external}
     left = list(names)
     try:
-        with open_job(entry.folder, out=folder, **how) as job:
+        with open_job(entry.folder, out=folder, solving=solving) as job:
             try:
                 job.run(STEPS, "align")
                 while left:
                     one: Callable = lambda name=left[0]: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
-                    row = _row(left[0], profile if left[0] not in job.externals else "", job.store, one)
+                    row = _row(left[0], solving.profile if left[0] not in job.externals else "", job.store, one)
                     yield left.pop(0), row
             finally:
                 # The frames: half a gigabyte for a hundred datasets; made again in a second.
                 job.record.forget(["check"])
     except SceneError as error:
         for name in left:
-            yield name, _failed(name, profile, error)
+            yield name, _failed(name, solving.profile, error)
 
 
 def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:

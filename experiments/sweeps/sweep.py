@@ -17,8 +17,8 @@ from experiments.sweeps.perturbation import PERTURBATIONS, perturbation_cells
 from experiments.sweeps.recipe import RUNNER, Cell, code_times
 from experiments.sweeps.workers import Work, WorkerDied, run_here, run_there
 from lab.cluster.connect import executor_of
+from lab.options import Solving
 from lab.progress import say
-from lab.run import methods_of
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.output_folder import open_record
@@ -61,7 +61,7 @@ def sweep(
     SceneError
         Unknown experiment or method, no cluster, a full disk, a folder in use.
     """
-    experiments, methods = experiments_of(wanted), methods_of(method, "seed")
+    experiments, methods = experiments_of(wanted), Solving(method, "seed").methods()
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
     if len(experiments) == len(EXPERIMENTS):
         cells += perturbation_cells(methods, quick=quick)
