@@ -1,7 +1,7 @@
 """A verb on a session: its output folder opened and locked, the steps run, the summary written."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,6 +74,7 @@ def run_session(
     scheduler: str | None = None,
     truth: Path | None = None,
     twin: TwinSettings = AS_GIVEN,
+    around: Callable[["Job"], AbstractContextManager] | None = None,
 ) -> dict[str, Any]:
     """Run one verb with all that it needs, and return the summary (summary.json).
 
@@ -81,6 +82,8 @@ def run_session(
     ----------
     wanted : str
         The last step to run, a key of `lab.plan.STEPS`.
+    around : callable, optional
+        Takes the job and gives the context in which the steps run: what a verb checks before and makes after them.
     session_path, out, solving, scheduler, truth, twin
         As in `open_job`.
     """
@@ -97,7 +100,8 @@ def run_session(
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(twin),
         }
-        job.run(STEPS, wanted)
+        with around(job) if around else nullcontext():
+            job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
         if wanted == "compare":
             from compare.report.report import write_report

@@ -1,6 +1,7 @@
 """The command line: `rgbn VERB`."""
 
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -99,17 +100,10 @@ def align(
     json: Json = False,
 ) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
-    if check:
-        from lab.plan import STEPS
-        from rgbn.align_check import check_alignment, tell_check
+    from rgbn.align_check import checked
 
-        with open_job(session, out=out) as job:
-            job.run(STEPS, "align")
-            with job.record.part_of("align"):
-                found = check_alignment(job)
-        if not json:
-            tell_check(found)
-    _run(json, session, "align", out=out)
+    around = partial(checked, tell=not json) if check else None
+    _run(json, session, "align", out=out, around=around)
 
 
 @app.command(sort_key=6)
@@ -124,16 +118,10 @@ def solve(
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    if mesh:
-        from lab.plan import STEPS
-        from rgbn.surface_file import check_name, write_surface
+    from rgbn.surface_file import surface_written
 
-        check_name(mesh)
-        with open_job(session, out=out, solving=solving, scheduler=scheduler) as job:
-            job.record.check_free(mesh)
-            job.run(STEPS, "solve")
-            write_surface(job, mesh)
-    _run(json, session, "solve", out=out, solving=solving, scheduler=scheduler)
+    around = surface_written(mesh) if mesh else None
+    _run(json, session, "solve", out=out, solving=solving, scheduler=scheduler, around=around)
 
 
 @app.command(sort_key=7)
