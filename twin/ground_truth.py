@@ -65,7 +65,6 @@ def ground_truth(
 
     Parameters
     ----------
-    scene : TwinScene
     folder : Path or None
         Gets the maps as `save_ground_truth` writes them; they are memory-mapped then. None: they are in memory.
     progress : callable or None

@@ -57,7 +57,6 @@ def scan_scene(
     white_value : (3,) float64 or None
         Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
         taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
-    sampling : Sampling
 
     Raises
     ------

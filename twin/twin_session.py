@@ -45,7 +45,6 @@ def write_session(
     ----------
     folder : Store
         Gets session.toml, flash/<name>.png (or .dng, .exr), lights.json with its text forms, mask.png and truth.npy.
-    frames : Frames
     lights : Lights
         Of the same names, in the same order.
     mask : (H, W) bool

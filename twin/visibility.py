@@ -29,16 +29,10 @@ class Sight:
     def rows(self, rows: slice, columns: slice) -> Iterator[tuple[slice, NDArray[np.int64], Array, Array]]:
         """Yield bands of a box of the picture.
 
-        Yields
-        ------
-        band : slice
-            Rows of the picture.
-        face : (h, w) int64
-            The triangle that each pixel's centre sees, -1 if none.
-        weights : (h, w, 3) float64
-            Barycentric, of the triangle's corners.
-        points : (h, w, 3) float64
-            Where, mm; not finite where nothing is seen.
+        band: Rows of the picture.
+        face (h, w): The triangle that each pixel's centre sees, -1 if none.
+        weights (h, w, 3): Barycentric, of the triangle's corners.
+        points (h, w, 3): Where, mm; not finite where nothing is seen.
         """
         for start in range(rows.start, rows.stop, 64):
             band = slice(start, min(start + 64, rows.stop))
@@ -86,12 +80,8 @@ class Sight:
     def hidden(self, points: Array, normals: Array, toward: Array, end: Array | None) -> NDArray[np.bool_]:
         """Return (P,) whether something stands between points and a light.
 
-        Parameters
-        ----------
-        points, normals, toward : (P, 3) float64
-            On the mesh; of the face, on the side of the light; unit, toward the light.
-        end : (3,) float64 or None
-            Where a near light stands.
+        points, normals, toward (P, 3): On the mesh; of the face, on the side of the light; unit, toward the light.
+        end (3,): Where a near light stands.
         """
         origins = points + 1e-4 * self._reach * (normals + toward)
         far = np.full(len(points), np.inf)

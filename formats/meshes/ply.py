@@ -33,10 +33,7 @@ class _Element:
 def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return vertices (V, 3) and triangles (T, 3), in the file's unit; polygons become fans.
 
-    Raises
-    ------
-    AlignError
-        The file is no PLY, ends early, is a range grid, or has no vertex positions.
+    Raises AlignError: The file is no PLY, ends early, is a range grid, or has no vertex positions.
     """
     with reading(path, "cannot be read", AlignError):
         data = path.read_bytes()

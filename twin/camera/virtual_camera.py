@@ -42,7 +42,6 @@ class Sensor:
         Standard deviation of the read-out before the signal is amplified, electrons: the same at every ISO.
     adc_noise_dn : float
         Standard deviation of what the converter adds behind the amplifier, DN: fewer electrons the higher the ISO.
-    iso : float
     black_level, white_level : int
         DN of no light, and of a full well: nothing above is recorded. 16383: 14 bits.
     blur_px : float
@@ -124,7 +123,6 @@ def expose(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDA
     ----------
     linear_rgb : (H, W, 3) float
         Linear sRGB; 1.0 fills the green pixels. Values above 1 bleed through the lens' blur before they are clipped.
-    sensor : Sensor
     rng : numpy Generator
         The noise; a seed gives the same photograph again.
 

@@ -30,7 +30,6 @@ class TwinObject:
 
     Parameters
     ----------
-    name : str
     mesh : ObjectMesh
         In its own frame.
     material : str
@@ -83,7 +82,6 @@ class Sampling:
 
     Parameters
     ----------
-    engine : {"auto", "direct", "many", "mitsuba"}
     samples : int or None
         A pixel; None: left to the engine.
     max_depth : int
@@ -104,16 +102,10 @@ class TwinScene:
 
     Parameters
     ----------
-    camera : Camera
-    objects : tuple of TwinObject
-    materials : mapping of str to Material
     lights : Lights
         N, all distant or all near. Not necessarily of mean intensity 1: the intensities are what they are.
     radii_mm : (N,) float64
         Of near lights that are discs toward the reference point; 0 for points.
-    environment : Environment
-    sampling : Sampling
-    name : str
     sensor : Sensor or None
         Of the virtual camera that photographs the rendered frames. None: they are kept as they are.
     files : {"png", "dng", "exr"} or None

@@ -31,7 +31,6 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
 
     Parameters
     ----------
-    scene : TwinScene
     folder : Path
         Gets scene.toml, meshes/, textures/, and copies of measured materials.
 

@@ -43,14 +43,9 @@ def put(table, cell_of_slot, keys, first):
 def add_weighted(radiance, cells, weights, owners, out):
     """Add weight times radiance of each sample's cell to what its owner has.
 
-    Parameters
-    ----------
-    radiance : (C, 3, F) float32
-    cells : (S,) int32
-        Negative: none.
-    weights : (S, 3) float32
-    owners : (S,) int32
-    out : (O, 3, F) float32
+    radiance (C, 3, F).
+    cells (S,): Negative: none.
+    weights (S, 3); owners (S,); out (O, 3, F).
     """
     frames = radiance.shape[2]
     for i in range(len(cells)):

@@ -31,7 +31,6 @@ class Direct:
     ----------
     scene : mi.Scene
         Shapes and materials, mm, camera frame. Emitters of its own are not rendered.
-    film : Film
     lights : Lights
         Distant, or points; see `Flashes` for the units.
     error : float
@@ -42,7 +41,6 @@ class Direct:
     ----------
     tolerance : float
         Second difference, of a frame's brightness, that asks for about one sample; from a pilot rendering.
-    predicted_error : float
     samples_per_pixel : float
         Camera samples a pixel and light, mean, as the pilot predicts.
     """

@@ -23,12 +23,10 @@ class Choice:
 
     Parameters
     ----------
-    engine : {"direct", "many", "mitsuba"}
     error : float
         That was asked for: see `Pilot`.
     samples : int
         Paths a pixel of `many`, or of `mitsuba` for each light.
-    reason : str
     pilot : Pilot or None
         The evidence; None: no pilot was run.
     """
@@ -53,7 +51,6 @@ def choose_engine(scene: TwinScene, film: Film) -> Choice:
 
     Parameters
     ----------
-    scene : TwinScene
     film : Film
         What will be rendered; the pilot is a small picture of the same view.
     """

@@ -43,8 +43,6 @@ def give_memory_back() -> None:
 class Flashes:
     """Flashes as Mitsuba arrays.
 
-    Notes
-    -----
     Pixel values are those of `TwinScene`: a flash of intensity 1 gives the irradiance pi (times white_value / 0.8 where
     that is given) on what faces it at the lights' reference point. Near flashes are points.
     """
@@ -65,16 +63,8 @@ class Flashes:
     def reflected(self, scene: Any, surface: Any, bsdf: Any, index: Any, active: Any, *, coherent: bool) -> Any:
         """Return the radiance that flash `index` sends by way of `surface` toward where its ray came from.
 
-        Parameters
-        ----------
-        scene, surface, bsdf : mi.Scene, mi.SurfaceInteraction3f, mi.BSDFPtr
-        index : mi.UInt32
-        active : mi.Bool
-        coherent : bool
-            Whether neighbouring lanes' shadow rays run side by side.
+        coherent: Whether neighbouring lanes' shadow rays run side by side.
 
-        Notes
-        -----
         E f(wi, wo) cos, black where the flash is behind the surface (no ray is traced) or hidden.
         """
         import drjit as dr
@@ -108,13 +98,8 @@ class Flashes:
 def camera_rays(mi: Any, film: Film, x: Any, y: Any, above_mm: float) -> Any:
     """Return the rays of positions in the film's box, as `Camera.rays` gives them, by way of the lens.
 
-    Parameters
-    ----------
-    film : Film
-    x, y : mi.Float
-        Columns and rows of the box, integers are pixel centres.
-    above_mm : float
-        Orthographic: the z that the rays start from.
+    x, y: Columns and rows of the box, integers are pixel centres.
+    above_mm: Orthographic: the z that the rays start from.
     """
     import drjit as dr
 

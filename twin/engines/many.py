@@ -26,15 +26,9 @@ FIRST_LOOK = 1 << 19
 class Indirect:
     """Light that meets two surfaces or more on its way from a flash to the camera.
 
-    Parameters
-    ----------
-    scene, film, lights
-        As in `Direct`.
-    samples : int
-        Paths a pixel; rounded to what a jittered grid can hold.
-    max_depth : int
-        3: light meets two surfaces; 4: three; and so on.
-    seed : int
+    scene, film, lights: As in `Direct`.
+    samples: Paths a pixel; rounded to what a jittered grid can hold.
+    max_depth: 3: light meets two surfaces; 4: three; and so on.
     """
 
     def __init__(

@@ -31,8 +31,6 @@ LEAST_WEIGHT = 0.2
 def bsdf(material: Material) -> dict[str, Any]:
     """Return Mitsuba's description of a material, both sides alike.
 
-    Notes
-    -----
     A texture is {"type": "bitmap", "data": array, ...}. Subsurface scattering is Mitsuba's `mask` over a null boundary:
     see `twin.description.materials.Subsurface`; `medium` gives what lies within.
     """

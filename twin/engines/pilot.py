@@ -34,19 +34,12 @@ class Pilot:
 
     Errors are root mean squares over the film's box, over the frames' mean brightness where anything is seen.
 
-    Parameters
-    ----------
-    pixels : int
-    onward : float
-        Light that met more than one surface.
-    disagreement : float
-        Between the mean of blocks of pixels by the engines `direct` and `many` and by stock Mitsuba.
-    direct : tuple of (float, float)
-        Errors of `direct` for the light that comes straight from the flashes, and seconds; one for each of TRIED.
-    spread, noise : float
-        Variance of `many`'s onward light and of stock Mitsuba, with PILOT_SAMPLES, over the mean squared.
-    onward_s, stock_s : float
-        Seconds of the whole stack with PILOT_SAMPLES. All seconds are of the whole film, compiling not counted.
+    onward: Light that met more than one surface.
+    disagreement: Between the mean of blocks of pixels by the engines `direct` and `many` and by stock Mitsuba.
+    direct: Errors of `direct` for the light that comes straight from the flashes, and seconds; one for each of TRIED.
+    spread, noise: Variance of `many`'s onward light and of stock Mitsuba, with PILOT_SAMPLES, over the mean squared.
+    onward_s, stock_s: Seconds of the whole stack with PILOT_SAMPLES. All seconds are of the whole film, compiling not
+        counted.
     """
 
     pixels: int
@@ -77,8 +70,6 @@ class Pilot:
     def curves(self, error: float) -> Curves:
         """Return (error, seconds) of each engine at some settings, the most exact last.
 
-        Notes
-        -----
         `direct` cannot be more exact than what it leaves out; `many`'s error has both parts; stock Mitsuba's falls with
         the root of its samples.
         """

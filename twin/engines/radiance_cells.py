@@ -32,16 +32,10 @@ BOUNCES = 4
 class Hits:
     """Where rays that leave a surface meet the next one.
 
-    Parameters
-    ----------
-    keys : (S,) int64
-        Of the cell; NOWHERE if there is none.
-    weights : (S, 3) float32
-        BRDF times cosine over the density that the direction was drawn with.
-    origins, directions : (S, 3) float32
-        The rays.
-    glossy : (S,) bool
-        What is met there sends light on by its direction.
+    keys (S,): Of the cell; NOWHERE if there is none.
+    weights (S, 3): BRDF times cosine over the density that the direction was drawn with.
+    origins, directions (S, 3): The rays.
+    glossy (S,): What is met there sends light on by its direction.
     """
 
     keys: NDArray[np.int64]
@@ -58,10 +52,7 @@ class Hits:
 class RadianceCells:
     """The cells of a scene that have been met so far.
 
-    Parameters
-    ----------
-    bounces : int
-        How often light is sent on after the first surface that it meets and before the one that the camera sees.
+    bounces: How often light is sent on after the first surface that it meets and before the one that the camera sees.
     """
 
     def __init__(self, mi: Any, scene: Any, flashes: Flashes, *, bounces: int, seed: int = 0) -> None:

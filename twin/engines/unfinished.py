@@ -20,20 +20,11 @@ NOTES = "rendering.json"
 class Unfinished:
     """Arrays that are being filled piece by piece.
 
-    Parameters
-    ----------
-    folder : Path or None
-        Where they lie meanwhile; emptied, unless it holds the same rendering. None: in memory, and lost with the run.
-    mark : str
-        What tells this rendering from any other; a `scene.current.fingerprint`.
-
-    Attributes
-    ----------
-    notes : dict or None
-        What `begin` was given; None: nothing was begun.
-    done : set of int
-        Pieces that are in the arrays.
-    arrays : dict of str to array
+    folder: Where they lie meanwhile; emptied, unless it holds the same rendering. None: in memory, and lost with the
+        run.
+    mark: What tells this rendering from any other; a `scene.current.fingerprint`.
+    notes: What `begin` was given; None: nothing was begun.
+    done: Pieces that are in the arrays.
     """
 
     def __init__(self, folder: Path | None, mark: str = "") -> None:

@@ -31,14 +31,9 @@ FREEDOM = 4.0
 class Fit:
     """One model, fitted.
 
-    Parameters
-    ----------
-    surface : Coat
-    strength : (3,) float64
-        Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where that is
-        unknown).
-    parameters : int
-        Beside the albedo.
+    strength (3,): Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where
+        that is unknown).
+    parameters: Beside the albedo.
     """
 
     surface: Coat
@@ -49,15 +44,9 @@ class Fit:
 class CoatSearch:
     """The best coat on samples.
 
-    Parameters
-    ----------
-    samples : Samples
-    white : (3,) float64 or None
-        Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
-    bare : bool
-        Whether part of the body may lie bare; else the coat covers all.
-    about : Fit or None
-        Where the search starts; None: everywhere.
+    white (3,): Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
+    bare: Whether part of the body may lie bare; else the coat covers all.
+    about: Where the search starts; None: everywhere.
     """
 
     def __init__(self, samples: Samples, white: Array | None, *, bare: bool, about: Fit | None = None) -> None:

@@ -112,17 +112,9 @@ def onward_light(
     What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more
     noise into the samples than they take out.
 
-    Parameters
-    ----------
-    samples, fit, mesh, pose, camera, lights
-        As the fit had them.
-    albedo : (P, 3) float32
-        Of the samples.
-
-    Raises
-    ------
-    RenderError
-        No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
+    samples, fit, mesh, pose, camera, lights: As the fit had them.
+    albedo (P, 3): Of the samples.
+    Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
     from twin.engines.flash_shading import give_memory_back, import_mitsuba
     from twin.engines.many import Indirect

@@ -18,13 +18,8 @@ LIGHTS_TOGETHER = 6
 class Noise:
     """Variance of a sample: constant + photons v + share^2 v^2 + tilt^2 slope^2 at the value v.
 
-    Parameters
-    ----------
-    constant, photons : float
-    share : float
-        Of the value.
-    tilt_deg : float
-        Of the normals, one axis.
+    share: Of the value.
+    tilt_deg: Of the normals, one axis.
     """
 
     constant: float
@@ -73,14 +68,8 @@ def noise_of(
 def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:
     """Return by how much neighbouring pixels and lights that err together count too often, 1 or more.
 
-    Parameters
-    ----------
-    samples : Samples
-    residual : (P, F, 3) float32
-        Over its standard deviation; 0 where unused.
+    residual (P, F, 3): Over its standard deviation; 0 where unused.
 
-    Notes
-    -----
     Variance of a block's sum over the sum of its variances: blocks of neighbouring pixels under neighbouring lights,
     the largest found over several sizes. Channels are averaged first.
     """

@@ -36,14 +36,9 @@ CLEAR = 10.0
 class Places:
     """What is where.
 
-    Parameters
-    ----------
-    fits : tuple of 1 or 2 MaterialFit
-        The one of the most pixels first.
-    labels : (P,) int
-        Which of them each of the samples' pixels is of.
-    evidence : str
-        Why there are so many.
+    fits: The one of the most pixels first.
+    labels (P,): Which of them each of the samples' pixels is of.
+    evidence: Why there are so many.
     """
 
     fits: tuple[MaterialFit, ...]
@@ -78,15 +73,8 @@ class Places:
 def material_places(samples: Samples, lights: Lights, whole: MaterialFit) -> Places:
     """Return one material or two.
 
-    Parameters
-    ----------
-    samples : Samples
-    lights : Lights
-    whole : MaterialFit
-        Of all samples. An object that is matte as a whole is not divided.
+    whole: Of all samples. An object that is matte as a whole is not divided.
 
-    Notes
-    -----
     First, of all pairs of a roughness and a strength, the two that leave least if every block of pixels takes the
     better of both. Then, in turn, labels (`Neighbours.cut`: the least sum of the pixels' deviances, over the
     samples' inflation, and the border's description) and a fit of each place to its own pixels. One noise for both

@@ -29,15 +29,9 @@ TELLING = 0.25
 class Part:
     """One cause of the residual, let free.
 
-    Parameters
-    ----------
-    explains : float
-        Share of the squared residual that goes, the freedom it takes allowed for; 0 if none.
-    size : float
-        Root mean square of what was found, in `unit`.
-    unit : str
-    expected : float
-        Relative RMSE that the calibration's own sigma would leave; NaN where it tells none.
+    explains: Share of the squared residual that goes, the freedom it takes allowed for; 0 if none.
+    size: Root mean square of what was found, in `unit`.
+    expected: Relative RMSE that the calibration's own sigma would leave; NaN where it tells none.
     """
 
     explains: float
@@ -50,14 +44,9 @@ class Part:
 class Residual:
     """Relative RMSE: root of the squared residuals' sum over the squared values', usable samples, all channels.
 
-    Parameters
-    ----------
-    whole : float
-    per_frame : (F,) float64
-        NaN of a frame without samples.
-    parts : dict of str to Part
-        Each let free alone: `direction`, `intensity`, `ambient`, `registration` (pose), `normals` (each pixel's own),
-        `highlights` (a coat of any shape), `body` (any law of the light's angle); they overlap and do not add up.
+    per_frame (F,): NaN of a frame without samples.
+    parts: Each let free alone: `direction`, `intensity`, `ambient`, `registration` (pose), `normals` (each pixel's
+        own), `highlights` (a coat of any shape), `body` (any law of the light's angle); they overlap and do not add up.
     """
 
     whole: float
@@ -87,8 +76,6 @@ class Residual:
 def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Residual:
     """Return what a fit leaves, and what explains it.
 
-    Notes
-    -----
     The prediction's change for each nuisance, linearised, is fitted to the residual by plain least squares, with each
     pixel's albedo free all along (eliminated, as in the fit).
     """

@@ -40,28 +40,17 @@ BESIDE_PX = np.array([[0.0, 0.0], [1.5, 0.0], [-0.75, 1.3], [-0.75, -1.3]])
 class Samples:
     """P pixels under F lights.
 
-    Parameters
-    ----------
-    rows, columns : (P,) int
-    points, normals, views : (P, 3) float32
-        Camera frame, mm; unit; unit, toward the camera.
-    toward : (P, F, 3) float32
-        Unit, toward each light.
-    irradiance : (P, F, 3 channels) float32
-        Intensity times fall-off, on what faces the light.
-    values : (P, F, 3) float32
-        Linear; the ambient frame, if there is one, is subtracted.
-    usable : (P, F) bool
-        Not clipped, in no shadow nor near one's border, not too dim.
-    lit : (P, F) bool
-        As `usable`, but however dim, and False only where the light is behind, hidden, or at a shadow's border.
-    clipped : (P, F) bool
-    slopes : (P, 2, 3) float32
-        The normals' change for one pixel to the right, and one down.
-    spread : (P,) float32
-        Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
-    pixel_share : float
-        P over the number of pixels that might have been taken.
+    rows, columns (P,).
+    points, normals, views (P, 3): Camera frame, mm; unit; unit, toward the camera.
+    toward (P, F, 3): Unit, toward each light.
+    irradiance (P, F, 3 channels): Intensity times fall-off, on what faces the light.
+    values (P, F, 3): Linear; the ambient frame, if there is one, is subtracted.
+    usable (P, F): Not clipped, in no shadow nor near one's border, not too dim.
+    lit (P, F): As `usable`, but however dim, and False only where the light is behind, hidden, or at a shadow's border.
+    clipped (P, F).
+    slopes (P, 2, 3): The normals' change for one pixel to the right, and one down.
+    spread (P,): Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
+    pixel_share: P over the number of pixels that might have been taken.
     """
 
     rows: NDArray[np.intp]
@@ -103,25 +92,13 @@ def samples_of_scan(
 ) -> Samples:
     """Return samples of a registered scan, without those in its cast shadows.
 
-    Parameters
-    ----------
-    frames, lights, camera
-        `lights`: near or distant, calibrated.
-    mask : (H, W) bool
-        The object.
-    mesh, pose
-        The scan, mm; camera_from_scan.
-    normals : (H, W, 3) float32, optional
-        Where they are better known than by the mesh's vertices; NaN: not taken.
-    most : int
-        Pixels.
-    seed : int
-        Which ones.
-
-    Raises
-    ------
-    RenderError
-        Fewer than `FEWEST` pixels are left.
+    frames, lights, camera: `lights`: near or distant, calibrated.
+    mask (H, W): The object.
+    mesh, pose: The scan, mm; camera_from_scan.
+    normals (H, W, 3): Where they are better known than by the mesh's vertices; NaN: not taken.
+    most: Pixels.
+    seed: Which ones.
+    Raises RenderError: Fewer than `FEWEST` pixels are left.
     """
     rows, columns, share = _chosen(mask, normals, most, seed)
     surface = ScanSurface(camera, mesh, pose, normals)

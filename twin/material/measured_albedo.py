@@ -24,19 +24,12 @@ SPLIT_PX = 0.1
 class Surface:
     """A mesh in the camera frame with a texture.
 
-    Parameters
-    ----------
-    vertices, normals : (V, 3) float64
-        Normals: the mesh's vertex normals, or a mean of them at added vertices (then shorter than 1: interpolating
-        gives what interpolating the original mesh would).
-    faces : (T, 3) int64
-    texcoords : (V, 2) float64
-        (s, t) in the texture, 0 to 1, t down.
-    texture : (h, w, 3) float32
-        Reflectance. The last rows hold the median, for what the camera does not see.
-    scale : (3,) float64
-        Reflectance = pixel value * scale.
-    warnings : tuple of str
+    vertices, normals (V, 3): Normals: the mesh's vertex normals, or a mean of them at added vertices (then shorter than
+        1: interpolating gives what interpolating the original mesh would).
+    faces (T, 3).
+    texcoords (V, 2): (s, t) in the texture, 0 to 1, t down.
+    texture (h, w, 3): Reflectance. The last rows hold the median, for what the camera does not see.
+    scale (3,): Reflectance = pixel value * scale.
     """
 
     vertices: Array
@@ -53,22 +46,11 @@ def textured_surface(
 ) -> Surface:
     """Return the mesh, given in the camera frame, with the measured albedo upon it.
 
-    Parameters
-    ----------
-    albedo : (H, W, 3) float
-        Pixel value under a light of intensity 1 along the normal; NaN where unknown.
-    white_value : (3,) float64 or None
-        The same of the white ball.
-    rows, columns : slice
-        The box of the picture that holds the mesh.
+    albedo (H, W, 3): Pixel value under a light of intensity 1 along the normal; NaN where unknown.
+    white_value (3,): The same of the white ball.
+    rows, columns: The box of the picture that holds the mesh.
+    Raises RenderError: The albedo is unknown or black wherever the mesh is.
 
-    Raises
-    ------
-    RenderError
-        The albedo is unknown or black wherever the mesh is.
-
-    Notes
-    -----
     reflectance = albedo / white_value * 0.8, cut to 0 .. 0.98. Faces that the camera does not see get the median.
     """
     warnings: list[str] = []

@@ -23,18 +23,10 @@ def albedo_at_the_surface(
     A near light is brighter where the surface stands out of that plane, which a solver that knows no depth takes for
     albedo: 12 % for 60 mm at a metre.
 
-    Parameters
-    ----------
-    albedo : (H, W, 3) float32
-    measured_at_depth_mm : float
-    mesh : Mesh
-        In the camera frame.
-    lights : Lights
-    rows, columns : slice
-        The box of the picture that holds the mesh; elsewhere the albedo stays.
+    albedo (H, W, 3).
+    mesh: In the camera frame.
+    rows, columns: The box of the picture that holds the mesh; elsewhere the albedo stays.
 
-    Notes
-    -----
     With a = v(plane) . n, b = v(surface) . n over the lights that light the pixel, least squares on I = true b found
     fitted = true sum(a b) / sum(a^2); so true = fitted sum(a^2) / sum(a b).
     """

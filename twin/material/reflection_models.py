@@ -26,18 +26,11 @@ FACETS = 48
 class Coat:
     """A rough dielectric surface over a matte body [Walter2007].
 
-    Parameters
-    ----------
-    roughness : float
-        alpha of the GGX distribution.
-    index : float
-        Of refraction.
-    transmittance : (NODES,) float64
-        Share of the light that gets through, at cosines 0 to 1.
-    body : float
-        Factor on the body's light: 1 / (index^2 (1 - R)), R the coat's diffuse reflectance from within.
-    covered : float
-        Share of the body's light that passes it.
+    roughness: alpha of the GGX distribution.
+    index: Of refraction.
+    transmittance (NODES,): Share of the light that gets through, at cosines 0 to 1.
+    body: Factor on the body's light: 1 / (index^2 (1 - R)), R the coat's diffuse reflectance from within.
+    covered: Share of the body's light that passes it.
     """
 
     roughness: float
@@ -117,8 +110,6 @@ def _fresnel(cosine: Array, index: float) -> Array:
 def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body, covered):
     """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
 
-    Notes
-    -----
     Body: cos_l (1 - covered + covered T(l) T(v) / (index^2 (1 - R))); coat: pi F D G / (4 cos_v), G by Smith, each
     direction apart. The matte coat (index 1) has the body cos_l and no coat.
     """

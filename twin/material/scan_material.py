@@ -28,23 +28,15 @@ MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
 class ScanMaterial:
     """What a scanned object is made of.
 
-    Parameters
-    ----------
-    fit : MaterialFit
-        Of the whole object, as if it were of one material.
-    places : Places
-        One material, the same, or two.
-    labels : (H, W) int8
-        Which of them a pixel of the mask is of; -1 beyond.
-    residual : Residual
-        Of `places`.
-    onward : float
-        Light by way of other parts of the object, that was subtracted: root mean square over that of the values. 0
+    fit: Of the whole object, as if it were of one material.
+    places: One material, the same, or two.
+    labels (H, W): Which of them a pixel of the mask is of; -1 beyond.
+    residual: Of `places`.
+    onward: Light by way of other parts of the object, that was subtracted: root mean square over that of the values. 0
         where it could not be rendered.
-    albedo : (H, W, 3) float32
-        Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN where unknown.
-    trouble : tuple of str
-        What went wrong on the way.
+    albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
+        where unknown.
+    trouble: What went wrong on the way.
     """
 
     fit: MaterialFit
