@@ -15,13 +15,13 @@ from scene.errors import RenderError
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
+from scene.rays import RayCaster
 from twin.description.description import WHITE_BALL_ALBEDO, Sampling, TwinObject, TwinScene
 from twin.description.materials import Diffuse, Texture
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.film import film_for
 from twin.material.measured_albedo import textured_surface
 from twin.material.measured_depth import albedo_at_the_surface
-from twin.visibility import inside
 
 
 def scan_scene(
@@ -112,8 +112,9 @@ def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:
 def _check_lights_are_outside(mesh: Mesh, lights: Lights) -> None:
     if lights.positions_mm is None:
         return
-    for name, position in zip(lights.names, lights.positions_mm, strict=True):
-        if inside(mesh, position[None])[0]:
+    within = RayCaster(mesh).inside(lights.positions_mm)
+    for name, position, is_inside in zip(lights.names, lights.positions_mm, within, strict=True):
+        if is_inside:
             raise RenderError(
                 f"light {name} at {np.round(position, 1)} mm lies inside the object ({mesh.radius_mm:.0f} mm about "
                 f"{np.round(mesh.center_mm, 1)}), and lights nothing. Check the balls' diameter_mm and scan_unit."

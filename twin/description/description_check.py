@@ -4,11 +4,11 @@ import numpy as np
 
 from scene.errors import RenderError
 from scene.mesh import Mesh
+from scene.rays import RayCaster
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import VERTEX, Material, Texture
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_materials import material_faults
-from twin.visibility import inside
 
 
 def check_scene(scene: TwinScene) -> None:
@@ -61,7 +61,7 @@ def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
         )
     if one.mesh.colours is None and VERTEX in [value for value in values if isinstance(value, str)]:
         faults.append(f"{key}.material: {one.material!r} takes the vertices' colours, but {one.name!r} has none.")
-    if getattr(material, "subsurface", None) is not None and not _is_closed(one.mesh):
+    if getattr(material, "subsurface", None) is not None and not _welded(one.mesh).is_closed:
         faults.append(
             f"{key}.material: {one.material!r} scatters below the surface, but the mesh of {one.name!r} is not closed: "
             "there is no inside. Close its holes, or leave subsurface out."
@@ -79,12 +79,6 @@ def _welded(mesh: ObjectMesh) -> Mesh:
     return Mesh(mesh.vertices[first], faces[whole])
 
 
-def _is_closed(mesh: ObjectMesh) -> bool:
-    """Return whether every edge has two faces."""
-    edges = np.sort(_welded(mesh).faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
-
-
 def _light_faults(scene: TwinScene) -> list[str]:
     faults, lights = [], scene.lights
     arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
@@ -97,7 +91,7 @@ def _light_faults(scene: TwinScene) -> list[str]:
     if lights.positions_mm is None or faults:
         return faults
     for one in scene.objects:
-        within = inside(_welded(one.placed), lights.positions_mm)
+        within = RayCaster(_welded(one.placed)).inside(lights.positions_mm)
         faults += [
             f"lights {lights.names[i]}: at {np.round(lights.positions_mm[i], 1)} mm, inside {one.name!r}, it lights "
             "nothing. Move it."

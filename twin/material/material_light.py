@@ -80,7 +80,7 @@ def _face_labels(mesh: ObjectMesh, camera: Camera, labels: NDArray[np.int8], cou
     votes = np.zeros((len(mesh.faces), count), np.intp)
     labelled = np.flatnonzero((labels >= 0).any(1))
     box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, camera.width)
-    for rows, face, _, _ in Sight(mesh.vertices, mesh.faces, camera).rows(*box):
+    for rows, face, _, _ in Sight(Mesh(mesh.vertices, mesh.faces), camera).rows(*box):
         hit = (face >= 0) & (labels[rows] >= 0)
         np.add.at(votes, (face[hit], labels[rows][hit]), 1)
     seen = votes.sum(1) > 0

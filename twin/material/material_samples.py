@@ -111,7 +111,7 @@ class ScanSurface:
     def __init__(self, camera: Camera, mesh: Mesh, pose: Pose, normals: Image | None) -> None:
         self._camera, self._normals = camera, normals
         self._placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
-        self._sight = Sight(self._placed.vertices, mesh.faces, camera)
+        self._sight = Sight(self._placed, camera)
 
     def samples(self, frames: Frames, lights: Lights, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Samples:
         """Return the samples of those of the pixels (P,) that can be used."""
@@ -138,7 +138,8 @@ class ScanSurface:
         found, views, points, slopes = (a[keep] for a in (found, views, points, slopes))
         behind = np.zeros((len(rows), len(lights)), bool)
         for look in looks:
-            behind |= _hidden(sight, look[0][keep], look[2][keep], lights)
+            flat = self._placed.face_normals[look[0][keep]]
+            behind |= np.logical_or(*sight.shadows(look[2][keep], flat, flat, lights))
         return _read(frames, lights, rows, columns, points, found, views, behind, slopes)
 
 
@@ -203,19 +204,6 @@ def _slopes(normals: Image, rows: NDArray[np.intp], columns: NDArray[np.intp]) -
     across = normals[rows, np.minimum(columns + 1, right)] - normals[rows, np.maximum(columns - 1, 0)]
     down = normals[np.minimum(rows + 1, low), columns] - normals[np.maximum(rows - 1, 0), columns]
     return np.stack([across, down], 1).astype(np.float64) / 2
-
-
-def _hidden(sight: Sight, face: NDArray[np.int64], points: Any, lights: Lights) -> NDArray[np.bool_]:
-    """Return (P, F): the light is behind the face, or something stands before it."""
-    out = np.zeros((len(points), len(lights)), bool)
-    flat = sight.face_normals(face)
-    for index in range(len(lights)):
-        end = None if lights.positions_mm is None else lights.positions_mm[index]
-        toward = np.broadcast_to(lights.directions[index], points.shape) if end is None else unit(end - points)
-        faces_it = np.sum(flat * toward, 1) > 0
-        out[:, index] = ~faces_it
-        out[faces_it, index] = sight.hidden(points[faces_it], flat[faces_it], toward[faces_it], end)
-    return out
 
 
 def _read(

@@ -85,7 +85,7 @@ def textured_surface(
     texcoords = (pixels + 0.5) / [width, height + 3]
     # Points outside the picture, or behind the camera, are not seen; a number must stand there all the same.
     texcoords = np.clip(np.nan_to_num(texcoords), 0, [1, (height + 0.5) / (height + 3)])
-    seen = Sight(vertices, faces, camera).seen_faces(rows, columns)
+    seen = Sight(Mesh(vertices, faces), camera).seen_faces(rows, columns)
     hidden = faces[~seen]
     used, local = np.unique(hidden, return_inverse=True)
     faces = np.concatenate([faces[seen], local.reshape(-1, 3) + len(vertices)])

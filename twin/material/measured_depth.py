@@ -31,7 +31,7 @@ def albedo_at_the_surface(
     fitted = true sum(a b) / sum(a^2); so true = fitted sum(a^2) / sum(a b).
     """
     out = np.array(albedo, np.float32)
-    for band, face, weights, points in Sight(mesh.vertices, mesh.faces, camera).rows(rows, columns):
+    for band, face, weights, points in Sight(mesh, camera).rows(rows, columns):
         seen = face >= 0
         if not seen.any():
             continue
