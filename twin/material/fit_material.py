@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.description.description import WHITE_BALL_ALBEDO
-from twin.material.coat_search import FREEDOM, ROUGHEST, SMOOTHEST, CoatSearch, Fit, everywhere
+from twin.material.coat_search import ROUGHEST, SMOOTHEST, CoatSearch, Fit
 from twin.material.material_kernels import predicted
-from twin.material.material_noise import Noise
+from twin.material.material_noise import Noise, deviances, student_weights
 from twin.material.material_samples import Samples
 from twin.material.reflection_models import INDEX, Coat, matte
 
@@ -130,12 +130,9 @@ def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) 
 
 
 def _deviance(samples: Samples, fit: Fit, variance: NDArray[np.float32]) -> float:
-    """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant of the variance."""
+    """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant."""
     weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
     for _ in range(3):
-        values = predicted(samples, weights, fit.surface, everywhere(samples, fit.strength))[0]
-        square = (samples.values - values) ** 2 / variance
-        robust = (FREEDOM + 1) / (FREEDOM + square)
-        weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
-    # Three channels err together: they count as one sample.
-    return float(np.sum((FREEDOM + 1) * np.log1p(square / FREEDOM).mean(-1)[samples.usable], dtype=np.float64))
+        values = predicted(samples, weights, fit.surface, fit.strength)[0]
+        weights = student_weights(samples, values, variance)
+    return float(deviances(samples, values, variance).sum())

@@ -12,6 +12,8 @@ SOME = 20_000
 CELLS = (4, 16, 64)
 """Pixels to a block, of those that are tried."""
 LIGHTS_TOGETHER = 6
+FREEDOM = 4.0
+"""Of Student's t: how far a sample may lie off."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +65,19 @@ def noise_of(
     return Noise(
         float(max(found[0], floor)), float(found[1]), float(np.sqrt(found[2])), float(np.degrees(np.sqrt(found[3])))
     )
+
+
+def student_weights(samples: Samples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float32]:
+    """Return (P, F, 3): 1 / variance, times Student's (nu + 1) / (nu + residual^2 / variance); 0 where unusable."""
+    robust = (FREEDOM + 1) / (FREEDOM + (samples.values - values) ** 2 / variance)
+    return np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
+
+
+def deviances(samples: Samples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float64]:
+    """Return (P,) -2 log likelihood, up to a constant; the three channels err together and count as one sample."""
+    square = (samples.values - values) ** 2 / variance
+    each = (np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)).mean(-1)
+    return np.sum(np.where(samples.usable, each, 0), 1, dtype=np.float64)
 
 
 def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:

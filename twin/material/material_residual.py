@@ -80,8 +80,7 @@ def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Res
     pixel's albedo free all along (eliminated, as in the fit).
     """
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
-    strength = np.broadcast_to(fit.strength, (len(samples), 3))
-    values, _, _ = predicted(samples, weights, fit.surface, strength)
+    values, _, _ = predicted(samples, weights, fit.surface, fit.strength)
     square = np.where(samples.usable, np.sum((samples.values - values).astype(np.float64) ** 2, -1), 0)
     bright = np.where(samples.usable, np.sum(samples.values.astype(np.float64) ** 2, -1), 0)
     with np.errstate(invalid="ignore"):
@@ -94,7 +93,7 @@ def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Res
 def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple[str, Part]]:
     usable = samples.usable[..., None]
     weights = np.repeat(usable, 3, -1).astype(np.float32)
-    values, _, albedo = predicted(samples, weights, fit.surface, np.broadcast_to(fit.strength, (len(samples), 3)))
+    values, _, albedo = predicted(samples, weights, fit.surface, fit.strength)
     light = np.where(usable, samples.irradiance, 0).astype(np.float64)
     body, gloss = reflected(fit.surface, samples.normals, samples.views, samples.toward)
     design = light * body[..., None]

@@ -15,6 +15,7 @@ from scene.pose import Pose
 from twin.material.fit_material import MaterialFit, fit_material
 from twin.material.material_kernels import predicted
 from twin.material.material_light import onward_light
+from twin.material.material_noise import student_weights
 from twin.material.material_places import Places, material_places
 from twin.material.material_residual import Part, Residual, material_residual
 from twin.material.material_samples import MOST, Samples, ScanSurface, inner_pixels, samples_of_scan
@@ -128,14 +129,11 @@ def scan_material(
 
 def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of samples of a fitted material."""
-    everywhere = np.broadcast_to(fit.strength, (len(samples), 3))
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
     for _ in range(2):
-        values, slope, _ = predicted(samples, weights, fit.surface, everywhere)
-        variance = np.maximum(fit.noise.variance(values, slope), 1e-12)
-        robust = 5 / (4 + (samples.values - values) ** 2 / variance)
-        weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
-    return predicted(samples, weights, fit.surface, everywhere)[2]
+        values, slope, _ = predicted(samples, weights, fit.surface, fit.strength)
+        weights = student_weights(samples, values, np.maximum(fit.noise.variance(values, slope), 1e-12))
+    return predicted(samples, weights, fit.surface, fit.strength)[2]
 
 
 def _numbers(fit: MaterialFit) -> dict[str, float]:
