@@ -1,6 +1,5 @@
 """Rough plastic in closed form against the renderer's own."""
 
-
 import numpy as np
 import pytest
 

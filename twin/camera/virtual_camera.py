@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
+from twin.description.checked_values import NotNegative, Positive, Three, Whole, checked
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 NO_FILTER = "none"
@@ -29,6 +30,7 @@ _PLACEHOLDER = 34664
 """A tag that nobody uses, next to EXIF's 34665."""
 
 
+@checked
 @dataclass(frozen=True)
 class Sensor:
     """A sensor behind a lens.
@@ -57,17 +59,17 @@ class Sensor:
         Pixel pitch: the DNG's focal-plane resolution.
     """
 
-    full_well_e: float = 40000.0
-    read_noise_e: float = 4.0
-    adc_noise_dn: float = 0.0
-    iso: float = 100.0
-    black_level: int = 512
-    white_level: int = 16383
-    blur_px: float = 0.5
-    vignetting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    full_well_e: Positive = 40000.0
+    read_noise_e: NotNegative = 4.0
+    adc_noise_dn: NotNegative = 0.0
+    iso: Positive = 100.0
+    black_level: Whole = 512
+    white_level: Whole = 16383
+    blur_px: NotNegative = 0.5
+    vignetting: Three = (0.0, 0.0, 0.0)
     cfa: str = "RGGB"
-    neutral: tuple[float, float, float] = (0.58, 1.0, 0.69)
-    pixel_um: float = 5.0
+    neutral: Three = (0.58, 1.0, 0.69)
+    pixel_um: Positive = 5.0
 
     def __post_init__(self) -> None:
         if self.cfa not in (*CFA_PATTERNS, NO_FILTER):

@@ -6,16 +6,18 @@ Everything is in the camera frame and in millimetres. `twin.description.descript
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, Strict
 
 from scene.camera import Camera
 from scene.lights import Lights
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
-from twin.description.materials import Material, Rgb
+from twin.description.checked_values import Count, NotNegative, Number, Rgb, checked, named
+from twin.description.materials import Material
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.film import Film, film_for
 
@@ -49,6 +51,7 @@ class TwinObject:
         return self.mesh.moved(self.matrix)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Environment:
     """Light that stands still: in every frame the same.
@@ -66,9 +69,9 @@ class Environment:
         Radiance from everywhere, added to the map's.
     """
 
-    radiance: NDArray[np.float32] | None = None
-    scale: float = 1.0
-    rotate_deg: float = 0.0
+    radiance: Annotated[NDArray[np.float32] | None, named("picture"), Field(alias="map")] = None
+    scale: NotNegative = 1.0
+    rotate_deg: Number = 0.0
     ambient: Rgb = (0.0, 0.0, 0.0)
 
     @property
@@ -76,6 +79,7 @@ class Environment:
         return self.radiance is None and not any(self.ambient)
 
 
+@checked
 @dataclass(frozen=True)
 class Sampling:
     """How a scene is to be rendered.
@@ -91,9 +95,9 @@ class Sampling:
     """
 
     engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"
-    samples: int | None = None
-    max_depth: int = 3
-    error: float = 0.01
+    samples: Count | None = None
+    max_depth: Annotated[int, Strict(), Field(ge=2)] = 3
+    error: Annotated[float, Strict(), Field(gt=0, lt=1)] = 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,15 +20,14 @@ LARGEST = 1e9
 Array = NDArray[np.float64]
 
 
-def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
+def read_mesh(path: Path) -> ObjectMesh:
     """Read a mesh as it stands in its file: nothing is mended.
 
     Parameters
     ----------
     path : Path
         .ply, .obj, .stl, .off, .glb. Colours of the vertices: whole numbers are sRGB, r, g, b in floating point linear.
-    is_smooth : bool
-        Normals: those of a .ply that has them, else smooth ones; False: every face is flat.
+        Normals: those of a .ply that has them, else smooth ones.
 
     Raises
     ------
@@ -38,10 +37,10 @@ def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
     if not path.is_file():
         raise RenderError(f"{path}: not found.")
     with reading(path, "no mesh can be read", RenderError, do="Export it again, as .ply or .obj."):
-        return _read(path, is_smooth)
+        return _read(path)
 
 
-def _read(path: Path, is_smooth: bool) -> ObjectMesh:
+def _read(path: Path) -> ObjectMesh:
     import trimesh
 
     # A .ply with coordinates at the vertices keeps its vertices' order; one with coordinates at the faces' corners
@@ -64,8 +63,6 @@ def _read(path: Path, is_smooth: bool) -> ObjectMesh:
     uv = getattr(loaded.visual, "uv", None)
     texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64) * [1, -1] + [0, 1]
     colours = _colours(loaded, raw)
-    if not is_smooth:
-        return ObjectMesh(vertices, faces, None, texcoords, colours)
     normals = _columns(raw, ("nx", "ny", "nz"), len(vertices))
     if normals is None:
         return smooth(vertices, faces, texcoords, colours)
