@@ -16,12 +16,10 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.rays import RayCaster
-from twin.description.description import WHITE_BALL_ALBEDO, Sampling, TwinObject, TwinScene
-from twin.description.materials import Diffuse, Texture
-from twin.description.object_mesh import ObjectMesh
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import Diffuse
 from twin.engines.film import film_for
-from twin.material.measured_albedo import textured_surface
-from twin.material.measured_depth import albedo_at_the_surface
+from twin.material.measured_albedo import albedo_at_the_surface, textured_surface
 
 
 def scan_scene(
@@ -77,16 +75,15 @@ def scan_scene(
     white = lights.white_value if white_value is None else white_value
     if albedo_depth_mm is not None and lights.positions_mm is not None:
         albedo = albedo_at_the_surface(albedo, albedo_depth_mm, placed, camera, lights, film.rows, film.columns)
-    surface = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
-    textured = ObjectMesh(surface.vertices, surface.faces, surface.normals, surface.texcoords)
+    textured, texture, white, warnings = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
     scene = TwinScene(
         camera,
         (TwinObject("object", textured, "measured_albedo"),),
-        {"measured_albedo": Diffuse(Texture(surface.texture, "clamp"))},
-        replace(lights, white_value=WHITE_BALL_ALBEDO / surface.scale),
+        {"measured_albedo": Diffuse(texture)},
+        replace(lights, white_value=white),
         sampling=sampling,
     )
-    return scene, surface.warnings
+    return scene, warnings
 
 
 def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:

@@ -69,7 +69,7 @@ VICTIM = f"""
 import sys, time
 from pathlib import Path
 from scene.store import Store
-from twin import layers, many
+from twin.engines import layers, many
 from twin.description.description_file import read_scene
 from twin.engines.render import render_scene, rendering_mark
 layers.VALUES_PER_BAND = {BAND}
@@ -171,6 +171,23 @@ def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
         assert kept.notes is None
         assert not kept.done
         assert not folder.exists()
+
+
+def test_damaged_notes_are_started_anew(tmp_path):
+    """Whatever byte of the notes changes, nothing is taken from them, and nothing is raised."""
+    kept = Unfinished(tmp_path / "left", "a")
+    kept.begin({"engine": "direct", "error": 0.01}, {"codes": ((2, 3), np.uint16, 0)})
+    kept.finished(0)
+    again = Unfinished(tmp_path / "left", "a")
+    assert (again.notes, again.done) == (kept.notes, {0})
+    notes, array = (tmp_path / "left" / name for name in ("rendering.json", "codes.npy"))
+    whole, values = notes.read_bytes(), array.read_bytes()
+    for damaged in (*(whole.replace(byte, b"7") for byte in (b"0", b"d", b":")), whole[:-9], b"[" * 100_000):
+        notes.parent.mkdir(exist_ok=True)
+        notes.write_bytes(damaged)
+        array.write_bytes(values)
+        assert Unfinished(tmp_path / "left", "a").notes is None
+        assert not notes.parent.exists()
 
 
 @pytest.mark.parametrize("engine", ENGINES)

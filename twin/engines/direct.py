@@ -5,7 +5,6 @@ and texture, and there only for the flashes that need them. A sample is one came
 ray and the BRDF's closed form.
 """
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, camera_rays, gathered, import_mitsuba, start_above, tiles
+from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above, tiles
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
 
 VALUES_PER_BAND = 1 << 25
@@ -57,18 +56,11 @@ class Direct:
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
-        return gathered(self._film, self._flashes.count, self.bands())
-
-    def bands(self, values_per_band: int = VALUES_PER_BAND) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-        """Yield (rows of the film's box, (F, rows, w, 3)); the same values whatever the bands' size."""
-        height, width = self._film.size
-        step = max(1, values_per_band // (3 * width * self._flashes.count))
-        for start in range(0, height, step):
-            rows = slice(start, min(start + step, height))
-            yield rows, self.band(rows)
+        step = VALUES_PER_BAND // (3 * self._film.size[1] * self._flashes.count)
+        return by_bands(self._film, self._flashes.count, step, self.band)
 
     def band(self, rows: slice) -> NDArray[np.float32]:
-        """Return (F, rows, w, 3) of some of the box's rows."""
+        """Return (F, rows, w, 3) of some of the box's rows; the same values whatever the bands' size."""
         (height, width), start, stop = self._film.size, rows.start, rows.stop
         # One row more on either side: whether a pixel bends depends on its neighbours.
         first, last = max(start - 1, 0), min(stop + 1, height)

@@ -3,7 +3,7 @@
 A kernel traces one camera ray a lane and loops over the flashes inside: one launch for all frames.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -132,11 +132,12 @@ def _through_the_lens(mi: Any, pixels: NDArray[np.float32], x: Any, y: Any) -> t
     return found.x, found.y
 
 
-def gathered(film: Film, count: int, bands: Iterable[tuple[slice, NDArray[np.float32]]]) -> NDArray[np.float32]:
-    """Return (F, h, w, 3) of the film's box, from bands (rows of it, (F, rows, w, 3))."""
+def by_bands(film: Film, count: int, step: int, band: Callable[[slice], NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Return (F, h, w, 3) of the film's box, rendered `step` rows at a time, at least one."""
     out = np.empty((count, *film.size, 3), np.float32)
-    for rows, block in bands:
-        out[:, rows] = block
+    for start in range(0, film.size[0], max(1, step)):
+        rows = slice(start, min(start + max(1, step), film.size[0]))
+        out[:, rows] = band(rows)
     return out
 
 

@@ -16,7 +16,7 @@ from twin.material.material_kernels import predicted, reduced
 from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_regions import Neighbours
 from twin.material.material_samples import FEWEST, Samples
-from twin.material.nearest import filled
+from twin.material.measured_albedo import filled
 from twin.material.reflection_models import coat
 
 Array = NDArray[np.float64]
