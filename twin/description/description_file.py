@@ -18,12 +18,7 @@ from twin.camera.virtual_camera import Sensor
 from twin.description import description_tables
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.description_check import scene_faults
-from twin.description.description_tables import (
-    CameraTable,
-    DescriptionTable,
-    ObjectTable,
-    TextureTable,
-)
+from twin.description.description_tables import CameraTable, DescriptionTable, ObjectTable, TextureTable
 from twin.description.light_groups import expand
 from twin.description.materials import KINDS, Subsurface, Texture
 from twin.description.mesh_files import read_mesh

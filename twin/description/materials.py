@@ -187,11 +187,7 @@ KINDS: dict[str, type[Material]] = {
 
 
 def seed_materials(
-    texture: Reflectance,
-    *,
-    reflectance: Rgb = (0.5, 0.5, 0.5),
-    roughness: float = 0.1,
-    mean_free_path_mm: float = 2.0,
+    texture: Reflectance, *, reflectance: Rgb = (0.5, 0.5, 0.5), roughness: float = 0.1, mean_free_path_mm: float = 2.0
 ) -> dict[str, Material]:
     """Return the eight materials that the benchmark compares, in its order.
 

@@ -123,13 +123,7 @@ def _number(value: float | Texture) -> Any:
 
 
 def _bitmap(texture: Texture) -> dict[str, Any]:
-    return {
-        "type": "bitmap",
-        "data": texture.values,
-        "raw": True,
-        "filter_type": "bilinear",
-        "wrap_mode": texture.wrap,
-    }
+    return {"type": "bitmap", "data": texture.values, "raw": True, "filter_type": "bilinear", "wrap_mode": texture.wrap}
 
 
 def material_faults(materials: Mapping[str, Material]) -> list[str]:

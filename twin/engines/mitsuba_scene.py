@@ -165,11 +165,7 @@ def _mesh(mi: Any, mesh: ObjectMesh, material: Any, within: Any) -> Any:
     )
     if mesh.colours is not None:
         made.add_attribute(VERTEX_COLOUR, 3, mesh.colours.astype(np.float32).ravel())
-    arrays = {
-        "vertex_positions": mesh.vertices,
-        "vertex_normals": mesh.normals,
-        "vertex_texcoords": mesh.texcoords,
-    }
+    arrays = {"vertex_positions": mesh.vertices, "vertex_normals": mesh.normals, "vertex_texcoords": mesh.texcoords}
     parameters = mi.traverse(made)
     for name, values in arrays.items():
         if values is not None:
