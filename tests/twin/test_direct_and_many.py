@@ -193,6 +193,15 @@ def test_bands_change_nothing():
     assert np.allclose(np.concatenate(pieces, 1), at_once, atol=1e-6)
 
 
+def test_the_order_in_which_threads_add_changes_nothing():
+    scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
+    engine = direct(scene, error=0.003)
+    assert engine.samples_per_pixel > 4
+    first = engine.images()
+    for _ in range(3):
+        assert np.array_equal(engine.images(), first)
+
+
 def test_a_window_is_a_cut_of_the_whole():
     scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
     cut = replace(whole(scene), rows=slice(8, 30), columns=slice(10, 41), window=(8, 10, 22, 31))

@@ -46,8 +46,6 @@ class Samples:
     irradiance (P, F, 3 channels): Intensity times fall-off, on what faces the light.
     values (P, F, 3): Linear; the ambient frame, if there is one, is subtracted.
     usable (P, F): Not clipped, in no shadow nor near one's border, not too dim.
-    lit (P, F): As `usable`, but however dim, and False only where the light is behind, hidden, or at a shadow's border.
-    clipped (P, F).
     slopes (P, 2, 3): The normals' change for one pixel to the right, and one down.
     spread (P,): Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
     pixel_share: P over the number of pixels that might have been taken.
@@ -62,8 +60,6 @@ class Samples:
     irradiance: Image
     values: Image
     usable: NDArray[np.bool_]
-    lit: NDArray[np.bool_]
-    clipped: NDArray[np.bool_]
     slopes: Image
     spread: Image
     pixel_share: float
@@ -227,13 +223,12 @@ def _read(
         irradiance[:, index] = length * lights.intensities[index]
         values[:, index], clipped[:, index] = frames.read_pixels(index, rows, columns)
     cosine = np.einsum("pi,pfi->pf", normals.astype(np.float32), toward)
-    lit = ~behind & (cosine > 0)
-    usable = lit & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
+    usable = ~behind & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
     smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
     spread = smear * np.sum(slopes**2, (1, 2))
     smooth = [a.astype(np.float32) for a in (points, normals, views)]
     found = Samples(
-        rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable, lit, clipped,
+        rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable,
         slopes.astype(np.float32), spread.astype(np.float32), 1.0,
     )  # fmt: skip
     # Three lights fix the albedo's channels and leave something to be judged.
