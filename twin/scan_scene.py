@@ -17,6 +17,7 @@ from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.rays import RayCaster
 from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.description_check import unsound_lights
 from twin.description.materials import Diffuse
 from twin.engines.film import film_for
 from twin.material.measured_albedo import albedo_at_the_surface, textured_surface
@@ -97,13 +98,8 @@ def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:
             f"the albedo is {' x '.join(map(str, albedo.shape))}, the camera {camera.height} x {camera.width} x 3. "
             "Solve again with this camera's frames."
         )
-    arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
-    for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
-        if not np.isfinite(row).all() or (row[3:6] < 0).any():
-            raise RenderError(
-                f"light {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers "
-                "and no negative intensity. Calibrate again, or leave the frame out with frames.skip."
-            )
+    for told in unsound_lights(lights):
+        raise RenderError(f"light {told} Calibrate again, or leave the frame out with frames.skip.")
 
 
 def _check_lights_are_outside(mesh: Mesh, lights: Lights) -> None:

@@ -26,6 +26,11 @@ WHITE_BALL_ALBEDO = 0.8
 """Reflectance that the white ball of a session is taken to have."""
 
 
+def white_of(lights: Lights) -> Array:
+    """Return (3,) the pixel value of a matte surface of reflectance 1 that faces a light of intensity 1."""
+    return np.ones(3) if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
+
+
 @dataclass(frozen=True, eq=False)
 class TwinObject:
     """A mesh, where it stands, and of what it is.
@@ -142,9 +147,8 @@ class TwinScene:
 
     @property
     def white(self) -> Array:
-        """(3,) pixel value of a matte surface of reflectance 1 that faces a light of intensity 1."""
-        value = self.lights.white_value
-        return np.ones(3) if value is None else value / WHITE_BALL_ALBEDO
+        """(3,) see `white_of`."""
+        return white_of(self.lights)
 
     @property
     def irradiance(self) -> Array:

@@ -1,8 +1,11 @@
 """What is wrong with a scene, before anything is rendered: every fault at once."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from scene.errors import RenderError
+from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.rays import RayCaster
 from twin.description.description import TwinObject, TwinScene
@@ -79,15 +82,20 @@ def _welded(mesh: ObjectMesh) -> Mesh:
     return Mesh(mesh.vertices[first], faces[whole])
 
 
-def _light_faults(scene: TwinScene) -> list[str]:
-    faults, lights = [], scene.lights
+def unsound_lights(lights: Lights) -> Iterator[str]:
+    """Yield what no engine can render of lights, with each one's name."""
     arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
     for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
         if not np.isfinite(row).all() or (row[3:6] < 0).any():
-            faults.append(
-                f"lights {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite "
-                "numbers and no negative intensity."
+            yield (
+                f"{name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers and "
+                "no negative intensity."
             )
+
+
+def _light_faults(scene: TwinScene) -> list[str]:
+    lights = scene.lights
+    faults = [f"lights {told}" for told in unsound_lights(lights)]
     if lights.positions_mm is None or faults:
         return faults
     for one in scene.objects:

@@ -76,7 +76,7 @@ class CameraTable(Table):
         return self
 
 
-def _known(material: str, info: ValidationInfo) -> str:
+def _known(material: str, info: ValidationInfo[Any]) -> str:
     if material not in info.context.materials:
         raise ValueError(f"the materials here are {', '.join(info.context.materials) or 'none'}")
     return material
@@ -205,7 +205,7 @@ class DescriptionTable(Table):
     name: str | None = None
     camera: CameraTable
     objects: list[ObjectTable] = Field(min_length=1)
-    materials: dict[str, MaterialTable]
+    materials: dict[str, MaterialTable]  # type: ignore[valid-type]
     environment: Environment = Environment()
     lights: list[LightsTable] = Field(min_length=1)
     reference_point_mm: Three | None = None

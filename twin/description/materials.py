@@ -46,7 +46,7 @@ class Texture:
         return (1 - part[:, 1]) * above + part[:, 1] * below
 
 
-def _reflectance(value: Any, info: ValidationInfo) -> Any:
+def _reflectance(value: Any, info: ValidationInfo[Any]) -> Any:
     """Return one of the four forms of a table's reflectance; `info.context.texture` reads a picture's table."""
     if isinstance(value, dict):
         return as_fault(value, info.context.texture)
@@ -58,7 +58,7 @@ def _reflectance(value: Any, info: ValidationInfo) -> Any:
     raise ValueError('expected a number, [r, g, b], "vertex" or { file = "...", encoding = "srgb" }')
 
 
-def _specularity(value: Any, info: ValidationInfo) -> Any:
+def _specularity(value: Any, info: ValidationInfo[Any]) -> Any:
     if isinstance(value, dict):
         return as_fault(value, info.context.texture)
     if type(value) in (int, float):

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.lights import Lights
-from twin.description.description import WHITE_BALL_ALBEDO
+from twin.description.description import white_of
 from twin.engines.film import Film
 from twin.engines.variant import FAST, pick_variant
 
@@ -50,8 +50,7 @@ class Flashes:
     def __init__(self, mi: Any, lights: Lights) -> None:
         self._mi = mi
         self.count = len(lights)
-        white = 1.0 if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
-        power = np.pi * lights.intensities * white
+        power = np.pi * lights.intensities * white_of(lights)
         self._near = lights.positions_mm is not None
         places = lights.directions
         if lights.positions_mm is not None:

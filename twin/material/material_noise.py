@@ -77,7 +77,7 @@ def deviances(samples: Samples, values: NDArray[np.float32], variance: NDArray) 
     """Return (P,) -2 log likelihood, up to a constant; the three channels err together and count as one sample."""
     square = (samples.values - values) ** 2 / variance
     each = (np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)).mean(-1)
-    return np.sum(np.where(samples.usable, each, 0), 1, dtype=np.float64)
+    return np.asarray(np.sum(np.where(samples.usable, each, 0), 1, dtype=np.float64))
 
 
 def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:
