@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.engines.cell_kernels import NOWHERE, add_weighted
 from twin.engines.film import Film
 from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above
-from twin.engines.radiance_cells import Hits, RadianceCells
+from twin.engines.radiance_cells import NOWHERE, Hits, RadianceCells, add_weighted
 
 SAMPLES_PER_CALL = 1 << 21
 FIRST_LOOK = 1 << 19
