@@ -25,7 +25,7 @@ who, path = sys.argv[1:]
 import numpy, scipy.sparse.csgraph, scipy.spatial, trimesh
 from pathlib import Path
 from align.scan.mended_scan import load_scan
-from scene.ray_casting import import_open3d
+from scene.rays import import_open3d
 open3d = import_open3d()
 read = {
     "bytes": lambda: len(Path(path).read_bytes()),

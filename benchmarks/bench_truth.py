@@ -26,8 +26,7 @@ from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg, unit
 from scene.pose import Pose
-from scene.ray_casting import import_open3d
-from scene.rays import RayCaster
+from scene.rays import RayCaster, import_open3d
 
 ROOT = Path(__file__).resolve().parents[1]
 BUNNY = ROOT / ".." / "shared" / "real" / "scan_meshes" / "data" / "stanford-bunny.obj"

@@ -70,7 +70,7 @@ def render_description(
 
 def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
     from twin.engines.render import render_scene
-    from twin.twin_session import write_session
+    from twin.twin_session import Shooting, write_session
 
     with bar("twin") as progress:
         rendered = render_scene(scene, apart=apart, store=folder, progress=progress, tell=say)
@@ -85,8 +85,7 @@ def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
             scene.lights,
             _marked(mask),
             normals,
-            sensor=scene.sensor,
-            files=scene.files,
+            shooting=Shooting(scene.sensor, scene.files),
             name=scene.name,
             progress=progress,
         )

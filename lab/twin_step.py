@@ -31,7 +31,7 @@ def twin(job: Job) -> Outcome:
 def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     """Write the twin as a session of its own; return what the summary keeps of it, and what is suspicious."""
     from twin.engines.render import render_scene
-    from twin.twin_session import write_session
+    from twin.twin_session import Shooting, write_session
 
     store = job.store
     scene, material, scene_warnings = twin_scene(job)
@@ -48,7 +48,9 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
         )
     sensor = _sensor(job) if job.twin.photograph else None
     camera, truth = store.load_camera(), store.load_normals("truth")
-    write_session(folder, rendered.frames, camera, store.load_lights(), store.load_mask(), truth, sensor=sensor)
+    write_session(
+        folder, rendered.frames, camera, store.load_lights(), store.load_mask(), truth, shooting=Shooting(sensor)
+    )
     if sensor is not None:
         _develop(folder)
     facts = rendered.facts()

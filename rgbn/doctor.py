@@ -16,7 +16,7 @@ def examine() -> list[tuple[str, str]]:
     variant, note = pick_variant()
     rows.append(("renderer", f"{variant}: {note}" if note else variant))
     try:
-        from scene.ray_casting import import_open3d
+        from scene.rays import import_open3d
 
         import_open3d()
         rows.append(("ray casting", "open3d imports"))

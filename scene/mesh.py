@@ -52,6 +52,12 @@ class Mesh:
         return float(np.linalg.norm(self.vertices - self.center_mm, axis=1).max())
 
     @cached_property
+    def is_closed(self) -> bool:
+        """Every edge has two faces."""
+        edges = np.sort(self.faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+        return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+    @cached_property
     def _cross(self) -> NDArray[np.float64]:
         a, b, c = (self.vertices[self.faces[:, corner]] for corner in range(3))
         return np.cross(b - a, c - a)

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.files import create_array, write_npy
+from scene.mesh import Mesh
+from scene.normals import unit
 from twin.description.description import TwinScene
 from twin.description.materials import Conductor, Material, Measured, Principled, Texture
 from twin.visibility import Sight
@@ -65,7 +67,6 @@ def ground_truth(
 
     Parameters
     ----------
-    scene : TwinScene
     folder : Path or None
         Gets the maps as `save_ground_truth` writes them; they are memory-mapped then. None: they are in memory.
     progress : callable or None
@@ -115,7 +116,8 @@ def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int],
     first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + first for mesh, first in zip(meshes, first_vertex, strict=False)])
-    sight = Sight(scene.points, faces, camera)
+    whole = Mesh(scene.points, faces)
+    sight = Sight(whole, camera)
     for band, face, weights, points in sight.rows(film.rows, film.columns):
         rows, columns = np.nonzero(face >= 0)
         at = (band.start + rows, film.columns.start + columns)
@@ -123,13 +125,13 @@ def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int],
         which = np.searchsorted(first_face, face, "right") - 1
         maps["object"][at] = which
         maps["z_mm"][at] = points[:, 2]
-        flat = sight.face_normals(face)
+        flat = whole.face_normals[face]
         normals = np.array(flat)
         for number, mesh in enumerate(meshes):
             mine = which == number
             corners = mesh.faces[face[mine] - first_face[number]]
             if mesh.normals is not None:
-                normals[mine] = _unit(_mixed(mesh.normals, corners, weights[mine]))
+                normals[mine] = unit(_mixed(mesh.normals, corners, weights[mine]))
             texcoords = None if mesh.texcoords is None else _mixed(mesh.texcoords, corners, weights[mine])
             colours = None if mesh.colours is None else _mixed(mesh.colours, corners, weights[mine])
             found = _appearance(scene.materials[scene.objects[number].material], texcoords, colours)
@@ -141,7 +143,7 @@ def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int],
         side = np.where(np.sum(flat * rays, -1, keepdims=True) > 0, -1.0, 1.0)
         flat, normals = side * flat, side * normals
         maps["normals"][at] = normals
-        for name, bits in zip(("attached", "cast"), _shadows(scene, sight, points, normals, flat), strict=True):
+        for name, bits in zip(("attached", "cast"), sight.shadows(points, normals, flat, scene.lights), strict=True):
             maps[name][at] = np.packbits(bits, axis=1, bitorder="little")
         if progress is not None:
             progress(band.stop - film.rows.start, film.rows.stop - film.rows.start)
@@ -168,11 +170,6 @@ def _mixed(values: Array, corners: NDArray[np.int64], weights: Array) -> Array:
     return np.einsum("pc,pcx->px", weights, values[corners])
 
 
-def _unit(vectors: Array) -> Array:
-    length = np.linalg.norm(vectors, axis=1, keepdims=True)
-    return vectors / np.where(length > 0, length, 1)
-
-
 def _appearance(material: Material, texcoords: Array | None, colours: Array | None) -> tuple[Any, Any, Any]:
     """Return albedo, roughness and specularity: numbers, or one row a pixel."""
     if isinstance(material, Measured):
@@ -192,20 +189,3 @@ def _appearance(material: Material, texcoords: Array | None, colours: Array | No
     specularity = value(getattr(material, "specularity", 0.0))
     one_channel = specularity.mean(-1) if np.ndim(specularity) == 2 else specularity
     return albedo, getattr(material, "roughness", 1.0), one_channel
-
-
-def _shadows(
-    scene: TwinScene, sight: Sight, points: Array, normals: Array, flat: Array
-) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Return (P, N) attached and cast."""
-    lights = scene.lights
-    attached = np.empty((len(points), len(lights)), bool)
-    cast = np.zeros_like(attached)
-    # Light by light: all vectors of a hundred lights would not fit beside the maps.
-    for index in range(len(lights)):
-        end = None if lights.positions_mm is None else lights.positions_mm[index]
-        toward = np.broadcast_to(lights.directions[index], points.shape) if end is None else _unit(end - points)
-        attached[:, index] = (np.sum(toward * normals, 1) <= 0) | (np.sum(toward * flat, 1) <= 0)
-        facing = ~attached[:, index]
-        cast[facing, index] = sight.hidden(points[facing], flat[facing], toward[facing], end)
-    return attached, cast

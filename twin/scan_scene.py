@@ -15,13 +15,12 @@ from scene.errors import RenderError
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
-from twin.description.description import WHITE_BALL_ALBEDO, Sampling, TwinObject, TwinScene
-from twin.description.materials import Diffuse, Texture
-from twin.description.object_mesh import ObjectMesh
+from scene.rays import RayCaster
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.description_check import unsound_lights
+from twin.description.materials import Diffuse
 from twin.engines.film import film_for
-from twin.material.measured_albedo import textured_surface
-from twin.material.measured_depth import albedo_at_the_surface
-from twin.visibility import inside
+from twin.material.measured_albedo import albedo_at_the_surface, textured_surface
 
 
 def scan_scene(
@@ -57,7 +56,6 @@ def scan_scene(
     white_value : (3,) float64 or None
         Pixel value of the white ball under a light of intensity 1; `lights.white_value` if not given. The ball is
         taken to reflect 80 %: that alone decides how strong the interreflections are, never the direct light.
-    sampling : Sampling
 
     Raises
     ------
@@ -78,16 +76,15 @@ def scan_scene(
     white = lights.white_value if white_value is None else white_value
     if albedo_depth_mm is not None and lights.positions_mm is not None:
         albedo = albedo_at_the_surface(albedo, albedo_depth_mm, placed, camera, lights, film.rows, film.columns)
-    surface = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
-    textured = ObjectMesh(surface.vertices, surface.faces, surface.normals, surface.texcoords)
+    textured, texture, white, warnings = textured_surface(placed, camera, albedo, white, film.rows, film.columns)
     scene = TwinScene(
         camera,
         (TwinObject("object", textured, "measured_albedo"),),
-        {"measured_albedo": Diffuse(Texture(surface.texture, "clamp"))},
-        replace(lights, white_value=WHITE_BALL_ALBEDO / surface.scale),
+        {"measured_albedo": Diffuse(texture)},
+        replace(lights, white_value=white),
         sampling=sampling,
     )
-    return scene, surface.warnings
+    return scene, warnings
 
 
 def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:
@@ -101,20 +98,16 @@ def _check(mesh: Mesh, camera: Camera, lights: Lights, albedo: NDArray) -> None:
             f"the albedo is {' x '.join(map(str, albedo.shape))}, the camera {camera.height} x {camera.width} x 3. "
             "Solve again with this camera's frames."
         )
-    arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
-    for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
-        if not np.isfinite(row).all() or (row[3:6] < 0).any():
-            raise RenderError(
-                f"light {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers "
-                "and no negative intensity. Calibrate again, or leave the frame out with frames.skip."
-            )
+    for told in unsound_lights(lights):
+        raise RenderError(f"light {told} Calibrate again, or leave the frame out with frames.skip.")
 
 
 def _check_lights_are_outside(mesh: Mesh, lights: Lights) -> None:
     if lights.positions_mm is None:
         return
-    for name, position in zip(lights.names, lights.positions_mm, strict=True):
-        if inside(mesh, position[None])[0]:
+    within = RayCaster(mesh).inside(lights.positions_mm)
+    for name, position, is_inside in zip(lights.names, lights.positions_mm, within, strict=True):
+        if is_inside:
             raise RenderError(
                 f"light {name} at {np.round(position, 1)} mm lies inside the object ({mesh.radius_mm:.0f} mm about "
                 f"{np.round(mesh.center_mm, 1)}), and lights nothing. Check the balls' diameter_mm and scan_unit."

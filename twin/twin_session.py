@@ -3,6 +3,7 @@
 import glob
 import json
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -25,6 +26,25 @@ _FIRST_SHOT = datetime(2000, 1, 1, 12, 0)
 """A rendering has no hour: EXIF gets a fixed one, so that the same rendering gives the same files."""
 
 
+@dataclass(frozen=True)
+class Shooting:
+    """How rendered frames are photographed.
+
+    Parameters
+    ----------
+    sensor : Sensor or None
+        None: no noise. Else the virtual camera photographs each frame.
+    files : {"png", "dng", "exr"} or None
+        See `twin.camera.virtual_photograph.write_photograph`. None: DNG of a Bayer sensor, else PNG.
+    seed : int
+        Of the virtual camera's noise; frame i draws from its own stream (seed, i).
+    """
+
+    sensor: Sensor | None = None
+    files: Files | None = None
+    seed: int = 0
+
+
 def write_session(
     folder: Store,
     frames: Frames,
@@ -33,9 +53,7 @@ def write_session(
     mask: NDArray[np.bool_],
     truth: NDArray[np.float32],
     *,
-    sensor: Sensor | None = None,
-    files: Files | None = None,
-    seed: int = 0,
+    shooting: Shooting = Shooting(),
     name: str | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Path:
@@ -45,18 +63,11 @@ def write_session(
     ----------
     folder : Store
         Gets session.toml, flash/<name>.png (or .dng, .exr), lights.json with its text forms, mask.png and truth.npy.
-    frames : Frames
     lights : Lights
         Of the same names, in the same order.
     mask : (H, W) bool
     truth : (H, W, 3) float32
         Unit normals, camera frame, NaN where unknown.
-    sensor : Sensor or None
-        None: no noise. Else the virtual camera photographs each frame.
-    files : {"png", "dng", "exr"} or None
-        See `twin.camera.virtual_photograph.write_photograph`. None: DNG of a Bayer sensor, else PNG.
-    seed : int
-        Of the virtual camera's noise; frame i draws from its own stream (seed, i).
     name : str or None
         The session's; None: that of the folder around, and "twin".
     progress : callable or None
@@ -83,6 +94,7 @@ def write_session(
             f"{folder.folder}: frames {frames.codes.shape[1:3]}, camera {size}, mask {mask.shape} "
             f"and normals {truth.shape[:2]} px: all must agree."
         )
+    sensor, files = shooting.sensor, shooting.files
     if files is None:
         files = "png" if sensor is None or sensor.cfa == NO_FILTER else "dng"
     # Without millimetres to pixels (orthographic) a normal lens is as good as any.
@@ -95,7 +107,7 @@ def write_session(
             folder.path(written[-1]),
             frames.frame(index),
             sensor,
-            np.random.default_rng([seed, index]),
+            np.random.default_rng([shooting.seed, index]),
             focal_mm=focal_mm,
             time=_FIRST_SHOT + timedelta(seconds=2 * index),
         )

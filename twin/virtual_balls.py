@@ -77,8 +77,6 @@ def render_balls(
 
     Parameters
     ----------
-    spheres : sequence of Sphere
-    camera : Camera
     lights : Lights
         Near ones as balls of 25 mm radius at `positions_mm`; distant ones as far balls.
     peak : float

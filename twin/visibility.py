@@ -1,120 +1,76 @@
-"""What the camera sees of a mesh, and what lies inside it: ray casting by Embree, through Open3D."""
+"""What the camera sees of a mesh, and which of its points lie in shadow."""
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
+from scene.lights import Lights
 from scene.mesh import Mesh
-from scene.ray_casting import import_open3d
+from scene.normals import unit
+from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
+Seen = tuple[NDArray[np.int64], Array, Array]
+"""Face (...), -1 if none; barycentric weights of its corners (..., 3); points (..., 3), mm, not finite where none."""
+LIFT = 1e-4
+"""Of the mesh's radius: how far rays start from the surface that they leave."""
 
 
 class Sight:
     """A mesh, given in the camera frame, seen by the camera."""
 
-    def __init__(self, vertices: Array, faces: NDArray[np.int64], camera: Camera) -> None:
-        open3d = import_open3d()
-        self._tensor: Any = open3d.core.Tensor
-        self._vertices, self._faces, self._camera = vertices, faces, camera
-        # Embree's float32 keeps seven digits, and a camera may stand metres away: work about the mesh's middle.
-        self._middle = (vertices.min(0) + vertices.max(0)) / 2
-        self._reach = float(np.linalg.norm(vertices - self._middle, axis=1).max())
-        self._scene: Any = open3d.t.geometry.RaycastingScene()
-        self._scene.add_triangles((vertices - self._middle).astype(np.float32), faces.astype(np.uint32))
+    def __init__(self, mesh: Mesh, camera: Camera) -> None:
+        self._mesh, self._camera, self._caster = mesh, camera, RayCaster(mesh)
 
     def rows(self, rows: slice, columns: slice) -> Iterator[tuple[slice, NDArray[np.int64], Array, Array]]:
-        """Yield bands of a box of the picture.
-
-        Yields
-        ------
-        band : slice
-            Rows of the picture.
-        face : (h, w) int64
-            The triangle that each pixel's centre sees, -1 if none.
-        weights : (h, w, 3) float64
-            Barycentric, of the triangle's corners.
-        points : (h, w, 3) float64
-            Where, mm; not finite where nothing is seen.
-        """
+        """Yield bands of a box of the picture: its rows, and what each of its pixels' centres sees."""
         for start in range(rows.start, rows.stop, 64):
             band = slice(start, min(start + 64, rows.stop))
-            face, weights, points = self.at(self._camera.grid(band)[:, columns])
-            yield band, face, weights, points
+            yield band, *self.at(self._camera.grid(band)[:, columns])
 
-    def at(self, pixels: Array) -> tuple[NDArray[np.int64], Array, Array]:
-        """Return face (...), weights and points (..., 3), as `rows` gives them, of pixels (..., 2) anywhere."""
-        origins, directions = self._camera.rays(pixels)
-        near = np.sum((self._middle - origins) * directions, -1, keepdims=True) - 1.01 * self._reach
-        if not self._camera.is_orthographic:  # whose plane z = 0 may lie anywhere in the mesh
-            near = np.maximum(near, 0)
-        origins = origins + near * directions - self._middle
-        hit = self._scene.cast_rays(self._tensor(np.concatenate([origins, directions], -1).astype(np.float32)))
-        distance = hit["t_hit"].numpy().astype(np.float64)
-        found = np.isfinite(distance)
-        face = np.where(found, hit["primitive_ids"].numpy().astype(np.int64), -1)
-        uv = hit["primitive_uvs"].numpy().astype(np.float64)
-        weights = np.concatenate([1 - uv.sum(-1, keepdims=True), uv], -1)
-        points = origins + np.where(found, distance, np.nan)[..., None] * directions + self._middle
-        return face, weights, points
+    def at(self, pixels: Array) -> Seen:
+        """Return what pixels (..., 2) anywhere see."""
+        origins, directions = (part.reshape(-1, 3) for part in self._camera.rays(pixels))
+        # The orthographic camera's plane z = 0 may lie anywhere in the mesh.
+        hits = self._caster.cast(origins, directions, lines=self._camera.is_orthographic)
+        points = origins + np.where(hits.hit, hits.distance, np.nan)[:, None] * directions
+        shape = pixels.shape[:-1]
+        return hits.face.reshape(shape), hits.weights.reshape(*shape, 3), points.reshape(*shape, 3)
 
     def seen_faces(self, rows: slice, columns: slice) -> NDArray[np.bool_]:
         """Return (T,) whether the camera sees a face: at a pixel's centre of the box, or at one of its corners."""
-        seen = np.zeros(len(self._faces), bool)
+        mesh = self._mesh
+        seen = np.zeros(len(mesh.faces), bool)
         for _, face, _, _ in self.rows(rows, columns):
             seen[face[face >= 0]] = True
-        toward = np.zeros_like(self._vertices) + [0.0, 0.0, 1.0]
+        toward = np.zeros_like(mesh.vertices) + [0.0, 0.0, 1.0]
         if not self._camera.is_orthographic:
-            toward = -self._vertices / np.linalg.norm(self._vertices, axis=1, keepdims=True)
-        origins = self._vertices - self._middle + 1e-4 * self._reach * toward
-        rays = np.concatenate([origins, toward], 1).astype(np.float32)
-        free = ~self._scene.test_occlusions(self._tensor(rays)).numpy()
-        a, b, c = (self._vertices[self._faces[:, corner]] for corner in range(3))
-        front = np.sum(np.cross(b - a, c - a) * toward[self._faces[:, 0]], 1) > 0
-        return seen | (front & free[self._faces].any(1))
+            toward = -mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
+        free = ~self._caster.blocked(mesh.vertices + LIFT * mesh.radius_mm * toward, toward)
+        front = np.sum(mesh.face_normals * toward[mesh.faces[:, 0]], 1) > 0
+        return seen | (front & free[mesh.faces].any(1))
 
-    def face_normals(self, face: NDArray[np.int64]) -> Array:
-        """Return (P, 3), the unit normals of faces (P,)."""
-        a, b, c = (self._vertices[self._faces[face, corner]] for corner in range(3))
-        cross = np.cross(b - a, c - a)
-        length = np.linalg.norm(cross, axis=1, keepdims=True)
-        return cross / np.where(length > 0, length, 1)
+    def shadows(
+        self, points: Array, normals: Array, flat: Array, lights: Lights
+    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return (P, F) attached and cast: the light is behind the surface; it is before it, but something is between.
 
-    def hidden(self, points: Array, normals: Array, toward: Array, end: Array | None) -> NDArray[np.bool_]:
-        """Return (P,) whether something stands between points and a light.
-
-        Parameters
-        ----------
-        points, normals, toward : (P, 3) float64
-            On the mesh; of the face, on the side of the light; unit, toward the light.
-        end : (3,) float64 or None
-            Where a near light stands.
+        `normals`, `flat` (P, 3): those that are shaded with, and the faces'; on the side that is seen.
         """
-        origins = points + 1e-4 * self._reach * (normals + toward)
-        far = np.full(len(points), np.inf)
-        if end is not None:
-            far = np.linalg.norm(end - origins, axis=1)
-            toward = (end - origins) / far[:, None]
-        rays = self._tensor(np.concatenate([origins - self._middle, toward], 1).astype(np.float32))
-        # One call for all needs one length: what is hit beyond a near light does not count.
-        distance = self._scene.cast_rays(rays)["t_hit"].numpy() if end is not None else None
-        return self._scene.test_occlusions(rays).numpy() if distance is None else distance < far
-
-
-def inside(mesh: Mesh, points: Array) -> NDArray[np.bool_]:
-    """Return (P,) whether points (P, 3) lie inside a mesh; False everywhere if it is not closed."""
-    near = np.linalg.norm(points - mesh.center_mm, axis=1) < mesh.radius_mm
-    if near.any():
-        import trimesh
-
-        if not trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight:
-            return np.zeros(len(points), bool)
-        open3d = import_open3d()
-        scene = open3d.t.geometry.RaycastingScene()
-        scene.add_triangles((mesh.vertices - mesh.center_mm).astype(np.float32), mesh.faces.astype(np.uint32))
-        query = open3d.core.Tensor((points[near] - mesh.center_mm).astype(np.float32))
-        near[near] = scene.compute_occupancy(query, nsamples=3).numpy() > 0.5
-    return near
+        attached = np.empty((len(points), len(lights)), bool)
+        cast = np.zeros_like(attached)
+        # Light by light: all vectors of a hundred lights would not fit beside a picture's maps.
+        for index in range(len(lights)):
+            end = None if lights.positions_mm is None else lights.positions_mm[index]
+            toward = np.broadcast_to(lights.directions[index], points.shape) if end is None else unit(end - points)
+            attached[:, index] = (np.sum(toward * normals, 1) <= 0) | (np.sum(toward * flat, 1) <= 0)
+            facing = ~attached[:, index]
+            toward, far = toward[facing], np.inf
+            origins = points[facing] + LIFT * self._mesh.radius_mm * (flat[facing] + toward)
+            if end is not None:
+                far = np.linalg.norm(end - origins, axis=1)
+                toward = (end - origins) / far[:, None]
+            cast[facing, index] = self._caster.blocked(origins, toward, far)
+        return attached, cast

@@ -15,7 +15,7 @@ from scene.camera import Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh
 from scene.pose import Pose
-from scene.ray_casting import import_open3d
+from scene.rays import RayCaster
 from scene.reading import reading, text_of
 
 Array = NDArray[np.float64]
@@ -150,7 +150,7 @@ def _check(path: Path, rows: list[int], pixels: Array, points: Array, camera: Ca
                 f"{path}: row {row} has its pixel at {pixel[0]:.1f}, {pixel[1]:.1f}, outside the picture of "
                 f"{camera.width} x {camera.height} px."
             )
-    away = _surface_distance(mesh, points)
+    away = RayCaster(mesh).distance(points)
     far = FAR_FROM_SURFACE * mesh.radius_mm
     if (away > far).any():
         worst = int(np.argmax(away))
@@ -172,16 +172,6 @@ def _check(path: Path, rows: list[int], pixels: Array, points: Array, camera: Ca
                 f"{path}: the points lie in one plane; an orthographic camera does not tell its tilt from the "
                 "opposite one. Add a pick in front of that plane, or behind."
             )
-
-
-def _surface_distance(mesh: Mesh, points: Array) -> Array:
-    """Return (K,), mm, how far points (K, 3) lie from the mesh."""
-    open3d = import_open3d()
-    scene, tensor = open3d.t.geometry.RaycastingScene(), open3d.core.Tensor
-    scene.add_triangles(
-        tensor((mesh.vertices - mesh.center_mm).astype(np.float32)), tensor(mesh.faces.astype(np.uint32))
-    )
-    return scene.compute_distance(tensor((points - mesh.center_mm).astype(np.float32))).numpy().astype(np.float64)
 
 
 def _consensus(

@@ -9,6 +9,7 @@ import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of
 from capture.session.session import Charuco, Session, SphereSpec
+from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from scene.camera import Camera
 from scene.reading import shortened
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
 # What the rooms behind can read; a test holds these against theirs.
 LIGHTS_SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
-SCAN_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
 NORMALS_SUFFIXES = (".mat", ".txt", ".npy", ".png")
 
 

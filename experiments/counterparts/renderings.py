@@ -25,7 +25,7 @@ def write_rendering(folder: Store, setup: Setup, name: str) -> None:
     from capture.photographs.decode import decode
     from capture.session.session import load_session
     from solve.solve import solve
-    from twin.twin_session import write_session
+    from twin.twin_session import Shooting, write_session
 
     scene = object_scene(setup)
     mask, truth = object_maps(setup)
@@ -36,7 +36,9 @@ def write_rendering(folder: Store, setup: Setup, name: str) -> None:
     # Neither lens nor colour filter: what the recipe says is the noise.
     sensor = Sensor(iso=setup.iso, cfa="none", blur_px=0.0)
     lights = scene.lights.normalised()
-    path = write_session(folder, frames, scene.camera, lights, mask, truth, sensor=sensor, seed=setup.seed, name=name)
+    path = write_session(
+        folder, frames, scene.camera, lights, mask, truth, shooting=Shooting(sensor, seed=setup.seed), name=name
+    )
     session = load_session(path)
     taken, _ = decode(session, folder)
     folder.save_camera(scene.camera)

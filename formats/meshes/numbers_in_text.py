@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 def parse(text: bytes, kind: type = np.float64) -> NDArray:
     """Return all numbers of a text (N,), separated by white space.
 
-    Raises
-    ------
-    ValueError
-        Something in it is no number.
+    Raises ValueError: Something in it is no number.
     """
     if not text.strip():
         return np.zeros(0, kind)
@@ -38,12 +35,8 @@ def _is_number(word: bytes) -> bool:
 class Lines:
     """A text cut into lines, with access to those that start with a given word.
 
-    Parameters
-    ----------
-    text : bytes
-        Lines end with a line feed, with a carriage return, or with both.
-    comment : bytes
-        What starts a comment; comments are dropped.
+    text: Lines end with a line feed, with a carriage return, or with both.
+    comment: What starts a comment; comments are dropped.
     """
 
     def __init__(self, text: bytes, comment: bytes = b"#") -> None:

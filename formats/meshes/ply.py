@@ -6,6 +6,7 @@ different lengths; this reads them all. The format: [Turk1994].
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,13 +31,14 @@ class _Element:
     """(name, value type, type of the list's length or None)."""
 
 
-def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return vertices (V, 3) and triangles (T, 3), in the file's unit; polygons become fans.
+Columns = dict[str, dict[str, Any]]
+"""Of each element, each property's values (N,), or of a list all lengths (N,) and all values in a row."""
 
-    Raises
-    ------
-    AlignError
-        The file is no PLY, ends early, is a range grid, or has no vertex positions.
+
+def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], Columns]:
+    """Return vertices (V, 3) and triangles (T, 3), in the file's unit, and all that the file holds.
+
+    Polygons become fans. Raises AlignError: The file is no PLY, ends early, is a range grid, or has no positions.
     """
     with reading(path, "cannot be read", AlignError):
         data = path.read_bytes()
@@ -55,7 +57,7 @@ def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
             columns = _read_ascii(data[offset:], elements)
         else:
             columns = _read_binary(data, offset, elements, "<" if encoding == "binary_little_endian" else ">")
-        return _triangles(path, columns)
+        return *_triangles(path, columns), columns
 
 
 def _check_counts(elements: list[_Element], there: int, *, is_text: bool) -> None:
@@ -67,7 +69,7 @@ def _check_counts(elements: list[_Element], there: int, *, is_text: bool) -> Non
             raise ValueError(f"{element.count} {element.name} do not fit into {there} bytes")
 
 
-def _triangles(path: Path, columns: dict) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+def _triangles(path: Path, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     vertex = columns.get("vertex", {})
     if not {"x", "y", "z"} <= set(vertex):
         raise AlignError(f"{path}: the PLY has no vertices with x, y, z. Export the scan as a triangle mesh.")
@@ -111,7 +113,7 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
     return encoding, elements, offset
 
 
-def _read_ascii(text: bytes, elements: list[_Element]) -> dict:
+def _read_ascii(text: bytes, elements: list[_Element]) -> Columns:
     """An ASCII file is a binary one whose values all are float64: the same reader serves both."""
     numbers = parse(text)
     plain = [
@@ -121,7 +123,7 @@ def _read_ascii(text: bytes, elements: list[_Element]) -> dict:
     return _read_binary(numbers.tobytes(), 0, plain, "=")
 
 
-def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> dict:
+def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> Columns:
     columns = {}
     for element in elements:
         if not element.count or not element.properties:

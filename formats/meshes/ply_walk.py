@@ -11,27 +11,14 @@ import numpy as np
 def walk(data, at, rows, sizes, length_sizes, big, numbers):
     """Return where each list starts and how long it is.
 
-    Parameters
-    ----------
-    data : (B,) uint8
-        The file.
-    at : int
-        The element's first byte.
-    rows : int
-        How many rows the element has.
-    sizes, length_sizes : (P,) int64
-        Bytes of one value of each property; bytes of its list's length, 0 for a single value.
-    big : bool
-        Whether a length's high byte comes first.
-    numbers : (B / 8,) float64
-        Where lengths are float64 (a text, parsed), the same bytes as such; else empty.
-
-    Returns
-    -------
-    starts, counts : (rows, P) int64
-        First byte and number of values of each list.
-    at : int
-        The byte after the element; -1 where the file ends before.
+    data (B,): The file.
+    at: The element's first byte.
+    rows: How many rows the element has.
+    sizes, length_sizes (P,): Bytes of one value of each property; bytes of its list's length, 0 for a single value.
+    big: Whether a length's high byte comes first.
+    numbers (B / 8,): Where lengths are float64 (a text, parsed), the same bytes as such; else empty.
+    starts, counts (rows, P): First byte and number of values of each list.
+    at: The byte after the element; -1 where the file ends before.
     """
     starts = np.zeros((rows, len(sizes)), np.int64)
     counts = np.zeros((rows, len(sizes)), np.int64)

@@ -1,7 +1,9 @@
-"""OBJ, STL, OFF and GLB to vertices and triangles, in the file's own unit."""
+"""Mesh files to vertices and triangles, in the file's own unit; with normals, texture and colours where asked for."""
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,16 +30,86 @@ def read_scan(path: Path) -> Surface:
     """
     if not path.is_file():
         raise AlignError(f"{path}: there is no such file. Check scan under [object] in session.toml.")
+    suffix = _known_suffix(path)
+    if suffix == ".ply":
+        return read_ply(path)[:2]
+    reader = {".obj": _read_obj, ".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix]
+    with reading(path, "cannot be read as a mesh", AlignError, do="Export the scan again."):
+        return reader(path)
+
+
+@dataclass(frozen=True, eq=False)
+class DressedMesh:
+    """A mesh file with what else it says of its vertices.
+
+    Parameters
+    ----------
+    vertices, normals, texcoords, colours : (V, 3), (V, 3), (V, 2), (V, 3) float64
+        Texture coordinates as in files: v counts from the bottom. A vertex that has several is there several times.
+    faces : (T, 3) int64
+    linear : bool
+        Colours are linear, 0 to 1 (r, g, b of a .ply); else sRGB, 0 to 255.
+    """
+
+    vertices: NDArray[np.float64]
+    faces: NDArray[np.int64]
+    normals: NDArray[np.float64] | None = None
+    texcoords: NDArray[np.float64] | None = None
+    colours: NDArray[np.float64] | None = None
+    linear: bool = False
+
+
+def read_dressed(path: Path) -> DressedMesh:
+    """Return a mesh as its file has it, and what its vertices are dressed in; see `read_scan` for the errors."""
+    if _known_suffix(path) == ".ply":
+        return _dressed_ply(path)
+    import trimesh
+
+    with reading(path, "cannot be read as a mesh", AlignError, do="Export it again, as .ply or .obj."):
+        # An .obj with texture coordinates at the faces' corners must be taken apart.
+        loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=True)
+        faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))), np.int64)
+        if not len(faces):
+            return DressedMesh(np.zeros((0, 3)), faces)
+        vertices, uv = np.array(loaded.vertices, np.float64), getattr(loaded.visual, "uv", None)
+        texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)
+        is_coloured = loaded.visual.kind == "vertex"
+        colours = np.asarray(loaded.visual.vertex_colors, np.float64)[:, :3] if is_coloured else None
+        return DressedMesh(vertices, faces, None, texcoords, colours)
+
+
+def _dressed_ply(path: Path) -> DressedMesh:
+    vertices, faces, columns = read_ply(path)
+    with reading(path, "the PLY is damaged", AlignError, do="Export it again."):
+        vertex, face = columns["vertex"], columns.get("face", {})
+
+        def of_vertices(*names: str) -> NDArray[np.float64] | None:
+            known = all(name in vertex for name in names)
+            return np.stack([np.asarray(vertex[name], np.float64) for name in names], -1) if known else None
+
+        normals, linear = of_vertices("nx", "ny", "nz"), of_vertices("r", "g", "b")
+        colours = of_vertices("red", "green", "blue") if linear is None else linear
+        pairs = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+        texcoords = next((found for pair in pairs if (found := of_vertices(*pair)) is not None), None)
+        lists = [face[name] for name in ("vertex_indices", "vertex_index", "texcoord") if name in face]
+        if texcoords is None and len(lists) == 2 and "texcoord" in face and (lists[1][0] == 2 * lists[0][0]).all():
+            # Coordinates at the faces' corners: a vertex for each pair of a place and its coordinates.
+            corner = fans(lists[0][0], np.arange(len(lists[0][1])))
+            at_corner = np.asarray(lists[1][1], np.float64).reshape(-1, 2)[corner].reshape(-1, 2)
+            both = np.concatenate([lists[0][1][corner].reshape(-1, 1), at_corner], 1)
+            found, which = np.unique(both, axis=0, return_inverse=True)
+            faces, place, texcoords = which.reshape(-1, 3), found[:, 0].astype(np.int64), found[:, 1:]
+            vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
+    return DressedMesh(vertices, faces, normals, texcoords, colours, linear is not None)  # type: ignore[arg-type]
+
+
+def _known_suffix(path: Path) -> str:
     suffix = path.suffix.lower()
     if suffix in POINTS:
         raise AlignError(f"{path}: {suffix} holds points without faces. Mesh them in the scanner's program first.")
     if suffix not in SUFFIXES:
         raise AlignError(f"{path}: cannot read a scan with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
-    if suffix == ".ply":
-        return read_ply(path)
-    reader = {".obj": _read_obj, ".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix]
-    with reading(path, "cannot be read as a mesh", AlignError, do="Export the scan again."):
-        return reader(path)
+    return suffix
 
 
 def _read_obj(path: Path) -> Surface:

@@ -1,11 +1,12 @@
 """The panel of the camera, and of how its pictures are rendered."""
 
-from dataclasses import replace
 from typing import Any
+
+from pydantic import TypeAdapter
 
 from studio.editor import edits
 from studio.editor.desk import Desk
-from twin.description.description_tables import SamplingTable
+from twin.description.description import Sampling
 
 
 class CameraPanel:
@@ -52,7 +53,6 @@ class CameraPanel:
     def _change_sampling(self, **said: Any) -> None:
         def edit(scene: edits.TwinScene) -> edits.TwinScene:
             # The table knows what is allowed.
-            table = SamplingTable(**(vars(scene.sampling) | said))
-            return edits.with_sampling(scene, replace(scene.sampling, **table.model_dump()))
+            return edits.with_sampling(scene, TypeAdapter(Sampling).validate_python(vars(scene.sampling) | said))
 
         self._desk.change("sampling", edit)

@@ -18,6 +18,7 @@ from twin.description.description_file import TAGS, read_scene
 from twin.description.description_writer import write_scene
 from twin.description.light_groups import direction
 from twin.description.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
+from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, smooth
 from twin.description.picture_files import write_exr
 
@@ -370,3 +371,17 @@ def test_a_mesh_whose_faces_name_no_vertex(tmp_path):
 def test_toml_that_breaks_its_parser(tmp_path, text):
     with pytest.raises(RenderError, match=r"a\.toml: not TOML"):
         read(tmp_path, text)
+
+
+def test_triangle_strips_and_coordinates_at_corners_are_read_from_a_ply(tmp_path):
+    head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    places = "0 0 0\n1 0 0\n0 1 0\n1 1 0\n"
+    strip = "element tristrips 1\nproperty list int int vertex_indices\nend_header\n" + places + "4 0 1 2 3\n"
+    (tmp_path / "strip.ply").write_text(head + strip)
+    corners = "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+    (tmp_path / "corners.ply").write_text(head + corners + places + "4 0 1 3 2 8 0 0 1 0 1 1 0 0.25\n")
+    strip, corners = read_mesh(tmp_path / "strip.ply"), read_mesh(tmp_path / "corners.ply")
+    assert np.allclose(strip.normals, [0, 0, 1])
+    assert strip.faces.shape == corners.faces.shape == (2, 3)
+    at = {tuple(place[:2]): tuple(where) for place, where in zip(corners.vertices, corners.texcoords, strict=True)}
+    assert at == {(0, 0): (0, 1), (1, 0): (1, 1), (1, 1): (1, 0), (0, 1): (0, 0.75)}

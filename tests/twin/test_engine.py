@@ -12,13 +12,11 @@ from twin.description.description import Environment, Sampling, TwinObject, Twin
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface
 from twin.description.object_mesh import built_in
 from twin.engines import engine_choice as engines
-from twin.engines import pilot as pilots
-from twin.engines.engine_choice import Choice, choose_engine
+from twin.engines.engine_choice import Choice, choose_engine, run_pilot
 from twin.engines.film import film_for
 from twin.engines.flash_shading import import_mitsuba
 from twin.engines.layers import render_layers
 from twin.engines.path_tracing import PathTracer
-from twin.engines.pilot import run_pilot
 from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
@@ -111,11 +109,11 @@ def test_the_curves_of_time_and_error_tell_what_each_engine_can():
 
 
 def test_a_pilot_that_stock_mitsuba_contradicts_bars_the_others(monkeypatch):
-    class Bright(pilots.Indirect):
+    class Bright(engines.Indirect):
         def images(self):
             return 1.5 * super().images()
 
-    monkeypatch.setattr(pilots, "Indirect", Bright)
+    monkeypatch.setattr(engines, "Indirect", Bright)
     choice = chosen(ball(wall=True))
     assert choice.engine == "mitsuba"
     assert choice.pilot.disagreement > 0.01

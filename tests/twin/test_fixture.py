@@ -75,7 +75,7 @@ def test_the_scan_at_the_true_pose_is_the_object_that_was_photographed():
     mesh = Mesh(Pose(np.array(TRUTH["camera_from_scan"])).apply(shape.vertices), np.array(shape.faces))
     mask = np.zeros((480, 640), bool)
     sum_of_cosines = []
-    for band, face, weights, _ in Sight(mesh.vertices, mesh.faces, CAMERA).rows(slice(0, 480), slice(0, 640)):
+    for band, face, weights, _ in Sight(mesh, CAMERA).rows(slice(0, 480), slice(0, 640)):
         mask[band] = face >= 0
         both = mask[band] & ARRAYS["mask"][band]
         found = np.einsum("pc,pcx->px", weights[both], mesh.vertex_normals[mesh.faces[face[both]]])

@@ -24,7 +24,7 @@ from twin.material.material_light import material_scene
 from twin.material.material_places import Places, material_places
 from twin.material.material_regions import TURN, Neighbours
 from twin.material.material_samples import Samples
-from twin.material.nearest import filled
+from twin.material.measured_albedo import filled
 from twin.material.reflection_models import coat, reflected
 from twin.material.scan_material import albedo_of, scan_material
 

@@ -14,7 +14,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.store import Store
 from twin.camera.virtual_camera import Sensor
-from twin.twin_session import write_session
+from twin.twin_session import Shooting, write_session
 
 NAMES = ("b_10", "a_2", "c [x]")
 CAMERA = Camera(48, 32, 20.5, 20.25, 5.75, 3.5, (0.01, 0.0, 0.0, 0.0, 0.0))
@@ -65,7 +65,7 @@ def test_the_virtual_camera_photographs_it_and_each_frame_has_its_own_noise(tmp_
     frames = Frames.from_linear(NAMES, np.broadcast_to(LINEAR[:1], LINEAR.shape))
     sensor = Sensor(blur_px=0)
     for folder in ("one", "again"):
-        write_session(Store(tmp_path / folder), frames, CAMERA, LIGHTS, MASK, TRUTH, sensor=sensor, seed=5)
+        write_session(Store(tmp_path / folder), frames, CAMERA, LIGHTS, MASK, TRUTH, shooting=Shooting(sensor, seed=5))
     session = tomllib.loads((tmp_path / "one" / "session.toml").read_text())
     assert session["frames"]["flash"][0] == "flash/b_10.dng"
     assert "linear" not in session["frames"]

@@ -173,6 +173,23 @@ def test_what_is_no_rendering_of_ours_is_started_anew(tmp_path):
         assert not folder.exists()
 
 
+def test_damaged_notes_are_started_anew(tmp_path):
+    """Whatever byte of the notes changes, nothing is taken from them, and nothing is raised."""
+    kept = Unfinished(tmp_path / "left", "a")
+    kept.begin({"engine": "direct", "error": 0.01}, {"codes": ((2, 3), np.uint16, 0)})
+    kept.finished(0)
+    again = Unfinished(tmp_path / "left", "a")
+    assert (again.notes, again.done) == (kept.notes, {0})
+    notes, array = (tmp_path / "left" / name for name in ("rendering.json", "codes.npy"))
+    whole, values = notes.read_bytes(), array.read_bytes()
+    for damaged in (*(whole.replace(byte, b"7") for byte in (b"0", b"d", b":")), whole[:-9], b"[" * 100_000):
+        notes.parent.mkdir(exist_ok=True)
+        notes.write_bytes(damaged)
+        array.write_bytes(values)
+        assert Unfinished(tmp_path / "left", "a").notes is None
+        assert not notes.parent.exists()
+
+
 @pytest.mark.parametrize("engine", ENGINES)
 def test_light_is_kept_apart_and_adds_up(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(many, "FIRST_LOOK", 1 << 14)

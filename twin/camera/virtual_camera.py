@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
+from twin.description.checked_values import NotNegative, Positive, Three, Whole, checked
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 NO_FILTER = "none"
@@ -29,6 +30,7 @@ _PLACEHOLDER = 34664
 """A tag that nobody uses, next to EXIF's 34665."""
 
 
+@checked
 @dataclass(frozen=True)
 class Sensor:
     """A sensor behind a lens.
@@ -42,7 +44,6 @@ class Sensor:
         Standard deviation of the read-out before the signal is amplified, electrons: the same at every ISO.
     adc_noise_dn : float
         Standard deviation of what the converter adds behind the amplifier, DN: fewer electrons the higher the ISO.
-    iso : float
     black_level, white_level : int
         DN of no light, and of a full well: nothing above is recorded. 16383: 14 bits.
     blur_px : float
@@ -58,17 +59,17 @@ class Sensor:
         Pixel pitch: the DNG's focal-plane resolution.
     """
 
-    full_well_e: float = 40000.0
-    read_noise_e: float = 4.0
-    adc_noise_dn: float = 0.0
-    iso: float = 100.0
-    black_level: int = 512
-    white_level: int = 16383
-    blur_px: float = 0.5
-    vignetting: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    full_well_e: Positive = 40000.0
+    read_noise_e: NotNegative = 4.0
+    adc_noise_dn: NotNegative = 0.0
+    iso: Positive = 100.0
+    black_level: Whole = 512
+    white_level: Whole = 16383
+    blur_px: NotNegative = 0.5
+    vignetting: Three = (0.0, 0.0, 0.0)
     cfa: str = "RGGB"
-    neutral: tuple[float, float, float] = (0.58, 1.0, 0.69)
-    pixel_um: float = 5.0
+    neutral: Three = (0.58, 1.0, 0.69)
+    pixel_um: Positive = 5.0
 
     def __post_init__(self) -> None:
         if self.cfa not in (*CFA_PATTERNS, NO_FILTER):
@@ -124,7 +125,6 @@ def expose(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDA
     ----------
     linear_rgb : (H, W, 3) float
         Linear sRGB; 1.0 fills the green pixels. Values above 1 bleed through the lens' blur before they are clipped.
-    sensor : Sensor
     rng : numpy Generator
         The noise; a seed gives the same photograph again.
 

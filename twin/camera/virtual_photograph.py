@@ -20,13 +20,7 @@ EXPOSURE_S, APERTURE = 1 / 125, 8.0
 
 
 def write_photograph(
-    path: Path,
-    image: NDArray,
-    sensor: Sensor | None,
-    rng: np.random.Generator,
-    *,
-    focal_mm: float,
-    time: datetime,
+    path: Path, image: NDArray, sensor: Sensor | None, rng: np.random.Generator, *, focal_mm: float, time: datetime
 ) -> None:
     """Photograph a linear image, and write it in the format of the path's suffix.
 

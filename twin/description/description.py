@@ -6,16 +6,18 @@ Everything is in the camera frame and in millimetres. `twin.description.descript
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, Strict
 
 from scene.camera import Camera
 from scene.lights import Lights
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
-from twin.description.materials import Material, Rgb
+from twin.description.checked_values import Count, NotNegative, Number, Rgb, checked, named
+from twin.description.materials import Material
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.film import Film, film_for
 
@@ -24,13 +26,17 @@ WHITE_BALL_ALBEDO = 0.8
 """Reflectance that the white ball of a session is taken to have."""
 
 
+def white_of(lights: Lights) -> Array:
+    """Return (3,) the pixel value of a matte surface of reflectance 1 that faces a light of intensity 1."""
+    return np.ones(3) if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
+
+
 @dataclass(frozen=True, eq=False)
 class TwinObject:
     """A mesh, where it stands, and of what it is.
 
     Parameters
     ----------
-    name : str
     mesh : ObjectMesh
         In its own frame.
     material : str
@@ -50,6 +56,7 @@ class TwinObject:
         return self.mesh.moved(self.matrix)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class Environment:
     """Light that stands still: in every frame the same.
@@ -67,9 +74,9 @@ class Environment:
         Radiance from everywhere, added to the map's.
     """
 
-    radiance: NDArray[np.float32] | None = None
-    scale: float = 1.0
-    rotate_deg: float = 0.0
+    radiance: Annotated[NDArray[np.float32] | None, named("picture"), Field(alias="map")] = None
+    scale: NotNegative = 1.0
+    rotate_deg: Number = 0.0
     ambient: Rgb = (0.0, 0.0, 0.0)
 
     @property
@@ -77,13 +84,13 @@ class Environment:
         return self.radiance is None and not any(self.ambient)
 
 
+@checked
 @dataclass(frozen=True)
 class Sampling:
     """How a scene is to be rendered.
 
     Parameters
     ----------
-    engine : {"auto", "direct", "many", "mitsuba"}
     samples : int or None
         A pixel; None: left to the engine.
     max_depth : int
@@ -93,9 +100,9 @@ class Sampling:
     """
 
     engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"
-    samples: int | None = None
-    max_depth: int = 3
-    error: float = 0.01
+    samples: Count | None = None
+    max_depth: Annotated[int, Strict(), Field(ge=2)] = 3
+    error: Annotated[float, Strict(), Field(gt=0, lt=1)] = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,16 +111,10 @@ class TwinScene:
 
     Parameters
     ----------
-    camera : Camera
-    objects : tuple of TwinObject
-    materials : mapping of str to Material
     lights : Lights
         N, all distant or all near. Not necessarily of mean intensity 1: the intensities are what they are.
     radii_mm : (N,) float64
         Of near lights that are discs toward the reference point; 0 for points.
-    environment : Environment
-    sampling : Sampling
-    name : str
     sensor : Sensor or None
         Of the virtual camera that photographs the rendered frames. None: they are kept as they are.
     files : {"png", "dng", "exr"} or None
@@ -146,9 +147,8 @@ class TwinScene:
 
     @property
     def white(self) -> Array:
-        """(3,) pixel value of a matte surface of reflectance 1 that faces a light of intensity 1."""
-        value = self.lights.white_value
-        return np.ones(3) if value is None else value / WHITE_BALL_ALBEDO
+        """(3,) see `white_of`."""
+        return white_of(self.lights)
 
     @property
     def irradiance(self) -> Array:

@@ -1,14 +1,17 @@
 """What is wrong with a scene, before anything is rendered: every fault at once."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from scene.errors import RenderError
+from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.rays import RayCaster
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import VERTEX, Material, Texture
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_materials import material_faults
-from twin.visibility import inside
 
 
 def check_scene(scene: TwinScene) -> None:
@@ -61,7 +64,7 @@ def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
         )
     if one.mesh.colours is None and VERTEX in [value for value in values if isinstance(value, str)]:
         faults.append(f"{key}.material: {one.material!r} takes the vertices' colours, but {one.name!r} has none.")
-    if getattr(material, "subsurface", None) is not None and not _is_closed(one.mesh):
+    if getattr(material, "subsurface", None) is not None and not _welded(one.mesh).is_closed:
         faults.append(
             f"{key}.material: {one.material!r} scatters below the surface, but the mesh of {one.name!r} is not closed: "
             "there is no inside. Close its holes, or leave subsurface out."
@@ -79,25 +82,24 @@ def _welded(mesh: ObjectMesh) -> Mesh:
     return Mesh(mesh.vertices[first], faces[whole])
 
 
-def _is_closed(mesh: ObjectMesh) -> bool:
-    """Return whether every edge has two faces."""
-    edges = np.sort(_welded(mesh).faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
-
-
-def _light_faults(scene: TwinScene) -> list[str]:
-    faults, lights = [], scene.lights
+def unsound_lights(lights: Lights) -> Iterator[str]:
+    """Yield what no engine can render of lights, with each one's name."""
     arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
     for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
         if not np.isfinite(row).all() or (row[3:6] < 0).any():
-            faults.append(
-                f"lights {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite "
-                "numbers and no negative intensity."
+            yield (
+                f"{name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers and "
+                "no negative intensity."
             )
+
+
+def _light_faults(scene: TwinScene) -> list[str]:
+    lights = scene.lights
+    faults = [f"lights {told}" for told in unsound_lights(lights)]
     if lights.positions_mm is None or faults:
         return faults
     for one in scene.objects:
-        within = inside(_welded(one.placed), lights.positions_mm)
+        within = RayCaster(_welded(one.placed)).inside(lights.positions_mm)
         faults += [
             f"lights {lights.names[i]}: at {np.round(lights.positions_mm[i], 1)} mm, inside {one.name!r}, it lights "
             "nothing. Move it."

@@ -1,11 +1,31 @@
 """The keys of a scene description's file: names, kinds, defaults. docs/scenes.md says the same for users."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt, model_validator
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PositiveFloat,
+    PositiveInt,
+    Tag,
+    ValidationInfo,
+    WrapValidator,
+    model_validator,
+)
+
+from twin.camera.virtual_camera import Sensor
+from twin.description.checked_values import as_fault, named, three
+from twin.description.description import Environment, Sampling
+from twin.description.materials import KINDS
+from twin.description.object_mesh import ObjectMesh
 
 Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-Share = Annotated[float, Field(ge=0, le=1)]
 NotNegative = Annotated[float, Field(ge=0)]
 # No picture has more pixels in a row, no capture as many lights.
 Size = Annotated[PositiveInt, Field(le=65535)]
@@ -13,13 +33,8 @@ Many = Annotated[PositiveInt, Field(le=10_000)]
 Few = Annotated[PositiveInt, Field(le=100)]
 
 
-def _three(value: Any) -> Any:
-    """Take one number for all three channels, or axes."""
-    return [value] * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-Rgb = Annotated[list[NotNegative], Field(min_length=3, max_length=3), BeforeValidator(_three)]
-Factors = Annotated[list[float], Field(min_length=3, max_length=3), BeforeValidator(_three)]
+Rgb = Annotated[list[NotNegative], Field(min_length=3, max_length=3), BeforeValidator(three)]
+Factors = Annotated[list[float], Field(min_length=3, max_length=3), BeforeValidator(three)]
 Row = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 
@@ -37,46 +52,6 @@ class TextureTable(Table):
     wrap: Literal["repeat", "clamp"] = "repeat"
 
 
-def _reflectance(value: Any) -> Any:
-    """Sort the four forms before pydantic sees them, or it tells a fault for each form that it is not."""
-    if isinstance(value, dict):
-        return TextureTable.model_validate(value)
-    value = _three(value)
-    is_rgb = isinstance(value, list) and len(value) == 3 and all(type(part) in (int, float) for part in value)
-    if value == "vertex" or is_rgb:
-        return value
-    raise ValueError('expected a number, [r, g, b], "vertex" or { file = "...", encoding = "srgb" }')
-
-
-def _specularity(value: Any) -> Any:
-    if isinstance(value, dict):
-        return TextureTable.model_validate(value)
-    if type(value) in (int, float):
-        return value
-    raise ValueError('expected a number or { file = "...", encoding = "linear" }')
-
-
-Reflectance = Annotated[Any, BeforeValidator(_reflectance)]
-Specularity = Annotated[Any, BeforeValidator(_specularity)]
-Roughness = Annotated[float, Field(gt=0, le=1)]
-
-
-class SensorTable(Table):
-    """[camera.sensor]: how the frames are photographed; see `twin.camera.virtual_camera.Sensor`."""
-
-    full_well_e: PositiveFloat = 40000.0
-    read_noise_e: NotNegative = 4.0
-    adc_noise_dn: NotNegative = 0.0
-    iso: PositiveFloat = 100.0
-    black_level: Annotated[int, Field(ge=0)] = 512
-    white_level: Annotated[int, Field(le=65535)] = 16383
-    blur_px: NotNegative = 0.5
-    vignetting: Three = [0.0, 0.0, 0.0]
-    cfa: Literal["RGGB", "BGGR", "GRBG", "GBRG", "none"] = "RGGB"
-    neutral: Three = [0.58, 1.0, 0.69]
-    pixel_um: PositiveFloat = 5.0
-
-
 class CameraTable(Table):
     """[camera]: as in session.toml, the projection, and what is written."""
 
@@ -88,7 +63,7 @@ class CameraTable(Table):
     cy: float | None = None
     distortion: list[float] = Field(default=[0.0] * 5, min_length=5, max_length=5)
     projection: Literal["perspective", "orthographic"] = "perspective"
-    sensor: SensorTable | None = None
+    sensor: Annotated[Sensor, WrapValidator(as_fault)] | None = None
     files: Literal["png", "dng", "exr"] | None = None
 
     @model_validator(mode="after")
@@ -101,19 +76,31 @@ class CameraTable(Table):
         return self
 
 
+def _known(material: str, info: ValidationInfo[Any]) -> str:
+    if material not in info.context.materials:
+        raise ValueError(f"the materials here are {', '.join(info.context.materials) or 'none'}")
+    return material
+
+
+def _affine(rows: list[Row]) -> list[Row]:
+    if rows[3] != [0, 0, 0, 1] or abs(np.linalg.det(np.array(rows)[:3, :3])) < 1e-12:
+        raise ValueError("expected rows [r r r t] of an affine map that can be undone, and the last row [0, 0, 0, 1]")
+    return rows
+
+
 class ObjectTable(Table):
     """[[objects]]: a mesh's file or a built-in shape, its place and its material."""
 
     name: str | None = None
-    mesh: str | None = None
+    mesh: Annotated[ObjectMesh | None, named("mesh")] = None
     shape: Literal["sphere", "square", "disc", "cube", "cylinder", "cone"] | None = None
     smooth: bool = True
-    material: str
+    material: Annotated[str, AfterValidator(_known)]
     scale: Factors = [1.0, 1.0, 1.0]
     rotate_deg: Three = [0.0, 0.0, 0.0]
     translate_mm: Three = [0.0, 0.0, 0.0]
-    matrix: Annotated[list[Row], Field(min_length=4, max_length=4)] | None = None
-    pose: str | None = None
+    matrix: Annotated[list[Row], Field(min_length=4, max_length=4), AfterValidator(_affine)] | None = None
+    pose: Annotated[NDArray[np.float64] | None, named("pose")] = None
 
     @model_validator(mode="after")
     def _one_source(self) -> "ObjectTable":
@@ -122,68 +109,6 @@ class ObjectTable(Table):
         if 0 in self.scale:
             raise ValueError("expected a scale that is not 0")
         return self
-
-
-class SubsurfaceTable(Table):
-    """materials.NAME.subsurface: the medium below the surface."""
-
-    mean_free_path_mm: PositiveFloat
-    albedo: Annotated[list[Share], Field(min_length=3, max_length=3), BeforeValidator(_three)] = [0.9, 0.9, 0.9]
-    share: Share = 0.5
-
-
-class DiffuseTable(Table):
-    """A matte material."""
-
-    kind: Literal["diffuse"]
-    reflectance: Reflectance
-    subsurface: SubsurfaceTable | None = None
-
-
-class RoughPlasticTable(Table):
-    """A matte body under a clear rough coat."""
-
-    kind: Literal["rough_plastic"]
-    reflectance: Reflectance
-    roughness: Roughness = 0.1
-    specularity: Specularity = 1.0
-    index: Annotated[float, Field(gt=1)] = 1.49
-    subsurface: SubsurfaceTable | None = None
-    covered: Share = 1.0
-
-
-class ConductorTable(Table):
-    """A metal."""
-
-    kind: Literal["conductor"]
-    metal: str
-    roughness: Share = 0.1
-
-
-class PrincipledTable(Table):
-    """Disney's material."""
-
-    kind: Literal["principled"]
-    reflectance: Reflectance
-    roughness: Roughness = 0.25
-    metallic: Share = 0.0
-    specularity: Share = 0.5
-
-
-class MeasuredTable(Table):
-    """A measured reflectance."""
-
-    kind: Literal["measured"]
-    file: str
-
-
-class EnvironmentTable(Table):
-    """[environment]: light that is the same in every frame."""
-
-    map: str | None = None
-    scale: NotNegative = 1.0
-    rotate_deg: float = 0.0
-    ambient: Rgb = [0.0, 0.0, 0.0]
 
 
 class LightTable(Table):
@@ -258,17 +183,17 @@ class SessionLightsTable(Table):
     file: str
 
 
-class SamplingTable(Table):
-    """[sampling]: how to render."""
-
-    engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"
-    samples: PositiveInt | None = None
-    max_depth: Annotated[int, Field(ge=2)] = 3
-    error: Annotated[float, Field(gt=0, lt=1)] = 0.01
+def _kind(value: Any) -> Any:
+    return value.get("kind") if isinstance(value, dict) else None
 
 
-MaterialTable = Annotated[
-    DiffuseTable | RoughPlasticTable | ConductorTable | PrincipledTable | MeasuredTable, Field(discriminator="kind")
+def _without_kind(value: Any) -> Any:
+    return {key: part for key, part in value.items() if key != "kind"}
+
+
+MaterialTable: Any = Annotated[
+    Union[*(Annotated[one, BeforeValidator(_without_kind), Tag(kind)] for kind, one in KINDS.items())],  # type: ignore[misc]
+    Discriminator(_kind),
 ]
 LightsTable = Annotated[LightTable | RingTable | GridTable | SessionLightsTable, Field(discriminator="kind")]
 
@@ -280,8 +205,8 @@ class DescriptionTable(Table):
     name: str | None = None
     camera: CameraTable
     objects: list[ObjectTable] = Field(min_length=1)
-    materials: dict[str, MaterialTable]
-    environment: EnvironmentTable = EnvironmentTable()
+    materials: dict[str, MaterialTable]  # type: ignore[valid-type]
+    environment: Environment = Environment()
     lights: list[LightsTable] = Field(min_length=1)
     reference_point_mm: Three | None = None
-    sampling: SamplingTable = SamplingTable()
+    sampling: Sampling = Sampling()

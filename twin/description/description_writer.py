@@ -11,19 +11,10 @@ from numpy.typing import NDArray
 
 from scene.files import write_npy, write_text
 from twin.description.description import TwinScene
-from twin.description.materials import (
-    Conductor,
-    Diffuse,
-    Material,
-    Measured,
-    Principled,
-    RoughPlastic,
-    Subsurface,
-    Texture,
-)
+from twin.description.materials import KINDS, Material, Measured, Subsurface, Texture
 from twin.description.mesh_files import write_ply
 
-TABLES = {Diffuse: "diffuse", RoughPlastic: "rough_plastic", Conductor: "conductor", Principled: "principled"}
+NAMES = {material: kind for kind, material in KINDS.items()}
 
 
 def write_scene(scene: TwinScene, folder: Path) -> Path:
@@ -31,7 +22,6 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
 
     Parameters
     ----------
-    scene : TwinScene
     folder : Path
         Gets scene.toml, meshes/, textures/, and copies of measured materials.
 
@@ -106,7 +96,7 @@ class _Keeper:
             if os.path.realpath(material.file) != os.path.realpath(self._folder / file):
                 shutil.copyfile(material.file, self._folder / file)
             return {"kind": "measured", "file": file}
-        table: dict[str, Any] = {"kind": TABLES[type(material)]}
+        table: dict[str, Any] = {"kind": NAMES[type(material)]}
         for key, value in vars(material).items():
             if isinstance(value, Texture):
                 table[key] = {"file": self.picture(value.values), "encoding": "linear", "wrap": value.wrap}

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
-from twin.description.description import WHITE_BALL_ALBEDO
+from twin.description.description import white_of
 from twin.description.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
 
 Array = NDArray[np.float64]
@@ -127,6 +127,5 @@ def _session(group: SessionLightsTable, folder: Path) -> tuple[Lights, Array]:
     if path.name != "lights.json" or not path.is_file():
         raise RenderError(f"lights[0].file: {path} is not there, or not a lights.json that rgbn wrote.")
     lights = Store(path.parent).load_lights()
-    white = np.ones(3) if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
-    lights = replace(lights, intensities=lights.intensities * white, white_value=None, ambient=None)
+    lights = replace(lights, intensities=lights.intensities * white_of(lights), white_value=None, ambient=None)
     return lights, np.zeros(len(lights))

@@ -2,12 +2,14 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field, PlainValidator, Strict, ValidationInfo
 
-Rgb = tuple[float, float, float]
+from twin.description.checked_values import AboveNone, Positive, Rgb, Share, Shares, as_fault, checked, named, three
+
 VERTEX = "vertex"
 """A reflectance that is the mesh's own colour, vertex by vertex."""
 
@@ -44,10 +46,31 @@ class Texture:
         return (1 - part[:, 1]) * above + part[:, 1] * below
 
 
-Reflectance = Rgb | Texture | Literal["vertex"]
+def _reflectance(value: Any, info: ValidationInfo[Any]) -> Any:
+    """Return one of the four forms of a table's reflectance; `info.context.texture` reads a picture's table."""
+    if isinstance(value, dict):
+        return as_fault(value, info.context.texture)
+    value = three(value)
+    if isinstance(value, list) and len(value) == 3 and all(type(part) in (int, float) for part in value):
+        return tuple(float(part) for part in value)
+    if value == VERTEX:
+        return value
+    raise ValueError('expected a number, [r, g, b], "vertex" or { file = "...", encoding = "srgb" }')
+
+
+def _specularity(value: Any, info: ValidationInfo[Any]) -> Any:
+    if isinstance(value, dict):
+        return as_fault(value, info.context.texture)
+    if type(value) in (int, float):
+        return float(value)
+    raise ValueError('expected a number or { file = "...", encoding = "linear" }')
+
+
+Reflectance = Annotated[Rgb | Texture | Literal["vertex"], PlainValidator(_reflectance)]
 """Of each channel, 0 to 1, linear."""
 
 
+@checked
 @dataclass(frozen=True)
 class Subsurface:
     """What lies below a surface that is partly open: a cloudy medium that light wanders through.
@@ -69,11 +92,12 @@ class Subsurface:
     the refraction, and the gloss of the share that is open.
     """
 
-    mean_free_path_mm: float
-    albedo: Rgb = (0.9, 0.9, 0.9)
-    share: float = 0.5
+    mean_free_path_mm: Positive
+    albedo: Shares = (0.9, 0.9, 0.9)
+    share: Share = 0.5
 
 
+@checked
 @dataclass(frozen=True)
 class Diffuse:
     """A matte surface: radiance = reflectance / pi * irradiance."""
@@ -82,6 +106,7 @@ class Diffuse:
     subsurface: Subsurface | None = None
 
 
+@checked
 @dataclass(frozen=True)
 class RoughPlastic:
     """A matte body under a clear rough coat [Walter2007].
@@ -103,21 +128,23 @@ class RoughPlastic:
     """
 
     reflectance: Reflectance
-    roughness: float = 0.1
-    specularity: float | Texture = 1.0
-    index: float = 1.49
+    roughness: AboveNone = 0.1
+    specularity: Annotated[float | Texture, PlainValidator(_specularity)] = 1.0
+    index: Annotated[float, Strict(), Field(gt=1)] = 1.49
     subsurface: Subsurface | None = None
-    covered: float = 1.0
+    covered: Share = 1.0
 
 
+@checked
 @dataclass(frozen=True)
 class Conductor:
     """A metal by name: Au, Cu, Al, Cr, Ag ... or "none", a perfect mirror; roughness 0 is polished."""
 
-    metal: str
-    roughness: float = 0.1
+    metal: Annotated[str, Strict()]
+    roughness: Share = 0.1
 
 
+@checked
 @dataclass(frozen=True)
 class Principled:
     """Disney's material [Burley2012], of whose numbers these are kept.
@@ -135,27 +162,32 @@ class Principled:
     """
 
     reflectance: Reflectance
-    roughness: float = 0.25
-    metallic: float = 0.0
-    specularity: float = 0.5
+    roughness: AboveNone = 0.25
+    metallic: Share = 0.0
+    specularity: Share = 0.5
 
 
+@checked
 @dataclass(frozen=True)
 class Measured:
     """A measured reflectance, a .bsdf file of the RGL database [Dupuy2018]."""
 
-    file: Path
+    file: Annotated[Path, named("path")]
 
 
 Material = Diffuse | RoughPlastic | Conductor | Principled | Measured
+KINDS: dict[str, type[Material]] = {
+    "diffuse": Diffuse,
+    "rough_plastic": RoughPlastic,
+    "conductor": Conductor,
+    "principled": Principled,
+    "measured": Measured,
+}
+"""What a description's file calls them."""
 
 
 def seed_materials(
-    texture: Reflectance,
-    *,
-    reflectance: Rgb = (0.5, 0.5, 0.5),
-    roughness: float = 0.1,
-    mean_free_path_mm: float = 2.0,
+    texture: Reflectance, *, reflectance: Rgb = (0.5, 0.5, 0.5), roughness: float = 0.1, mean_free_path_mm: float = 2.0
 ) -> dict[str, Material]:
     """Return the eight materials that the benchmark compares, in its order.
 

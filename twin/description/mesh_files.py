@@ -1,4 +1,4 @@
-"""Meshes with texture coordinates and colours: read from any file that trimesh reads, written as PLY.
+"""Meshes with texture coordinates and colours: read from any mesh file, written as PLY.
 
 Files count texture coordinates from the bottom (v up); `ObjectMesh` from the top.
 """
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import RenderError
+from formats.meshes.scan_files import read_dressed
+from scene.errors import AlignError, RenderError
 from scene.files import write_whole
 from scene.reading import reading
 from twin.description.object_mesh import ObjectMesh, smooth
@@ -20,15 +21,14 @@ LARGEST = 1e9
 Array = NDArray[np.float64]
 
 
-def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
+def read_mesh(path: Path) -> ObjectMesh:
     """Read a mesh as it stands in its file: nothing is mended.
 
     Parameters
     ----------
     path : Path
         .ply, .obj, .stl, .off, .glb. Colours of the vertices: whole numbers are sRGB, r, g, b in floating point linear.
-    is_smooth : bool
-        Normals: those of a .ply that has them, else smooth ones; False: every face is flat.
+        Normals: those of a .ply that has them, else smooth ones.
 
     Raises
     ------
@@ -38,57 +38,23 @@ def read_mesh(path: Path, *, is_smooth: bool = True) -> ObjectMesh:
     if not path.is_file():
         raise RenderError(f"{path}: not found.")
     with reading(path, "no mesh can be read", RenderError, do="Export it again, as .ply or .obj."):
-        return _read(path, is_smooth)
-
-
-def _read(path: Path, is_smooth: bool) -> ObjectMesh:
-    import trimesh
-
-    # A .ply with coordinates at the vertices keeps its vertices' order; one with coordinates at the faces' corners
-    # must be taken apart.
-    with path.open("rb") as file:
-        apart = path.suffix.lower() != ".ply" or b"texcoord" in file.read(4096)
-    loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=apart)
-    faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))), np.int64)
-    if not len(faces):
-        raise RenderError(
-            f"{path}: holds no faces; expected a mesh. A point cloud must be made a mesh, and a .ply with triangle "
-            "strips saved as triangles, first."
-        )
-    vertices = np.array(loaded.vertices, np.float64)
-    if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError(f"faces name vertices {faces.min()} to {faces.max()} of {vertices.shape}")
-    if not (np.abs(vertices) < LARGEST).all():
-        raise RenderError(f"{path}: some positions are no numbers, or beyond {LARGEST:.0e}. Export the mesh again.")
-    raw = loaded.metadata.get("_ply_raw", {}).get("vertex", {}).get("data")
-    uv = getattr(loaded.visual, "uv", None)
-    texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64) * [1, -1] + [0, 1]
-    colours = _colours(loaded, raw)
-    if not is_smooth:
-        return ObjectMesh(vertices, faces, None, texcoords, colours)
-    normals = _columns(raw, ("nx", "ny", "nz"), len(vertices))
-    if normals is None:
-        return smooth(vertices, faces, texcoords, colours)
-    return ObjectMesh(vertices, faces, normals, texcoords, colours)
-
-
-def _colours(loaded: Any, raw: Any) -> Array | None:
-    linear = _columns(raw, ("r", "g", "b"), len(loaded.vertices))
-    if linear is not None:
-        return linear
-    coded = _columns(raw, ("red", "green", "blue"), len(loaded.vertices))
-    if coded is None and loaded.visual.kind == "vertex":
-        coded = np.asarray(loaded.visual.vertex_colors, np.float64)[:, :3]
-    return None if coded is None else linear_from_srgb(coded / 255)
-
-
-def _columns(raw: Any, names: tuple[str, ...], count: int) -> Array | None:
-    """Return (V, 3) properties of a .ply's vertices, if it has them all."""
-    try:
-        found = np.stack([np.asarray(raw[name], np.float64).reshape(-1) for name in names], 1)
-    except (KeyError, TypeError, ValueError, IndexError):
-        return None
-    return found if len(found) == count else None
+        try:
+            found = read_dressed(path)
+        except AlignError as error:
+            raise RenderError(str(error)) from error
+        if not len(found.faces):
+            raise RenderError(f"{path}: holds no faces; expected a mesh. A point cloud must be made a mesh first.")
+        vertices, faces = found.vertices, found.faces
+        if faces.min() < 0 or faces.max() >= len(vertices):
+            raise ValueError(f"faces name vertices {faces.min()} to {faces.max()} of {vertices.shape}")
+        if not (np.abs(vertices) < LARGEST).all():
+            raise RenderError(f"{path}: some positions are no numbers, or beyond {LARGEST:.0e}. Export the mesh again.")
+        texcoords = None if found.texcoords is None else found.texcoords * [1, -1] + [0, 1]
+        coded = found.colours is not None and not found.linear
+        colours = linear_from_srgb(found.colours / 255) if coded else found.colours  # type: ignore[operator]
+        if found.normals is None:
+            return smooth(vertices, faces, texcoords, colours)
+        return ObjectMesh(vertices, faces, found.normals, texcoords, colours)
 
 
 def linear_from_srgb(values: Any) -> NDArray:

@@ -14,7 +14,6 @@ from twin.description.mesh_files import linear_from_srgb
 
 Picture = NDArray[np.float32]
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
-ENCODINGS = ("linear", "srgb")
 
 
 def read_picture(path: Path, encoding: str | None = None) -> Picture:

@@ -5,7 +5,6 @@ and texture, and there only for the flashes that need them. A sample is one came
 ray and the BRDF's closed form.
 """
 
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, camera_rays, gathered, import_mitsuba, start_above, tiles
+from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above, tiles
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
 
 VALUES_PER_BAND = 1 << 25
@@ -22,6 +21,8 @@ PILOT_TILES, PILOT_SIDE = 8, 16
 LATTICE = 0.7548776662466927, 0.5698402909980532
 """Additive recurrence in two dimensions: every first n points are well spread [Roberts2018]."""
 LANES = 1 << 21
+WHOLE, LARGEST = 2.0**28, 2.0**50
+"""Parts of a frame's brightness that samples are counted in, and the most: 4096 of them stay within 64 bits."""
 
 
 class Direct:
@@ -31,7 +32,6 @@ class Direct:
     ----------
     scene : mi.Scene
         Shapes and materials, mm, camera frame. Emitters of its own are not rendered.
-    film : Film
     lights : Lights
         Distant, or points; see `Flashes` for the units.
     error : float
@@ -42,7 +42,6 @@ class Direct:
     ----------
     tolerance : float
         Second difference, of a frame's brightness, that asks for about one sample; from a pilot rendering.
-    predicted_error : float
     samples_per_pixel : float
         Camera samples a pixel and light, mean, as the pilot predicts.
     """
@@ -59,18 +58,11 @@ class Direct:
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
-        return gathered(self._film, self._flashes.count, self.bands())
-
-    def bands(self, values_per_band: int = VALUES_PER_BAND) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-        """Yield (rows of the film's box, (F, rows, w, 3)); the same values whatever the bands' size."""
-        height, width = self._film.size
-        step = max(1, values_per_band // (3 * width * self._flashes.count))
-        for start in range(0, height, step):
-            rows = slice(start, min(start + step, height))
-            yield rows, self.band(rows)
+        step = VALUES_PER_BAND // (3 * self._film.size[1] * self._flashes.count)
+        return by_bands(self._film, self._flashes.count, step, self.band)
 
     def band(self, rows: slice) -> NDArray[np.float32]:
-        """Return (F, rows, w, 3) of some of the box's rows."""
+        """Return (F, rows, w, 3) of some of the box's rows; the same values whatever the bands' size."""
         (height, width), start, stop = self._film.size, rows.start, rows.stop
         # One row more on either side: whether a pixel bends depends on its neighbours.
         first, last = max(start - 1, 0), min(stop + 1, height)
@@ -147,15 +139,19 @@ class Direct:
         side = dr.select(number % 2 == 0, 1.0, -1.0)
         x, y = side * (x - dr.floor(x) - 0.5), side * (y - dr.floor(y) - 0.5)
         surface, bsdf, seen = self._seen(mi.Float(place % width) + x, mi.Float(place // width) + y)
-        out = dr.zeros(mi.Float, 3 * len(light))
+        # Whole numbers: threads add in any order, and their sum is the same.
+        out, scale = dr.zeros(mi.UInt64, 3 * len(light)), mi.Float(WHOLE / self._brightness)
 
         def add(turn: Any, active: Any) -> None:
             index = dr.gather(mi.UInt32, light_of_pair, first + turn, active)
             value = flashes.reflected(self._scene, surface, bsdf, index, active, coherent=True)
-            dr.scatter_add(out, value, first + turn, active)
+            value *= dr.gather(mi.Float, scale, index, active)
+            for channel in range(3):
+                whole = mi.UInt64(dr.minimum(value[channel], LARGEST))
+                dr.scatter_add(out, whole, 3 * (first + turn) + channel, active)
 
         flashes.loop(count, seen, add)
-        return out.numpy().reshape(-1, 3)
+        return (out.numpy().reshape(-1, 3) / (WHOLE / self._brightness[light])[:, None]).astype(np.float32)
 
     def _pilot(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the frames' brightness (F,), and second differences (F, tiles, pixels) of tiles all over the film."""

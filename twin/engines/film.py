@@ -67,10 +67,7 @@ class Film:
 def film_for(camera: Camera, points: Array) -> Film:
     """Return the film that holds points (P, 3), mm, camera frame.
 
-    Raises
-    ------
-    RenderError
-        No point lies before the camera and inside the picture.
+    Raises RenderError: No point lies before the camera and inside the picture.
     """
     pixels = camera.project(points)
     seen = pixels[np.isfinite(pixels).all(-1)]
@@ -109,8 +106,6 @@ def film_for(camera: Camera, points: Array) -> Film:
 def sensor_description(film: Film, points: Array, first_row: int, height: int) -> dict:
     """Return Mitsuba's description of the sensor that renders `height` rows of the window from `first_row` on.
 
-    Notes
-    -----
     look_at(target=(0, 0, -1), up=(0, 1, 0)) is our camera frame; fov = 2 atan(W / 2 fx); a principal point that is
     off centre takes the opposite sign, -(c - (size - 1) / 2) / size. Orthographic: half the width is W / 2 fx mm, and
     the sensor stands where the picture's middle lies.

@@ -3,7 +3,7 @@
 A kernel traces one camera ray a lane and loops over the flashes inside: one launch for all frames.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.lights import Lights
-from twin.description.description import WHITE_BALL_ALBEDO
+from twin.description.description import white_of
 from twin.engines.film import Film
 from twin.engines.variant import FAST, pick_variant
 
@@ -43,8 +43,6 @@ def give_memory_back() -> None:
 class Flashes:
     """Flashes as Mitsuba arrays.
 
-    Notes
-    -----
     Pixel values are those of `TwinScene`: a flash of intensity 1 gives the irradiance pi (times white_value / 0.8 where
     that is given) on what faces it at the lights' reference point. Near flashes are points.
     """
@@ -52,8 +50,7 @@ class Flashes:
     def __init__(self, mi: Any, lights: Lights) -> None:
         self._mi = mi
         self.count = len(lights)
-        white = 1.0 if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
-        power = np.pi * lights.intensities * white
+        power = np.pi * lights.intensities * white_of(lights)
         self._near = lights.positions_mm is not None
         places = lights.directions
         if lights.positions_mm is not None:
@@ -65,16 +62,8 @@ class Flashes:
     def reflected(self, scene: Any, surface: Any, bsdf: Any, index: Any, active: Any, *, coherent: bool) -> Any:
         """Return the radiance that flash `index` sends by way of `surface` toward where its ray came from.
 
-        Parameters
-        ----------
-        scene, surface, bsdf : mi.Scene, mi.SurfaceInteraction3f, mi.BSDFPtr
-        index : mi.UInt32
-        active : mi.Bool
-        coherent : bool
-            Whether neighbouring lanes' shadow rays run side by side.
+        coherent: Whether neighbouring lanes' shadow rays run side by side.
 
-        Notes
-        -----
         E f(wi, wo) cos, black where the flash is behind the surface (no ray is traced) or hidden.
         """
         import drjit as dr
@@ -108,13 +97,8 @@ class Flashes:
 def camera_rays(mi: Any, film: Film, x: Any, y: Any, above_mm: float) -> Any:
     """Return the rays of positions in the film's box, as `Camera.rays` gives them, by way of the lens.
 
-    Parameters
-    ----------
-    film : Film
-    x, y : mi.Float
-        Columns and rows of the box, integers are pixel centres.
-    above_mm : float
-        Orthographic: the z that the rays start from.
+    x, y: Columns and rows of the box, integers are pixel centres.
+    above_mm: Orthographic: the z that the rays start from.
     """
     import drjit as dr
 
@@ -147,11 +131,12 @@ def _through_the_lens(mi: Any, pixels: NDArray[np.float32], x: Any, y: Any) -> t
     return found.x, found.y
 
 
-def gathered(film: Film, count: int, bands: Iterable[tuple[slice, NDArray[np.float32]]]) -> NDArray[np.float32]:
-    """Return (F, h, w, 3) of the film's box, from bands (rows of it, (F, rows, w, 3))."""
+def by_bands(film: Film, count: int, step: int, band: Callable[[slice], NDArray[np.float32]]) -> NDArray[np.float32]:
+    """Return (F, h, w, 3) of the film's box, rendered `step` rows at a time, at least one."""
     out = np.empty((count, *film.size, 3), np.float32)
-    for rows, block in bands:
-        out[:, rows] = block
+    for start in range(0, film.size[0], max(1, step)):
+        rows = slice(start, min(start + max(1, step), film.size[0]))
+        out[:, rows] = band(rows)
     return out
 
 

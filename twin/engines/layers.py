@@ -29,14 +29,10 @@ STANDING_SAMPLES = 256
 class Layers:
     """What a scene's pixels are made of.
 
-    Parameters
-    ----------
-    direct : (F, h, w, 3) float32
-        Linear, of the film's box: light that met one surface. From stock Mitsuba, unless asked for apart: everything.
-    onward : (F, h, w, 3) float32 or None
-        Light of the same flashes that met more. None: not rendered, or in `direct`.
-    standing : (h, w, 3) float32 or None
-        The environment's light, in every frame the same. None: there is none, or it is in `direct`.
+    direct (F, h, w, 3): Linear, of the film's box: light that met one surface. From stock Mitsuba, unless asked for
+        apart: everything.
+    onward (F, h, w, 3): Light of the same flashes that met more. None: not rendered, or in `direct`.
+    standing (h, w, 3): The environment's light, in every frame the same. None: there is none, or it is in `direct`.
     """
 
     direct: Images
@@ -74,13 +70,9 @@ class PieceRenderer:
 
     Parameters
     ----------
-    scene : TwinScene
-    film : Film
-    choice : Choice
     apart : bool
         Keep light that met more than one surface apart, by stock Mitsuba too (which then renders every frame twice,
         with the same samples).
-    seed : int
     """
 
     def __init__(self, scene: TwinScene, film: Film, choice: Choice, *, apart: bool = False, seed: int = 0) -> None:

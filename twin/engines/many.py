@@ -5,7 +5,6 @@ surface and end in cells that know what they send back under every flash (twin/e
 """
 
 import os
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -13,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.engines.cell_kernels import NOWHERE, add_weighted
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, camera_rays, gathered, import_mitsuba, start_above
-from twin.engines.radiance_cells import Hits, RadianceCells
+from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above
+from twin.engines.radiance_cells import NOWHERE, Hits, RadianceCells, add_weighted
 
 SAMPLES_PER_CALL = 1 << 21
 FIRST_LOOK = 1 << 19
@@ -26,15 +24,9 @@ FIRST_LOOK = 1 << 19
 class Indirect:
     """Light that meets two surfaces or more on its way from a flash to the camera.
 
-    Parameters
-    ----------
-    scene, film, lights
-        As in `Direct`.
-    samples : int
-        Paths a pixel; rounded to what a jittered grid can hold.
-    max_depth : int
-        3: light meets two surfaces; 4: three; and so on.
-    seed : int
+    scene, film, lights: As in `Direct`.
+    samples: Paths a pixel; rounded to what a jittered grid can hold.
+    max_depth: 3: light meets two surfaces; 4: three; and so on.
     """
 
     def __init__(
@@ -52,18 +44,11 @@ class Indirect:
         looks = max(1, FIRST_LOOK // len(rows))
         self._cells.cells(self._paths(rows, columns, looks, 0), self._pool)
 
-    def bands(self) -> Iterator[tuple[slice, NDArray[np.float32]]]:
-        """Yield (rows of the film's box, (F, rows, w, 3))."""
-        height, width = self._film.size
-        # A pixel costs memory for its samples, and for its lights.
-        step = max(1, SAMPLES_PER_CALL // (width * max(self.samples, self._count // 4)))
-        for start in range(0, height, step):
-            rows = slice(start, min(start + step, height))
-            yield rows, self.band(rows)
-
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
-        return gathered(self._film, self._count, self.bands())
+        # A pixel costs memory for its samples, and for its lights.
+        step = SAMPLES_PER_CALL // (self._film.size[1] * max(self.samples, self._count // 4))
+        return by_bands(self._film, self._count, step, self.band)
 
     def band(self, rows: slice) -> NDArray[np.float32]:
         """Return (F, rows, w, 3) of some of the box's rows; the same whatever bands were rendered before."""

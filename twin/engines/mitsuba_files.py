@@ -48,11 +48,6 @@ _TAGS = {
 def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]]:
     """Write scene.xml, lights/, meshes/ (PLY) and textures/ (EXR).
 
-    Parameters
-    ----------
-    scene : TwinScene
-    folder : Path
-
     Returns
     -------
     paths : list of Path

@@ -31,8 +31,6 @@ LEAST_WEIGHT = 0.2
 def bsdf(material: Material) -> dict[str, Any]:
     """Return Mitsuba's description of a material, both sides alike.
 
-    Notes
-    -----
     A texture is {"type": "bitmap", "data": array, ...}. Subsurface scattering is Mitsuba's `mask` over a null boundary:
     see `twin.description.materials.Subsurface`; `medium` gives what lies within.
     """
@@ -125,13 +123,7 @@ def _number(value: float | Texture) -> Any:
 
 
 def _bitmap(texture: Texture) -> dict[str, Any]:
-    return {
-        "type": "bitmap",
-        "data": texture.values,
-        "raw": True,
-        "filter_type": "bilinear",
-        "wrap_mode": texture.wrap,
-    }
+    return {"type": "bitmap", "data": texture.values, "raw": True, "filter_type": "bilinear", "wrap_mode": texture.wrap}
 
 
 def material_faults(materials: Mapping[str, Material]) -> list[str]:

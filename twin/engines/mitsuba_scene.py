@@ -27,13 +27,7 @@ ENVIRONMENT_WEIGHT = 0.25
 class Parts:
     """Mitsuba's description of a scene without flash and sensor.
 
-    Parameters
-    ----------
-    integrator : dict
-    materials, media : dict of str to dict
-        By the material's name.
-    shapes : list of (name, ObjectMesh in the camera frame, material's name)
-    environment : dict or None
+    materials, media: By the material's name.
     """
 
     integrator: dict[str, Any]
@@ -81,8 +75,6 @@ def _environment(scene: TwinScene) -> dict[str, Any] | None:
 def flash(scene: TwinScene, index: int) -> dict[str, Any]:
     """Return Mitsuba's description of one light.
 
-    Notes
-    -----
     Irradiance E on what faces the light at the reference point, at distance d: a point has the radiant intensity E d^2,
     a disc of radius r, which faces it too, the radiance E (d^2 + r^2) / (pi r^2).
     """
@@ -121,7 +113,6 @@ def mitsuba_scene(scene: TwinScene, *, light: int | None = None) -> Any:
 
     Parameters
     ----------
-    scene : TwinScene
     light : int or None
         The flash that is in it, under the name `flash`; None: none, only shapes and environment.
 
@@ -174,11 +165,7 @@ def _mesh(mi: Any, mesh: ObjectMesh, material: Any, within: Any) -> Any:
     )
     if mesh.colours is not None:
         made.add_attribute(VERTEX_COLOUR, 3, mesh.colours.astype(np.float32).ravel())
-    arrays = {
-        "vertex_positions": mesh.vertices,
-        "vertex_normals": mesh.normals,
-        "vertex_texcoords": mesh.texcoords,
-    }
+    arrays = {"vertex_positions": mesh.vertices, "vertex_normals": mesh.normals, "vertex_texcoords": mesh.texcoords}
     parameters = mi.traverse(made)
     for name, values in arrays.items():
         if values is not None:

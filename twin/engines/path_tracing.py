@@ -32,13 +32,8 @@ class PathTracer:
     def image(self, index: int, samples_per_pixel: int, *, seed: int = 0) -> NDArray[np.float32]:
         """Return pixel values (h, w, 3) of the film's window under one light and the environment.
 
-        Parameters
-        ----------
-        index : int
-            Which light.
-        samples_per_pixel : int
-        seed : int
-            Other samples of the same light.
+        index: Which light.
+        seed: Other samples of the same light.
         """
         if index != self._lit_by:
             self._light(index)

@@ -11,12 +11,15 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.engines.cell_kernels import EMPTY, NOWHERE, add_weighted, find, put
 from twin.engines.flash_shading import Flashes
 
+EMPTY = np.int64(-1)
+NOWHERE = np.int64(-2)
+"""Key of a sample that meets nothing."""
 ANGLE = 0.15
 """Side of a cell over the distance that it is seen from."""
 COARSEST = 1 / 16
@@ -32,16 +35,10 @@ BOUNCES = 4
 class Hits:
     """Where rays that leave a surface meet the next one.
 
-    Parameters
-    ----------
-    keys : (S,) int64
-        Of the cell; NOWHERE if there is none.
-    weights : (S, 3) float32
-        BRDF times cosine over the density that the direction was drawn with.
-    origins, directions : (S, 3) float32
-        The rays.
-    glossy : (S,) bool
-        What is met there sends light on by its direction.
+    keys (S,): Of the cell; NOWHERE if there is none.
+    weights (S, 3): BRDF times cosine over the density that the direction was drawn with.
+    origins, directions (S, 3): The rays.
+    glossy (S,): What is met there sends light on by its direction.
     """
 
     keys: NDArray[np.int64]
@@ -58,10 +55,7 @@ class Hits:
 class RadianceCells:
     """The cells of a scene that have been met so far.
 
-    Parameters
-    ----------
-    bounces : int
-        How often light is sent on after the first surface that it meets and before the one that the camera sees.
+    bounces: How often light is sent on after the first surface that it meets and before the one that the camera sees.
     """
 
     def __init__(self, mi: Any, scene: Any, flashes: Flashes, *, bounces: int, seed: int = 0) -> None:
@@ -210,3 +204,51 @@ class RadianceCells:
             self._table, self._cell_of_slot = np.full(size, EMPTY), np.zeros(size, np.int32)
             keys, first = self._keys, 0
         put(self._table, self._cell_of_slot, keys, first)
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def _slot(table, key):
+    """Return where a key stands, or the free place where it would stand."""
+    mask = len(table) - 1
+    mixed = np.uint64(key) * np.uint64(0x9E3779B97F4A7C15)
+    slot = np.int64(mixed >> np.uint64(32)) & mask
+    while table[slot] != key and table[slot] != EMPTY:
+        slot = (slot + 1) & mask
+    return slot
+
+
+@numba.njit(nogil=True, cache=True)
+def find(table, cell_of_slot, keys, found):
+    """Fill `found` with each key's cell: -1 where unknown, -2 where the sample meets nothing."""
+    for i in range(len(keys)):
+        if keys[i] == NOWHERE:
+            found[i] = -2
+        else:
+            slot = _slot(table, keys[i])
+            found[i] = cell_of_slot[slot] if table[slot] == keys[i] else -1
+
+
+@numba.njit(nogil=True, cache=True)
+def put(table, cell_of_slot, keys, first):
+    """Enter keys as the cells `first`, `first` + 1, ..."""
+    for i in range(len(keys)):
+        slot = _slot(table, keys[i])
+        table[slot] = keys[i]
+        cell_of_slot[slot] = first + i
+
+
+@numba.njit(nogil=True, cache=True)
+def add_weighted(radiance, cells, weights, owners, out):
+    """Add weight times radiance of each sample's cell to what its owner has.
+
+    radiance (C, 3, F).
+    cells (S,): Negative: none.
+    weights (S, 3); owners (S,); out (O, 3, F).
+    """
+    frames = radiance.shape[2]
+    for i in range(len(cells)):
+        if cells[i] >= 0:
+            for c in range(3):
+                weight, row, total = weights[i, c], radiance[cells[i], c], out[owners[i], c]
+                for f in range(frames):
+                    total[f] += weight * row[f]

@@ -36,23 +36,13 @@ LAYERS = ("direct", "indirect")
 class Rendering:
     """The twin's frames, and how they were made.
 
-    Parameters
-    ----------
-    frames : Frames
-        Named and ordered as the lights; no ambient, no noise but the sampling's. Black where the object is not.
-    choice : Choice
-        The engine, and why.
-    variant : str
-        Mitsuba's.
-    max_depth : int
-    noise : float or None
-        Of stock Mitsuba's sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip
+    frames: Named and ordered as the lights; no ambient, no noise but the sampling's. Black where the object is not.
+    choice: The engine, and why.
+    variant: Mitsuba's.
+    noise: Of stock Mitsuba's sampling: standard deviation of a lit pixel over its mean, measured by rendering a strip
         twice. None: by another engine.
-    seconds : float
-        Wall time of this run.
-    pieces, found : int
-        Frames, or bands of all frames; and how many of them a run that was stopped had left.
-    warnings : tuple of str
+    seconds: Wall time of this run.
+    pieces, found: Frames, or bands of all frames; and how many of them a run that was stopped had left.
     """
 
     frames: Frames

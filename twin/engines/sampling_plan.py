@@ -15,14 +15,9 @@ ACROSS_CORNERS = 0.25
 def bends(images, scale, out):
     """Fill `out` (F, h, w) with the greatest second difference, along rows, columns or diagonals, of any channel.
 
-    Parameters
-    ----------
-    images : (F, h, w, 3) float32
-    scale : (F,) float32
-        The frames' brightness: what the difference is divided by.
+    images (F, h, w, 3).
+    scale (F,): The frames' brightness: what the difference is divided by.
 
-    Notes
-    -----
     |2 c - a - b| is the height of a step between c and one neighbour, and small on what is smooth. Beyond the
     picture's border the neighbour is the pixel itself.
     """
@@ -46,8 +41,6 @@ def bends(images, scale, out):
 def samples_for(bend: NDArray[np.float32], tolerance: float) -> NDArray[np.float32]:
     """Return how many samples pixels of a second difference get: 1, or an even number.
 
-    Notes
-    -----
     n well-spread samples of a step of height e err by 0.37 e n^(-3/4). The least sum of n at a given sum of squared
     errors has n proportional to e^(4/5).
     """
@@ -79,25 +72,13 @@ def tolerance_for(bend: NDArray[np.float32], error: float) -> float:
 def plan_samples(bend, first_row, rows, tolerance):
     """Return which samples are traced for which pixels and lights.
 
-    Parameters
-    ----------
-    bend : (F, h, w) float32
-    first_row, rows : int
-        The rows of `bend` that are wanted.
-    tolerance : float
-
-    Returns
-    -------
-    pixels : (Q,) int32
-        Index in the wanted rows of each pixel that more than one sample is taken of.
-    first_lane : (Q + 1,) int32
-        Its lanes, one a sample.
-    first_pair : (Q + 1,) int32
-        Its pairs, one a light that needs them, those of most samples first.
-    light : (pairs,) int32
-    samples : (pairs,) int32
-    lights_of_lane : (lanes,) int32
-        How many of the pixel's lights still want a lane's sample.
+    bend (F, h, w).
+    first_row, rows: The rows of `bend` that are wanted.
+    pixels (Q,): Index in the wanted rows of each pixel that more than one sample is taken of.
+    first_lane (Q + 1,): Its lanes, one a sample.
+    first_pair (Q + 1,): Its pairs, one a light that needs them, those of most samples first.
+    light (pairs,); samples (pairs,).
+    lights_of_lane (lanes,): How many of the pixel's lights still want a lane's sample.
     """
     frames, _, width = bend.shape
     threshold = tolerance * 2.0**1.25

@@ -3,7 +3,7 @@
 A run that is killed leaves them; the same rendering, asked for again, goes on where it was.
 """
 
-import json
+import contextlib
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,7 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.files import create_array, move, write_json
+from scene.current import fingerprint
+from scene.errors import SceneError
+from scene.files import create_array, move, plain, write_json
+from scene.reading import json_of, reading
 
 NOTES = "rendering.json"
 
@@ -20,20 +23,11 @@ NOTES = "rendering.json"
 class Unfinished:
     """Arrays that are being filled piece by piece.
 
-    Parameters
-    ----------
-    folder : Path or None
-        Where they lie meanwhile; emptied, unless it holds the same rendering. None: in memory, and lost with the run.
-    mark : str
-        What tells this rendering from any other; a `scene.current.fingerprint`.
-
-    Attributes
-    ----------
-    notes : dict or None
-        What `begin` was given; None: nothing was begun.
-    done : set of int
-        Pieces that are in the arrays.
-    arrays : dict of str to array
+    folder: Where they lie meanwhile; emptied, unless it holds the same rendering. None: in memory, and lost with the
+        run.
+    mark: What tells this rendering from any other; a `scene.current.fingerprint`.
+    notes: What `begin` was given; None: nothing was begun.
+    done: Pieces that are in the arrays.
     """
 
     def __init__(self, folder: Path | None, mark: str = "") -> None:
@@ -43,13 +37,12 @@ class Unfinished:
         self.arrays: dict[str, NDArray] = {}
         if folder is None or not folder.exists():
             return
-        try:
-            found = json.loads((folder / NOTES).read_text())
-            if found["mark"] == mark:
+        # What is damaged, or another rendering's, is begun anew.
+        with contextlib.suppress(SceneError), reading(folder, "no rendering of ours"):
+            found = json_of(folder / NOTES)
+            if found["mark"] == mark and found.pop("digest") == fingerprint(found):
                 self.arrays = {name: np.load(self._path(name), mmap_mode="r+") for name in found["arrays"]}
                 self.notes, self.done = found["notes"], set(found["done"])
-        except (OSError, ValueError, KeyError, TypeError):
-            self.arrays.clear()
         if self.notes is None:
             shutil.rmtree(folder)
 
@@ -90,4 +83,5 @@ class Unfinished:
     def _save(self) -> None:
         if self.folder is not None:
             state = {"mark": self._mark, "arrays": list(self.arrays), "notes": self.notes, "done": sorted(self.done)}
-            write_json(self.folder / NOTES, state)
+            state = plain(state)
+            write_json(self.folder / NOTES, {**state, "digest": fingerprint(state)})

@@ -1,13 +1,13 @@
 """The coat that suits samples best: each pixel's albedo eliminated [Golub1973], weights and fit in turn."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.material.material_kernels import predicted, reduced
-from twin.material.material_noise import Noise, inflation, noise_of
+from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_samples import Samples
 from twin.material.reflection_models import Coat, coat
 
@@ -23,22 +23,15 @@ STEP = 0.06
 """Of the logarithm of the roughness, between the three that a round puts a parabola through."""
 COVERED_STEP = 0.15
 """The same of the share that is covered."""
-FREEDOM = 4.0
-"""Of Student's t: how far a sample may lie off."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
     """One model, fitted.
 
-    Parameters
-    ----------
-    surface : Coat
-    strength : (3,) float64
-        Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where that is
-        unknown).
-    parameters : int
-        Beside the albedo.
+    strength (3,): Of the coat, by channel: its specularity times the pixel value of a surface of reflectance 1 (1 where
+        that is unknown).
+    parameters: Beside the albedo.
     """
 
     surface: Coat
@@ -49,15 +42,9 @@ class Fit:
 class CoatSearch:
     """The best coat on samples.
 
-    Parameters
-    ----------
-    samples : Samples
-    white : (3,) float64 or None
-        Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
-    bare : bool
-        Whether part of the body may lie bare; else the coat covers all.
-    about : Fit or None
-        Where the search starts; None: everywhere.
+    white (3,): Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
+    bare: Whether part of the body may lie bare; else the coat covers all.
+    about: Where the search starts; None: everywhere.
     """
 
     def __init__(self, samples: Samples, white: Array | None, *, bare: bool, about: Fit | None = None) -> None:
@@ -74,9 +61,7 @@ class CoatSearch:
 
     def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return what the coat gives back (P, F, 3), and its variance."""
-        values, slope, _ = predicted(
-            self._samples, self.weights, self.fit.surface, everywhere(self._samples, self.fit.strength)
-        )
+        values, slope, _ = predicted(self._samples, self.weights, self.fit.surface, self.fit.strength)
         return values, self.noise.variance(values, slope)
 
     def inflation(self) -> float:
@@ -87,11 +72,8 @@ class CoatSearch:
         return inflation(samples, np.where(samples.usable[..., None], residual, 0))
 
     def deviance(self) -> float:
-        """Return -2 log likelihood with the noise that suits this coat, up to a constant; channels count as one."""
-        values, variance = self.predicted()
-        square = (self._samples.values - values) ** 2 / variance
-        each = np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)
-        return float(np.sum(each.mean(-1)[self._samples.usable], dtype=np.float64))
+        """Return -2 log likelihood with the noise that suits this coat, up to a constant."""
+        return float(deviances(self._samples, *self.predicted()).sum())
 
     def covariance(self) -> Array:
         """Return that of the logarithms of roughness and strength: the inverse of half the second differences."""
@@ -128,7 +110,7 @@ class CoatSearch:
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
         """
-        found = [self._best(replace(coat(float(x)), covered=share)) for x in TRIED for share in shares]
+        found = [self._best(coat(float(x), share)) for x in TRIED for share in shares]
         return min(found, key=lambda one: one[0])[1]
 
     def _along_roughness(self, fit: Fit) -> Fit:
@@ -138,7 +120,7 @@ class CoatSearch:
 
     def _along_covered(self, fit: Fit) -> Fit:
         return self._moved(
-            lambda share: replace(fit.surface, covered=share), fit.surface.covered, COVERED_STEP, 4, (0.0, 1.0)
+            lambda share: fit.surface._replace(covered=share), fit.surface.covered, COVERED_STEP, 4, (0.0, 1.0)
         )
 
     def _moved(
@@ -154,17 +136,14 @@ class CoatSearch:
     def _weigh(self) -> Noise:
         """Put weights in place that suit the fit; return the noise."""
         samples = self._samples
-        values, slope, _ = predicted(samples, self.weights, self.fit.surface, everywhere(samples, self.fit.strength))
-        residual = samples.values - values
-        noise = noise_of(residual, values, slope, samples.usable)
-        variance = noise.variance(values, slope)
-        robust = (FREEDOM + 1) / (FREEDOM + residual**2 / variance)
-        self.weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
+        values, slope, _ = predicted(samples, self.weights, self.fit.surface, self.fit.strength)
+        noise = noise_of(samples.values - values, values, slope, samples.usable)
+        self.weights = student_weights(samples, values, noise.variance(values, slope))
         return noise
 
 
 def _roughened(surface: Coat, logarithm: float) -> Coat:
-    return replace(coat(float(np.exp(logarithm))), covered=surface.covered)
+    return coat(float(np.exp(logarithm)), surface.covered)
 
 
 def _start(samples: Samples) -> Weights:
@@ -172,11 +151,6 @@ def _start(samples: Samples) -> Weights:
     bright = np.percentile(samples.values[samples.usable], 90, axis=0)
     variance = (0.01 * bright) ** 2 + (0.05 * samples.values) ** 2
     return np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
-
-
-def everywhere(samples: Samples, strength: Array) -> Array:
-    """Return (P, 3), one strength for all pixels."""
-    return np.broadcast_to(strength, (len(samples), 3))
 
 
 def strengths(sums: Array, white: Array | None) -> tuple[Array, float]:

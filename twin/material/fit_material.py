@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.description.description import WHITE_BALL_ALBEDO
-from twin.material.coat_search import FREEDOM, ROUGHEST, SMOOTHEST, CoatSearch, Fit, everywhere
+from twin.material.coat_search import ROUGHEST, SMOOTHEST, CoatSearch, Fit
 from twin.material.material_kernels import predicted
-from twin.material.material_noise import Noise
+from twin.material.material_noise import Noise, deviances, student_weights
 from twin.material.material_samples import Samples
 from twin.material.reflection_models import INDEX, Coat, matte
 
@@ -31,21 +31,13 @@ AT_THE_END = 1.02
 class MaterialFit:
     """What an object is made of.
 
-    Parameters
-    ----------
-    model : {"matte", "rough plastic"}
-    roughness, specularity, index, covered : float
-        As in `twin.description.materials.RoughPlastic`; a matte object has specularity and covered 0.
-    roughness_sigma, specularity_sigma : float
-        Relative standard deviations, the samples' dependence allowed for; NaN of a matte object.
-    strength : (3,) float64
-        See `twin.material.coat_search.Fit`.
-    noise : Noise
-    effective_samples : float
-        As many independent ones tell as much.
-    evidence : tuple of str
-        How the model was chosen.
-    warnings : tuple of str
+    roughness, specularity, index, covered: As in `twin.description.materials.RoughPlastic`; a matte object has
+        specularity and covered 0.
+    roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of a
+        matte object.
+    strength (3,): See `twin.material.coat_search.Fit`.
+    effective_samples: As many independent ones tell as much.
+    evidence: How the model was chosen.
     """
 
     model: Literal["matte", "rough plastic"]
@@ -77,14 +69,8 @@ class MaterialFit:
 def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     """Return the material that explains the samples with the fewest numbers.
 
-    Parameters
-    ----------
-    samples : Samples
-    lights : Lights
-        The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
+    lights: The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
 
-    Notes
-    -----
     value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
     pixel's alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best
     albedo is C - 2 k B + k^2 A, whose sums over pixels give k in closed form for each alpha and covered. Weights: 1 /
@@ -144,12 +130,9 @@ def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) 
 
 
 def _deviance(samples: Samples, fit: Fit, variance: NDArray[np.float32]) -> float:
-    """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant of the variance."""
+    """Return -2 log likelihood of a fit, its albedo the best for it, up to a constant."""
     weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
     for _ in range(3):
-        values = predicted(samples, weights, fit.surface, everywhere(samples, fit.strength))[0]
-        square = (samples.values - values) ** 2 / variance
-        robust = (FREEDOM + 1) / (FREEDOM + square)
-        weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
-    # Three channels err together: they count as one sample.
-    return float(np.sum((FREEDOM + 1) * np.log1p(square / FREEDOM).mean(-1)[samples.usable], dtype=np.float64))
+        values = predicted(samples, weights, fit.surface, fit.strength)[0]
+        weights = student_weights(samples, values, variance)
+    return float(deviances(samples, values, variance).sum())

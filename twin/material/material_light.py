@@ -80,7 +80,7 @@ def _face_labels(mesh: ObjectMesh, camera: Camera, labels: NDArray[np.int8], cou
     votes = np.zeros((len(mesh.faces), count), np.intp)
     labelled = np.flatnonzero((labels >= 0).any(1))
     box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, camera.width)
-    for rows, face, _, _ in Sight(mesh.vertices, mesh.faces, camera).rows(*box):
+    for rows, face, _, _ in Sight(Mesh(mesh.vertices, mesh.faces), camera).rows(*box):
         hit = (face >= 0) & (labels[rows] >= 0)
         np.add.at(votes, (face[hit], labels[rows][hit]), 1)
     seen = votes.sum(1) > 0
@@ -112,17 +112,9 @@ def onward_light(
     What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more
     noise into the samples than they take out.
 
-    Parameters
-    ----------
-    samples, fit, mesh, pose, camera, lights
-        As the fit had them.
-    albedo : (P, 3) float32
-        Of the samples.
-
-    Raises
-    ------
-    RenderError
-        No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
+    samples, fit, mesh, pose, camera, lights: As the fit had them.
+    albedo (P, 3): Of the samples.
+    Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
     from twin.engines.flash_shading import give_memory_back, import_mitsuba
     from twin.engines.many import Indirect

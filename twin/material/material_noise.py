@@ -12,19 +12,16 @@ SOME = 20_000
 CELLS = (4, 16, 64)
 """Pixels to a block, of those that are tried."""
 LIGHTS_TOGETHER = 6
+FREEDOM = 4.0
+"""Of Student's t: how far a sample may lie off."""
 
 
 @dataclass(frozen=True)
 class Noise:
     """Variance of a sample: constant + photons v + share^2 v^2 + tilt^2 slope^2 at the value v.
 
-    Parameters
-    ----------
-    constant, photons : float
-    share : float
-        Of the value.
-    tilt_deg : float
-        Of the normals, one axis.
+    share: Of the value.
+    tilt_deg: Of the normals, one axis.
     """
 
     constant: float
@@ -70,17 +67,24 @@ def noise_of(
     )
 
 
+def student_weights(samples: Samples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float32]:
+    """Return (P, F, 3): 1 / variance, times Student's (nu + 1) / (nu + residual^2 / variance); 0 where unusable."""
+    robust = (FREEDOM + 1) / (FREEDOM + (samples.values - values) ** 2 / variance)
+    return np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
+
+
+def deviances(samples: Samples, values: NDArray[np.float32], variance: NDArray) -> NDArray[np.float64]:
+    """Return (P,) -2 log likelihood, up to a constant; the three channels err together and count as one sample."""
+    square = (samples.values - values) ** 2 / variance
+    each = (np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)).mean(-1)
+    return np.asarray(np.sum(np.where(samples.usable, each, 0), 1, dtype=np.float64))
+
+
 def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:
     """Return by how much neighbouring pixels and lights that err together count too often, 1 or more.
 
-    Parameters
-    ----------
-    samples : Samples
-    residual : (P, F, 3) float32
-        Over its standard deviation; 0 where unused.
+    residual (P, F, 3): Over its standard deviation; 0 where unused.
 
-    Notes
-    -----
     Variance of a block's sum over the sum of its variances: blocks of neighbouring pixels under neighbouring lights,
     the largest found over several sizes. Channels are averaged first.
     """

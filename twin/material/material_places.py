@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.material.coat_search import FREEDOM, TRIED, everywhere
+from twin.material.coat_search import TRIED
 from twin.material.fit_material import MaterialFit, fit_material
 from twin.material.material_kernels import predicted, reduced
-from twin.material.material_noise import Noise, inflation, noise_of
+from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_regions import Neighbours
 from twin.material.material_samples import FEWEST, Samples
-from twin.material.nearest import filled
+from twin.material.measured_albedo import filled
 from twin.material.reflection_models import coat
 
 Array = NDArray[np.float64]
@@ -36,14 +36,9 @@ CLEAR = 10.0
 class Places:
     """What is where.
 
-    Parameters
-    ----------
-    fits : tuple of 1 or 2 MaterialFit
-        The one of the most pixels first.
-    labels : (P,) int
-        Which of them each of the samples' pixels is of.
-    evidence : str
-        Why there are so many.
+    fits: The one of the most pixels first.
+    labels (P,): Which of them each of the samples' pixels is of.
+    evidence: Why there are so many.
     """
 
     fits: tuple[MaterialFit, ...]
@@ -78,15 +73,8 @@ class Places:
 def material_places(samples: Samples, lights: Lights, whole: MaterialFit) -> Places:
     """Return one material or two.
 
-    Parameters
-    ----------
-    samples : Samples
-    lights : Lights
-    whole : MaterialFit
-        Of all samples. An object that is matte as a whole is not divided.
+    whole: Of all samples. An object that is matte as a whole is not divided.
 
-    Notes
-    -----
     First, of all pairs of a roughness and a strength, the two that leave least if every block of pixels takes the
     better of both. Then, in turn, labels (`Neighbours.cut`: the least sum of the pixels' deviances, over the
     samples' inflation, and the border's description) and a fit of each place to its own pixels. One noise for both
@@ -142,37 +130,27 @@ def _together(samples: Samples, places: Places) -> _Together:
                 values[own], slope[own], _ = _robust(samples.only(own), fit, fit.noise if turn == 0 else noise)
         noise = noise_of(samples.values - values, values, slope, usable)
         variance = noise.variance(values, slope)
-    residual = (samples.values - values) / np.sqrt(variance)
-    robust = (FREEDOM + 1) / (FREEDOM + residual**2)
-    weights = np.where(usable[..., None], robust / variance, 0).astype(np.float32)
-    factor = inflation(samples, np.where(usable[..., None], residual, 0))
-    return _Together(noise, weights, factor, float(np.sum(_each(residual**2, variance, usable))))
+    residual = np.where(usable[..., None], (samples.values - values) / np.sqrt(variance), 0)
+    weights = student_weights(samples, values, variance)
+    return _Together(noise, weights, inflation(samples, residual), float(deviances(samples, values, variance).sum()))
 
 
 def _robust(
     samples: Samples, fit: MaterialFit, noise: Noise
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
     """Return value, slope and variance (P, F, 3) of a fit, each pixel's albedo the best for Student's weights."""
-    usable = samples.usable[..., None]
-    weights = np.repeat(usable, 3, -1).astype(np.float32)
+    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
     for turn in range(4):
-        values, slope, _ = predicted(samples, weights, fit.surface, everywhere(samples, fit.strength))
+        values, slope, _ = predicted(samples, weights, fit.surface, fit.strength)
         variance = noise.variance(values, slope)
-        square = (samples.values - values) ** 2 / variance
-        robust = (FREEDOM + 1) / (FREEDOM + square) if turn else 1
-        weights = np.where(usable, robust / variance, 0).astype(np.float32)
+        plain = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
+        weights = student_weights(samples, values, variance) if turn else plain
     return values, slope, variance
-
-
-def _each(square: NDArray, variance: NDArray, usable: NDArray[np.bool_]) -> Array:
-    """Return (P,) -2 log likelihood; the three channels err together and count as one sample."""
-    terms = (np.log(variance) + (FREEDOM + 1) * np.log1p(square / FREEDOM)).mean(-1)
-    return np.asarray(np.sum(np.where(usable, terms, 0), 1), np.float64)
 
 
 def _deviances(samples: Samples, fit: MaterialFit, noise: Noise) -> Array:
     values, _, variance = _robust(samples, fit, noise)
-    return _each((samples.values - values) ** 2 / variance, variance, samples.usable)
+    return deviances(samples, values, variance)
 
 
 def _parameters(fit: MaterialFit, lights: Lights) -> int:
@@ -187,7 +165,7 @@ def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float3
     which = _blocks(samples)
     count = int(which.max()) + 1
     strengths = TIMES[:, None] * whole.strength
-    surfaces = [replace(coat(float(roughness)), covered=whole.covered) for roughness in TRIED]
+    surfaces = [coat(float(roughness), whole.covered) for roughness in TRIED]
     left = []
     for surface in surfaces:
         sums = reduced(samples, weights, surface).reshape(len(samples), 9)

@@ -29,15 +29,9 @@ TELLING = 0.25
 class Part:
     """One cause of the residual, let free.
 
-    Parameters
-    ----------
-    explains : float
-        Share of the squared residual that goes, the freedom it takes allowed for; 0 if none.
-    size : float
-        Root mean square of what was found, in `unit`.
-    unit : str
-    expected : float
-        Relative RMSE that the calibration's own sigma would leave; NaN where it tells none.
+    explains: Share of the squared residual that goes, the freedom it takes allowed for; 0 if none.
+    size: Root mean square of what was found, in `unit`.
+    expected: Relative RMSE that the calibration's own sigma would leave; NaN where it tells none.
     """
 
     explains: float
@@ -50,14 +44,9 @@ class Part:
 class Residual:
     """Relative RMSE: root of the squared residuals' sum over the squared values', usable samples, all channels.
 
-    Parameters
-    ----------
-    whole : float
-    per_frame : (F,) float64
-        NaN of a frame without samples.
-    parts : dict of str to Part
-        Each let free alone: `direction`, `intensity`, `ambient`, `registration` (pose), `normals` (each pixel's own),
-        `highlights` (a coat of any shape), `body` (any law of the light's angle); they overlap and do not add up.
+    per_frame (F,): NaN of a frame without samples.
+    parts: Each let free alone: `direction`, `intensity`, `ambient`, `registration` (pose), `normals` (each pixel's
+        own), `highlights` (a coat of any shape), `body` (any law of the light's angle); they overlap and do not add up.
     """
 
     whole: float
@@ -87,14 +76,11 @@ class Residual:
 def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Residual:
     """Return what a fit leaves, and what explains it.
 
-    Notes
-    -----
     The prediction's change for each nuisance, linearised, is fitted to the residual by plain least squares, with each
     pixel's albedo free all along (eliminated, as in the fit).
     """
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
-    strength = np.broadcast_to(fit.strength, (len(samples), 3))
-    values, _, _ = predicted(samples, weights, fit.surface, strength)
+    values, _, _ = predicted(samples, weights, fit.surface, fit.strength)
     square = np.where(samples.usable, np.sum((samples.values - values).astype(np.float64) ** 2, -1), 0)
     bright = np.where(samples.usable, np.sum(samples.values.astype(np.float64) ** 2, -1), 0)
     with np.errstate(invalid="ignore"):
@@ -107,7 +93,7 @@ def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Res
 def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple[str, Part]]:
     usable = samples.usable[..., None]
     weights = np.repeat(usable, 3, -1).astype(np.float32)
-    values, _, albedo = predicted(samples, weights, fit.surface, np.broadcast_to(fit.strength, (len(samples), 3)))
+    values, _, albedo = predicted(samples, weights, fit.surface, fit.strength)
     light = np.where(usable, samples.irradiance, 0).astype(np.float64)
     body, gloss = reflected(fit.surface, samples.normals, samples.views, samples.toward)
     design = light * body[..., None]

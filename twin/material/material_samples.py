@@ -40,28 +40,15 @@ BESIDE_PX = np.array([[0.0, 0.0], [1.5, 0.0], [-0.75, 1.3], [-0.75, -1.3]])
 class Samples:
     """P pixels under F lights.
 
-    Parameters
-    ----------
-    rows, columns : (P,) int
-    points, normals, views : (P, 3) float32
-        Camera frame, mm; unit; unit, toward the camera.
-    toward : (P, F, 3) float32
-        Unit, toward each light.
-    irradiance : (P, F, 3 channels) float32
-        Intensity times fall-off, on what faces the light.
-    values : (P, F, 3) float32
-        Linear; the ambient frame, if there is one, is subtracted.
-    usable : (P, F) bool
-        Not clipped, in no shadow nor near one's border, not too dim.
-    lit : (P, F) bool
-        As `usable`, but however dim, and False only where the light is behind, hidden, or at a shadow's border.
-    clipped : (P, F) bool
-    slopes : (P, 2, 3) float32
-        The normals' change for one pixel to the right, and one down.
-    spread : (P,) float32
-        Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
-    pixel_share : float
-        P over the number of pixels that might have been taken.
+    rows, columns (P,).
+    points, normals, views (P, 3): Camera frame, mm; unit; unit, toward the camera.
+    toward (P, F, 3): Unit, toward each light.
+    irradiance (P, F, 3 channels): Intensity times fall-off, on what faces the light.
+    values (P, F, 3): Linear; the ambient frame, if there is one, is subtracted.
+    usable (P, F): Not clipped, in no shadow nor near one's border, not too dim.
+    slopes (P, 2, 3): The normals' change for one pixel to the right, and one down.
+    spread (P,): Square of the angle (radians) over which a pixel smears the normal: added to that of the roughness.
+    pixel_share: P over the number of pixels that might have been taken.
     """
 
     rows: NDArray[np.intp]
@@ -73,8 +60,6 @@ class Samples:
     irradiance: Image
     values: Image
     usable: NDArray[np.bool_]
-    lit: NDArray[np.bool_]
-    clipped: NDArray[np.bool_]
     slopes: Image
     spread: Image
     pixel_share: float
@@ -103,25 +88,13 @@ def samples_of_scan(
 ) -> Samples:
     """Return samples of a registered scan, without those in its cast shadows.
 
-    Parameters
-    ----------
-    frames, lights, camera
-        `lights`: near or distant, calibrated.
-    mask : (H, W) bool
-        The object.
-    mesh, pose
-        The scan, mm; camera_from_scan.
-    normals : (H, W, 3) float32, optional
-        Where they are better known than by the mesh's vertices; NaN: not taken.
-    most : int
-        Pixels.
-    seed : int
-        Which ones.
-
-    Raises
-    ------
-    RenderError
-        Fewer than `FEWEST` pixels are left.
+    frames, lights, camera: `lights`: near or distant, calibrated.
+    mask (H, W): The object.
+    mesh, pose: The scan, mm; camera_from_scan.
+    normals (H, W, 3): Where they are better known than by the mesh's vertices; NaN: not taken.
+    most: Pixels.
+    seed: Which ones.
+    Raises RenderError: Fewer than `FEWEST` pixels are left.
     """
     rows, columns, share = _chosen(mask, normals, most, seed)
     surface = ScanSurface(camera, mesh, pose, normals)
@@ -134,7 +107,7 @@ class ScanSurface:
     def __init__(self, camera: Camera, mesh: Mesh, pose: Pose, normals: Image | None) -> None:
         self._camera, self._normals = camera, normals
         self._placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
-        self._sight = Sight(self._placed.vertices, mesh.faces, camera)
+        self._sight = Sight(self._placed, camera)
 
     def samples(self, frames: Frames, lights: Lights, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Samples:
         """Return the samples of those of the pixels (P,) that can be used."""
@@ -161,7 +134,8 @@ class ScanSurface:
         found, views, points, slopes = (a[keep] for a in (found, views, points, slopes))
         behind = np.zeros((len(rows), len(lights)), bool)
         for look in looks:
-            behind |= _hidden(sight, look[0][keep], look[2][keep], lights)
+            flat = self._placed.face_normals[look[0][keep]]
+            behind |= np.logical_or(*sight.shadows(look[2][keep], flat, flat, lights))
         return _read(frames, lights, rows, columns, points, found, views, behind, slopes)
 
 
@@ -228,19 +202,6 @@ def _slopes(normals: Image, rows: NDArray[np.intp], columns: NDArray[np.intp]) -
     return np.stack([across, down], 1).astype(np.float64) / 2
 
 
-def _hidden(sight: Sight, face: NDArray[np.int64], points: Any, lights: Lights) -> NDArray[np.bool_]:
-    """Return (P, F): the light is behind the face, or something stands before it."""
-    out = np.zeros((len(points), len(lights)), bool)
-    flat = sight.face_normals(face)
-    for index in range(len(lights)):
-        end = None if lights.positions_mm is None else lights.positions_mm[index]
-        toward = np.broadcast_to(lights.directions[index], points.shape) if end is None else unit(end - points)
-        faces_it = np.sum(flat * toward, 1) > 0
-        out[:, index] = ~faces_it
-        out[faces_it, index] = sight.hidden(points[faces_it], flat[faces_it], toward[faces_it], end)
-    return out
-
-
 def _read(
     frames: Frames,
     lights: Lights,
@@ -262,13 +223,12 @@ def _read(
         irradiance[:, index] = length * lights.intensities[index]
         values[:, index], clipped[:, index] = frames.read_pixels(index, rows, columns)
     cosine = np.einsum("pi,pfi->pf", normals.astype(np.float32), toward)
-    lit = ~behind & (cosine > 0)
-    usable = lit & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
+    usable = ~behind & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
     smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
     spread = smear * np.sum(slopes**2, (1, 2))
     smooth = [a.astype(np.float32) for a in (points, normals, views)]
     found = Samples(
-        rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable, lit, clipped,
+        rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable,
         slopes.astype(np.float32), spread.astype(np.float32), 1.0,
     )  # fmt: skip
     # Three lights fix the albedo's channels and leave something to be judged.

@@ -1,15 +1,17 @@
 """The measured albedo on the scan: the photographs' own pixels as a texture, at their full resolution."""
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
+from scene.lights import Lights
 from scene.mesh import Mesh
 from twin.description.description import WHITE_BALL_ALBEDO
-from twin.material.nearest import filled
+from twin.description.materials import Texture
+from twin.description.object_mesh import ObjectMesh
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -20,55 +22,19 @@ SPLIT_PX = 0.1
 """An edge whose middle projects so far from the middle of its projected ends is split."""
 
 
-@dataclass(frozen=True)
-class Surface:
-    """A mesh in the camera frame with a texture.
-
-    Parameters
-    ----------
-    vertices, normals : (V, 3) float64
-        Normals: the mesh's vertex normals, or a mean of them at added vertices (then shorter than 1: interpolating
-        gives what interpolating the original mesh would).
-    faces : (T, 3) int64
-    texcoords : (V, 2) float64
-        (s, t) in the texture, 0 to 1, t down.
-    texture : (h, w, 3) float32
-        Reflectance. The last rows hold the median, for what the camera does not see.
-    scale : (3,) float64
-        Reflectance = pixel value * scale.
-    warnings : tuple of str
-    """
-
-    vertices: Array
-    normals: Array
-    faces: NDArray[np.int64]
-    texcoords: Array
-    texture: NDArray[np.float32]
-    scale: Array
-    warnings: tuple[str, ...]
-
-
 def textured_surface(
     mesh: Mesh, camera: Camera, albedo: NDArray, white_value: Array | None, rows: slice, columns: slice
-) -> Surface:
-    """Return the mesh, given in the camera frame, with the measured albedo upon it.
+) -> tuple[ObjectMesh, Texture, Array, tuple[str, ...]]:
+    """Return the mesh, given in the camera frame, the measured albedo upon it, the white value (3,), and warnings.
 
-    Parameters
-    ----------
-    albedo : (H, W, 3) float
-        Pixel value under a light of intensity 1 along the normal; NaN where unknown.
-    white_value : (3,) float64 or None
-        The same of the white ball.
-    rows, columns : slice
-        The box of the picture that holds the mesh.
+    Normals at vertices that are added to the mesh's are means of its own, shorter than 1: interpolating them gives what
+    interpolating the original mesh would. The texture's last rows hold the median, for what the camera does not see.
 
-    Raises
-    ------
-    RenderError
-        The albedo is unknown or black wherever the mesh is.
+    albedo (H, W, 3): Pixel value under a light of intensity 1 along the normal; NaN where unknown.
+    white_value (3,): The same of the white ball.
+    rows, columns: The box of the picture that holds the mesh.
+    Raises RenderError: The albedo is unknown or black wherever the mesh is.
 
-    Notes
-    -----
     reflectance = albedo / white_value * 0.8, cut to 0 .. 0.98. Faces that the camera does not see get the median.
     """
     warnings: list[str] = []
@@ -78,7 +44,8 @@ def textured_surface(
         raise RenderError(
             "the albedo is unknown (NaN) wherever the camera sees the mesh. Check that the pose fits these frames."
         )
-    scale = _reflectance_scale(measured[known], white_value)
+    white = _white(measured[known], white_value)
+    scale = WHITE_BALL_ALBEDO / white
     height, width = measured.shape[:2]
     texture = np.empty((height + 3, width, 3), np.float32)
     reflectance = np.multiply(measured, scale.astype(np.float32), out=texture[:height])
@@ -103,30 +70,28 @@ def textured_surface(
     texcoords = (pixels + 0.5) / [width, height + 3]
     # Points outside the picture, or behind the camera, are not seen; a number must stand there all the same.
     texcoords = np.clip(np.nan_to_num(texcoords), 0, [1, (height + 0.5) / (height + 3)])
-    seen = Sight(vertices, faces, camera).seen_faces(rows, columns)
+    seen = Sight(Mesh(vertices, faces), camera).seen_faces(rows, columns)
     hidden = faces[~seen]
     used, local = np.unique(hidden, return_inverse=True)
     faces = np.concatenate([faces[seen], local.reshape(-1, 3) + len(vertices)])
     unseen = np.broadcast_to([0.5, (height + 2.5) / (height + 3)], (len(used), 2))
-    return Surface(
+    textured = ObjectMesh(
         np.concatenate([vertices, vertices[used]]),
-        np.concatenate([normals, normals[used]]),
         faces,
+        np.concatenate([normals, normals[used]]),
         np.concatenate([texcoords, unseen]),
-        texture,
-        scale,
-        tuple(warnings),
     )
+    return textured, Texture(texture, "clamp"), white, tuple(warnings)
 
 
-def _reflectance_scale(measured: NDArray, white_value: Array | None) -> Array:
-    """Return (3,) what turns albedo (P, 3) in pixel values into reflectance."""
+def _white(measured: NDArray, white_value: Array | None) -> Array:
+    """Return (3,) the pixel value of the white ball; if unknown, the 99th percentile of the albedo (P, 3)."""
     if white_value is None:
         white_value = np.full(3, np.percentile(measured, 99))
     white_value = np.asarray(white_value, np.float64)
     if white_value.shape != (3,) or not (np.isfinite(white_value) & (white_value > 0)).all():
         raise RenderError(f"the white level of the albedo is {white_value}; expected 3 positive numbers.")
-    return WHITE_BALL_ALBEDO / white_value
+    return white_value
 
 
 def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, NDArray[np.int64]]:
@@ -151,3 +116,54 @@ def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, ND
         vertices = np.concatenate([vertices, middle[added]])
         faces = np.concatenate([faces[~split], *quarters])
     return vertices, normals, faces
+
+
+def albedo_at_the_surface(
+    albedo: NDArray[np.float32],
+    measured_at_depth_mm: float,
+    mesh: Mesh,
+    camera: Camera,
+    lights: Lights,
+    rows: slice,
+    columns: slice,
+) -> NDArray[np.float32]:
+    """Return the albedo of the surface where it is, from one that was fitted on the plane z = `measured_at_depth_mm`.
+
+    A near light is brighter where the surface stands out of that plane, which a solver that knows no depth takes for
+    albedo: 12 % for 60 mm at a metre.
+
+    albedo (H, W, 3).
+    mesh: In the camera frame.
+    rows, columns: The box of the picture that holds the mesh; elsewhere the albedo stays.
+
+    With a = v(plane) . n, b = v(surface) . n over the lights that light the pixel, least squares on I = true b found
+    fitted = true sum(a b) / sum(a^2); so true = fitted sum(a^2) / sum(a b).
+    """
+    out = np.array(albedo, np.float32)
+    for band, face, weights, points in Sight(mesh, camera).rows(rows, columns):
+        seen = face >= 0
+        if not seen.any():
+            continue
+        normals = np.einsum("pc,pcx->px", weights[seen], mesh.vertex_normals[mesh.faces[face[seen]]])
+        flat = camera.points_at_depth(camera.grid(band)[:, columns][seen], measured_at_depth_mm)
+        a, b = (np.einsum("npx,px->np", lights.toward(where), normals) for where in (flat, points[seen]))
+        strength = lights.intensities.mean(1)[:, None] ** 2 * ((a > 0) & (b > 0))
+        both, square = np.sum(strength * a * b, 0), np.sum(strength * a * a, 0)
+        # A pixel that no light lights has no albedo to be corrected.
+        factor = np.divide(square, both, out=np.ones_like(both), where=both > 0)
+        out[band, columns][seen] *= factor[:, None].astype(np.float32)
+    return out
+
+
+def filled(image: NDArray, known: NDArray[np.bool_]) -> NDArray:
+    """Return an image (H, W, ...) whose pixels that are not `known` (H, W) have the nearest known one's value."""
+    from scipy.ndimage import distance_transform_edt
+
+    if known.all():
+        return image
+    nearest: Any = distance_transform_edt(~known, return_distances=False, return_indices=True)
+    out = image.copy()
+    # Row by row: numpy would make 16 bytes a pixel of the indices.
+    for row, unknown in enumerate(~known):
+        out[row, unknown] = image[nearest[0, row, unknown], nearest[1, row, unknown]]
+    return out

@@ -5,8 +5,8 @@ values of a surface of reflectance 1 and specularity 1 under a light of intensit
 `twin.description.description.TwinScene`.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -22,22 +22,14 @@ FACETS = 48
 """Facets along either side of the square that is mapped to those that a direction sees."""
 
 
-@dataclass(frozen=True, eq=False)
-class Coat:
+class Coat(NamedTuple):
     """A rough dielectric surface over a matte body [Walter2007].
 
-    Parameters
-    ----------
-    roughness : float
-        alpha of the GGX distribution.
-    index : float
-        Of refraction.
-    transmittance : (NODES,) float64
-        Share of the light that gets through, at cosines 0 to 1.
-    body : float
-        Factor on the body's light: 1 / (index^2 (1 - R)), R the coat's diffuse reflectance from within.
-    covered : float
-        Share of the body's light that passes it.
+    roughness: alpha of the GGX distribution.
+    index: Of refraction.
+    transmittance (NODES,): Share of the light that gets through, at cosines 0 to 1.
+    body: Factor on the body's light: 1 / (index^2 (1 - R)), R the coat's diffuse reflectance from within.
+    covered: Share of the body's light that passes it.
     """
 
     roughness: float
@@ -46,20 +38,15 @@ class Coat:
     body: float
     covered: float = 1.0
 
-    @property
-    def numbers(self) -> tuple:
-        """What the kernels take, in their order."""
-        return self.roughness, self.index, self.transmittance, self.body, self.covered
 
-
-@lru_cache(64)
-def coat(roughness: float, index: float = INDEX) -> Coat:
+@lru_cache(256)
+def coat(roughness: float, covered: float = 1.0, index: float = INDEX) -> Coat:
     """Return the coat of a roughness: its transmittance by quadrature over the facets that each direction sees."""
     cosine = np.maximum(np.linspace(0, 1, NODES), 1e-3)
     _, transmittance = _shares(cosine, roughness, index)
     # The plain mean over as many cosines, both ends counted, is the renderer's own: 2 % less than the integral.
     inside = float(np.mean(2 * cosine * _shares(cosine, roughness, 1 / index)[0]))
-    return Coat(roughness, index, transmittance, 1 / (index**2 * (1 - inside)))
+    return Coat(roughness, index, transmittance, 1 / (index**2 * (1 - inside)), covered)
 
 
 def matte() -> Coat:
@@ -114,14 +101,16 @@ def _fresnel(cosine: Array, index: float) -> Array:
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
-def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body, covered):
+def shade(normal, view, light, roughness, surface):
     """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
 
-    Notes
-    -----
     Body: cos_l (1 - covered + covered T(l) T(v) / (index^2 (1 - R))); coat: pi F D G / (4 cos_v), G by Smith, each
     direction apart. The matte coat (index 1) has the body cos_l and no coat.
     """
+    nx, ny, nz = normal
+    vx, vy, vz = view
+    lx, ly, lz = light
+    index, transmittance, covered = surface.index, surface.transmittance, surface.covered
     nl = nx * lx + ny * ly + nz * lz
     nv = nx * vx + ny * vy + nz * vz
     if nl <= 0 or nv <= 0:
@@ -131,7 +120,7 @@ def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, b
     i, j = min(int(at), last - 1), min(int(seen), last - 1)
     t_in = transmittance[i] + (at - i) * (transmittance[i + 1] - transmittance[i])
     t_out = transmittance[j] + (seen - j) * (transmittance[j + 1] - transmittance[j])
-    diffuse = nl * (1 - covered + covered * t_in * t_out * body)
+    diffuse = nl * (1 - covered + covered * t_in * t_out * surface.body)
     if index == 1.0:
         return diffuse, 0.0
     hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -150,23 +139,14 @@ def shade(nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, b
 
 
 @numba.njit(nogil=True, cache=True)
-def shades(normals, views, lights, roughness, index, transmittance, body, covered):
+def reflected(surface, normals, views, lights):
     """Return (P, F) body and (P, F) coat of normals (P, 3), views (P, 3) and unit lights (P, F, 3)."""
     count, frames = lights.shape[:2]
     diffuse, gloss = np.empty((count, frames), np.float32), np.empty((count, frames), np.float32)
     for p in range(count):
-        nx, ny, nz = normals[p]
-        vx, vy, vz = views[p]
+        normal = normals[p, 0], normals[p, 1], normals[p, 2]
+        view = views[p, 0], views[p, 1], views[p, 2]
         for f in range(frames):
-            lx, ly, lz = lights[p, f]
-            diffuse[p, f], gloss[p, f] = shade(
-                nx, ny, nz, vx, vy, vz, lx, ly, lz, roughness, index, transmittance, body, covered
-            )
+            light = lights[p, f, 0], lights[p, f, 1], lights[p, f, 2]
+            diffuse[p, f], gloss[p, f] = shade(normal, view, light, surface.roughness, surface)
     return diffuse, gloss
-
-
-def reflected(
-    surface: Coat, normals: NDArray, views: NDArray, lights: NDArray
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Return `shades` of a coat."""
-    return shades(normals, views, lights, *surface.numbers)

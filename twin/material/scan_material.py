@@ -15,6 +15,7 @@ from scene.pose import Pose
 from twin.material.fit_material import MaterialFit, fit_material
 from twin.material.material_kernels import predicted
 from twin.material.material_light import onward_light
+from twin.material.material_noise import student_weights
 from twin.material.material_places import Places, material_places
 from twin.material.material_residual import Part, Residual, material_residual
 from twin.material.material_samples import MOST, Samples, ScanSurface, inner_pixels, samples_of_scan
@@ -28,23 +29,15 @@ MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
 class ScanMaterial:
     """What a scanned object is made of.
 
-    Parameters
-    ----------
-    fit : MaterialFit
-        Of the whole object, as if it were of one material.
-    places : Places
-        One material, the same, or two.
-    labels : (H, W) int8
-        Which of them a pixel of the mask is of; -1 beyond.
-    residual : Residual
-        Of `places`.
-    onward : float
-        Light by way of other parts of the object, that was subtracted: root mean square over that of the values. 0
+    fit: Of the whole object, as if it were of one material.
+    places: One material, the same, or two.
+    labels (H, W): Which of them a pixel of the mask is of; -1 beyond.
+    residual: Of `places`.
+    onward: Light by way of other parts of the object, that was subtracted: root mean square over that of the values. 0
         where it could not be rendered.
-    albedo : (H, W, 3) float32
-        Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN where unknown.
-    trouble : tuple of str
-        What went wrong on the way.
+    albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
+        where unknown.
+    trouble: What went wrong on the way.
     """
 
     fit: MaterialFit
@@ -136,14 +129,11 @@ def scan_material(
 
 def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of samples of a fitted material."""
-    everywhere = np.broadcast_to(fit.strength, (len(samples), 3))
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
     for _ in range(2):
-        values, slope, _ = predicted(samples, weights, fit.surface, everywhere)
-        variance = np.maximum(fit.noise.variance(values, slope), 1e-12)
-        robust = 5 / (4 + (samples.values - values) ** 2 / variance)
-        weights = np.where(samples.usable[..., None], robust / variance, 0).astype(np.float32)
-    return predicted(samples, weights, fit.surface, everywhere)[2]
+        values, slope, _ = predicted(samples, weights, fit.surface, fit.strength)
+        weights = student_weights(samples, values, np.maximum(fit.noise.variance(values, slope), 1e-12))
+    return predicted(samples, weights, fit.surface, fit.strength)[2]
 
 
 def _numbers(fit: MaterialFit) -> dict[str, float]:

@@ -1,0 +1,60 @@
+"""Kinds of values in a description's tables: a dataclass whose fields are of them is read from a table, and checked.
+
+Values are taken as they are written: no text becomes a number. What is built in Python is not checked here.
+"""
+
+from collections.abc import Callable
+from typing import Annotated, Any
+
+from pydantic import (
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PlainValidator,
+    PositiveFloat,
+    PositiveInt,
+    Strict,
+    ValidationInfo,
+    with_config,
+)
+
+from scene.errors import SceneError
+
+checked = with_config(ConfigDict(extra="forbid", allow_inf_nan=False))
+"""For dataclasses: unknown keys are faults."""
+
+
+def three(value: Any) -> Any:
+    """Take one number for all three channels, or axes."""
+    return [value] * 3 if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def as_fault(value: Any, read: Callable[[Any], Any]) -> Any:
+    """Turn what a reader says of its input into one of pydantic's faults, which are told together."""
+    try:
+        return read(value)
+    except SceneError as error:
+        raise ValueError(str(error)) from error
+
+
+def named(kind: str) -> PlainValidator:
+    """Put what a file holds in the place of its name: what the method `kind` of pydantic's context makes of it."""
+
+    def read(value: Any, info: ValidationInfo) -> Any:
+        if not isinstance(value, str):
+            raise ValueError("expected a file's name")
+        return as_fault(value, getattr(info.context, kind))
+
+    return PlainValidator(read)
+
+
+Whole = Annotated[int, Strict()]
+Number = Annotated[float, Strict()]
+Positive = Annotated[PositiveFloat, Strict()]
+NotNegative = Annotated[float, Strict(), Field(ge=0)]
+Share = Annotated[float, Strict(), Field(ge=0, le=1)]
+AboveNone = Annotated[float, Strict(), Field(gt=0, le=1)]
+Count = Annotated[PositiveInt, Strict()]
+Three = tuple[Number, Number, Number]
+Rgb = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(three)]
+Shares = Annotated[tuple[Share, Share, Share], BeforeValidator(three)]
