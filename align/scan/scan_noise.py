@@ -4,13 +4,15 @@ Noise is everywhere, detail is not: the noise is read where the surface is smoot
 vertices, as scanners that average make it; then fits of growing size leave growing residuals, and averages help less.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_matrix, diags, eye
 
-from align.scan.jets import fit_normals
+from align.scan.jets import Fits, Graph, fit_normals
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -29,6 +31,8 @@ FITS = 4
 GROWTH = np.geomspace(3.0, 8.0, 12)
 """From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
 PREFERENCE = 0.7
+CHUNK = 1 << 14
+_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -37,16 +41,15 @@ class Neighbours:
 
     Parameters
     ----------
-    indptr, indices : (V + 1,), (E,) int64
-        The neighbours of vertex i are indices[indptr[i]:indptr[i + 1]].
+    graph : Graph
+        Which vertices share an edge with which.
     average : (V, V) sparse
         The mean over a vertex and its neighbours.
     spacing_mm : (V,) float64
         Length of the edges around, evened out.
     """
 
-    indptr: NDArray[np.int64]
-    indices: NDArray[np.int64]
+    graph: Graph
     average: csr_matrix
     spacing_mm: Array
 
@@ -70,13 +73,29 @@ class Neighbours:
         spacing[degree == 0] = np.median(spacing)
         for _ in range(3):
             spacing = average @ spacing
-        return cls(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), average, spacing)
+        links = Graph(mesh.vertices, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
+        return cls(links, average, spacing)
 
     def smooth(self, values: Array, rounds: int) -> Array:
         """Return (V, ...) averaged `rounds` times over each vertex and its neighbours."""
         for _ in range(rounds):
             values = self.average @ values
         return values
+
+    def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
+        """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
+        fits = Fits.empty(len(chosen))
+
+        def work(first: int) -> None:
+            part = slice(first, first + CHUNK)
+            some, own = chosen[part], Fits(*(array[part] for array in fits))
+            fit_normals(
+                some, step * self.spacing_mm[some], self.graph, _NONE if heights is None else heights, start, own
+            )
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(work, range(0, len(chosen), CHUNK)))
+        return fits
 
 
 @dataclass(frozen=True)
@@ -101,18 +120,18 @@ class ScanNoise:
     rest: Array
 
 
-def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
-    """Measure the noise of a scan from the residuals of quadratic fits of three sizes.
+def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
+    """Measure the noise of a scan from the residuals of quadratic fits of four sizes.
 
     Noise of known size and reach is put on the same mesh and fitted alike; the scan's noise is the one
     whose residuals grow with the fit's size as the scan's do. Where they grow faster than any noise's, what is left
     over is the surface's shape: then the smallest fit bounds the noise.
     """
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     count = len(mesh.vertices)
     chosen = generator.permutation(count)[:SAMPLE]
     few = chosen[: SAMPLE // 5]
-    own = np.array([_quantile(_fit(mesh, near, chosen, step, np.zeros(0))[2]) for step in STEPS])
+    own = np.array([_quantile(near.fit(mesh.vertex_normals, chosen, step).rough) for step in STEPS])
     left = np.zeros((REACHES, len(STEPS)))
     answer = np.zeros((REACHES, len(STEPS), 2))
     rest = np.zeros_like(answer)
@@ -121,7 +140,9 @@ def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
             noise = near.smooth(generator.standard_normal(count), reach)
             noise /= noise.std()
             for level, step in enumerate(STEPS):
-                normals, variance, rough = _fit(mesh, near, few, step, noise)
+                # Of 1e-4 mm: slopes stay small, and the answer is linear.
+                normals, variance, rough = near.fit(mesh.vertex_normals, few, step, 1e-4 * noise)
+                variance, rough = 1e-8 * variance, 1e8 * rough
                 turned = 1 - np.einsum("kdx,kx->kd", normals, mesh.vertex_normals[few]) ** 2
                 known = np.isfinite(variance)
                 for degree in range(2):
@@ -157,18 +178,6 @@ def _unmix(own: Array, left: Array) -> tuple[float, int]:
             if miss < (best if reach == 0 or answer[1] == reach else PREFERENCE * best):
                 best, answer = miss, (float(np.sqrt(square)), reach)
     return answer
-
-
-def _fit(mesh: Mesh, near: Neighbours, chosen: NDArray, step: float, heights: Array) -> tuple[Array, Array, Array]:
-    normals, variance, rough = np.zeros((len(chosen), 2, 3)), np.zeros((len(chosen), 2)), np.zeros((len(chosen), 2))
-    small = 1e-4 * heights  # slopes stay small: the answer is linear
-    fit_normals(
-        chosen, step * near.spacing_mm[chosen], mesh.vertices, small, mesh.vertex_normals,
-        near.indptr, near.indices, normals, variance, rough,
-    )  # fmt: skip
-    if len(heights):
-        return normals, variance * 1e-8, rough * 1e8
-    return normals, variance, rough
 
 
 def _quantile(rough: Array) -> float:
