@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.backdrop import Contradiction, contradict_backdrop
-from align.pose.sharp_picture import block_means, box_of, bright_mean, bright_picture
+from align.mask.bright_picture import block_means, bright_mean, bright_picture
+from align.pose.photographed import box_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -93,9 +94,9 @@ def find_object(
         border = np.zeros(size, bool)
         border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
-    rim = border[[0, -1]].sum() + border[:, [0, -1]].sum()
-    if rim > 4:
-        warnings.append(f"mask: the object reaches the image's border ({rim} pixels): part of it may be missing.")
+    cut = border[[0, -1]].sum() + border[:, [0, -1]].sum()
+    if cut > 4:
+        warnings.append(f"mask: the object reaches the image's border ({cut} pixels): part of it may be missing.")
     return ObjectMask(border, "found", tuple(warnings))
 
 
@@ -231,7 +232,7 @@ def _sharpen(picture: NDArray, mask: NDArray[np.bool_], balls: NDArray[np.bool_]
 
     size = 2 * reach + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    # Limbs darken toward the border: midway in square roots lies lower, and so nearer to it.
+    # Round objects darken toward their border: midway in square roots lies lower, and so nearer to it.
     picture = np.sqrt(np.maximum(picture, 0)).astype(np.float32)
     for _ in range(2):
         inner = cv2.erode(mask.astype(np.uint8), disc, borderValue=1) > 0

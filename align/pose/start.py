@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import even_directions, looking_along
+from align.pose.motion import cross_matrices, even_directions, looking_along
+from align.pose.photographed import Target
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.pose import Pose
@@ -25,14 +26,6 @@ RADII, ANGLES = 24, 72
 """The polar grid; a turn is found to 2.5 degrees."""
 RASTER = 28
 """Rays along a side of the square raster that measures a view's area and centroid."""
-
-
-@dataclass(frozen=True)
-class Start:
-    """A pose worth refining; `score` is 0 to 1, higher is better."""
-
-    pose: Pose
-    score: float
 
 
 @dataclass(frozen=True)
@@ -90,47 +83,31 @@ class Aim:
         return Pose.from_rotation_translation(self.rotation @ rotation, self.rotation @ translation + self.shift)
 
 
-def find_starts(
-    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], normals: NDArray, *, count: int = 24
-) -> list[Start]:
-    """Return the `count` best distinct poses of a scan, from nothing but mask and normals.
+def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
+    """Return the `count` best distinct poses of a scan, best first, any two at least 10 degrees apart.
 
-    Parameters
-    ----------
-    caster : RayCaster
-        The scan.
-    camera : Camera
-    mask : (H, W) bool
-        The object.
-    normals : (H, W, 3) float
-        Photometric-stereo normals, camera frame, NaN where unknown.
-
-    Returns
-    -------
-    starts : list of Start
-        Best first; any two at least 10 degrees apart. Under perspective the depth is the one at which
-        the scan looks as large as the mask; an orthographic camera does not tell it, and the scan is put
-        just behind the plane z = 0.
+    Under perspective the depth is the one at which the scan looks as large as the mask; an orthographic camera does not
+    tell it, and the scan is put just behind the plane z = 0.
     """
-    aim = Aim.at(camera, mask)
+    aim = Aim.at(target.camera, target.mask)
     views = looking_along(even_directions(VIEWS))
     offsets = _place(caster, aim, views)
     radius = (np.arange(RADII) + 0.5) / RADII * 1.1 * aim.reach
     angle = np.linspace(0, 2 * np.pi, ANGLES, endpoint=False)
     polar = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
 
-    inside, target = _sample_target(aim, mask, normals, polar)
+    inside, wanted = _sample_target(aim, target, polar)
     seen, rendered = _cast_views(caster, aim, views, offsets, polar, with_normals=True)
-    score = _score(inside, target, seen, rendered, angle, radius)
+    score = _score(inside, wanted, seen, rendered, angle, radius)
 
-    starts: list[Start] = []
+    starts: list[Pose] = []
     for flat in np.argsort(score, axis=None)[::-1]:
         view, turn = np.unravel_index(flat, score.shape)
         c, s = np.cos(angle[turn]), np.sin(angle[turn])
         spin = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         pose = aim.to_camera(spin @ views[view], spin @ offsets[view])
-        if all((pose.inverse() @ other.pose).angle_deg() > 10 for other in starts):
-            starts.append(Start(pose, float(score[view, turn])))
+        if all((pose.inverse() @ other).angle_deg() > 10 for other in starts):
+            starts.append(pose)
             if len(starts) == count:
                 break
     return starts
@@ -138,8 +115,7 @@ def find_starts(
 
 def _smallest_turn(source: NDArray, target: NDArray) -> Array:
     """Return the rotation (3, 3) about source x target that takes unit `source` to unit `target`."""
-    cross = np.cross(source, target)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    skew = cross_matrices(np.cross(source, target)[None])[0]
     return np.eye(3) + skew + skew @ skew / (1 + source @ target)
 
 
@@ -203,13 +179,12 @@ def _cast_views(
     return hit, normals
 
 
-def _sample_target(
-    aim: Aim, mask: NDArray[np.bool_], normals: NDArray, polar: Array
-) -> tuple[NDArray[np.bool_], Array]:
+def _sample_target(aim: Aim, target: Target, polar: Array) -> tuple[NDArray[np.bool_], Array]:
     """Return mask (P,) and normals (P, 3), aim frame and averaged over a grid cell, at polar samples."""
     import cv2
 
     pixels = aim.pixels(polar)
+    mask, normals = target.mask, target.normals
     height, width = mask.shape
     # The samples are coarser than the pixels: blur first, so that each stands for its cell.
     cell = aim.reach / RADII * aim.camera.fx / 2

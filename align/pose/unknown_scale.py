@@ -8,12 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from align.pose.photographed import Photographs
 from align.pose.register import Registration
-from scene.camera import Camera
 from scene.errors import AlignError
-from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 
@@ -21,13 +19,7 @@ Register = Callable[[Mesh, Pose | None], Registration]
 
 
 def register_unknown_scale(
-    mesh: Mesh,
-    camera: Camera,
-    lights: Lights,
-    mask: NDArray[np.bool_],
-    register: Register,
-    *,
-    start: Pose | None = None,
+    mesh: Mesh, photographs: Photographs, register: Register, *, start: Pose | None = None
 ) -> tuple[Mesh, Registration, float]:
     """Register a scan whose unit is not known.
 
@@ -35,12 +27,8 @@ def register_unknown_scale(
     ----------
     mesh : Mesh
         In the file's unit.
-    camera : Camera
-        Perspective.
-    lights : Lights
-        Calibrated about a point at the object's distance.
-    mask : (H, W) bool
-        The object.
+    photographs : Photographs
+        Their camera is perspective, their lights are calibrated about a point at the object's distance.
     register : callable
         (mesh in mm, start or None) -> Registration.
     start : Pose, optional
@@ -58,14 +46,15 @@ def register_unknown_scale(
     AlignError
         The camera is orthographic: it does not tell distance.
     """
+    camera = photographs.camera
     if camera.is_orthographic:
         raise AlignError(
             "scan_unit: it is unknown, and an orthographic camera does not tell the scale. Give scan_unit, or a ball "
             "in the scan: scan_ball_diameter_mm under [object]."
         )
-    distance = -float(lights.reference_point_mm[2])
+    distance = -float(photographs.lights.reference_point_mm[2])
     if start is None:
-        rows, columns = np.nonzero(mask)
+        rows, columns = np.nonzero(photographs.mask)
         extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
         # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
         scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)

@@ -77,7 +77,7 @@ def find_table(surface: Surface) -> tuple[NDArray[np.bool_], str]:
     normal, offset, tolerance = plane
     height = vertices @ normal - offset
     low = np.abs(height) < tolerance
-    flat = low[faces].all(1)
+    flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
     face_height = surface.middle @ normal - offset
     above, beneath = face_height > 2 * tolerance, face_height < -2 * tolerance
     if not flat.any() or not above.any() or area[beneath].sum() > BENEATH * area[above].sum():

@@ -107,7 +107,8 @@ def _read(path: Path) -> Surface:
             "The file is damaged; export the scan again."
         )
     # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.
-    bad = ~np.isfinite(vertices).all(1)
+    x, y, z = np.isfinite(vertices).T
+    bad = ~(x & y & z)
     if bad.any() and bad[faces].any():
         raise AlignError(
             f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position (the first is number "

@@ -79,9 +79,10 @@ def _near_borders(surface: Surface) -> NDArray[np.int64]:
     # Eight: around a vertex of a soup, where no two corners quite meet, lie six.
     distance, other = tree.query(vertices[border], k=min(8, len(border)), distance_upper_bound=float(reach.max()))
     near = np.isfinite(distance)
-    one, two, distance = np.nonzero(near)[0], other[near], distance[near]
+    one, two, distance = np.nonzero(near)[0], np.asarray(other)[near], distance[near]
     near = (one != two) & (distance < np.minimum(reach[one], reach[two]))
     group = connected(one[near], two[near], len(border))
     order, starts = group_numbers(group.astype(np.int64))
-    same[border] = np.minimum.reduceat(border[order], starts)[group]
+    lowest: NDArray[np.int64] = np.minimum.reduceat(border[order], starts)
+    same[border] = lowest[group]
     return same
