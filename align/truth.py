@@ -31,26 +31,18 @@ FINE = 1.0
 
 @dataclass(frozen=True)
 class Truth:
-    """What the scan says of each pixel.
-
-    Parameters
-    ----------
-    normals : (H, W, 3) float32
-        Unit, camera frame; NaN where unknown: off the scan, at depth edges and holes, at grazing angles, on
-        back faces, across creases finer than the scan.
-    depth_mm : (H, W) float32
-        -z of the point, NaN off the scan.
-    sigma_deg : (H, W) float32
-        Expected (rms) angle between `normals` and the real normal: pose, scan noise, smoothing, and what lies
-        between the scan's vertices; NaN where normals are.
-    mask : (H, W) bool
-        The scan's silhouette, with the pixels whose normal is unknown.
-    """
+    """What the scan says of each pixel."""
 
     normals: NDArray[np.float32]
+    """(H, W, 3). Unit, camera frame; NaN where unknown: off the scan, at depth edges and holes, at grazing angles, on
+    back faces, across creases finer than the scan."""
     depth_mm: NDArray[np.float32]
+    """(H, W) -z of the point, NaN off the scan."""
     sigma_deg: NDArray[np.float32]
+    """(H, W): expected (rms) angle between `normals` and the real normal: pose, scan noise, smoothing, and what lies
+    between the scan's vertices; NaN where normals are."""
     mask: NDArray[np.bool_]
+    """(H, W): the scan's silhouette, with the pixels whose normal is unknown."""
 
 
 def ground_truth(

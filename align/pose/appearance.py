@@ -17,16 +17,9 @@ CELLS = 1500
 
 
 def outline(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float64]:
-    """Return the scan's outline in the picture as short strokes along it, (K, 2 ends, 2), pixels.
+    """Return the scan's outline in the picture as short strokes along it, (K, 2 ends, 2), pixels, distortion honoured.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        mm.
-    pose : Pose
-        camera_from_scan.
-    camera : Camera
-        Distortion is honoured.
+    `pose` is camera_from_scan.
     """
     found = find_outline(View(RayCaster(mesh), camera, pose), cells=CELLS)
     along = np.stack([-found.outward[:, 1], found.outward[:, 0]], -1)
@@ -35,22 +28,9 @@ def outline(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float64]:
 
 
 def shading(mesh: Mesh, pose: Pose, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
-    """Return what a white matte scan would show at pixels under one light, (..., ), NaN off the scan.
+    """Return what a white matte scan would show at pixels (..., 2) under light `index`, (...), NaN off the scan.
 
-    Parameters
-    ----------
-    mesh, pose, camera
-        As in `outline`.
-    lights : Lights
-    index : int
-        Which of them.
-    pixels : (..., 2) float
-
-    Returns
-    -------
-    shading : (...) float32
-        max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not
-        in it.
+    max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not in it.
     """
     one = Lights(
         lights.names[index : index + 1],

@@ -32,20 +32,13 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class LongerFocal:
-    """The registration as it would be, were the focal length one sigma longer.
-
-    Parameters
-    ----------
-    camera : Camera
-    pose : Pose
-        camera_from_scan.
-    twist : (6,) float64
-        From the registration's pose to this one, for `align.pose.motion.nudge` about the scan's middle.
-    """
+    """The registration as it would be, were the focal length one sigma longer."""
 
     camera: Camera
     pose: Pose
+    """camera_from_scan."""
     twist: Array
+    """(6,): from the registration's pose to this one, for `align.pose.motion.nudge` about the scan's middle."""
 
     @property
     def covariance(self) -> Array:

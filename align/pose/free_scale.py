@@ -20,17 +20,11 @@ SUSPICIOUS, DEVIATIONS = 0.04, 4.0
 
 @dataclass(frozen=True)
 class FreeScale:
-    """By how much larger the scan would have to be for the lights to explain its shading best.
-
-    Parameters
-    ----------
-    scale : float
-    sigma : float
-        Relative.
-    """
+    """By how much larger the scan would have to be for the lights to explain its shading best."""
 
     scale: float
     sigma: float
+    """Relative."""
 
     @property
     def warning(self) -> str | None:

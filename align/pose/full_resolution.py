@@ -36,23 +36,16 @@ NEAREST_PX = 2.5
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a pose explains the photographs, in terms that a wrong scan cannot meet.
-
-    Parameters
-    ----------
-    overlap : float
-        Intersection over union of the scan's silhouette and the mask.
-    normals_deg : float
-        Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under
-        the same lights and with the same samples.
-    outline_share : float
-        Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs or, where
-        object and backdrop are alike and there is none, of the mask's border.
-    """
+    """How well a pose explains the photographs, in terms that a wrong scan cannot meet."""
 
     overlap: float
+    """Intersection over union of the scan's silhouette and the mask."""
     normals_deg: float
+    """Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under the same
+    lights and with the same samples."""
     outline_share: float
+    """Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs or, where object
+    and backdrop are alike and there is none, of the mask's border."""
 
     @property
     def misfit(self) -> float:

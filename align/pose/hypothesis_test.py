@@ -18,18 +18,12 @@ OUTLINE_CHANCE = 0.05
 
 @dataclass(frozen=True)
 class PoseTest:
-    """How two poses compare.
-
-    Parameters
-    ----------
-    costs : tuple of float
-        Mean cost a pixel of the first and the second: 0 explained, 1 not at all.
-    deviations : float
-        By how many standard deviations the first is better.
-    """
+    """How two poses compare."""
 
     costs: tuple[float, float]
+    """Mean cost a pixel of the first and the second: 0 explained, 1 not at all."""
     deviations: float
+    """By how many standard deviations the first is better."""
 
 
 def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:

@@ -13,17 +13,11 @@ Array = NDArray[np.float64]
 
 
 def nudge(pose: Pose, twist: ArrayLike, pivot: ArrayLike) -> Pose:
-    """Return `pose` after a small motion in the camera frame.
+    """Return `pose` (camera_from_scan) after a small motion in the camera frame.
 
-    Parameters
-    ----------
-    pose : Pose
-        camera_from_scan.
-    twist : (6,) float
-        Rotation vector (radians) about `pivot`, then translation (mm), camera axes.
-    pivot : (3,) float
-        Camera frame, mm. About the object's own middle, rotation and translation stay nearly independent;
-        about the camera's centre a rotation of an object one metre away is mostly a translation.
+    `twist` (6,): rotation vector (radians) about `pivot`, then translation (mm), camera axes. `pivot` (3,), mm: about
+    the object's own middle, rotation and translation stay nearly independent; about the camera's centre a rotation of
+    an object one metre away is mostly a translation.
     """
     turn = Pose.exp(np.concatenate([np.asarray(twist, np.float64)[:3], np.zeros(3)]))
     pivot = np.asarray(pivot, np.float64)

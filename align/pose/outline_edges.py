@@ -39,19 +39,14 @@ class EdgePictures:
     """For each direction in the image the mean of the frames lit from there, gray, light for light of intensity one.
 
     Means, and no maxima: of what object and backdrop add to a pixel of the edge, each is the same mean.
-
-    Parameters
-    ----------
-    pictures : (S, h, w) float32
-    corner : (2,) int
-        Pixel (u, v) of pictures[:, 0, 0].
-    members : (S, N) bool
-        The frames of each.
     """
 
     pictures: NDArray[np.float32]
+    """(S, h, w)."""
     corner: NDArray[np.int64]
+    """(2,): pixel (u, v) of pictures[:, 0, 0]."""
     members: NDArray[np.bool_]
+    """(S, N): the frames of each."""
 
     @classmethod
     def of(cls, photographs: Photographs) -> "EdgePictures":

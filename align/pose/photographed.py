@@ -22,22 +22,14 @@ ROUGH_SIZE = 500
 
 @dataclass(frozen=True)
 class Photographs:
-    """The photographs of one object.
-
-    Parameters
-    ----------
-    camera : Camera
-    frames : Frames
-    lights : Lights
-        One a frame; near lights are taken at each point.
-    mask : (H, W) bool
-        The object.
-    """
+    """The photographs of one object."""
 
     camera: Camera
     frames: Frames
     lights: Lights
+    """One a frame; near lights are taken at each point."""
     mask: NDArray[np.bool_]
+    """(H, W): the object."""
 
     def check(self, normals: NDArray) -> None:
         """Raise AlignError unless all sizes agree, and mask and normals (H, W, 3) show a whole object."""
@@ -101,18 +93,9 @@ def longer_side(mask: NDArray[np.bool_]) -> int:
 def sparse_normals(mask: NDArray[np.bool_], solve: Callable[[NDArray[np.bool_]], NDArray]) -> NDArray:
     """Return normals (H, W, 3) under a mask, of a large object solved on every k-th pixel of every k-th row only.
 
-    A scan is placed with the object `ACROSS` pixels large; what more there is of normals would be averaged.
-
-    Parameters
-    ----------
-    mask : (H, W) bool
-    solve : callable
-        A mask (H, W) -> normals (H, W, 3), NaN where unknown.
-
-    Returns
-    -------
-    normals : (H, W, 3)
-        The k x k pixels about a solved one are given its normal.
+    A scan is placed with the object `ACROSS` pixels large; what more there is of normals would be averaged. `solve`
+    takes a mask (H, W) and gives normals (H, W, 3), NaN where unknown; the k x k pixels about a solved one are given
+    its normal.
     """
     step = max(1, (longer_side(mask) - 1) // ACROSS) if mask.any() else 1
     if step == 1:

@@ -13,18 +13,9 @@ Array = NDArray[np.float64]
 def pose_of(camera: Camera, points: Array, pixels: Array, radius_mm: float, center_mm: Array) -> Pose | None:
     """Return the pose that puts points at their pixels, by a closed form; None where there is none.
 
-    Parameters
-    ----------
-    camera : Camera
-        Its distortion is undone first.
-    points : (K, 3) float64
-        Scan frame, mm; four or more.
-    pixels : (K, 2) float64
-    radius_mm, center_mm : float, (3,) float64
-        Of the scan. An orthographic camera does not tell depth: the scan is put just behind the plane z = 0.
+    `points` (K, 3), scan frame, mm, four or more; `pixels` (K, 2), whose distortion is undone first; radius and middle
+    (3,) are the scan's. An orthographic camera does not tell depth: the scan is put just behind the plane z = 0.
 
-    Notes
-    -----
     Perspective: SQPnP [Terzakis2020]. Orthographic: the linear least-squares map from points to the image plane,
     of which the nearest pair of orthonormal rows is taken (polar decomposition).
     """

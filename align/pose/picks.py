@@ -32,21 +32,14 @@ TRIALS = 400
 
 @dataclass(frozen=True)
 class Picked:
-    """The pose that picks give.
-
-    Parameters
-    ----------
-    pose : Pose
-        camera_from_scan, mm: a start for the refinement, no more.
-    residual_px : float
-        Rms distance between pixels and projected points, of the picks that agree.
-    warnings : tuple of str
-        Picks that were left out, by their rows.
-    """
+    """The pose that picks give."""
 
     pose: Pose
+    """camera_from_scan, mm: a start for the refinement, no more."""
     residual_px: float
+    """Rms distance between pixels and projected points, of the picks that agree."""
     warnings: tuple[str, ...] = ()
+    """Picks that were left out, by their rows."""
 
 
 def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half: bool = False) -> Picked:

@@ -26,75 +26,49 @@ CELLS = 200
 
 @dataclass(frozen=True)
 class Residuals:
-    """What is left unexplained at a pose.
-
-    Parameters
-    ----------
-    outline_px : float
-        Rms distance from the scan's outline to the photographs' edges, inliers, after their common offset.
-    offset_px : float
-        That offset: how far the outline lies outside the edges on the whole.
-    shading : float
-        Robust standard deviation of the shading's residuals, relative to the pixel's brightness.
-    normals_deg : float
-        Median angle between the scan's normals and those that fit the photographs best.
-    """
+    """What is left unexplained at a pose."""
 
     outline_px: float
+    """Rms distance from the scan's outline to the photographs' edges, inliers, after their common offset."""
     offset_px: float
+    """That offset: how far the outline lies outside the edges on the whole."""
     shading: float
+    """Robust standard deviation of the shading's residuals, relative to the pixel's brightness."""
     normals_deg: float
+    """Median angle between the scan's normals and those that fit the photographs best."""
 
 
 @dataclass(frozen=True)
 class Along:
-    """The cost along one axis through the pose.
-
-    Parameters
-    ----------
-    axis : str
-        One of `AXES`; camera axes, turns about the scan's middle.
-    unit : str
-        "deg" or "mm".
-    per_px : float
-        Degrees or millimetres that move the image by one pixel.
-    cost : (K,) float64
-        At `STEPS_PX`: outline and shading together, as the refinement weighs them.
-    minimum_px : float
-        Where the parabola through the cost at -0.5, 0 and 0.5 px has its lowest point; NaN where it has none.
-    sigma_px : float
-        The pose's own standard deviation along the axis.
-    """
+    """The cost along one axis through the pose."""
 
     axis: str
+    """One of `AXES`; camera axes, turns about the scan's middle."""
     unit: str
+    """Either "deg" or "mm"."""
     per_px: float
+    """Degrees or millimetres that move the image by one pixel."""
     cost: NDArray[np.float64]
+    """(K,): at `STEPS_PX`: outline and shading together, as the refinement weighs them."""
     minimum_px: float
+    """Where the parabola through the cost at -0.5, 0 and 0.5 px has its lowest point; NaN where it has none."""
     sigma_px: float
+    """The pose's own standard deviation along the axis."""
 
 
 @dataclass(frozen=True)
 class PoseCheck:
-    """What `check_pose` found.
-
-    Parameters
-    ----------
-    here : Residuals
-        At the pose.
-    along : list of Along
-    before, after : list of Residuals
-        Of each start beside the pose, before and after it was refined.
-    started_px, returned_px : list of float
-        Rms distance of the scan's image from its image at the pose, before and after.
-    """
+    """What `check_pose` found."""
 
     here: Residuals
+    """At the pose."""
     along: list[Along]
     before: list[Residuals]
     after: list[Residuals]
+    """before, after: of each start beside the pose, before and after it was refined."""
     started_px: list[float]
     returned_px: list[float]
+    """started_px, returned_px: rms distance of the scan's image from its image at the pose, before and after."""
 
 
 def check_pose(mesh: Mesh, pose: Pose, photographs: Photographs) -> PoseCheck:

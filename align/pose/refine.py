@@ -19,26 +19,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Term:
-    """One kind of evidence at one pose.
-
-    Parameters
-    ----------
-    residuals : (K,) float64
-        In units of the loss's scale.
-    jacobian : (K, 6) float64
-    blocks : (K,) int64
-        Residuals of one block (a patch of the image) err together.
-    weight : float
-        The term's share in the cost, which is weight * mean(r^2 / (1 + r^2)).
-    constant : float
-        Cost without a slope, such as the area that does not overlap.
-    """
+    """One kind of evidence at one pose."""
 
     residuals: Array
+    """(K,): in units of the loss's scale."""
     jacobian: Array
+    """(K, 6)."""
     blocks: NDArray[np.int64]
+    """(K,): residuals of one block (a patch of the image) err together."""
     weight: float = 1.0
+    """The term's share in the cost, which is weight * mean(r^2 / (1 + r^2))."""
     constant: float = 0.0
+    """Cost without a slope, such as the area that does not overlap."""
 
     @property
     def cost(self) -> float:

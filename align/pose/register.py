@@ -32,50 +32,36 @@ SURE = 4.0
 
 @dataclass(frozen=True)
 class Registration:
-    """Where the scan stands, and how well that is known.
-
-    Parameters
-    ----------
-    pose : Pose
-        camera_from_scan, mm.
-    residual_px : float
-        Rms distance between the scan's outline and the edge in the photographs, inliers, after their common
-        offset (`edge_bias_px` in the evidence: an object darkens toward its blurred outline, and looks a fraction
-        of a pixel smaller).
-    sigma_mm, sigma_deg : float
-        Standard deviation (rms length) of the position of the scan's middle, and of the rotation. An
-        orthographic camera does not tell depth: it is left out there.
-    covariance : (6, 6) float64
-        Of the twist (rotation vector in radians about `pivot_mm`, translation in mm), camera axes; see
-        `align.pose.motion.nudge`. Where the focal length is not known, its part (`longer`) is in it, and in both
-        sigmas.
-    pivot_mm : (3,) float64
-        The scan's middle, camera frame.
-    evidence : dict
-        overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that
-        fit the photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as
-        one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of
-        outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
-        `align.pose.free_scale`); of the best pose and the next, where there is one: cost,
-        second_cost, second_deviations (see `align.pose.hypothesis_test`), second_angle_deg; where the focal length is
-        not known: focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one sigma of it).
-    warnings : tuple of str
-    ambiguous : bool
-        Another pose explains the photographs as well, within chance: a symmetric object.
-    longer : LongerFocal or None
-        The same with a focal length one sigma longer; None where the focal length is known.
-    """
+    """Where the scan stands, and how well that is known."""
 
     pose: Pose
+    """camera_from_scan, mm."""
     residual_px: float
+    """Rms distance between the scan's outline and the edge in the photographs, inliers, after their common offset
+    (`edge_bias_px` in the evidence: an object darkens toward its blurred outline, and looks a fraction of a pixel
+    smaller)."""
     sigma_mm: float
     sigma_deg: float
+    """sigma_mm, sigma_deg: standard deviation (rms length) of the position of the scan's middle, and of the rotation.
+    An orthographic camera does not tell depth: it is left out there."""
     covariance: Array
+    """(6, 6): of the twist (rotation vector in radians about `pivot_mm`, translation in mm), camera axes; see
+    `align.pose.motion.nudge`. Where the focal length is not known, its part (`longer`) is in it, and in both sigmas."""
     pivot_mm: Array
+    """(3,): the scan's middle, camera frame."""
     evidence: dict[str, float]
+    """overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that fit the
+    photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as one number, see
+    `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of outline and shading: the variance is
+    inflated by it); under near lights scale, scale_sigma (see `align.pose.free_scale`); of the best pose and the next,
+    where there is one: cost, second_cost, second_deviations (see `align.pose.hypothesis_test`), second_angle_deg; where
+    the focal length is not known: focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one
+    sigma of it)."""
     warnings: tuple[str, ...] = ()
     ambiguous: bool = False
+    """Another pose explains the photographs as well, within chance: a symmetric object."""
     longer: LongerFocal | None = None
+    """The same with a focal length one sigma longer; None where the focal length is known."""
 
 
 def register(

@@ -14,28 +14,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Outline:
-    """Points of the scan's outline, as seen at one pose, and its silhouette.
-
-    Parameters
-    ----------
-    points : (K, 3) float64
-        On the scan, camera frame, mm.
-    pixels : (K, 2) float64
-        Their image; exact to a thousandth of the raster's step.
-    outward : (K, 2) float64
-        Unit, image axes (u, v), away from the scan.
-    raster : (h, w) bool
-        The scan's silhouette on every `step`-th pixel.
-    corner : (2,) int
-        Pixel (u, v) of raster[0, 0].
-    step : int
-    """
+    """Points of the scan's outline, as seen at one pose, and its silhouette."""
 
     points: Array
+    """(K, 3): on the scan, camera frame, mm."""
     pixels: Array
+    """(K, 2): their image; exact to a thousandth of the raster's step."""
     outward: Array
+    """(K, 2). Unit, image axes (u, v), away from the scan."""
     raster: NDArray[np.bool_]
+    """(h, w): the scan's silhouette on every `step`-th pixel."""
     corner: NDArray[np.int64]
+    """(2,): pixel (u, v) of raster[0, 0]."""
     step: int
 
     def overlap(self, mask: NDArray[np.bool_]) -> float:

@@ -65,23 +65,16 @@ class View:
 
 @dataclass(frozen=True)
 class Probes:
-    """P pixels with their rays, undistorted once: cast again and again as the scan moves.
-
-    Parameters
-    ----------
-    camera : Camera
-    pixels : (P, 2) float64
-    step_px : float
-        How far beside each pixel its neighbours are cast.
-    origins, directions : (5, P, 3) float64
-        Of the pixel's ray and its four neighbours'.
-    """
+    """P pixels with their rays, undistorted once: cast again and again as the scan moves."""
 
     camera: Camera
     pixels: Array
+    """(P, 2)."""
     step_px: float
+    """How far beside each pixel its neighbours are cast."""
     origins: Array
     directions: Array
+    """origins, directions: (5, P, 3): of the pixel's ray and its four neighbours'."""
 
     @classmethod
     def of(cls, camera: Camera, pixels: NDArray, *, step_px: float) -> "Probes":

@@ -20,25 +20,18 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Samples:
-    """What N frames show at P pixels of the object.
-
-    Parameters
-    ----------
-    pixels : (P, 2) float64
-    values : (N, P) float32
-        Mean of the channels, each divided by the light's intensity at the reference point.
-    usable : (N, P) bool
-        Not saturated, and above the noise.
-    clipped : (N, P) bool
-    scale : (P,) float64
-        The pixel's rms over its usable samples.
-    """
+    """What N frames show at P pixels of the object."""
 
     pixels: Array
+    """(P, 2)."""
     values: NDArray[np.float32]
+    """(N, P): mean of the channels, each divided by the light's intensity at the reference point."""
     usable: NDArray[np.bool_]
+    """(N, P): not saturated, and above the noise."""
     clipped: NDArray[np.bool_]
+    """(N, P)."""
     scale: Array
+    """(P,): the pixel's rms over its usable samples."""
 
 
 def take_samples(photographs: Photographs, *, count: int) -> Samples:

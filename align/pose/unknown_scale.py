@@ -23,23 +23,9 @@ def register_unknown_scale(
 ) -> tuple[Mesh, Registration, float]:
     """Register a scan whose unit is not known.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        In the file's unit.
-    photographs : Photographs
-        Their camera is perspective, their lights are calibrated about a point at the object's distance.
-    register : callable
-        (mesh in mm, start or None) -> Registration.
-    start : Pose, optional
-        camera_from_scan in the file's unit, as picks give it.
-
-    Returns
-    -------
-    mesh : Mesh
-        In mm.
-    found : Registration
-    mm_per_unit : float
+    `mesh` and `start`, camera_from_scan as picks give it, are in the file's unit; `register` takes a mesh in mm, and a
+    start or None. The lights are calibrated about a point at the object's distance. Return the mesh in mm, its
+    registration, and the millimetres of one unit.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""How rough a scan is by its own noise: its size, how far it reaches along the surface, and what it does to fits.
+"""How rough a scan is by its own noise: its size, its reach along the surface, what it does to fits and plain normals.
 
 Noise is everywhere, detail is not: the noise is read where the surface is smoothest. It may be shared by neighbouring
 vertices, as scanners that average make it; then fits of growing size leave growing residuals, and averages help less.
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags, eye
+from scipy.sparse import csr_array, csr_matrix, diags, eye
 
 from align.scan.jets import Fits, Graph, fit_normals
 from scene.mesh import Mesh
@@ -37,21 +37,14 @@ _NONE = np.zeros(0)
 
 @dataclass(frozen=True)
 class Neighbours:
-    """The mesh as a graph.
-
-    Parameters
-    ----------
-    graph : Graph
-        Which vertices share an edge with which.
-    average : (V, V) sparse
-        The mean over a vertex and its neighbours.
-    spacing_mm : (V,) float64
-        Length of the edges around, evened out.
-    """
+    """The mesh as a graph."""
 
     graph: Graph
+    """Which vertices share an edge with which."""
     average: csr_matrix
+    """(V, V): the mean over a vertex and its neighbours."""
     spacing_mm: Array
+    """(V,): length of the edges around, evened out."""
 
     @classmethod
     def of(cls, mesh: Mesh, *, keep: NDArray[np.bool_] | None = None) -> "Neighbours":
@@ -100,24 +93,16 @@ class Neighbours:
 
 @dataclass(frozen=True)
 class ScanNoise:
-    """The scan's noise, across the surface.
-
-    Parameters
-    ----------
-    sigma_mm : float
-        Standard deviation.
-    reach : int
-        How often white noise is averaged over neighbours to make noise like it; 0: white.
-    excess : (L, 2) float64
-        Variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it.
-    rest : (L, 2) float64
-        Mean squared residual of those fits, for noise of 1 mm.
-    """
+    """The scan's noise, across the surface."""
 
     sigma_mm: float
+    """Standard deviation."""
     reach: int
+    """How often white noise is averaged over neighbours to make noise like it; 0: white."""
     excess: Array
+    """(L, 2): variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it."""
     rest: Array
+    """(L, 2): mean squared residual of those fits, for noise of 1 mm."""
 
 
 def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
@@ -184,3 +169,30 @@ def _quantile(rough: Array) -> float:
     square = rough[:, 0]
     known = square[np.isfinite(square)]
     return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0
+
+
+def plain_normal_gain(mesh: Mesh) -> Array:
+    """Return (V,) the rms turn, radians, of each vertex normal for noise of 1 mm along the vertices' normals.
+
+    Plain normals are the area-weighted means of the faces around. Large faces need no fit: noise hardly turns them. A
+    decimated scan has large faces where it is flat, and there the plain normals are better than any fit over the few,
+    far neighbours.
+
+    The normal's direction is that of S = sum of the faces' cross products. A vertex k that moves by z along its normal
+    n changes each of its faces' by z (e x n), with e the edge across from k; the squares of the sums over the faces
+    that both vertices share, without their part along S, add up over k, divided by |S|^2.
+    """
+    count, faces = len(mesh.vertices), mesh.faces
+    corners = mesh.vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turn = np.cross(np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1), mesh.vertex_normals[faces])
+    # Each face tells each of its corners (rows) what the moves of all three (columns) do to it.
+    place = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, 3).ravel()
+    total, square, along = np.zeros((count, 3)), np.zeros(count), csr_array((count, count))
+    for axis in range(3):
+        moved = csr_array((np.tile(turn[..., axis], 3).ravel(), place), (count, count))
+        square += moved.power(2).sum(1)
+        along = along + moved.multiply(mesh.vertex_normals[:, [axis]])
+        total[:, axis] = np.bincount(faces.ravel(), np.repeat(cross[:, axis], 3), count)
+    square -= along.power(2).sum(1)
+    return np.sqrt(np.maximum(square, 0)) / np.maximum(np.linalg.norm(total, axis=1), 1e-300)

@@ -12,25 +12,17 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Edges:
-    """The edges of T faces. A half-edge h is edge h // T of face h % T: from its corner h // T to the next.
-
-    Parameters
-    ----------
-    one, two : (P,) int64
-        Faces that share an edge of exactly two.
-    against : (P,) bool
-        Whether the two run along it in the same direction: one of them is turned over.
-    border : (B,) int64
-        Half-edges whose edge has no other face.
-    crowded : (C,) int64
-        One half-edge of each edge with three and more faces.
-    """
+    """The edges of T faces. A half-edge h is edge h // T of face h % T: from its corner h // T to the next."""
 
     one: Integers
     two: Integers
+    """one, two: (P,): faces that share an edge of exactly two."""
     against: NDArray[np.bool_]
+    """(P,): whether the two run along it in the same direction: one of them is turned over."""
     border: Integers
+    """(B,). Half-edges whose edge has no other face."""
     crowded: Integers
+    """(C,): one half-edge of each edge with three and more faces."""
 
     @property
     def total(self) -> int:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from align.scan.creases import cross_creases
 from align.scan.jets import ring_bend
-from align.scan.plain_normals import plain_normal_gain
-from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, scan_noise
+from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, plain_normal_gain, scan_noise
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -53,10 +52,6 @@ EXPLAINED = 0.1
 def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
     """Return the scan's normals at its vertices, freed from its noise, and how sure they are.
 
-    Parameters
-    ----------
-    mesh : Mesh
-
     Returns
     -------
     normals : (V, 3) float64
@@ -91,20 +86,14 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
 
 @dataclass
 class _Fits:
-    """All fits of the ladder, and the faces' mean.
-
-    Parameters
-    ----------
-    normals : (V, K, 3) float32
-    variance : (V, K)
-        Radians squared, by the scan's noise; infinite where not fitted.
-    doubt : (V, K)
-        What more the two smallest are off by: the surface's shape, as far as they do not resolve it.
-    """
+    """All fits of the ladder, and the faces' mean."""
 
     normals: NDArray[np.float32]
+    """(V, K, 3)."""
     variance: Array
+    """(V, K): radians squared, by the scan's noise; infinite where not fitted."""
     doubt: Array
+    """(V, K): what more the two smallest are off by: the surface's shape, as far as they do not resolve it."""
 
 
 def _adapt(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from align.scan.plain_normals import plain_normal_gain
+from align.scan.scan_noise import plain_normal_gain
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 
