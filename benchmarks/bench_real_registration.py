@@ -20,7 +20,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from align.pose.photographed import Photographs
-from align.pose.pick_pose import misses_px, pose_of, refined
+from align.pose.picks import misses_px, pose_of, refined
 from align.pose.pose_check import check_pose
 from align.pose.register import register
 from align.pose.scan_outline import find_outline

@@ -36,10 +36,8 @@ class Aim:
     """
 
     camera: Camera
-    rotation: Array
-    """(3, 3) camera_from_aim."""
-    shift: Array
-    """(3,) mm, zero under perspective."""
+    pose: Pose
+    """camera_from_aim."""
     area: float
     """The mask's, in image coordinates squared."""
     reach: float
@@ -52,7 +50,8 @@ class Aim:
         if camera.is_orthographic:
             shift = np.array([*origins[:, :2].mean(0), 0.0])
             reach = np.linalg.norm(origins[:, :2] - shift[:2], axis=1).max()
-            return cls(camera, np.eye(3), shift, len(u) / (camera.fx * camera.fy), float(reach))
+            pose = Pose.from_rotation_translation(np.eye(3), shift)
+            return cls(camera, pose, len(u) / (camera.fx * camera.fy), float(reach))
         rotation = np.eye(3)
         # A pixel covers cos^3 / f^2 of solid angle, and 1 / cos^3 of that in the turned image.
         solid = (-directions[:, 2]) ** 3 / (camera.fx * camera.fy)
@@ -63,24 +62,17 @@ class Aim:
             middle = np.array([*(weight @ xy / weight.sum()), -1.0])
             # The turn that takes the centroid's ray to -z, as small as it can be.
             rotation = rotation @ _smallest_turn(np.array([0.0, 0.0, -1.0]), middle / np.linalg.norm(middle))
-        return cls(camera, rotation, np.zeros(3), float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
+        pose = Pose.from_rotation_translation(rotation, np.zeros(3))
+        return cls(camera, pose, float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
 
     def rays(self, xy: NDArray) -> tuple[Array, Array]:
         """Return origins and unit directions (P, 3), aim frame, of image coordinates (P, 2)."""
-        zero = np.zeros(len(xy))
-        if self.camera.is_orthographic:
-            return np.stack([xy[:, 0], xy[:, 1], zero], -1), np.stack([zero, zero, zero - 1], -1)
-        directions = np.stack([xy[:, 0], xy[:, 1], zero - 1], -1)
-        return np.zeros((len(xy), 3)), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        return Camera(1, 1, 1.0, 1.0, 0.0, 0.0, projection=self.camera.projection).rays(xy * [1, -1])
 
     def pixels(self, xy: NDArray) -> Array:
         """Return the camera's pixels (P, 2) of image coordinates (P, 2)."""
         origins, directions = self.rays(xy)
-        return self.camera.project(origins @ self.rotation.T + self.shift + directions @ self.rotation.T)
-
-    def to_camera(self, rotation: NDArray, translation: NDArray) -> Pose:
-        """Return camera_from_scan of a pose in the aim frame."""
-        return Pose.from_rotation_translation(self.rotation @ rotation, self.rotation @ translation + self.shift)
+        return self.camera.project(self.pose.apply(origins + directions))
 
 
 def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
@@ -103,9 +95,8 @@ def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
     starts: list[Pose] = []
     for flat in np.argsort(score, axis=None)[::-1]:
         view, turn = np.unravel_index(flat, score.shape)
-        c, s = np.cos(angle[turn]), np.sin(angle[turn])
-        spin = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        pose = aim.to_camera(spin @ views[view], spin @ offsets[view])
+        spin = Pose.exp([0, 0, angle[turn], 0, 0, 0])
+        pose = aim.pose @ spin @ Pose.from_rotation_translation(views[view], offsets[view])
         if all((pose.inverse() @ other).angle_deg() > 10 for other in starts):
             starts.append(pose)
             if len(starts) == count:
@@ -199,7 +190,7 @@ def _sample_target(aim: Aim, target: Target, polar: Array) -> tuple[NDArray[np.b
     length = np.linalg.norm(vector, axis=1)
     good = inside & (weight[v, u] > 0.05) & (length > 0)
     out = np.zeros((len(polar), 3))
-    out[good] = (vector[good] / length[good][:, None]) @ aim.rotation
+    out[good] = (vector[good] / length[good][:, None]) @ aim.pose.rotation
     return inside, out
 
 

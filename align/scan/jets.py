@@ -171,14 +171,6 @@ def slope(work, size, radius, out):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def turn(frame, first, second, out):  # pragma: no cover
-    """Fill `out` (3,) with the unit normal of a surface of these slopes over the frame."""
-    length = np.sqrt(1.0 + first * first + second * second)
-    for axis in range(3):
-        out[axis] = (frame[2, axis] - first * frame[0, axis] - second * frame[1, axis]) / length
-
-
-@numba.njit(nogil=True, cache=True)
 def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
     """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`.
 
@@ -202,8 +194,12 @@ def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
                 break
             first = size
             slope(work, size, radius, out)
-            turn(frame, out[0], out[1], normals[k, degree])
-            variance[k, degree] = out[2] / (1.0 + out[0] ** 2 + out[1] ** 2) ** 2
+            # The normal of a surface of these slopes over the frame.
+            steep = 1.0 + out[0] * out[0] + out[1] * out[1]
+            for axis in range(3):
+                along = frame[2, axis] - out[0] * frame[0, axis] - out[1] * frame[1, axis]
+                normals[k, degree, axis] = along / np.sqrt(steep)
+            variance[k, degree] = out[2] / steep**2
             work[13] = work[10]
             solve(work, size, work[13])
             left = square
