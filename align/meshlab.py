@@ -91,24 +91,9 @@ def camera_element(pose: Pose, centred: Camera) -> dict[str, str]:
 def write_project(
     folder: Path, mesh: Mesh, pose: Pose, camera: Camera, photographs: dict[str, NDArray[np.uint8]]
 ) -> list[Path]:
-    """Write registration.mlp, scan.ply and the photographs.
+    """Write registration.mlp, scan.ply and the photographs, and return their paths, the project's first.
 
-    Parameters
-    ----------
-    folder : Path
-    mesh : Mesh
-        As registered: mended, mm.
-    pose : Pose
-        camera_from_scan.
-    camera : Camera
-        Of the photographs.
-    photographs : dict
-        Name -> (H, W, 3) uint8, RGB.
-
-    Returns
-    -------
-    list of Path
-        What was written, the project first.
+    The mesh is as registered (mended, mm) at `pose` (camera_from_scan); photographs, by name, are (H, W, 3) RGB.
     """
     centred = centred_camera(camera)
     _write_ply(folder / "scan.ply", mesh)

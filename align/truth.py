@@ -1,6 +1,6 @@
 """Ground-truth normals: the registered scan, seen through the camera, and how sure each normal is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from align.pose.focal import LongerFocal
 from align.pose.motion import nudge
+from align.pose.scan_view import View
 from align.scan.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.mesh import Mesh
@@ -30,26 +31,18 @@ FINE = 1.0
 
 @dataclass(frozen=True)
 class Truth:
-    """What the scan says of each pixel.
-
-    Parameters
-    ----------
-    normals : (H, W, 3) float32
-        Unit, camera frame; NaN where unknown: off the scan, at depth edges and holes, at grazing angles, on
-        back faces, across creases finer than the scan.
-    depth_mm : (H, W) float32
-        -z of the point, NaN off the scan.
-    sigma_deg : (H, W) float32
-        Expected (rms) angle between `normals` and the real normal: pose, scan noise, smoothing, and what lies
-        between the scan's vertices; NaN where normals are.
-    mask : (H, W) bool
-        The scan's silhouette, with the pixels whose normal is unknown.
-    """
+    """What the scan says of each pixel."""
 
     normals: NDArray[np.float32]
+    """(H, W, 3). Unit, camera frame; NaN where unknown: off the scan, at depth edges and holes, at grazing angles, on
+    back faces, across creases finer than the scan."""
     depth_mm: NDArray[np.float32]
+    """(H, W) -z of the point, NaN off the scan."""
     sigma_deg: NDArray[np.float32]
+    """(H, W): expected (rms) angle between `normals` and the real normal: pose, scan noise, smoothing, and what lies
+    between the scan's vertices; NaN where normals are."""
     mask: NDArray[np.bool_]
+    """(H, W): the scan's silhouette, with the pixels whose normal is unknown."""
 
 
 def ground_truth(
@@ -94,14 +87,14 @@ def ground_truth(
     change it. The scan's part is that of
     `smooth_normals`. Where the scan is finer than the pixels, normals are averaged over 3 x 3 places of the pixel.
     """
-    caster = RayCaster(mesh)
     corners, scatter = smooth_normals(mesh) if at_vertices is None else at_vertices
-    square = scatter[:, None] ** 2
+    caster, square = RayCaster(mesh, corners), scatter[:, None] ** 2
+    view = View(caster, camera, pose)
     height, width = camera.height, camera.width
     found = np.full((height, width, 3), np.nan, np.float32)
     depth = np.full((height, width), np.nan, np.float32)
     sigma = np.full((height, width), np.nan, np.float32)
-    top, bottom = _rows(mesh, pose, camera)
+    top, bottom = _rows(view)
     step = max(1, BAND_PIXELS // width)
     for first in range(top, bottom, step):
         last = min(first + step, bottom)
@@ -110,13 +103,13 @@ def ground_truth(
         inner = slice(first - rows.start, last - rows.start)
         pixels = camera.grid(rows)
         shape = pixels.shape[:2]
-        hits = caster.look(camera, pose, pixels.reshape(-1, 2))
+        hits = view.hits(pixels.reshape(-1, 2))
         if not hits.hit.any():
             continue
         origins, directions = camera.rays(pixels)
         points = origins + directions * np.where(hits.hit, hits.distance, np.nan).reshape(*shape, 1)
-        smooth = unit(pose.rotate(hits.interpolate(mesh, corners))).reshape(*shape, 3)
-        good = _reliable(mesh, corners, pose, camera, hits, points, smooth, directions)[inner]
+        smooth = view.normals(hits).reshape(*shape, 3)
+        good = _reliable(view, hits, points, smooth, directions)[inner]
         depth[first:last] = -points[inner, :, 2]
         v, u = np.nonzero(good)
         if not len(v):
@@ -126,82 +119,60 @@ def ground_truth(
         variance = hits.interpolate(mesh, square).reshape(shape)[inner][v, u]
         if covariance is not None:
             own = covariance if longer is None else covariance - longer.covariance
-            variance = variance + _pose_variance(caster, corners, pose, camera, here, middle, own)
+            variance = variance + _pose_variance(view, here, middle, own)
         if longer is not None:
-            variance = variance + _turned(caster, corners, longer.pose, longer.camera, here, middle)
+            variance = variance + _turned(View(caster, longer.camera, longer.pose), here, middle)
         if normals == "facet":
             answer = pose.rotate(mesh.face_normals[face])
             variance = variance + angular_error_deg(answer, middle) ** 2
         else:
-            answer = _average(caster, corners, pose, camera, here, face, depth[first + v, u], middle)
+            answer = _average(view, here, face, depth[first + v, u], middle)
         found[first + v, u] = answer
         sigma[first + v, u] = np.sqrt(variance)
     return Truth(found, depth, sigma, np.isfinite(depth))
 
 
-def _average(
-    caster: RayCaster,
-    corners: Array,
-    pose: Pose,
-    camera: Camera,
-    pixels: NDArray,
-    face: NDArray,
-    depth: NDArray,
-    middle: Array,
-) -> Array:
+def _average(view: View, pixels: NDArray, face: NDArray, depth: NDArray, middle: Array) -> Array:
     """Return (P, 3) unit normals: averaged over the pixel where it covers several faces, else those of its middle."""
-    mesh = caster.mesh
+    mesh = view.caster.mesh
     a, b, c = (mesh.vertices[mesh.faces[face, k]] for k in range(3))
     edge = np.sqrt(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    footprint = (1.0 if camera.is_orthographic else depth) / camera.fx
+    footprint = (1.0 if view.camera.is_orthographic else depth) / view.camera.fx
     fine = np.flatnonzero(edge < FINE * footprint)
     if not len(fine):
         return middle
     total = middle[fine]
     for x, y in ((x, y) for x in (-1, 0, 1) for y in (-1, 0, 1) if x or y):
-        hits = caster.look(camera, pose, pixels[fine] + np.array([x, y]) / 3)
-        total = total + np.nan_to_num(pose.rotate(hits.interpolate(mesh, corners)))
+        hits = view.hits(pixels[fine] + np.array([x, y]) / 3)
+        total = total + np.nan_to_num(view.pose.rotate(hits.interpolate(mesh, view.caster.normals)))
     out = middle.copy()
     out[fine] = unit(total)
     return out
 
 
-def _rows(mesh: Mesh, pose: Pose, camera: Camera) -> tuple[int, int]:
+def _rows(view: View) -> tuple[int, int]:
     """Return the range of rows that can see the mesh."""
-    v = camera.project(pose.apply(mesh.vertices))[:, 1]
+    v = view.camera.project(view.pose.apply(view.caster.mesh.vertices))[:, 1]
     if np.isnan(v).any():
-        return 0, camera.height
-    return max(int(v.min()) - 2, 0), min(int(v.max()) + 3, camera.height)
+        return 0, view.camera.height
+    return max(int(v.min()) - 2, 0), min(int(v.max()) + 3, view.camera.height)
 
 
-def _reliable(
-    mesh: Mesh,
-    at_vertices: Array,
-    pose: Pose,
-    camera: Camera,
-    hits: Hits,
-    points: Array,
-    normals: Array,
-    directions: Array,
-) -> NDArray[np.bool_]:
+def _reliable(view: View, hits: Hits, points: Array, normals: Array, directions: Array) -> NDArray[np.bool_]:
     """Return (h, w): the pixel sees one piece of well-sampled surface, from its front."""
-    shape = points.shape[:2]
+    shape, mesh = points.shape[:2], view.caster.mesh
     face = np.maximum(hits.face, 0)
     facing = -np.einsum("hwk,hwk->hw", normals, directions)
-    front = -np.einsum("hwk,hwk->hw", pose.rotate(mesh.face_normals[face]).reshape(*shape, 3), directions)
+    front = -np.einsum("hwk,hwk->hw", view.pose.rotate(mesh.face_normals[face]).reshape(*shape, 3), directions)
     good = hits.hit.reshape(shape) & (facing > np.cos(np.radians(GRAZING_DEG))) & (front > 0)
-    corners = at_vertices[mesh.faces[face]]
+    corners = view.caster.normals[mesh.faces[face]]
     closest = np.minimum.reduce([np.einsum("pk,pk->p", corners[:, i], corners[:, i - 1]) for i in range(3)])
     good &= closest.reshape(shape) > np.cos(np.radians(SPREAD_DEG))
-    depth = np.ones(shape) if camera.is_orthographic else -points[..., 2]
-    footprint = depth / camera.fx
-    for axis in (0, 1):
-        a = tuple(slice(None, -1) if k == axis else slice(None) for k in range(2))
-        b = tuple(slice(1, None) if k == axis else slice(None) for k in range(2))
+    depth = np.ones(shape) if view.camera.is_orthographic else -points[..., 2]
+    footprint = depth / view.camera.fx
+    for a, b in ((np.s_[:-1], np.s_[1:]), (np.s_[:, :-1], np.s_[:, 1:])):
         across = points[b] - points[a]
-        miss = np.minimum(
-            np.abs(np.einsum("hwk,hwk->hw", across, normals[a])), np.abs(np.einsum("hwk,hwk->hw", across, normals[b]))
-        )
+        miss = np.minimum(*(np.abs(np.einsum("hwk,hwk->hw", across, normals[side])) for side in (a, b)))
         # A neighbour off the scan gives NaN, and is an edge: silhouette or hole.
         edge = ~(miss < EDGE_FOOTPRINTS * footprint[a])
         good[a] &= ~edge
@@ -209,33 +180,19 @@ def _reliable(
     return good
 
 
-def _pose_variance(
-    caster: RayCaster,
-    at_vertices: Array,
-    pose: Pose,
-    camera: Camera,
-    pixels: NDArray,
-    normals: Array,
-    covariance: NDArray,
-) -> Array:
+def _pose_variance(view: View, pixels: NDArray, normals: Array, covariance: NDArray) -> Array:
     """Return (P,), degrees squared: the normals' change over one sigma of each axis of the pose's covariance."""
-    mesh = caster.mesh
-    pivot = pose.apply(mesh.center_mm)
     # The axes are found in lengths (radians times the scan's radius): radians and millimetres do not mix.
-    length = np.array([mesh.radius_mm] * 3 + [1.0] * 3)
+    length = np.array([view.caster.mesh.radius_mm] * 3 + [1.0] * 3)
     values, axes = np.linalg.eigh(covariance * length * length[:, None])
     total = np.zeros(len(pixels))
     for value, axis in zip(values, axes.T, strict=True):
-        if value <= 0:
-            continue
-        moved = nudge(pose, axis * np.sqrt(value) / length, pivot)
-        total += _turned(caster, at_vertices, moved, camera, pixels, normals)
+        if value > 0:
+            moved = nudge(view.pose, axis * np.sqrt(value) / length, view.pivot)
+            total += _turned(replace(view, pose=moved), pixels, normals)
     return total
 
 
-def _turned(
-    caster: RayCaster, at_vertices: Array, pose: Pose, camera: Camera, pixels: NDArray, normals: Array
-) -> Array:
-    """Return (P,), degrees squared: by how much the normals at another pose, through another camera, differ."""
-    after = unit(pose.rotate(caster.look(camera, pose, pixels).interpolate(caster.mesh, at_vertices)))
-    return np.nan_to_num(angular_error_deg(after, normals) ** 2)
+def _turned(view: View, pixels: NDArray, normals: Array) -> Array:
+    """Return (P,), degrees squared: by how much the normals of another view differ."""
+    return np.nan_to_num(angular_error_deg(view.normals(view.hits(pixels)), normals) ** 2)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from align.mask.object_mask import find_object
+from align.pose.photographed import Photographs, sparse_normals
 from align.pose.register import Registration, register
-from align.pose.sharp_picture import sparse_normals
 from align.truth import ground_truth
 from fixtures.mesh_scene import Scene, as_calibrated, random_rotation, random_scene
 from fixtures.mesh_shapes import SHAPES, file_shape, scan_of
@@ -122,7 +122,7 @@ def mark(made: Session, *, with_truth: bool = False) -> dict:
     try:
         lights, mask, normals = prepared(made)
         begun = time.perf_counter()
-        result = register(made.scan, made.scene.camera, made.frames, lights, mask, normals)
+        result = register(made.scan, Photographs(made.scene.camera, made.frames, lights, mask), normals)
     except SceneError as error:
         return out | {"refused": 1.0, "said": [str(error)]}
     out["register_seconds"] = time.perf_counter() - begun

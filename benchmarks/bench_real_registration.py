@@ -19,10 +19,12 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from align.pose.pick_pose import misses_px, pose_of, refined
+from align.pose.photographed import Photographs
+from align.pose.picks import misses_px, pose_of, refined
 from align.pose.pose_check import check_pose
 from align.pose.register import register
-from align.pose.rim import find_rim
+from align.pose.scan_outline import find_outline
+from align.pose.scan_view import View
 from align.truth import ground_truth
 from benchmarks.pages import put
 from benchmarks.real_surfaces import (
@@ -61,7 +63,7 @@ def register_real(made: RealObject, scan: Mesh, pose: Pose) -> dict:
     normals = solve("iterative", made.frames, made.lights, made.camera, made.mask).normals
     start = time.perf_counter()
     try:
-        found = register(scan, made.camera, made.frames, made.lights, made.mask, normals)
+        found = register(scan, Photographs(made.camera, made.frames, made.lights, made.mask), normals)
     except AlignError as error:
         return {"refused": str(error), "seconds": time.perf_counter() - start}
     off = found.pose @ pose.inverse()
@@ -99,7 +101,8 @@ def _shift(off: Pose, pivot: np.ndarray) -> np.ndarray:
 
 def unexplained(made: RealObject, scan: Mesh, pose: Pose) -> dict[str, float]:
     """Return what the photographs leave unexplained at a pose, on the same pixels wherever it is."""
-    return asdict(check_pose(scan, pose, made.camera, made.frames, made.lights, made.mask).here)
+    photographs = Photographs(made.camera, made.frames, made.lights, made.mask)
+    return asdict(check_pose(scan, pose, photographs).here)
 
 
 def _right(name: str, projection: Projection, seed: int) -> dict:
@@ -153,8 +156,8 @@ def silhouette_overlap(made: YcbObject) -> float:
     cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     inward = np.einsum("tk,tk->t", cross, hull.equations[:, :3]) < 0
     faces[inward] = faces[inward][:, ::-1]
-    rim = find_rim(RayCaster(Mesh(made.points, faces)), made.camera, made.pose, cells=400)
-    return rim.overlap(made.label)
+    view = View(RayCaster(Mesh(made.points, faces)), made.camera, made.pose)
+    return find_outline(view, cells=400).overlap(made.label)
 
 
 def _picks() -> dict:

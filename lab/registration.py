@@ -86,25 +86,25 @@ def _registered(
     start: Pose | None,
 ) -> tuple[Mesh, Any, float | None]:
     """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
+    from align.pose.photographed import Photographs, sparse_normals
     from align.pose.register import Registration, register
-    from align.pose.sharp_picture import sparse_normals
     from align.pose.unknown_scale import register_unknown_scale
     from solve.solve import solve
 
     def normals_of(some: NDArray[np.bool_]) -> NDArray:
         return solve("iterative", frames, lights, camera, some, executor=job.executor).normals
 
-    normals = sparse_normals(mask, normals_of)
+    normals, photographs = sparse_normals(mask, normals_of), Photographs(camera, frames, lights, mask)
     with progress_bar("register") as progress:
 
         def run(scan: Mesh, begin: Pose | None) -> Registration:
             return register(
-                scan, camera, frames, lights, mask, normals,
+                scan, photographs, normals,
                 start=begin, at_vertices=at_vertices, executor=job.executor, progress=progress,
             )  # fmt: skip
 
         if job.scan_scale_unknown:
-            return register_unknown_scale(mesh, camera, lights, mask, run, start=start)
+            return register_unknown_scale(mesh, photographs, run, start=start)
         return mesh, run(mesh, start), None
 
 

@@ -34,6 +34,7 @@ def check_alignment(job: Job) -> dict[str, Any]:
         There is no registered scan.
     """
     from align.meshlab import write_project
+    from align.pose.photographed import Photographs
     from align.pose.pose_check import STEPS_PX, check_pose
     from compare.report.pictures import Exposure
     from compare.report.registration_pictures import raking_frame
@@ -51,7 +52,7 @@ def check_alignment(job: Job) -> dict[str, Any]:
     chosen = dict.fromkeys([raking_frame(lights.directions), int(np.argmax(lights.directions[:, 2]))])
     photographs = {frames.names[index]: exposure.develop(frames.frame(index)) for index in chosen}
     paths = write_project(store.path(*PLACE), mesh, pose, camera, photographs)
-    found = check_pose(mesh, pose, camera, frames, lights, store.load_mask())
+    found = check_pose(mesh, pose, Photographs(camera, frames, lights, store.load_mask()))
     result = {
         "steps_px": STEPS_PX,
         "project": [path.relative_to(store.folder).as_posix() for path in paths],

@@ -25,40 +25,23 @@ FITTED = 20_000
 
 @dataclass(frozen=True)
 class Contradiction:
-    """How each pixel contradicts the backdrop.
-
-    Parameters
-    ----------
-    bright : (h, w) float32
-        Share of frames in which it is brighter than the backdrop can be.
-    lit : (h, w) float32
-        Share of frames in which it looks like lit backdrop.
-    object_likely : (h, w) bool
-    backdrop : (h, w) float32
-        The backdrop's mean over the frames, had it no shadows.
-    backdrop_noise : float
-        Relative rms of the backdrop about its smooth model.
-    """
+    """How each pixel contradicts the backdrop."""
 
     bright: NDArray[np.float32]
+    """(h, w): share of frames in which it is brighter than the backdrop can be."""
     lit: NDArray[np.float32]
+    """(h, w): share of frames in which it looks like lit backdrop."""
     object_likely: NDArray[np.bool_]
+    """(h, w)."""
     backdrop: NDArray[np.float32]
+    """(h, w): the backdrop's mean over the frames, had it no shadows."""
     backdrop_noise: float
+    """Relative rms of the backdrop about its smooth model."""
 
 
 def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -> Contradiction:
-    """Fit the backdrop to a stack, and say where it cannot be.
+    """Fit the backdrop to a stack of gray frames (F, h, w), and say where it cannot be; `ignore` (h, w): balls.
 
-    Parameters
-    ----------
-    stack : (F, h, w) float32
-        Gray frames.
-    ignore : (h, w) bool
-        Balls.
-
-    Notes
-    -----
     In each frame the backdrop is a polynomial of the pixel, fitted robustly, at first to the image's border,
     then to all that agreed. A backdrop pixel may be darker in some frames (cast shadow) but not brighter;
     one that never looks like lit backdrop is dark object.

@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.mask.backdrop import Contradiction, contradict_backdrop
-from align.pose.sharp_picture import block_means, box_of, bright_mean, bright_picture
+from align.mask.bright_picture import block_means, bright_mean, bright_picture
+from align.pose.photographed import box_of
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -23,18 +24,12 @@ LEAST_SHARE = 0.001
 
 @dataclass(frozen=True)
 class ObjectMask:
-    """Where the object is.
-
-    Parameters
-    ----------
-    mask : (H, W) bool
-    source : str
-        "given", "found" or "scan".
-    warnings : tuple of str
-    """
+    """Where the object is."""
 
     mask: NDArray[np.bool_]
+    """(H, W)."""
     source: str
+    """One of "given", "found", "scan"."""
     warnings: tuple[str, ...] = ()
 
 
@@ -43,29 +38,17 @@ def find_object(
 ) -> ObjectMask:
     """Find the object: what the backdrop does not explain, near the middle, and is no ball.
 
-    Parameters
-    ----------
-    frames : Frames
-    camera : Camera
-    spheres : list of Sphere
-        Calibration balls; their pixels are no object (those shot apart are not in the picture).
-    mask_given : (H, W) bool, optional
-        The user's mask: checked, and freed of balls' pixels.
+    The pixels of calibration balls are no object (balls shot apart are not in the picture). `mask_given` (H, W), the
+    user's, is checked, and freed of balls' pixels.
 
-    Returns
-    -------
-    found : ObjectMask
+    The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
+    lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames. The border is then put
+    where each pixel's brightest quarter of frames passes midway between its values just inside and just outside.
 
     Raises
     ------
     AlignError
         The given mask is empty or of another size; or nothing stands out from the backdrop.
-
-    Notes
-    -----
-    The backdrop is one smooth surface: in each frame its brightness is a smooth function of the pixel, or it
-    lies in a cast shadow (`align.mask.backdrop`). The object contradicts it in many frames. The border is then put
-    where each pixel's brightest quarter of frames passes midway between its values just inside and just outside.
     """
     size = (camera.height, camera.width)
     balls = np.zeros(size, bool)
@@ -93,9 +76,9 @@ def find_object(
         border = np.zeros(size, bool)
         border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
-    rim = border[[0, -1]].sum() + border[:, [0, -1]].sum()
-    if rim > 4:
-        warnings.append(f"mask: the object reaches the image's border ({rim} pixels): part of it may be missing.")
+    cut = border[[0, -1]].sum() + border[:, [0, -1]].sum()
+    if cut > 4:
+        warnings.append(f"mask: the object reaches the image's border ({cut} pixels): part of it may be missing.")
     return ObjectMask(border, "found", tuple(warnings))
 
 
@@ -104,16 +87,8 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
 
     The registered silhouette has the better border: sub-pixel, and blind to the table, to shadows and
     to dark albedo. So it is the mask; the found mask adds only what the scan has not: holes inside the
-    silhouette, and parts beyond it that are thicker than twice `tolerance_px` (the scan may be partial).
-
-    Parameters
-    ----------
-    silhouette : (H, W) bool
-        `Truth.mask`.
-    found : ObjectMask
-        Given or found on the photographs.
-    tolerance_px : float
-        What lies closer to the silhouette than this is the found border's own error.
+    silhouette (H, W), and parts beyond it that are thicker than twice `tolerance_px` (the scan may be partial): what
+    lies closer to the silhouette is the found border's own error.
     """
     from scipy.ndimage import binary_dilation, binary_opening
 
@@ -122,9 +97,7 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
     radius = int(np.ceil(tolerance_px))
     disc = np.hypot(*np.mgrid[-radius : radius + 1, -radius : radius + 1]) <= tolerance_px
     extra = rough & ~silhouette
-    holes, _ = _pieces(~silhouette)
-    outside = np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))
-    in_holes = extra & ~np.isin(holes, outside)
+    in_holes = extra & _holes(silhouette)
     near = np.asarray(binary_dilation(silhouette, disc), bool)
     beyond = np.asarray(binary_opening(extra & ~near, disc), bool)
     # Back to where it joins the silhouette.
@@ -215,14 +188,11 @@ def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDA
     if typical <= float(np.median(np.sqrt(contradiction.backdrop[piece]))):
         return piece
     strong = np.asarray(binary_opening(piece & (excess > FAINT * typical), np.ones((3, 3), bool)), bool)
-    numbers, count = _pieces(strong)
-    if not count:
+    if not strong.any():
         return piece
-    strong = numbers == np.argmax(np.bincount(numbers.ravel())[1:]) + 1
+    strong = _largest(strong)
     # Dark places within the object are its own.
-    holes, _ = _pieces(~strong)
-    outside = np.unique(np.concatenate([holes[0], holes[-1], holes[:, 0], holes[:, -1]]))
-    return np.asarray(strong | (piece & ~np.isin(holes, outside)), bool)
+    return strong | (piece & _holes(strong))
 
 
 def _sharpen(picture: NDArray, mask: NDArray[np.bool_], balls: NDArray[np.bool_], *, reach: int) -> NDArray[np.bool_]:
@@ -231,7 +201,7 @@ def _sharpen(picture: NDArray, mask: NDArray[np.bool_], balls: NDArray[np.bool_]
 
     size = 2 * reach + 1
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
-    # Limbs darken toward the border: midway in square roots lies lower, and so nearer to it.
+    # Round objects darken toward their border: midway in square roots lies lower, and so nearer to it.
     picture = np.sqrt(np.maximum(picture, 0)).astype(np.float32)
     for _ in range(2):
         inner = cv2.erode(mask.astype(np.uint8), disc, borderValue=1) > 0
@@ -263,10 +233,8 @@ def _window(mask: NDArray[np.bool_], *, margin: int) -> tuple[slice, slice]:
     """Return the rows and columns of a mask's box, grown by a margin."""
     if not mask.any():
         return np.s_[:, :]
-    rows, columns = box_of(mask)
-    return slice(max(rows.start - margin, 0), rows.stop + margin), slice(
-        max(columns.start - margin, 0), columns.stop + margin
-    )
+    rows, columns = (slice(max(side.start - margin, 0), side.stop + margin) for side in box_of(mask))
+    return rows, columns
 
 
 def _pieces(mask: NDArray) -> tuple[NDArray[np.int32], int]:
@@ -277,12 +245,24 @@ def _pieces(mask: NDArray) -> tuple[NDArray[np.int32], int]:
     return numbers.astype(np.int32, copy=False), count - 1
 
 
+def _largest(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the largest piece of a mask that is not empty."""
+    pieces = _pieces(mask)[0]
+    return pieces == np.argmax(np.bincount(pieces.ravel())[1:]) + 1
+
+
+def _holes(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the pixels that a mask encloses."""
+    rest = _pieces(~mask)[0]
+    outside = np.unique(np.concatenate([rest[0], rest[-1], rest[:, 0], rest[:, -1]]))
+    return ~mask & ~np.isin(rest, outside)
+
+
 def _one_piece(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the largest piece, its small holes filled."""
-    pieces, count = _pieces(mask)
-    if not count:
+    if not mask.any():
         raise AlignError("mask: the object's border could not be found. Give the mask: mask under [object].")
-    piece = pieces == np.argmax(np.bincount(pieces.ravel())[1:]) + 1
+    piece = _largest(mask)
     holes, _ = _pieces(~piece)
     area = np.bincount(holes.ravel())
     # A handle's opening stays open; a dark spot is filled.

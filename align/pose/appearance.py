@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.probes import surface
-from align.pose.rim import find_rim
+from align.pose.scan_outline import find_outline
+from align.pose.scan_view import View
 from align.pose.shading import find_shadows
 from scene.camera import Camera
 from scene.lights import Lights
@@ -17,40 +17,20 @@ CELLS = 1500
 
 
 def outline(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float64]:
-    """Return the scan's outline in the picture as short strokes along it, (K, 2 ends, 2), pixels.
+    """Return the scan's outline in the picture as short strokes along it, (K, 2 ends, 2), pixels, distortion honoured.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        mm.
-    pose : Pose
-        camera_from_scan.
-    camera : Camera
-        Distortion is honoured.
+    `pose` is camera_from_scan.
     """
-    rim = find_rim(RayCaster(mesh), camera, pose, cells=CELLS)
-    along = np.stack([-rim.outward[:, 1], rim.outward[:, 0]], -1)
+    found = find_outline(View(RayCaster(mesh), camera, pose), cells=CELLS)
+    along = np.stack([-found.outward[:, 1], found.outward[:, 0]], -1)
     # A little longer than their distance, so that they join.
-    return rim.pixels[:, None] + 0.6 * rim.step * np.array([-1.0, 1.0])[:, None] * along[:, None]
+    return found.pixels[:, None] + 0.6 * found.step * np.array([-1.0, 1.0])[:, None] * along[:, None]
 
 
 def shading(mesh: Mesh, pose: Pose, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
-    """Return what a white matte scan would show at pixels under one light, (..., ), NaN off the scan.
+    """Return what a white matte scan would show at pixels (..., 2) under light `index`, (...), NaN off the scan.
 
-    Parameters
-    ----------
-    mesh, pose, camera
-        As in `outline`.
-    lights : Lights
-    index : int
-        Which of them.
-    pixels : (..., 2) float
-
-    Returns
-    -------
-    shading : (...) float32
-        max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not
-        in it.
+    max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not in it.
     """
     one = Lights(
         lights.names[index : index + 1],
@@ -59,16 +39,16 @@ def shading(mesh: Mesh, pose: Pose, camera: Camera, lights: Lights, index: int, 
         None if lights.positions_mm is None else lights.positions_mm[index : index + 1],
         lights.reference_point_mm,
     )
-    caster = RayCaster(mesh)
+    view = View(RayCaster(mesh), camera, pose)
     flat = np.asarray(pixels, np.float64).reshape(-1, 2)
     out = np.full(len(flat), np.nan, np.float32)
     step = 1 << 19
     for first in range(0, len(flat), step):
         part = slice(first, first + step)
-        points, normals = surface(caster, camera, pose, flat[part])
+        points, normals = view.surface(flat[part])
         seen = np.isfinite(points[:, 0])
         points, normals = points[seen], normals[seen]
         cosine = np.maximum(np.einsum("pk,pk->p", one.toward(points)[0], normals), 0)
         values = out[part]
-        values[seen] = np.where(find_shadows(caster, one, pose, points, normals)[0], 0, cosine)
+        values[seen] = np.where(find_shadows(view, one, points, normals)[0], 0, cosine)
     return out.reshape(np.shape(pixels)[:-1])

@@ -15,11 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import FinalEvidence
-from align.pose.last_rounds import NEAREST_PX
-from align.pose.probes import Probes
-from align.pose.refine import settle
-from align.pose.rough import small_steps
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence
+from align.pose.scan_view import Probes
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.pose import Pose
@@ -35,20 +32,13 @@ ROUNDS = 2
 
 @dataclass(frozen=True)
 class LongerFocal:
-    """The registration as it would be, were the focal length one sigma longer.
-
-    Parameters
-    ----------
-    camera : Camera
-    pose : Pose
-        camera_from_scan.
-    twist : (6,) float64
-        From the registration's pose to this one, for `align.pose.motion.nudge` about the scan's middle.
-    """
+    """The registration as it would be, were the focal length one sigma longer."""
 
     camera: Camera
     pose: Pose
+    """camera_from_scan."""
     twist: Array
+    """(6,): from the registration's pose to this one, for `align.pose.motion.nudge` about the scan's middle."""
 
     @property
     def covariance(self) -> Array:
@@ -59,35 +49,24 @@ class LongerFocal:
 def register_longer(evidence: FinalEvidence) -> LongerFocal | None:
     """Repeat a finished registration with a focal length one sigma longer.
 
-    Parameters
-    ----------
-    evidence : FinalEvidence
-        At the registration's pose.
-
-    Returns
-    -------
-    longer : LongerFocal or None
-        None where the focal length is known (`EXACT`), and where the camera is orthographic.
+    None where the focal length is known (`EXACT`), and where the camera is orthographic.
     """
     from scipy.spatial.transform import Rotation
 
-    camera = evidence.camera
+    seen, camera = evidence.seen, evidence.seen.camera
     if camera.is_orthographic or camera.focal_sigma <= EXACT:
         return None
     ratio = 1 + camera.focal_sigma
-    mesh = evidence.caster.mesh
-    pivot = evidence.pose.apply(mesh.center_mm)
+    middle_mm = seen.caster.mesh.center_mm
+    pivot = evidence.pose.apply(middle_mm)
     pose = _receded(pivot, ratio) @ evidence.pose
     camera = replace(camera, fx=camera.fx * ratio, fy=camera.fy * ratio)
-    lights = receded_lights(evidence.lights, ratio)
-    probes = Probes.of(camera, evidence.samples.pixels, step_px=evidence.probes.step_px)
-    there = replace(evidence, camera=camera, lights=lights, probes=probes)
+    probes = Probes.of(camera, seen.samples.pixels, step_px=seen.probes.step_px)
+    there = replace(seen, camera=camera, lights=receded_lights(seen.lights, ratio), probes=probes)
     for _ in range(ROUNDS):
-        there = there.renewed(pose, reach_px=NEAREST_PX)
-        scales = small_steps(mesh, camera, pose, step_px=0.5)
-        pose = settle(there.terms, pose, lambda p: p.apply(mesh.center_mm), scales, steps=4)
+        pose = FinalEvidence.about(there, pose, reach_px=NEAREST_PX).settled()
     turn = Rotation.from_matrix((pose @ evidence.pose.inverse()).rotation).as_rotvec()
-    shift = pose.apply(mesh.center_mm) - pivot
+    shift = pose.apply(middle_mm) - pivot
     return LongerFocal(camera, pose, np.concatenate([turn, shift]))
 
 

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from align.pose.full_resolution import UNMODELLED, FinalEvidence
-from align.pose.refine import Term, information
-from align.pose.rough import small_steps
+from align.pose.refine import Term
 
 ROUNDS = 4
 STEP = 0.02
@@ -21,17 +20,11 @@ SUSPICIOUS, DEVIATIONS = 0.04, 4.0
 
 @dataclass(frozen=True)
 class FreeScale:
-    """By how much larger the scan would have to be for the lights to explain its shading best.
-
-    Parameters
-    ----------
-    scale : float
-    sigma : float
-        Relative.
-    """
+    """By how much larger the scan would have to be for the lights to explain its shading best."""
 
     scale: float
     sigma: float
+    """Relative."""
 
     @property
     def warning(self) -> str | None:
@@ -51,31 +44,26 @@ class FreeScale:
 def free_scale(evidence: FinalEvidence) -> FreeScale | None:
     """Return the scale of a scan under near lights, None where nothing tells it: distant lights.
 
-    Notes
-    -----
     Gauss-Newton on the pose's six unknowns and the logarithm of the scale, with the evidence's own terms; the lights'
     vectors at a point p of a scan s times as large are those at s p. The sigma is that of the pose, made the same way.
     """
-    lights = evidence.lights
-    if lights.positions_mm is None or evidence.camera.is_orthographic:
+    lights, pose = evidence.seen.lights, evidence.pose
+    if lights.positions_mm is None or evidence.seen.camera.is_orthographic:
         return None
-    mesh, pose = evidence.caster.mesh, evidence.pose
-    points = evidence.probes.surface(evidence.caster, pose)[0]
+    points = evidence.surface[0]
     known = np.where(np.isfinite(points), points, lights.reference_point_mm)
-    units = np.append(small_steps(mesh, evidence.camera, pose, step_px=1.0), 0.01)
+    units = np.append(evidence.steps(1.0), 0.01)
     log, matrix = 0.0, np.zeros((7, 7))
     for _ in range(ROUNDS):
-        around = [evidence.shading_under(lights.toward(np.exp(log + side) * known)) for side in (-STEP, 0.0, STEP)]
+        around = [evidence.shading(pose, lights.toward(np.exp(log + side) * known)) for side in (-STEP, 0.0, STEP)]
         slope = (around[2].residuals - around[0].residuals) / (2 * STEP)
         shading = _with_column(around[1], slope)
         outline, _, bias = evidence.terms(pose)
         matrix, pull = np.zeros((7, 7)), np.zeros(7)
         for term in (shading, _with_column(outline, None), _with_column(bias, None)):
-            hessian, scatter, gradient = information(term, 1 / 3)
-            hessian, scatter = (m * units * units[:, None] for m in (hessian, scatter))
-            effect = max(1.0, float(np.trace(np.linalg.pinv(hessian, rcond=1e-9) @ scatter)) / 7)
-            matrix += hessian / effect
-            pull += gradient * units / effect
+            known_of, slope_of, _ = term.information(units)
+            matrix += known_of
+            pull += slope_of
         step = -np.linalg.lstsq(matrix, pull, rcond=1e-9)[0][6] * units[6]
         log = float(np.clip(log + np.clip(step, -0.15, 0.15), -1.5, 1.5))
         if abs(step) < 1e-3:

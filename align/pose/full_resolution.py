@@ -6,13 +6,13 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.outline_edges import LimbPictures
-from align.pose.probes import Probes
-from align.pose.refine import Term, disagreement, information, robust_sigma
-from align.pose.rim import Rim, find_rim, outline_jacobian, sample, signed_distance
-from align.pose.rough import small_steps
-from align.pose.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, free_normals
-from align.pose.sharp_picture import longer_side
+from align.pose.motion import apart_px, small_steps
+from align.pose.outline_edges import EdgePictures
+from align.pose.photographed import Photographs, longer_side
+from align.pose.refine import Term, descend, disagreement, robust_sigma, settle
+from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample, signed_distance
+from align.pose.scan_view import Probes, View
+from align.pose.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, free_normals, take_samples
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -22,33 +22,30 @@ from scene.rays import RayCaster
 Array = NDArray[np.float64]
 
 EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
-"""How far outside the limb's edges, as the scan lets expect them, the outline lies; and how unsure that is."""
+"""How far outside the edges, as the scan lets expect them, the outline lies; and how unsure that is."""
 UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
 MASK_PX = 1.0
 """What a mask's border may be off by."""
+SETTLED_PX = 0.01
+"""A round of the refinement that moves the scan's image by less is the last."""
+NEAREST_PX = 2.5
+"""The outline's edges are looked for ever closer by, down to this."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a pose explains the photographs, in terms that a wrong scan cannot meet.
-
-    Parameters
-    ----------
-    overlap : float
-        Intersection over union of the scan's silhouette and the mask.
-    normals_deg : float
-        Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under
-        the same lights and with the same samples.
-    outline_share : float
-        Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs or, where
-        object and backdrop are alike and there is none, of the mask's border.
-    """
+    """How well a pose explains the photographs, in terms that a wrong scan cannot meet."""
 
     overlap: float
+    """Intersection over union of the scan's silhouette and the mask."""
     normals_deg: float
+    """Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under the same
+    lights and with the same samples."""
     outline_share: float
+    """Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs or, where object
+    and backdrop are alike and there is none, of the mask's border."""
 
     @property
     def misfit(self) -> float:
@@ -66,6 +63,49 @@ class Fit:
 
 
 @dataclass(frozen=True)
+class Observed:
+    """A scan and its photographs: what of them does not depend on the pose."""
+
+    caster: RayCaster
+    camera: Camera
+    lights: Lights
+    mask: NDArray[np.bool_]
+    distance: NDArray[np.float32]
+    """(H, W), see `signed_distance`."""
+    pictures: EdgePictures
+    samples: Samples
+    probes: Probes
+    """At the samples' pixels."""
+    cells: int
+    """Of the raster on which the outline is searched, across the scan."""
+
+    @classmethod
+    def of(
+        cls, caster: RayCaster, photographs: Photographs, pictures: EdgePictures, *, count: int, cells: int
+    ) -> "Observed":
+        """Read about `count` pixels of the object from all frames."""
+        camera, mask = photographs.camera, photographs.mask
+        samples = take_samples(photographs, count=count)
+        probes = Probes.of(camera, samples.pixels, step_px=1.0)
+        distance = signed_distance(mask)
+        return cls(caster, camera, photographs.lights, mask, distance, pictures, samples, probes, cells)
+
+    def toward(self, points: Array) -> Array:
+        """Return the light vectors (N, P, 3) at points (P, 3), of intensity 1; anything where the scan is missed."""
+        return self.lights.toward(np.where(np.isfinite(points), points, self.lights.reference_point_mm))
+
+    def patches(self, pixels: NDArray) -> NDArray[np.int64]:
+        """Return the number (K,) of the patch that holds each pixel (K, 2), 16 patches across the object."""
+        return patches(pixels, max(4.0, longer_side(self.mask) / 16))
+
+
+def patches(pixels: NDArray, size_px: float) -> NDArray[np.int64]:
+    """Return the number (K,) of the square patch of the image that holds each pixel (K, 2)."""
+    cell = (pixels / size_px).astype(np.int64)
+    return cell[:, 1] * 100_000 + cell[:, 0]
+
+
+@dataclass(frozen=True)
 class FinalEvidence:
     """Outline against the photographs' edges, and the shading of all frames, at full resolution.
 
@@ -73,27 +113,20 @@ class FinalEvidence:
     samples are lit) is fixed at `pose`; `renewed` takes it again elsewhere.
     """
 
-    caster: RayCaster
-    camera: Camera
-    lights: Lights
-    mask: NDArray[np.bool_]
-    distance: NDArray[np.float32]
-    limbs: LimbPictures
-    samples: Samples
-    probes: Probes
-    cells: int
-    block_px: float
+    seen: Observed
     pose: Pose
-    rim: Rim
-    rim_on_scan: Array
+    surface: tuple[Array, Array]
+    """Points and normals (P, 3) that the samples' pixels see; see `View.surface_along`."""
+    used: NDArray[np.bool_]
+    """(N, P): samples lit."""
+    outline: Outline
+    on_scan: Array
     """(K, 3), mm, scan frame: the outline's points that have an edge in the picture."""
     edges: Array
     """(K, 2) pixels: where those edges are."""
     outward: Array
     """(K, 2)."""
-    used: NDArray[np.bool_]
-    """(N, P): samples lit."""
-    rim_sigma: float = 1.0
+    outline_sigma: float = 1.0
     shading_sigma: float = 0.1
     residual_px: float = np.inf
     bias_px: float = 0.0
@@ -104,77 +137,136 @@ class FinalEvidence:
     disagreement: float = 1.0
 
     @classmethod
-    def of(
-        cls,
-        caster: RayCaster,
-        camera: Camera,
-        lights: Lights,
-        mask: NDArray[np.bool_],
-        limbs: LimbPictures,
-        samples: Samples,
-        pose: Pose,
-        *,
-        cells: int,
-        reach_px: float,
-    ) -> "FinalEvidence":
-        """Take the evidence about `pose`; the outline is looked for within `reach_px`."""
-        block_px = max(4.0, longer_side(mask) / 16)
-        probes = Probes.of(camera, samples.pixels, step_px=1.0)
-        fixed = (caster, camera, lights, mask, signed_distance(mask), limbs, samples, probes, cells, block_px)
-        return cls._about(fixed, pose, reach_px)
+    def about(cls, seen: Observed, pose: Pose, *, reach_px: float) -> "FinalEvidence":
+        """Take the evidence about `pose`; the outline's edges are looked for within `reach_px`."""
+        view = View(seen.caster, seen.camera, pose)
+        outline = find_outline(view, cells=seen.cells)
+        offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)
+        offset -= seen.pictures.expect(view, seen.lights, outline, offset)
+        at = outline.pixels + np.nan_to_num(offset)[:, None] * outline.outward
+        # An edge far from the mask's border is one inside the object, or of a cast shadow.
+        found = np.isfinite(offset) & (np.abs(sample(seen.distance, at)) < max(4.0, 0.7 * reach_px))
+        points, normals = seen.probes.surface(seen.caster, pose)
+        shadows = find_shadows(view, seen.lights, points, normals)
+        used = choose(seen.samples, normals, seen.toward(points), shadows)
+        on_scan = pose.inverse().apply(outline.points[found])
+        here = cls(seen, pose, (points, normals), used, outline, on_scan, at[found], outline.outward[found])
+        return here._weighed(-offset[found])
 
     def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
         """Return the evidence taken again about `pose`."""
-        fixed = (
-            self.caster, self.camera, self.lights, self.mask, self.distance, self.limbs, self.samples, self.probes,
-            self.cells, self.block_px,
-        )  # fmt: skip
-        return self._about(fixed, pose, reach_px)
+        return self.about(self.seen, pose, reach_px=reach_px)
 
-    @classmethod
-    def _about(cls, fixed: tuple, pose: Pose, reach_px: float) -> "FinalEvidence":
-        """Return the evidence about a pose; `fixed` are the fields that do not depend on it."""
-        caster, camera, lights, mask, distance, limbs, samples, probes, cells, block_px = fixed
-        rim = find_rim(caster, camera, pose, cells=cells)
-        offset = limbs.locate(rim.pixels, rim.outward, reach_px=reach_px)
-        offset -= limbs.expect(caster, camera, lights, pose, rim, offset)
-        at = rim.pixels + np.nan_to_num(offset)[:, None] * rim.outward
-        # An edge far from the mask's border is one inside the object, or of a cast shadow.
-        seen = np.isfinite(offset) & (np.abs(sample(distance, at)) < max(4.0, 0.7 * reach_px))
-        points, normals = probes.surface(caster, pose)
-        shadows = find_shadows(caster, lights, pose, points, normals)
-        used = choose(samples, normals, _vectors(lights, points), shadows)
-        on_scan = pose.inverse().apply(rim.points[seen])
-        here = cls(
-            caster, camera, lights, mask, distance, limbs, samples, probes, cells, block_px, pose,
-            rim, on_scan, at[seen], rim.outward[seen], used,
-        )  # fmt: skip
-        return here._weighed(np.where(seen, offset, np.nan))
+    def refined(self, *, rounds: int, reach_px: float) -> "FinalEvidence":
+        """Return the evidence at the pose that explains it best, at most `reach_px` off.
 
-    def _weighed(self, offset: Array) -> "FinalEvidence":
-        """Return the evidence with robust scales, the terms' weights and information; `offset` (all rim points), px."""
-        found = -offset[np.isfinite(offset)]
+        Shadows, edges, scales and weights are renewed each round, until the pose stays.
+        """
+        mesh, camera, here = self.seen.caster.mesh, self.seen.camera, self
+        for index in range(rounds):
+            before = here.pose
+            pose = here.settled() if index else descend(here.terms, before, mesh.center_mm, here.steps(0.5), steps=6)[0]
+            here = here.renewed(pose, reach_px=max(NEAREST_PX, reach_px / 2 ** (index + 1)))
+            if index and apart_px(mesh, camera, before, pose) < SETTLED_PX:
+                break
+        return here
+
+    def settled(self) -> Pose:
+        """Return the pose at which the cost's slope vanishes, near this one."""
+        return settle(self.terms, self.pose, self.seen.caster.mesh.center_mm, self.steps(0.5), steps=4)
+
+    def steps(self, step_px: float) -> Array:
+        """Return (6,) twists that move the scan's image by `step_px`; see `small_steps`."""
+        return small_steps(self.seen.caster.mesh, self.seen.camera, self.pose, step_px=step_px)
+
+    def covariance(self) -> Array:
+        """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen."""
+        scales = self.steps(1.0)
+        inverse = np.linalg.pinv(self.information, rcond=1e-12, hermitian=True)
+        return UNMODELLED * inverse * scales * scales[:, None]
+
+    def terms(self, pose: Pose) -> list[Term]:
+        """Return outline, shading, and the outline's common offset, at a pose, in units of three sigma."""
+        camera, mesh = self.seen.camera, self.seen.caster.mesh
+        points = pose.apply(self.on_scan)
+        unit = 3 * self.outline_sigma
+        # An object darkens toward its outline, and the steepest place of the blurred edge lies inside the true outline
+        # by an amount that is much the same all round: an unknown of its own, known beforehand to some tenths of a
+        # pixel. Taken for the outline, it would pass for depth; were it wholly unknown, depth would not be seen.
+        offset = np.einsum("kp,kp->k", camera.project(points) - self.edges, self.outward)
+        jacobian = outline_jacobian(camera, points, self.outward, pose.apply(mesh.center_mm))
+        pull = 1 / (1 + ((offset - self.bias_px) / unit) ** 2) ** 2
+        common, along = np.zeros(0), np.zeros((0, 6))
+        if len(offset):
+            common, along = np.atleast_1d(pull @ offset / pull.sum()), (pull @ jacobian / pull.sum())[None]
+            jacobian, offset = jacobian - along, offset - common
+        outline = Term(offset / unit, jacobian / unit, self.seen.patches(self.edges), self.weights[0])
+        doubt = 3 * EDGE_DOUBT_PX
+        bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), self.weights[2])
+        return [outline, self.shading(pose), bias]
+
+    def shading(self, pose: Pose, vectors: Array | None = None) -> Term:
+        """Return the shading's term at a pose; under light vectors (N, P, 3) other than the lights' where given."""
+        seen = self.seen
+        points, normals = self.surface if pose is self.pose else seen.probes.surface(seen.caster, pose)
+        slopes = seen.probes.slopes(seen.caster, pose, points, normals)
+        vectors = seen.toward(points) if vectors is None else vectors
+        residuals, jacobian = explain(seen.samples, self.used, normals, vectors, slopes)
+        assert jacobian is not None
+        unit = 3 * self.shading_sigma
+        blocks = np.broadcast_to(seen.patches(seen.samples.pixels), self.used.shape)[self.used]
+        return Term(residuals[self.used] / unit, jacobian[self.used] / unit, blocks, self.weights[1])
+
+    @cached_property
+    def fit(self) -> Fit:
+        """How well the evidence's pose fits; every comparison asks for it."""
+        (points, normals), seen, outline = self.surface, self.seen, self.outline
+        error = angular_error_deg(free_normals(seen.samples, self.used, seen.toward(points)), normals)
+        size = float(longer_side(seen.mask))
+        near = max(1.0, 0.005 * size)
+        offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * size))
+        on_edge = np.abs(offset + self.bias_px) < near
+        on_edge |= np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX
+        return Fit(
+            outline.overlap(seen.mask),
+            float(np.nanmedian(error)) if np.isfinite(error).any() else 90.0,
+            float(np.mean(on_edge)) if len(on_edge) else 0.0,
+        )
+
+    def pixel_costs(self, sigma: float) -> Array:
+        """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
+
+        A sample is predicted dark, too, where the scan turns from the light. Cast shadows say nothing: light falls
+        through the holes of a scan.
+        """
+        (points, normals), samples = self.surface, self.seen.samples
+        vectors = self.seen.toward(points)
+        residuals = explain(samples, self.used, normals, vectors)[0]
+        dark = (cosines(vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
+        relative = np.where(dark, samples.values / samples.scale, residuals) / (3 * sigma)
+        counted = self.used | dark
+        cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
+        cost[self.used.sum(0) < FEWEST] = np.nan
+        cost[~np.isfinite(points[:, 0])] = 1.0
+        return cost
+
+    def _weighed(self, found: Array) -> "FinalEvidence":
+        """Return the evidence with robust scales, weights and information; `found` (K,), px: outline minus edge."""
+        (points, normals), seen = self.surface, self.seen
         bias = float(np.median(found)) if len(found) else 0.0
-        rim_sigma = max(robust_sigma(found - bias), 0.05)
-        inliers = found[np.abs(found - bias) < 3 * rim_sigma]
-        residuals = self._shading(self.pose, with_jacobian=False)[0]
+        sigma = max(robust_sigma(found - bias), 0.05)
+        inliers = found[np.abs(found - bias) < 3 * sigma]
+        residuals = explain(seen.samples, self.used, normals, seen.toward(points))[0]
         here = replace(
             self,
-            rim_sigma=rim_sigma,
+            outline_sigma=sigma,
             bias_px=bias,
             residual_px=float(np.sqrt(np.mean((inliers - bias) ** 2))) if len(inliers) else np.inf,
             shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
         )
-        weights, matrices, slopes = [], [], []
-        scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
-        for term in here.terms(self.pose):
-            hessian, scatter, slope = information(term, 1 / 3)
-            hessian, scatter = (m * scales * scales[:, None] for m in (hessian, scatter))
-            # How much more a term's residuals err together than alone: its design effect.
-            effect = max(1.0, float(np.trace(np.linalg.pinv(hessian, rcond=1e-9) @ scatter)) / 6)
-            weights.append(9 * len(term.residuals) / effect)
-            matrices.append(hessian / effect)
-            slopes.append(slope * scales / effect)
+        terms = here.terms(self.pose)
+        matrices, slopes, effects = zip(*(term.information(self.steps(1.0)) for term in terms), strict=True)
+        weights = [9 * len(term.residuals) / effect for term, effect in zip(terms, effects, strict=True)]
         total = max(sum(weights), 1e-12)
         contradiction = disagreement(matrices[:2], slopes[:2])
         return replace(
@@ -183,92 +275,3 @@ class FinalEvidence:
             information=sum(matrices) / contradiction,
             disagreement=contradiction,
         )
-
-    def covariance(self) -> Array:
-        """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen."""
-        scales = small_steps(self.caster.mesh, self.camera, self.pose, step_px=1.0)
-        inverse = np.linalg.pinv(self.information, rcond=1e-12, hermitian=True)
-        return UNMODELLED * inverse * scales * scales[:, None]
-
-    def terms(self, pose: Pose) -> list[Term]:
-        """Return outline, shading, and the outline's common offset, at a pose, in units of three sigma."""
-        pivot = pose.apply(self.caster.mesh.center_mm)
-        points = pose.apply(self.rim_on_scan)
-        pixels = self.camera.project(points)
-        unit = 3 * self.rim_sigma
-        # Limbs darken, and the steepest place of a blurred limb lies inside the true outline by an amount that
-        # is much the same all round: an unknown of its own, known beforehand to some tenths of a pixel. Taken for
-        # the outline, it would pass for depth; were it wholly unknown, depth would not be seen.
-        offset = np.einsum("kp,kp->k", pixels - self.edges, self.outward)
-        jacobian = outline_jacobian(self.camera, points, self.outward, pivot)
-        pull = 1 / (1 + ((offset - self.bias_px) / unit) ** 2) ** 2
-        common, along = np.zeros(0), np.zeros((0, 6))
-        if len(offset):
-            common, along = np.atleast_1d(pull @ offset / pull.sum()), (pull @ jacobian / pull.sum())[None]
-            jacobian, offset = jacobian - along, offset - common
-        outline = Term(offset / unit, jacobian / unit, self._blocks(self.edges), self.weights[0])
-        doubt = 3 * EDGE_DOUBT_PX
-        bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), self.weights[2])
-        return [outline, self._shading_term(pose), bias]
-
-    def shading_under(self, vectors: Array) -> Term:
-        """Return the shading's term at the evidence's pose under light vectors (N, P, 3) other than the lights'."""
-        return self._shading_term(self.pose, vectors)
-
-    def _shading_term(self, pose: Pose, vectors: Array | None = None) -> Term:
-        residuals, slopes = self._shading(pose, with_jacobian=True, vectors=vectors)
-        assert slopes is not None
-        unit = 3 * self.shading_sigma
-        blocks = np.broadcast_to(self._blocks(self.samples.pixels), self.used.shape)[self.used]
-        return Term(residuals[self.used] / unit, slopes[self.used] / unit, blocks, self.weights[1])
-
-    @cached_property
-    def fit(self) -> Fit:
-        """How well the evidence's pose fits; every comparison asks for it."""
-        points, normals = self.probes.surface(self.caster, self.pose)
-        error = angular_error_deg(free_normals(self.samples, self.used, _vectors(self.lights, points)), normals)
-        size = float(longer_side(self.mask))
-        near = max(1.0, 0.005 * size)
-        offset = self.limbs.locate(self.rim.pixels, self.rim.outward, reach_px=max(6.0, 0.05 * size))
-        on_edge = np.abs(offset + self.bias_px) < near
-        on_edge |= np.abs(sample(self.distance, self.rim.pixels)) < near + MASK_PX
-        return Fit(
-            self.rim.overlap(self.mask),
-            float(np.nanmedian(error)) if np.isfinite(error).any() else 90.0,
-            float(np.mean(on_edge)) if len(on_edge) else 0.0,
-        )
-
-    def _shading(self, pose: Pose, *, with_jacobian: bool, vectors: Array | None = None) -> tuple[Array, Array | None]:
-        points, normals = self.probes.surface(self.caster, pose)
-        slopes = None
-        if with_jacobian:
-            slopes = self.probes.slopes(self.caster, pose, points, normals, pose.apply(self.caster.mesh.center_mm))
-        vectors = _vectors(self.lights, points) if vectors is None else vectors
-        return explain(self.samples, self.used, normals, vectors, slopes)
-
-    def pixel_costs(self, sigma: float) -> Array:
-        """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
-
-        A sample is predicted dark, too, where the scan turns from the light. Cast shadows say nothing: light falls
-        through the holes of a scan.
-        """
-        points, normals = self.probes.surface(self.caster, self.pose)
-        vectors = _vectors(self.lights, points)
-        away = cosines(vectors, normals) < 0
-        residuals, _ = explain(self.samples, self.used, normals, vectors)
-        dark = away & ~self.samples.clipped & np.isfinite(normals[:, 0])
-        relative = np.where(dark, self.samples.values / self.samples.scale, residuals) / (3 * sigma)
-        counted = self.used | dark
-        cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
-        missed = ~np.isfinite(points[:, 0])
-        cost[self.used.sum(0) < FEWEST] = np.nan
-        cost[missed] = 1.0
-        return cost
-
-    def _blocks(self, pixels: NDArray) -> NDArray[np.int64]:
-        cell = (pixels / self.block_px).astype(np.int64)
-        return cell[:, 1] * 100_000 + cell[:, 0]
-
-
-def _vectors(lights: Lights, points: Array) -> Array:
-    return lights.toward(np.where(np.isfinite(points), points, lights.reference_point_mm))

@@ -1,13 +1,10 @@
-"""Two poses, the same photographs: which explains them better, and is the difference more than chance?"""
+"""Hypothesis test of two poses on the same photographs: which explains them better, and is that more than chance?"""
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from align.pose.full_resolution import FinalEvidence
-
-Array = NDArray[np.float64]
+from align.pose.full_resolution import FinalEvidence, patches
 
 BLOCKS = 14
 """Patches across the object: residuals in one patch err together."""
@@ -20,31 +17,18 @@ OUTLINE_CHANCE = 0.05
 
 
 @dataclass(frozen=True)
-class Contest:
-    """How two poses compare.
-
-    Parameters
-    ----------
-    costs : tuple of float
-        Mean cost a pixel of the first and the second: 0 explained, 1 not at all.
-    deviations : float
-        By how many standard deviations the first is better.
-    """
+class PoseTest:
+    """How two poses compare."""
 
     costs: tuple[float, float]
+    """Mean cost a pixel of the first and the second: 0 explained, 1 not at all."""
     deviations: float
+    """By how many standard deviations the first is better."""
 
 
-def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
-    """Compare two poses on the same pixels, with one scale for both.
+def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:
+    """Compare two poses of the same frames, mask and samples, on the same pixels, with one scale for both.
 
-    Parameters
-    ----------
-    one, two : FinalEvidence
-        Of the same frames, mask and samples.
-
-    Notes
-    -----
     Each lit sample is compared with what the scan predicts at the pixel's best albedo, and samples where the scan turns
     from the light with darkness; the cost is r^2 / (1 + r^2) in units of three times the smaller sigma of the two. The
     scatter of the differences is taken from their patches' median deviation: two poses of a nearly symmetric object
@@ -56,10 +40,10 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
     """
     sigma = min(one.shading_sigma, two.shading_sigma)
     first, second = one.pixel_costs(sigma), two.pixel_costs(sigma)
-    size = float(np.ptp(one.samples.pixels, axis=0).max()) + 1
-    cell = (one.samples.pixels / (size / BLOCKS)).astype(np.int64)
-    _, block = np.unique(cell[:, 1] * 100_000 + cell[:, 0], return_inverse=True)
-    outside = [evidence.rim.beyond(evidence.mask) for evidence in (one, two)]
+    pixels = one.seen.samples.pixels
+    size = float(np.ptp(pixels, axis=0).max()) + 1
+    _, block = np.unique(patches(pixels, size / BLOCKS), return_inverse=True)
+    outside = [evidence.outline.beyond(evidence.seen.mask) for evidence in (one, two)]
     holes = [~np.isfinite(cost) for cost in (first, second)]
     difference = np.where(holes[0] | holes[1], HIDDEN * (holes[1] * 1.0 - holes[0]), second - first)
     sums = np.bincount(block, difference)
@@ -69,4 +53,4 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> Contest:
     # Of a scan seen from its open side alone, nothing is explained.
     seen = (cost[~hole] if not hole.all() else np.ones(1) for cost, hole in zip((first, second), holes, strict=True))
     costs = [float(cost.mean()) + beyond for cost, beyond in zip(seen, outside, strict=True)]
-    return Contest((costs[0], costs[1]), better)
+    return PoseTest((costs[0], costs[1]), better)

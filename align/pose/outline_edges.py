@@ -1,8 +1,9 @@
 """The outline's edges: where the photographs show them, and where they would lie if the scan were where it seems to be.
 
-A limb darkens as its surface turns away, and a lens blurs it: the steepest place of its profile lies some tenths of a
-pixel inside the outline, more on a ball than on a box. Taken for the outline, it passes for depth. The scan tells the
-profile: its normals inside the outline, under the lights, next to what the photographs show beyond.
+Toward its outline an object darkens as its surface turns away, and a lens blurs the edge: the steepest place of its
+profile lies some tenths of a pixel inside the outline, more on a ball than on a box. Taken for the outline, it passes
+for depth. The scan tells the profile: its normals inside the outline, under the lights, next to what the photographs
+show beyond.
 """
 
 from dataclasses import dataclass
@@ -10,20 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.probes import surface
-from align.pose.rim import Rim, sample
-from align.pose.sharp_picture import box_of
-from scene.camera import Camera
-from scene.frames import Frames
+from align.pose.photographed import Photographs, box_of
+from align.pose.scan_outline import Outline, sample
+from align.pose.scan_view import View
 from scene.lights import Lights
-from scene.pose import Pose
-from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
 SECTORS = 8
-"""Directions in the image; an edge is looked for in the frames whose light comes from its own side: the limb is lit,
-and the object's shadow falls to the other side."""
+"""Directions in the image; an edge is looked for in the frames whose light comes from its own side: the outline is
+lit there, and the object's shadow falls to the other side."""
 MARGIN_PX = 32
 SPACING_PX = 0.25
 BLUR_PX = 1.0
@@ -34,32 +31,28 @@ INSIDE_PX, OUTSIDE_PX = (-5.0, -1.5), (1.5, 5.0)
 """Where, beside an edge, the object's and the backdrop's brightness are read."""
 CONTRAST = 0.2
 FARTHEST_PX = 2.5
-"""An edge expected farther inside is the limb's own shadow border, not its outline."""
+"""An edge expected farther inside is the border of the object's own shadow, not its outline."""
 
 
 @dataclass(frozen=True)
-class LimbPictures:
+class EdgePictures:
     """For each direction in the image the mean of the frames lit from there, gray, light for light of intensity one.
 
     Means, and no maxima: of what object and backdrop add to a pixel of the edge, each is the same mean.
-
-    Parameters
-    ----------
-    pictures : (S, h, w) float32
-    corner : (2,) int
-        Pixel (u, v) of pictures[:, 0, 0].
-    members : (S, N) bool
-        The frames of each.
     """
 
     pictures: NDArray[np.float32]
+    """(S, h, w)."""
     corner: NDArray[np.int64]
+    """(2,): pixel (u, v) of pictures[:, 0, 0]."""
     members: NDArray[np.bool_]
+    """(S, N): the frames of each."""
 
     @classmethod
-    def of(cls, frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> "LimbPictures":
-        """Take the pictures about the mask (H, W), in one pass over the frames."""
-        rows, columns = box_of(mask)
+    def of(cls, photographs: Photographs) -> "EdgePictures":
+        """Take the pictures about the mask, in one pass over the frames."""
+        frames, lights = photographs.frames, photographs.lights
+        rows, columns = box_of(photographs.mask)
         low = np.maximum([columns.start - MARGIN_PX, rows.start - MARGIN_PX], 0)
         high = np.minimum([columns.stop + MARGIN_PX, rows.stop + MARGIN_PX], [frames.width, frames.height])
         # Image axes: u along the camera's x, v against its y.
@@ -91,35 +84,27 @@ class LimbPictures:
         along = SPACING_PX * np.arange(-half, half + 1)
         return _steepest(along, self._profiles(pixels, outward, along), reach_px)
 
-    def expect(
-        self, caster: RayCaster, camera: Camera, lights: Lights, pose: Pose, rim: Rim, located: NDArray
-    ) -> Array:
-        """Return where `locate` would find the edge of the scan at `pose` (K,), px.
+    def expect(self, view: View, lights: Lights, outline: Outline, located: NDArray) -> Array:
+        """Return where `locate` would find the edge of the viewed scan (K,), px.
 
-        Parameters
-        ----------
-        located : (K,)
-            Where it was found; the brightness to both sides is read there.
-
-        Notes
-        -----
-        Inside, the sector's mean of max(0, light . normal), times the albedo that fits the photographs near the edge;
-        outside, what they show there; the step blurred. Where the scan does not tell (a hole, a part too thin), what is
-        expected of the others in the middle.
+        The brightness to both sides is read where the edge was `located` (K,). Inside, the sector's mean of
+        max(0, light . normal), times the albedo that fits the photographs near the edge; outside, what they show there;
+        the step blurred. Where the scan does not tell (a hole, a part too thin), what is expected of the others in the
+        middle.
         """
-        edge = rim.pixels + np.nan_to_num(located)[:, None] * rim.outward
+        from scipy.ndimage import gaussian_filter1d
+
+        edge = outline.pixels + np.nan_to_num(located)[:, None] * outline.outward
         half = int(np.ceil((FARTHEST_PX + 3.5) / SPACING_PX))
         # Midway between samples: the outline itself lies at 0.
         along = SPACING_PX * (np.arange(-half, half) + 0.5)
         inside, lit = along < 0, (along > INSIDE_PX[0]) & (along < INSIDE_PX[1])
         outside = (along > OUTSIDE_PX[0]) & (along < OUTSIDE_PX[1])
-        seen = self._profiles(edge, rim.outward, along)
-        shading = self._shading(caster, camera, lights, pose, rim, along[inside])
+        seen = self._profiles(edge, outline.outward, along)
+        shading = self._shading(view, lights, outline, along[inside])
         model, measured = shading[:, lit[inside]], seen[:, lit]
         albedo = (model * measured).sum(1) / np.maximum((model * model).sum(1), 1e-12)
         beyond = np.broadcast_to(np.median(seen[:, outside], axis=1)[:, None], (len(edge), int((~inside).sum())))
-        from scipy.ndimage import gaussian_filter1d
-
         profile = np.concatenate([albedo[:, None] * shading, beyond], 1)
         known = np.isfinite(profile).all(1)
         blurred = gaussian_filter1d(np.nan_to_num(profile), BLUR_PX / SPACING_PX, axis=1, mode="nearest")
@@ -127,18 +112,16 @@ class LimbPictures:
         told = np.isfinite(expected)
         return np.where(told, expected, np.median(expected[told]) if told.any() else 0.0)
 
-    def _shading(
-        self, caster: RayCaster, camera: Camera, lights: Lights, pose: Pose, rim: Rim, along: NDArray
-    ) -> Array:
+    def _shading(self, view: View, lights: Lights, outline: Outline, along: NDArray) -> Array:
         """Return (K, M), the scan's shading in each outline point's sector at places `along` its normal."""
-        sector = _sector_of(rim.outward)
+        sector = _sector_of(outline.outward)
         out = np.full((len(sector), len(along)), np.nan)
         for index in range(SECTORS):
             here = sector == index
             if not here.any():
                 continue
-            pixels = rim.pixels[here, None] + along[:, None] * rim.outward[here, None]
-            points, normals = surface(caster, camera, pose, pixels.reshape(-1, 2))
+            pixels = outline.pixels[here, None] + along[:, None] * outline.outward[here, None]
+            points, normals = view.surface(pixels.reshape(-1, 2))
             known = np.isfinite(normals[:, 0])
             shading = np.full(len(points), np.nan)
             toward = lights.toward(points[known])[self.members[index]]

@@ -1,4 +1,4 @@
-"""A start by hand: points of the scan, and the pixels at which they are seen."""
+"""A start by hand: points of the scan, the pixels that show them, and the pose of both (perspective-n-point)."""
 
 import csv
 from collections.abc import Iterator
@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.pick_pose import misses_px, pose_of, refined
+from align.pose.motion import nudge
 from align.scan.mended_scan import LARGEST, UNITS_MM
-from scene.camera import Camera
+from scene.camera import FROM_OPENCV, Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh
 from scene.pose import Pose
@@ -32,21 +32,14 @@ TRIALS = 400
 
 @dataclass(frozen=True)
 class Picked:
-    """The pose that picks give.
-
-    Parameters
-    ----------
-    pose : Pose
-        camera_from_scan, mm: a start for the refinement, no more.
-    residual_px : float
-        Rms distance between pixels and projected points, of the picks that agree.
-    warnings : tuple of str
-        Picks that were left out, by their rows.
-    """
+    """The pose that picks give."""
 
     pose: Pose
+    """camera_from_scan, mm: a start for the refinement, no more."""
     residual_px: float
+    """Rms distance between pixels and projected points, of the picks that agree."""
     warnings: tuple[str, ...] = ()
+    """Picks that were left out, by their rows."""
 
 
 def read_picks(path: Path, camera: Camera, mesh: Mesh, *, unit: str = "mm", half: bool = False) -> Picked:
@@ -112,30 +105,27 @@ def _read(path: Path) -> tuple[list[int], Array]:
     picks, do = "the picks cannot be read", "Give a CSV file in UTF-8."
     text = text_of(path, picks, AlignError, do=do)
     with reading(path, picks, AlignError, do=do):
-        return _table(path, csv.DictReader(text.splitlines(), skipinitialspace=True))
-
-
-def _table(path: Path, reader: csv.DictReader) -> tuple[list[int], Array]:
-    found = [name.strip() for name in reader.fieldnames or []]
-    if not set(COLUMNS) <= set(found):
-        raise AlignError(
-            f"{path}: the first row names {', '.join(found) or 'nothing'}; expected the columns {', '.join(COLUMNS)}, "
-            "with commas between them."
-        )
-    reader.fieldnames = found
-    rows, table = [], []
-    for row in reader:
-        values = [row[name] for name in COLUMNS]
-        try:
-            numbers = [float(value) for value in values]
-        except (TypeError, ValueError):
-            numbers = [np.nan]
-        if not (np.abs(numbers) < LARGEST).all():
+        reader = csv.DictReader(text.splitlines(), skipinitialspace=True)
+        found = [name.strip() for name in reader.fieldnames or []]
+        if not set(COLUMNS) <= set(found):
             raise AlignError(
-                f"{path}: row {reader.line_num} holds {values}; expected five numbers, {', '.join(COLUMNS)}."
+                f"{path}: the first row names {', '.join(found) or 'nothing'}; expected the columns "
+                f"{', '.join(COLUMNS)}, with commas between them."
             )
-        rows.append(reader.line_num)
-        table.append(numbers)
+        reader.fieldnames = found
+        rows, table = [], []
+        for row in reader:
+            values = [row[name] for name in COLUMNS]
+            try:
+                numbers = [float(value) for value in values]
+            except (TypeError, ValueError):
+                numbers = [np.nan]
+            if not (np.abs(numbers) < LARGEST).all():
+                raise AlignError(
+                    f"{path}: row {reader.line_num} holds {values}; expected five numbers, {', '.join(COLUMNS)}."
+                )
+            rows.append(reader.line_num)
+            table.append(numbers)
     if len(rows) < FEWEST:
         raise AlignError(f"{path}: {len(rows)} picks are too few for a pose; expected {FEWEST}, better 6 or more.")
     return rows, np.array(table)
@@ -199,3 +189,66 @@ def _fours(count: int) -> Iterator[list[int]]:
     generator = np.random.default_rng(0)
     for _ in range(TRIALS):
         yield list(generator.choice(count, FEWEST, replace=False))
+
+
+def pose_of(camera: Camera, points: Array, pixels: Array, radius_mm: float, center_mm: Array) -> Pose | None:
+    """Return the pose that puts points at their pixels, by a closed form; None where there is none.
+
+    `points` (K, 3), scan frame, mm, four or more; `pixels` (K, 2), whose distortion is undone first; radius and middle
+    (3,) are the scan's. An orthographic camera does not tell depth: the scan is put just behind the plane z = 0.
+
+    Perspective: SQPnP [Terzakis2020]. Orthographic: the linear least-squares map from points to the image plane,
+    of which the nearest pair of orthonormal rows is taken (polar decomposition).
+    """
+    origins, directions = camera.rays(pixels)
+    if camera.is_orthographic:
+        return _orthographic(origins[:, :2], points, radius_mm, center_mm)
+    import cv2
+
+    image = np.stack([directions[:, 0], -directions[:, 1]], -1) / -directions[:, 2:]
+    try:
+        done, turn, shift = cv2.solvePnP(points, image, np.eye(3), None, flags=cv2.SOLVEPNP_SQPNP)
+    except cv2.error:
+        return None
+    if not done:
+        return None
+    rotation = FROM_OPENCV @ cv2.Rodrigues(turn)[0]
+    pose = Pose.from_rotation_translation(rotation, FROM_OPENCV @ shift[:, 0])
+    return pose if np.isfinite(pose.matrix).all() else None
+
+
+def _orthographic(image_mm: Array, points: Array, radius_mm: float, center_mm: Array) -> Pose | None:
+    middle, middle_mm = points.mean(0), image_mm.mean(0)
+    rows = np.linalg.lstsq(points - middle, image_mm - middle_mm, rcond=1e-6)[0].T
+    u, singular, v = np.linalg.svd(rows, full_matrices=False)
+    if singular[1] < 1e-6:
+        return None
+    rotation = u @ v
+    rotation = np.vstack([rotation, np.cross(rotation[0], rotation[1])])
+    shift = np.append(middle_mm - rotation[:2] @ middle, -1.5 * radius_mm - rotation[2] @ center_mm)
+    return Pose.from_rotation_translation(rotation, shift)
+
+
+def misses_px(pose: Pose, camera: Camera, points: Array, pixels: Array) -> Array:
+    """Return (K,), px, how far points land from their pixels; inf behind the camera."""
+    miss = np.linalg.norm(camera.project(pose.apply(points)) - pixels, axis=1)
+    return np.where(np.isfinite(miss), miss, np.inf)
+
+
+def refined(pose: Pose, camera: Camera, points: Array, pixels: Array, center_mm: Array) -> Pose:
+    """Return the pose of least squared distance in pixels, distortion honoured, from `pose` on."""
+    from scipy.optimize import least_squares
+
+    pivot = pose.apply(center_mm)
+    length = float(np.abs(points - points.mean(0)).max())
+    # Depth moves nothing under an orthographic camera.
+    depth = 0.0 if camera.is_orthographic else 1.0
+
+    def moved(step: Array) -> Pose:
+        twist = step * [1 / length, 1 / length, 1 / length, 1, 1, depth]
+        return nudge(pose, twist, pivot)
+
+    def residuals(step: Array) -> Array:
+        return np.nan_to_num((camera.project(moved(step).apply(points)) - pixels).ravel(), nan=1e4)
+
+    return moved(least_squares(residuals, np.zeros(6), x_scale=1.0).x)

@@ -5,24 +5,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import FinalEvidence
-from align.pose.last_rounds import refine
+from align.pose.full_resolution import FinalEvidence, Observed
 from align.pose.motion import apart_px, nudge
-from align.pose.outline_edges import LimbPictures
-from align.pose.rough import small_steps
-from align.pose.shading import take_samples
-from align.pose.sharp_picture import longer_side
+from align.pose.outline_edges import EdgePictures
+from align.pose.photographed import Photographs, longer_side
 from align.scan.smooth_normals import smooth_normals
-from scene.camera import Camera
-from scene.frames import Frames
-from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.rays import RayCaster
 
 AXES = ("turn about x", "turn about y", "turn about z", "shift along x", "shift along y", "shift along z")
 STEPS_PX = (-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0)
-"""A turn's or shift's size: by how much it moves the scan's image, or the rim of it, in pixels."""
+"""A turn's or shift's size: by how much it moves the scan's image, or its outline, in pixels."""
 STARTS = 3
 START_DEG, START_PX = 3.0, 5.0
 """How far from the pose the refinement is started again."""
@@ -32,117 +26,73 @@ CELLS = 200
 
 @dataclass(frozen=True)
 class Residuals:
-    """What is left unexplained at a pose.
-
-    Parameters
-    ----------
-    outline_px : float
-        Rms distance from the scan's outline to the photographs' edges, inliers, after their common offset.
-    offset_px : float
-        That offset: how far the outline lies outside the edges on the whole.
-    shading : float
-        Robust standard deviation of the shading's residuals, relative to the pixel's brightness.
-    normals_deg : float
-        Median angle between the scan's normals and those that fit the photographs best.
-    """
+    """What is left unexplained at a pose."""
 
     outline_px: float
+    """Rms distance from the scan's outline to the photographs' edges, inliers, after their common offset."""
     offset_px: float
+    """That offset: how far the outline lies outside the edges on the whole."""
     shading: float
+    """Robust standard deviation of the shading's residuals, relative to the pixel's brightness."""
     normals_deg: float
+    """Median angle between the scan's normals and those that fit the photographs best."""
 
 
 @dataclass(frozen=True)
 class Along:
-    """The cost along one axis through the pose.
-
-    Parameters
-    ----------
-    axis : str
-        One of `AXES`; camera axes, turns about the scan's middle.
-    unit : str
-        "deg" or "mm".
-    per_px : float
-        Degrees or millimetres that move the image by one pixel.
-    cost : (K,) float64
-        At `STEPS_PX`: outline and shading together, as the refinement weighs them.
-    minimum_px : float
-        Where the parabola through the cost at -0.5, 0 and 0.5 px has its lowest point; NaN where it has none.
-    sigma_px : float
-        The pose's own standard deviation along the axis.
-    """
+    """The cost along one axis through the pose."""
 
     axis: str
+    """One of `AXES`; camera axes, turns about the scan's middle."""
     unit: str
+    """Either "deg" or "mm"."""
     per_px: float
+    """Degrees or millimetres that move the image by one pixel."""
     cost: NDArray[np.float64]
+    """(K,): at `STEPS_PX`: outline and shading together, as the refinement weighs them."""
     minimum_px: float
+    """Where the parabola through the cost at -0.5, 0 and 0.5 px has its lowest point; NaN where it has none."""
     sigma_px: float
+    """The pose's own standard deviation along the axis."""
 
 
 @dataclass(frozen=True)
 class PoseCheck:
-    """What `check_pose` found.
-
-    Parameters
-    ----------
-    here : Residuals
-        At the pose.
-    along : list of Along
-    before, after : list of Residuals
-        Of each start beside the pose, before and after it was refined.
-    started_px, returned_px : list of float
-        Rms distance of the scan's image from its image at the pose, before and after.
-    """
+    """What `check_pose` found."""
 
     here: Residuals
+    """At the pose."""
     along: list[Along]
     before: list[Residuals]
     after: list[Residuals]
+    """before, after: of each start beside the pose, before and after it was refined."""
     started_px: list[float]
     returned_px: list[float]
+    """started_px, returned_px: rms distance of the scan's image from its image at the pose, before and after."""
 
 
-def check_pose(
-    mesh: Mesh, pose: Pose, camera: Camera, frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, seed: int = 0
-) -> PoseCheck:
-    """Measure the cost around a pose, and refine again from beside it.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        mm.
-    pose : Pose
-        camera_from_scan, as registered.
-    camera : Camera
-    frames : Frames
-    lights : Lights
-    mask : (H, W) bool
-        The object.
-    seed : int
-        Of the directions in which the starts lie.
-    """
-    samples = take_samples(frames, lights, mask, count=SAMPLES)
-    limbs = LimbPictures.of(frames, lights, mask)
-    reach = max(6.0, 0.01 * (longer_side(mask) - 1))
+def check_pose(mesh: Mesh, pose: Pose, photographs: Photographs) -> PoseCheck:
+    """Measure the cost around a pose (camera_from_scan) as registered, and refine again from beside it."""
+    camera = photographs.camera
+    reach = max(6.0, 0.01 * (longer_side(photographs.mask) - 1))
     caster = RayCaster(mesh, smooth_normals(mesh)[0])
-    evidence = FinalEvidence.of(caster, camera, lights, mask, limbs, samples, pose, cells=CELLS, reach_px=reach)
-    along = _around(evidence, small_steps(mesh, camera, pose, step_px=1.0))
-    generator = np.random.default_rng(seed)
+    seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=SAMPLES, cells=CELLS)
+    evidence = FinalEvidence.about(seen, pose, reach_px=reach)
+    along = _around(evidence, evidence.steps(1.0))
+    generator = np.random.default_rng(0)
     before, after, started, returned = [], [], [], []
     for _ in range(STARTS):
-        start = _beside(mesh, camera, pose, generator)
-        there = evidence.renewed(start, reach_px=4 * reach)
+        there = evidence.renewed(_beside(evidence, generator), reach_px=4 * reach)
         before.append(_residuals(there))
-        end, last = refine(there, rounds=8, reach_px=4 * reach)
+        last = there.refined(rounds=8, reach_px=4 * reach)
         after.append(_residuals(last))
-        started.append(apart_px(mesh, camera, pose, start))
-        returned.append(apart_px(mesh, camera, pose, end))
+        started.append(apart_px(mesh, camera, pose, there.pose))
+        returned.append(apart_px(mesh, camera, pose, last.pose))
     return PoseCheck(_residuals(evidence), along, before, after, started, returned)
 
 
 def _around(evidence: FinalEvidence, per_px: NDArray) -> list[Along]:
-    pivot = evidence.pose.apply(evidence.caster.mesh.center_mm)
+    pivot = evidence.pose.apply(evidence.seen.caster.mesh.center_mm)
     sigma = np.sqrt(np.maximum(np.diag(evidence.covariance()), 0))
     found = []
     for index, name in enumerate(AXES):
@@ -169,15 +119,14 @@ def _around(evidence: FinalEvidence, per_px: NDArray) -> list[Along]:
     return found
 
 
-def _beside(mesh: Mesh, camera: Camera, pose: Pose, generator: np.random.Generator) -> Pose:
+def _beside(evidence: FinalEvidence, generator: np.random.Generator) -> Pose:
     """Return a pose a few degrees and pixels away, in a random direction."""
     axis = generator.standard_normal(3)
     toward = generator.standard_normal(2)
     twist = np.zeros(6)
     twist[:3] = np.radians(START_DEG) * axis / np.linalg.norm(axis)
-    side = small_steps(mesh, camera, pose, step_px=START_PX)[3]
-    twist[3:5] = side * toward / np.linalg.norm(toward)
-    return nudge(pose, twist, pose.apply(mesh.center_mm))
+    twist[3:5] = evidence.steps(START_PX)[3] * toward / np.linalg.norm(toward)
+    return nudge(evidence.pose, twist, evidence.pose.apply(evidence.seen.caster.mesh.center_mm))
 
 
 def _residuals(evidence: FinalEvidence) -> Residuals:

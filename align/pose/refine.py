@@ -19,26 +19,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Term:
-    """One kind of evidence at one pose.
-
-    Parameters
-    ----------
-    residuals : (K,) float64
-        In units of the loss's scale.
-    jacobian : (K, 6) float64
-    blocks : (K,) int64
-        Residuals of one block (a patch of the image) err together.
-    weight : float
-        The term's share in the cost, which is weight * mean(r^2 / (1 + r^2)).
-    constant : float
-        Cost without a slope, such as the area that does not overlap.
-    """
+    """One kind of evidence at one pose."""
 
     residuals: Array
+    """(K,): in units of the loss's scale."""
     jacobian: Array
+    """(K, 6)."""
     blocks: NDArray[np.int64]
+    """(K,): residuals of one block (a patch of the image) err together."""
     weight: float = 1.0
+    """The term's share in the cost, which is weight * mean(r^2 / (1 + r^2))."""
     constant: float = 0.0
+    """Cost without a slope, such as the area that does not overlap."""
 
     @property
     def cost(self) -> float:
@@ -55,25 +47,37 @@ class Term:
         weighted = self.jacobian * pull[:, None]
         return weighted.T @ self.jacobian, weighted.T @ self.residuals
 
+    def information(self, units: Array) -> tuple[Array, Array, float]:
+        """Return what the term knows of K unknowns (K, K), its pull (K,), both in `units` (K,), and its design effect.
+
+        The loss's scale is taken for three standard deviations. H = J^T W J / sigma^2 is the covariance's inverse if
+        all residuals erred independently. They do not: a highlight, or a ripple of the scan, pulls a whole patch one
+        way. The scatter of the patches' summed pulls, G = sum_blocks g g^T, replaces that assumption (sandwich
+        H^-1 G H^-1, clustered [Liang1986]): the design effect, trace(H^-1 G) / K, is how much more the residuals err
+        together than alone, and both answers are divided by it.
+        """
+        sigma = 1 / 3
+        pull = 1 / (1 + self.residuals**2) ** 2 / sigma**2
+        weighted = self.jacobian * pull[:, None]
+        hessian = weighted.T @ self.jacobian
+        _, block = np.unique(self.blocks, return_inverse=True)
+        pulls = np.stack([np.bincount(block, column * self.residuals) for column in weighted.T], -1)
+        slope = pulls.sum(0)
+        pulls = pulls - pulls.sum(0) / max(len(pulls), 1)
+        hessian, scatter = (m * units * units[:, None] for m in (hessian, pulls.T @ pulls))
+        effect = max(1.0, float(np.trace(np.linalg.pinv(hessian, rcond=1e-9) @ scatter)) / len(units))
+        return hessian / effect, slope * units / effect, effect
+
 
 Evaluate = Callable[[Pose], Sequence[Term]]
+"""Terms at a pose, their Jacobians for `nudge` about the scan's middle."""
 
 
-def descend(
-    evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], scales: NDArray, *, steps: int
-) -> tuple[Pose, float, Sequence[Term]]:
-    """Minimise the terms' cost from `pose` by Levenberg-Marquardt [Marquardt1963].
+def descend(evaluate: Evaluate, pose: Pose, middle_mm: Array, scales: NDArray, *, steps: int) -> tuple[Pose, float]:
+    """Return the pose of lowest cost from `pose` on, and the cost, by Levenberg-Marquardt [Marquardt1963].
 
-    Parameters
-    ----------
-    evaluate : callable
-        Pose -> terms, their Jacobians for `nudge` about pivot_of(pose).
-    scales : (6,) float
-        What is a small step of each twist: rotations in radians, translations in mm. A step is cut to 10 of these.
-
-    Returns
-    -------
-    pose, cost, terms at the best pose.
+    `middle_mm` (3,) of the scan, its own frame; `scales` (6,): a small step of each twist, rotations in radians,
+    translations in mm. A step is cut to 10 of these.
     """
     terms = evaluate(pose)
     cost = sum(term.cost for term in terms)
@@ -83,7 +87,7 @@ def descend(
         ridge = damping * np.diag(hessian) + 1e-9 * np.trace(hessian)
         step = -np.linalg.lstsq(hessian + np.diag(ridge), slope, rcond=None)[0]
         step *= min(1.0, 10 / max(float(np.abs(step).max()), 1e-12))
-        candidate = nudge(pose, step * scales, pivot_of(pose))
+        candidate = nudge(pose, step * scales, pose.apply(middle_mm))
         new_terms = evaluate(candidate)
         new_cost = sum(term.cost for term in new_terms)
         if new_cost < cost:
@@ -96,10 +100,10 @@ def descend(
             if float(np.abs(step).max()) < 0.01:
                 break
             damping = min(damping * 8, 1e3)
-    return pose, cost, terms
+    return pose, cost
 
 
-def settle(evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], scales: NDArray, *, steps: int) -> Pose:
+def settle(evaluate: Evaluate, pose: Pose, middle_mm: Array, scales: NDArray, *, steps: int) -> Pose:
     """Return the pose where Gauss-Newton's steps from `pose`, near the end of the descent, have become small.
 
     Near the end the cost's own ripples (a ray crosses an edge of the mesh, a sample its shadow's border) are larger
@@ -110,7 +114,7 @@ def settle(evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], sc
         hessian, slope = _equations(evaluate(pose), scales)
         step = -np.linalg.lstsq(hessian + 1e-9 * np.trace(hessian) * np.eye(6), slope, rcond=None)[0]
         last = float(np.abs(step).max())
-        pose = nudge(pose, step * scales * min(1.0, 3 / max(last, 1e-12)), pivot_of(pose))
+        pose = nudge(pose, step * scales * min(1.0, 3 / max(last, 1e-12)), pose.apply(middle_mm))
         if last < 0.004:
             break
     return pose
@@ -118,38 +122,11 @@ def settle(evaluate: Evaluate, pose: Pose, pivot_of: Callable[[Pose], Array], sc
 
 def _equations(terms: Sequence[Term], scales: NDArray) -> tuple[Array, Array]:
     """Return the terms' normal equations, in units of the scales, so that millimetres and radians damp alike."""
-    hessian, slope = np.zeros((6, 6)), np.zeros(6)
-    for term in terms:
-        h, g = term.normal_equations()
-        hessian, slope = hessian + h, slope + g
+    hessian, slope = (sum(parts) for parts in zip(*(term.normal_equations() for term in terms), strict=True))
     return hessian * scales * scales[:, None], slope * scales
 
 
-def information(term: Term, sigma: float) -> tuple[Array, Array, Array]:
-    """Return what a term knows of the K unknowns (K, K), 6 of a pose, its blocks' pulls' scatter, and its slope (K,).
-
-    Parameters
-    ----------
-    sigma : float
-        Standard deviation of the residuals, in the residuals' unit.
-
-    Notes
-    -----
-    H = J^T W J / sigma^2 is the covariance's inverse if all residuals erred independently. They do not: a
-    highlight, or a ripple of the scan, pulls a whole patch one way. The scatter of the patches' summed pulls,
-    G = sum_blocks g g^T, replaces that assumption (sandwich H^-1 G H^-1, clustered [Liang1986]).
-    """
-    pull = 1 / (1 + term.residuals**2) ** 2 / sigma**2
-    weighted = term.jacobian * pull[:, None]
-    hessian = weighted.T @ term.jacobian
-    _, block = np.unique(term.blocks, return_inverse=True)
-    pulls = np.stack([np.bincount(block, weighted[:, k] * term.residuals) for k in range(weighted.shape[1])], -1)
-    slope = pulls.sum(0)
-    pulls = pulls - pulls.sum(0) / max(len(pulls), 1)
-    return hessian, pulls.T @ pulls, slope
-
-
-def disagreement(hessians: list[Array], slopes: list[Array]) -> float:
+def disagreement(hessians: Sequence[Array], slopes: Sequence[Array]) -> float:
     """Return by how many times their own variance two terms contradict each other, at least 1.
 
     Each term alone would step by -H^-1 slope. Where the two steps differ by more than their covariances allow,

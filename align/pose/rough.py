@@ -1,15 +1,18 @@
 """What mask and photometric normals say about a pose: a wide basin, a rough answer."""
 
+from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.probes import Probes
-from align.pose.refine import Term
-from align.pose.rim import Rim, find_rim, outline_jacobian, sample, signed_distance
-from scene.camera import Camera
-from scene.mesh import Mesh
+from align.pose.motion import apart_px, small_steps
+from align.pose.photographed import Target
+from align.pose.refine import Term, descend
+from align.pose.scan_outline import find_outline, outline_jacobian, sample, signed_distance
+from align.pose.scan_view import Probes, View
 from scene.pose import Pose
 from scene.rays import RayCaster
 
@@ -19,73 +22,90 @@ UNKNOWN = 0.15
 """Residual, in units of the loss, of a pixel that looks into a hole of the scan: little more than of one explained."""
 
 
-def small_steps(mesh: Mesh, camera: Camera, pose: Pose, *, step_px: float) -> Array:
-    """Return (6,) twists (radians, mm) that each move the scan's image by about `step_px`; 0 where nothing moves."""
-    depth = 1.0 if camera.is_orthographic else -float(pose.apply(mesh.center_mm)[2])
-    side = step_px * depth / camera.fx
-    along = 0.0 if camera.is_orthographic else side * depth / mesh.radius_mm
-    return np.array([side / mesh.radius_mm] * 3 + [side, side, along])
-
-
 @dataclass(frozen=True)
 class RoughEvidence:
     """Silhouette against mask, and rendered against photometric normals."""
 
-    camera: Camera
-    mask: NDArray[np.bool_]
+    caster: RayCaster
+    target: Target
     distance: NDArray[np.float32]
+    """(H, W), see `signed_distance`."""
     probes: Probes
-    targets: Array
+    normals: Array
+    """(P, 3) at the probes: photometric, smoothed."""
     cells: int
     step_px: float
 
     @classmethod
-    def of(
-        cls, camera: Camera, mask: NDArray[np.bool_], normals: NDArray, *, cells: int, count: int
-    ) -> "RoughEvidence":
+    def of(cls, caster: RayCaster, target: Target, *, cells: int, count: int) -> "RoughEvidence":
         """Prepare for a raster of `cells` across the object and `count` normals."""
         import cv2
 
-        v, u = np.nonzero(mask)
+        v, u = np.nonzero(target.mask)
         size = max(np.ptp(u), np.ptp(v)) + 1
         step = float(size / cells)
-        known = mask & np.isfinite(normals).all(-1)
+        known = target.mask & np.isfinite(target.normals).all(-1)
         smooth = cv2.GaussianBlur(
-            np.where(known[..., None], normals, 0).astype(np.float32), (0, 0), max(0.4 * step, 0.5)
+            np.where(known[..., None], target.normals, 0).astype(np.float32), (0, 0), max(0.4 * step, 0.5)
         )
         v, u = np.nonzero(known)
         pick = np.unique(np.linspace(0, len(v) - 1, min(count, len(v))).astype(int))
-        target = smooth[v[pick], u[pick]].astype(np.float64)
-        target /= np.linalg.norm(target, axis=1, keepdims=True)
+        normals = smooth[v[pick], u[pick]].astype(np.float64)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
         pixels = np.stack([u, v], -1)[pick].astype(np.float64)
-        probes = Probes.of(camera, pixels, step_px=0.5 * step)
-        return cls(camera, mask, signed_distance(mask), probes, target, cells, step)
+        probes = Probes.of(target.camera, pixels, step_px=0.5 * step)
+        return cls(caster, target, signed_distance(target.mask), probes, normals, cells, step)
 
-    def rim(self, caster: RayCaster, pose: Pose) -> Rim:
-        return find_rim(caster, self.camera, pose, cells=self.cells)
-
-    def terms(self, caster: RayCaster, pose: Pose) -> list[Term]:
+    def terms(self, pose: Pose) -> list[Term]:
         """Return the terms at a pose."""
-        pivot = pose.apply(caster.mesh.center_mm)
-        rim = self.rim(caster, pose)
+        view = View(self.caster, self.target.camera, pose)
+        found = find_outline(view, cells=self.cells)
         reach = 2 * self.step_px
         # The slope of the mask's distance, not of the outline's: it is what the residual follows.
-        ahead = [sample(self.distance, rim.pixels + d * rim.outward) for d in (-1.0, 0.0, 1.0)]
+        ahead = [sample(self.distance, found.pixels + d * found.outward) for d in (-1.0, 0.0, 1.0)]
         slope = (ahead[2] - ahead[0]) / 2
-        jacobian = outline_jacobian(self.camera, rim.points, rim.outward, pivot) * slope[:, None]
-        outline = Term(
-            ahead[1] / reach,
-            jacobian / reach,
-            np.zeros(len(slope), np.int64),
-            constant=1 - rim.overlap(self.mask),
-        )
-        points, normals = self.probes.surface(caster, pose)
+        jacobian = outline_jacobian(view.camera, found.points, found.outward, view.pivot) * slope[:, None]
+        blocks = np.zeros(len(slope), np.int64)
+        outline = Term(ahead[1] / reach, jacobian / reach, blocks, constant=1 - found.overlap(self.target.mask))
+        points, normals = self.probes.surface(self.caster, pose)
         seen = np.isfinite(normals[:, 0])
         scale = 0.5
-        residual = np.where(seen[:, None], (normals - self.targets) / scale, 3.0)
+        residual = np.where(seen[:, None], (normals - self.normals) / scale, 3.0)
         # Through a hole nothing is known: neither good nor bad.
         residual[~seen & np.isfinite(points[:, 0])] = UNKNOWN
-        slopes = np.where(seen[:, None, None], self.probes.slopes(caster, pose, points, normals, pivot) / scale, 0.0)
+        slopes = np.where(seen[:, None, None], self.probes.slopes(self.caster, pose, points, normals) / scale, 0.0)
         flat = slopes.reshape(-1, 6)
-        normal_term = Term(residual.ravel(), flat, np.zeros(len(flat), np.int64), weight=3.0)
-        return [outline, normal_term]
+        return [outline, Term(residual.ravel(), flat, np.zeros(len(flat), np.int64), weight=3.0)]
+
+    def descend(self, steps: int, pose: Pose) -> tuple[Pose, float]:
+        """Return the pose of lowest cost from `pose` on, and the cost."""
+        mesh = self.caster.mesh
+        scales = small_steps(mesh, self.target.camera, pose, step_px=self.step_px)
+        return descend(self.terms, pose, mesh.center_mm, scales, steps=steps)
+
+    def distinct(self, found: list[tuple[Pose, float]], *, apart_steps: float) -> list[tuple[Pose, float]]:
+        """Return the poses, lowest cost first, without those that lie so near to a better one."""
+        mesh, camera, kept = self.caster.mesh, self.target.camera, []
+        for pose, cost in sorted(found, key=lambda item: item[1]):
+            if all(apart_px(mesh, camera, pose, other) > apart_steps * self.step_px for other, _ in kept):
+                kept.append((pose, cost))
+        return kept
+
+
+def refine_roughly(
+    caster: RayCaster, target: Target, starts: list[Pose], *, most: int, executor: Executor | None, tell: Callable
+) -> list[tuple[Pose, float]]:
+    """Refine starts by silhouette and normals in two rounds; return distinct poses and costs, lowest cost first.
+
+    The `most` best of the first round see the second; `tell` is called with the number of starts that are done.
+    """
+    coarse = RoughEvidence.of(caster, target, cells=40, count=500)
+    fine = RoughEvidence.of(caster, target, cells=90, count=2000)
+    run_all = executor.map if executor else map
+    found = []
+    for done, item in enumerate(run_all(partial(coarse.descend, 6), starts)):
+        found.append(item)
+        tell(done + 1)
+    found = coarse.distinct(found, apart_steps=3)
+    found = list(run_all(partial(fine.descend, 8), [pose for pose, _ in found[:most]]))
+    return fine.distinct(found, apart_steps=6)

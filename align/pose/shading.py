@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.frames import Frames
+from align.pose.photographed import Photographs
+from align.pose.scan_view import View
 from scene.lights import Lights
 from scene.normals import unit
-from scene.pose import Pose
-from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
@@ -21,29 +20,23 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Samples:
-    """What N frames show at P pixels of the object.
-
-    Parameters
-    ----------
-    pixels : (P, 2) float64
-    values : (N, P) float32
-        Mean of the channels, each divided by the light's intensity at the reference point.
-    usable : (N, P) bool
-        Not saturated, and above the noise.
-    clipped : (N, P) bool
-    scale : (P,) float64
-        The pixel's rms over its usable samples.
-    """
+    """What N frames show at P pixels of the object."""
 
     pixels: Array
+    """(P, 2)."""
     values: NDArray[np.float32]
+    """(N, P): mean of the channels, each divided by the light's intensity at the reference point."""
     usable: NDArray[np.bool_]
+    """(N, P): not saturated, and above the noise."""
     clipped: NDArray[np.bool_]
+    """(N, P)."""
     scale: Array
+    """(P,): the pixel's rms over its usable samples."""
 
 
-def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> Samples:
+def take_samples(photographs: Photographs, *, count: int) -> Samples:
     """Read about `count` pixels of the mask, evenly spread, from all frames."""
+    frames, lights, mask = photographs.frames, photographs.lights, photographs.mask
     inside = np.flatnonzero(mask)
     # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
     pick = np.unique(np.linspace(0, len(inside) - 1, min(count, len(inside))).astype(int))
@@ -60,9 +53,9 @@ def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, cou
     return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, clipped, np.maximum(scale, floor))
 
 
-def find_shadows(caster: RayCaster, lights: Lights, pose: Pose, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:
+def find_shadows(view: View, lights: Lights, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:
     """Return (N, P): the scan stands between the point and the light."""
-    back = pose.inverse()
+    caster, back = view.caster, view.pose.inverse()
     lift = 2e-3 * caster.mesh.radius_mm
     # The inside, seen through a hole, has points but no normals; a ray of NaN would try every triangle.
     known = np.isfinite(points).all(1) & np.isfinite(normals).all(1)
@@ -91,33 +84,26 @@ def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[
 def explain(
     samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array, slopes: Array | None = None
 ) -> tuple[Array, Array | None]:
-    """Explain samples by normals, with the best albedo for each pixel.
+    """Explain samples by normals (P, 3), NaN where the scan is missed, with the best albedo for each pixel.
 
-    Parameters
-    ----------
-    used : (N, P) bool
-        Of `choose`; held while the pose moves, so that the cost does not jump.
-    normals : (P, 3)
-        Camera frame, NaN where the scan is missed.
-    vectors : (N, P, 3)
-        Light vectors at the pixels' points.
-    slopes : (P, 3, 6), optional
-        Of the normals, see `Probes.slopes`: gives the Jacobian.
+    `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump; `vectors` (N, P, 3): the
+    lights at the pixels' points; `slopes` (P, 3, 6): the normals', see `Probes.slopes`. Return residuals (N, P),
+    (measured - albedo * light . normal) / the pixel's scale, 0 where not used, and given slopes their Jacobian
+    (N, P, 6) for `nudge`; the albedo follows the pose.
 
-    Returns
-    -------
-    residuals : (N, P) float64
-        (measured - albedo * light . normal) / the pixel's scale; zero where not used.
-    jacobian : (N, P, 6) float64 or None
-        Of the residuals, for `nudge`; the albedo follows the pose.
-
-    Notes
-    -----
     With b = light . normal and weights w: albedo = sum w b E / sum w b^2 (variable projection
     [Golub1973]); w falls off for samples that the rest of their pixel contradicts
     (highlights, bounced light). The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.
     """
-    values, weight, b, square, albedo = _fit_albedo(samples, used, normals, vectors)
+    values = np.where(used, samples.values, 0) / samples.scale
+    weight = used.astype(np.float64)
+    b = cosines(vectors, normals)
+    square = albedo = np.zeros(b.shape[1])
+    for turn in range(4):
+        square = np.maximum((weight * b * b).sum(0), 1e-12)
+        albedo = (weight * b * values).sum(0) / square
+        if turn < 3:
+            weight = _trust(used, values - albedo * b)
     residuals = np.where(used, values - albedo * b, 0.0)
     if slopes is None:
         return residuals, None
@@ -127,20 +113,9 @@ def explain(
     return residuals, np.where(used.T[:, :, None], jacobian, 0.0).transpose(1, 0, 2)
 
 
-def _fit_albedo(
-    samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array
-) -> tuple[Array, Array, Array, Array, Array]:
-    """Return values, weights, light . normal (N, P); sum of w b^2 and albedo (P,)."""
-    values = np.where(used, samples.values, 0) / samples.scale
-    weight = used.astype(np.float64)
-    b = cosines(vectors, normals)
-    square = albedo = np.zeros(b.shape[1])
-    for turn in range(4):
-        square = np.maximum((weight * b * b).sum(0), 1e-12)
-        albedo = (weight * b * values).sum(0) / square
-        if turn < 3:
-            weight = used / (1 + ((values - albedo * b) / 0.1) ** 2) ** 2
-    return values, weight, b, square, albedo
+def _trust(used: NDArray[np.bool_], residuals: Array) -> Array:
+    """Return weights (N, P) of the used samples, by Geman and McClure's loss with a scale of a tenth."""
+    return used / (1 + (residuals / 0.1) ** 2) ** 2
 
 
 def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> Array:
@@ -155,7 +130,7 @@ def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> A
         matrix = np.einsum("np,npi,npj->pij", weight, vectors, vectors) + 1e-9 * np.eye(3)
         out = np.linalg.solve(matrix, np.einsum("np,npi,np->pi", weight, vectors, values)[..., None])[..., 0]
         residuals = values - np.einsum("npi,pi->np", vectors, out)
-        weight = used / (1 + (residuals / 0.1) ** 2) ** 2
+        weight = _trust(used, residuals)
     out[used.sum(0) < FEWEST + 1] = np.nan
     return unit(out)
 

@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import even_directions, looking_along
+from align.pose.motion import cross_matrices, even_directions, looking_along
+from align.pose.photographed import Target
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.pose import Pose
@@ -28,14 +29,6 @@ RASTER = 28
 
 
 @dataclass(frozen=True)
-class Start:
-    """A pose worth refining; `score` is 0 to 1, higher is better."""
-
-    pose: Pose
-    score: float
-
-
-@dataclass(frozen=True)
 class Aim:
     """A camera turned (perspective) or shifted (orthographic) until it looks at the mask's centroid.
 
@@ -43,10 +36,8 @@ class Aim:
     """
 
     camera: Camera
-    rotation: Array
-    """(3, 3) camera_from_aim."""
-    shift: Array
-    """(3,) mm, zero under perspective."""
+    pose: Pose
+    """camera_from_aim."""
     area: float
     """The mask's, in image coordinates squared."""
     reach: float
@@ -59,7 +50,8 @@ class Aim:
         if camera.is_orthographic:
             shift = np.array([*origins[:, :2].mean(0), 0.0])
             reach = np.linalg.norm(origins[:, :2] - shift[:2], axis=1).max()
-            return cls(camera, np.eye(3), shift, len(u) / (camera.fx * camera.fy), float(reach))
+            pose = Pose.from_rotation_translation(np.eye(3), shift)
+            return cls(camera, pose, len(u) / (camera.fx * camera.fy), float(reach))
         rotation = np.eye(3)
         # A pixel covers cos^3 / f^2 of solid angle, and 1 / cos^3 of that in the turned image.
         solid = (-directions[:, 2]) ** 3 / (camera.fx * camera.fy)
@@ -70,67 +62,43 @@ class Aim:
             middle = np.array([*(weight @ xy / weight.sum()), -1.0])
             # The turn that takes the centroid's ray to -z, as small as it can be.
             rotation = rotation @ _smallest_turn(np.array([0.0, 0.0, -1.0]), middle / np.linalg.norm(middle))
-        return cls(camera, rotation, np.zeros(3), float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
+        pose = Pose.from_rotation_translation(rotation, np.zeros(3))
+        return cls(camera, pose, float(weight.sum()), float(np.linalg.norm(xy, axis=1).max()))
 
     def rays(self, xy: NDArray) -> tuple[Array, Array]:
         """Return origins and unit directions (P, 3), aim frame, of image coordinates (P, 2)."""
-        zero = np.zeros(len(xy))
-        if self.camera.is_orthographic:
-            return np.stack([xy[:, 0], xy[:, 1], zero], -1), np.stack([zero, zero, zero - 1], -1)
-        directions = np.stack([xy[:, 0], xy[:, 1], zero - 1], -1)
-        return np.zeros((len(xy), 3)), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        return Camera(1, 1, 1.0, 1.0, 0.0, 0.0, projection=self.camera.projection).rays(xy * [1, -1])
 
     def pixels(self, xy: NDArray) -> Array:
         """Return the camera's pixels (P, 2) of image coordinates (P, 2)."""
         origins, directions = self.rays(xy)
-        return self.camera.project(origins @ self.rotation.T + self.shift + directions @ self.rotation.T)
-
-    def to_camera(self, rotation: NDArray, translation: NDArray) -> Pose:
-        """Return camera_from_scan of a pose in the aim frame."""
-        return Pose.from_rotation_translation(self.rotation @ rotation, self.rotation @ translation + self.shift)
+        return self.camera.project(self.pose.apply(origins + directions))
 
 
-def find_starts(
-    caster: RayCaster, camera: Camera, mask: NDArray[np.bool_], normals: NDArray, *, count: int = 24
-) -> list[Start]:
-    """Return the `count` best distinct poses of a scan, from nothing but mask and normals.
+def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
+    """Return the `count` best distinct poses of a scan, best first, any two at least 10 degrees apart.
 
-    Parameters
-    ----------
-    caster : RayCaster
-        The scan.
-    camera : Camera
-    mask : (H, W) bool
-        The object.
-    normals : (H, W, 3) float
-        Photometric-stereo normals, camera frame, NaN where unknown.
-
-    Returns
-    -------
-    starts : list of Start
-        Best first; any two at least 10 degrees apart. Under perspective the depth is the one at which
-        the scan looks as large as the mask; an orthographic camera does not tell it, and the scan is put
-        just behind the plane z = 0.
+    Under perspective the depth is the one at which the scan looks as large as the mask; an orthographic camera does not
+    tell it, and the scan is put just behind the plane z = 0.
     """
-    aim = Aim.at(camera, mask)
+    aim = Aim.at(target.camera, target.mask)
     views = looking_along(even_directions(VIEWS))
     offsets = _place(caster, aim, views)
     radius = (np.arange(RADII) + 0.5) / RADII * 1.1 * aim.reach
     angle = np.linspace(0, 2 * np.pi, ANGLES, endpoint=False)
     polar = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], -1)).reshape(-1, 2)
 
-    inside, target = _sample_target(aim, mask, normals, polar)
+    inside, wanted = _sample_target(aim, target, polar)
     seen, rendered = _cast_views(caster, aim, views, offsets, polar, with_normals=True)
-    score = _score(inside, target, seen, rendered, angle, radius)
+    score = _score(inside, wanted, seen, rendered, angle, radius)
 
-    starts: list[Start] = []
+    starts: list[Pose] = []
     for flat in np.argsort(score, axis=None)[::-1]:
         view, turn = np.unravel_index(flat, score.shape)
-        c, s = np.cos(angle[turn]), np.sin(angle[turn])
-        spin = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-        pose = aim.to_camera(spin @ views[view], spin @ offsets[view])
-        if all((pose.inverse() @ other.pose).angle_deg() > 10 for other in starts):
-            starts.append(Start(pose, float(score[view, turn])))
+        spin = Pose.exp([0, 0, angle[turn], 0, 0, 0])
+        pose = aim.pose @ spin @ Pose.from_rotation_translation(views[view], offsets[view])
+        if all((pose.inverse() @ other).angle_deg() > 10 for other in starts):
+            starts.append(pose)
             if len(starts) == count:
                 break
     return starts
@@ -138,8 +106,7 @@ def find_starts(
 
 def _smallest_turn(source: NDArray, target: NDArray) -> Array:
     """Return the rotation (3, 3) about source x target that takes unit `source` to unit `target`."""
-    cross = np.cross(source, target)
-    skew = np.array([[0, -cross[2], cross[1]], [cross[2], 0, -cross[0]], [-cross[1], cross[0], 0]])
+    skew = cross_matrices(np.cross(source, target)[None])[0]
     return np.eye(3) + skew + skew @ skew / (1 + source @ target)
 
 
@@ -203,13 +170,12 @@ def _cast_views(
     return hit, normals
 
 
-def _sample_target(
-    aim: Aim, mask: NDArray[np.bool_], normals: NDArray, polar: Array
-) -> tuple[NDArray[np.bool_], Array]:
+def _sample_target(aim: Aim, target: Target, polar: Array) -> tuple[NDArray[np.bool_], Array]:
     """Return mask (P,) and normals (P, 3), aim frame and averaged over a grid cell, at polar samples."""
     import cv2
 
     pixels = aim.pixels(polar)
+    mask, normals = target.mask, target.normals
     height, width = mask.shape
     # The samples are coarser than the pixels: blur first, so that each stands for its cell.
     cell = aim.reach / RADII * aim.camera.fx / 2
@@ -224,7 +190,7 @@ def _sample_target(
     length = np.linalg.norm(vector, axis=1)
     good = inside & (weight[v, u] > 0.05) & (length > 0)
     out = np.zeros((len(polar), 3))
-    out[good] = (vector[good] / length[good][:, None]) @ aim.rotation
+    out[good] = (vector[good] / length[good][:, None]) @ aim.pose.rotation
     return inside, out
 
 

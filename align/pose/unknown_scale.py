@@ -8,12 +8,10 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from align.pose.photographed import Photographs
 from align.pose.register import Registration
-from scene.camera import Camera
 from scene.errors import AlignError
-from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 
@@ -21,51 +19,28 @@ Register = Callable[[Mesh, Pose | None], Registration]
 
 
 def register_unknown_scale(
-    mesh: Mesh,
-    camera: Camera,
-    lights: Lights,
-    mask: NDArray[np.bool_],
-    register: Register,
-    *,
-    start: Pose | None = None,
+    mesh: Mesh, photographs: Photographs, register: Register, *, start: Pose | None = None
 ) -> tuple[Mesh, Registration, float]:
     """Register a scan whose unit is not known.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        In the file's unit.
-    camera : Camera
-        Perspective.
-    lights : Lights
-        Calibrated about a point at the object's distance.
-    mask : (H, W) bool
-        The object.
-    register : callable
-        (mesh in mm, start or None) -> Registration.
-    start : Pose, optional
-        camera_from_scan in the file's unit, as picks give it.
-
-    Returns
-    -------
-    mesh : Mesh
-        In mm.
-    found : Registration
-    mm_per_unit : float
+    `mesh` and `start`, camera_from_scan as picks give it, are in the file's unit; `register` takes a mesh in mm, and a
+    start or None. The lights are calibrated about a point at the object's distance. Return the mesh in mm, its
+    registration, and the millimetres of one unit.
 
     Raises
     ------
     AlignError
         The camera is orthographic: it does not tell distance.
     """
+    camera = photographs.camera
     if camera.is_orthographic:
         raise AlignError(
             "scan_unit: it is unknown, and an orthographic camera does not tell the scale. Give scan_unit, or a ball "
             "in the scan: scan_ball_diameter_mm under [object]."
         )
-    distance = -float(lights.reference_point_mm[2])
+    distance = -float(photographs.lights.reference_point_mm[2])
     if start is None:
-        rows, columns = np.nonzero(mask)
+        rows, columns = np.nonzero(photographs.mask)
         extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
         # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
         scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)

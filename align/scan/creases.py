@@ -23,22 +23,10 @@ BEND_DEG = 35.0
 def cross_creases(
     mesh: Mesh, near: Neighbours, suspect: NDArray[np.bool_]
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
-    """Return which half-edges cross a crease, and each vertex's normal on its own side.
+    """Return which half-edges cross a crease, (3 T,) in the order corner 0 to 1, 1 to 2, 2 to 0 of each face.
 
-    Parameters
-    ----------
-    mesh : Mesh
-    near : Neighbours
-        Its graph.
-    suspect : (V,) bool
-        Vertices near which the surface bends more than smooth fits can follow; nowhere else is a crease looked for.
-
-    Returns
-    -------
-    cut : (3 T,) bool
-        In the order corner 0 to 1, 1 to 2, 2 to 0 of each face.
-    side : (V, 3) float64
-        Unit; the mesh's own where nothing is suspect.
+    And each vertex's normal on its own side, (V, 3): the mesh's own away from `suspect` vertices (V,), near which the
+    surface bends more than smooth fits can follow; nowhere else is a crease looked for.
     """
     cut = np.zeros(3 * len(mesh.faces), bool)
     side = mesh.vertex_normals.copy()
@@ -60,7 +48,7 @@ def cross_creases(
     trust = area * np.exp(-0.5 * ((rested - normals) ** 2).sum(1) / ALIKE**2)
     _sides(np.flatnonzero(suspect), around.indptr, around.indices, rested, trust, side)
     for _ in range(SWEEPS):
-        side = _move_over(np.flatnonzero(suspect), mesh.vertices, near.indptr, near.indices, side)
+        side = _move_over(np.flatnonzero(suspect), near.graph, side)
     start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
     both = np.flatnonzero(suspect[start] & suspect[end])
     bend = np.einsum("ek,ek->e", side[start[both]], side[end[both]])
@@ -106,8 +94,9 @@ def _sides(vertices, indptr, indices, normals, trust, side):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def _move_over(suspects, vertices, indptr, indices, side):  # pragma: no cover
+def _move_over(suspects, graph, side):  # pragma: no cover
     """Give each vertex the side on whose planes it lies: those of its neighbours' neighbours, seen from each."""
+    vertices, indptr, indices = graph
     out = side.copy()
     alike = np.cos(np.radians(BEND_DEG / 2))
     ring = np.zeros(256, np.int64)

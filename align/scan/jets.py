@@ -5,8 +5,11 @@ The height over the tangent plane is fitted by weighted least squares; the slope
 Compiled: no Python per vertex.
 """
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 QUADRATIC, CUBIC = 6, 10
 OF_X, OF_Y = np.array([0, 1, 0, 2, 1, 0, 3, 2, 1, 0]), np.array([0, 0, 1, 0, 1, 2, 0, 1, 2, 3])
@@ -15,8 +18,32 @@ MOST = 1024
 """Vertices of one neighbourhood; more are not gathered."""
 
 
+class Graph(NamedTuple):
+    """A mesh as a graph: the neighbours of vertex i are indices[indptr[i]:indptr[i + 1]]."""
+
+    vertices: NDArray[np.float64]
+    """(V, 3), mm."""
+    indptr: NDArray[np.int64]
+    indices: NDArray[np.int64]
+
+
+class Fits(NamedTuple):
+    """Fits of degree 2 and 3 around K vertices."""
+
+    normals: NDArray[np.float64]
+    """(K, 2, 3) unit; as at the start where not fitted."""
+    variance: NDArray[np.float64]
+    """(K, 2), radians squared for noise of 1 mm; infinite where too few neighbours determine the fit."""
+    rough: NDArray[np.float64]
+    """(K, 2), mm^2: the mean squared residual; infinite where not fitted."""
+
+    @classmethod
+    def empty(cls, count: int) -> "Fits":
+        return cls(np.zeros((count, 2, 3)), np.zeros((count, 2)), np.zeros((count, 2)))
+
+
 @numba.njit(nogil=True, cache=True)
-def gather(i, radius, vertices, indptr, indices, stamp, tag, found):  # pragma: no cover
+def gather(i, radius, graph, stamp, tag, found):  # pragma: no cover
     """Fill `found` with the vertices within `radius` of vertex i that edges lead to; return how many.
 
     Along the surface: the other side of a thin wall is near in space, and not reached.
@@ -27,14 +54,14 @@ def gather(i, radius, vertices, indptr, indices, stamp, tag, found):  # pragma: 
     while at < count:
         here = found[at]
         at += 1
-        for k in range(indptr[here], indptr[here + 1]):
-            j = indices[k]
+        for k in range(graph.indptr[here], graph.indptr[here + 1]):
+            j = graph.indices[k]
             if stamp[j] == tag:
                 continue
             stamp[j] = tag
             square = 0.0
             for axis in range(3):
-                square += (vertices[j, axis] - vertices[i, axis]) ** 2
+                square += (graph.vertices[j, axis] - graph.vertices[i, axis]) ** 2
             if square < radius * radius and count < len(found):
                 found[count] = j
                 count += 1
@@ -61,8 +88,8 @@ def tangents(normal, frame):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True, fastmath=True)
-def accumulate(i, found, count, radius, vertices, heights, frame, work):  # pragma: no cover
-    """Sum the normal equations of the neighbourhood into `work`; return the heights' squares, summed.
+def accumulate(found, radius, vertices, heights, frame, work):  # pragma: no cover
+    """Sum the normal equations of a neighbourhood (about its first vertex) into `work`; return the heights' squares.
 
     work : (14, 10): normal matrix (rows 0-9, lower half), right-hand side (10), solutions (12, 13).
     Lengths are in radii. Where `heights` (V,) are given, they stand in for the surface's own over the tangent plane.
@@ -71,8 +98,8 @@ def accumulate(i, found, count, radius, vertices, heights, frame, work):  # prag
     """
     moments, raised = np.zeros((7, 7)), np.zeros((4, 4))
     square = 0.0
-    for k in range(count):
-        j = found[k]
+    i = found[0]
+    for j in found:
         x = y = z = 0.0
         for axis in range(3):
             away = (vertices[j, axis] - vertices[i, axis]) / radius
@@ -144,22 +171,13 @@ def slope(work, size, radius, out):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def turn(frame, first, second, out):  # pragma: no cover
-    """Fill `out` (3,) with the unit normal of a surface of these slopes over the frame."""
-    length = np.sqrt(1.0 + first * first + second * second)
-    for axis in range(3):
-        out[axis] = (frame[2, axis] - first * frame[0, axis] - second * frame[1, axis]) / length
+def fit_normals(chosen, radii, graph, heights, start, fits):  # pragma: no cover
+    """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,), and fill `fits`.
 
-
-@numba.njit(nogil=True, cache=True)
-def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normals, variance, rough):  # pragma: no cover
-    """Fit both degrees around the vertices `chosen` (K,), with one radius each (K,).
-
-    Fills, per vertex chosen: normals (K, 2, 3), variance (K, 2) in radians squared for noise of 1 mm (infinite
-    where too few neighbours determine the fit), and rough (K, 2): the mean squared residual, mm^2.
     `start` (V, 3) are the normals over whose planes heights are measured; `heights`: see `accumulate`.
     """
-    stamp = np.full(len(vertices), -1, np.int64)
+    normals, variance, rough = fits
+    stamp = np.full(len(graph.vertices), -1, np.int64)
     found = np.zeros(MOST, np.int64)
     frame, work, out = np.zeros((3, 3)), np.zeros((14, 10)), np.zeros(3)
     for k in range(len(chosen)):
@@ -167,17 +185,21 @@ def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normal
         variance[k] = np.inf
         rough[k] = np.inf
         normals[k] = start[i]
-        count = gather(i, radius, vertices, indptr, indices, stamp, k, found)
+        count = gather(i, radius, graph, stamp, k, found)
         tangents(start[i], frame)
-        square = accumulate(i, found, count, radius, vertices, heights, frame, work)
+        square = accumulate(found[:count], radius, graph.vertices, heights, frame, work)
         first = 0
         for degree, size in enumerate((QUADRATIC, CUBIC)):
             if count < size + 2 or not factor(work, first, size, 1e-6 * count):
                 break
             first = size
             slope(work, size, radius, out)
-            turn(frame, out[0], out[1], normals[k, degree])
-            variance[k, degree] = out[2] / (1.0 + out[0] ** 2 + out[1] ** 2) ** 2
+            # The normal of a surface of these slopes over the frame.
+            steep = 1.0 + out[0] * out[0] + out[1] * out[1]
+            for axis in range(3):
+                along = frame[2, axis] - out[0] * frame[0, axis] - out[1] * frame[1, axis]
+                normals[k, degree, axis] = along / np.sqrt(steep)
+            variance[k, degree] = out[2] / steep**2
             work[13] = work[10]
             solve(work, size, work[13])
             left = square
@@ -187,8 +209,10 @@ def fit_normals(chosen, radii, vertices, heights, start, indptr, indices, normal
 
 
 @numba.njit(nogil=True, cache=True)
-def ring_bend(vertices, normals, indptr, indices, out):  # pragma: no cover
-    """Fill `out` (V,) with the rms by which the neighbours' normals miss a linear law of place about each vertex's."""
+def ring_bend(graph, normals):  # pragma: no cover
+    """Return (V,) the rms by which the neighbours' normals miss a linear law of place about each vertex's."""
+    vertices, indptr, indices = graph
+    out = np.zeros(len(vertices))
     frame, left = np.zeros((3, 3)), np.zeros((64, 3))
     for i in range(len(vertices)):
         tangents(normals[i], frame)
@@ -223,3 +247,4 @@ def ring_bend(vertices, normals, indptr, indices, out):  # pragma: no cover
                 square += miss * miss
         # Four or more neighbours share two slopes.
         out[i] = np.sqrt(square / (last - first - 2))
+    return out

@@ -5,12 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from align.scan.edges import Edges, edges_of
+from align.scan.beside_object import find_balls, find_table
 from align.scan.orient import orient
-from align.scan.same_rows import renumber
-from align.scan.scan_ball import find_balls
-from align.scan.scanned_table import find_table
-from align.scan.triangles import crosses, lengths
+from align.scan.scan_surface import Surface, connected
 from align.scan.weld import weld
 from formats.meshes.scan_files import SUFFIXES, read_scan
 from scene.errors import AlignError
@@ -26,9 +23,6 @@ USUAL_MM = (2.0, 3000.0)
 """Objects that are photographed on a table are this large, across."""
 SMALLEST_PIECE = 0.01
 """A piece with less than this share of the largest piece's area is scanner dust."""
-
-Vertices = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
 
 def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -> Mesh:
@@ -62,44 +56,39 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     path = Path(path)
     if unit not in UNITS_MM:
         raise AlignError(f"scan_unit: found {unit!r}, expected one of {', '.join(UNITS_MM)}.")
-    vertices, faces = read_scan(path)
-    _check(path, vertices, faces)
     repairs: list[str] = []
-    vertices, faces, edges = weld(vertices, faces, repairs)
-    _check_left(path, faces)
-    _check_manifold(path, vertices, faces, edges, repairs)
-    table, said = find_table(vertices, faces, edges)
-    if said:
-        repairs.append(said)
-    if table.any():
-        faces = faces[~table]
-        edges = edges_of(faces)
+    surface = _read(path)
+    surface = weld(surface, repairs)
+    _check_left(path, surface)
+    _check_manifold(path, surface, repairs)
+    table, words = find_table(surface)
+    if words:
+        repairs.append(words)
+    surface = surface.with_faces(~table)
     scale = UNITS_MM[unit]
-    kept = np.ones(len(faces), bool)
+    kept = np.ones(len(surface.faces), bool)
     if ball_diameter_mm is not None:
-        kept, radius = _without_ball(path, vertices, faces, edges, repairs)
+        kept, radius = _without_ball(path, surface, repairs)
         if unit == "unknown":
             scale = ball_diameter_mm / (2 * radius)
             repairs.append(f"scale from the ball: one unit of the file is {scale:.6g} mm")
         else:
             found = 2 * radius * scale
             repairs.append(f"the ball in the scan measures {found:.4g} mm, {ball_diameter_mm:.4g} mm were said")
-    kept &= _large(vertices, faces, edges, kept, repairs)
-    if not kept.all():
-        faces, edges = faces[kept], edges.select(kept)
-    _check_left(path, faces)
+    surface = surface.with_faces(kept & _large(surface, kept, repairs))
+    _check_left(path, surface)
     in_mm = unit != "unknown" or ball_diameter_mm is not None
-    _tell_borders(vertices * scale, faces, edges, "mm" if in_mm else "units of the file", repairs)
-    faces = orient(vertices, faces, edges, repairs)
-    used = np.zeros(len(vertices), bool)
-    used[faces] = True
+    _report_borders(surface, scale, "mm" if in_mm else "units of the file", repairs)
     # What a table, a ball or dust leaves behind.
-    vertices, faces = (vertices, faces) if used.all() else (vertices[used], renumber(used)[faces])
-    _tell_size(vertices * scale, unit, in_mm, repairs)
-    return Mesh(vertices * scale, faces, tuple(repairs))
+    surface = orient(surface, repairs).without_unused()
+    vertices = surface.vertices * scale
+    _report_size(vertices, unit, in_mm, repairs)
+    return Mesh(vertices, surface.faces, tuple(repairs))
 
 
-def _check(path: Path, vertices: Vertices, faces: Faces) -> None:
+def _read(path: Path) -> Surface:
+    """Return the file's vertices and faces, checked."""
+    vertices, faces = read_scan(path)
     if len(vertices) == 0:
         raise AlignError(f"{path}: the scan is empty. Export it again as a triangle mesh.")
     if len(faces) == 0:
@@ -125,20 +114,22 @@ def _check(path: Path, vertices: Vertices, faces: Faces) -> None:
             f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position (the first is number "
             f"{np.flatnonzero(bad)[0]}: {vertices[bad][0]}). Export the scan again."
         )
+    return Surface(vertices, faces)
 
 
-def _check_left(path: Path, faces: Faces) -> None:
-    if len(faces) < 4:
-        raise AlignError(f"{path}: only {len(faces)} faces with an area are left of the scan. Export it again.")
+def _check_left(path: Path, surface: Surface) -> None:
+    if len(surface.faces) < 4:
+        raise AlignError(f"{path}: only {len(surface.faces)} faces with an area are left of the scan. Export it again.")
 
 
-def _check_manifold(path: Path, vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]) -> None:
+def _check_manifold(path: Path, surface: Surface, repairs: list[str]) -> None:
+    edges, vertices = surface.edges, surface.vertices
     if not len(edges.crowded):
         return
     share = len(edges.crowded) / edges.total
     places = "; ".join(
         f"edge {one}-{two} at ({', '.join(f'{x:.4g}' for x in (vertices[one] + vertices[two]) / 2)})"
-        for one, two in np.sort(edges.ends(faces, edges.crowded[:3]), axis=1)
+        for one, two in np.sort(surface.ends(edges.crowded[:3]), axis=1)
     )
     what = f"{len(edges.crowded)} of {edges.total} edges ({100 * share:.2g} %) have three or more faces: {places}"
     if share > 0.02:
@@ -149,56 +140,50 @@ def _check_manifold(path: Path, vertices: Vertices, faces: Faces, edges: Edges, 
     repairs.append(f"non-manifold, used as it is: {what}")
 
 
-def _without_ball(
-    path: Path, vertices: Vertices, faces: Faces, edges: Edges, repairs: list[str]
-) -> tuple[NDArray[np.bool_], float]:
+def _without_ball(path: Path, surface: Surface, repairs: list[str]) -> tuple[NDArray[np.bool_], float]:
     """Return which faces (T,) are not the calibration ball, and its radius in the file's unit."""
-    balls = find_balls(vertices, faces, edges.piece)
-    if len(balls) != 1 or (edges.piece == balls[0][0]).all():
+    balls = find_balls(surface)
+    if len(balls) != 1 or (surface.piece == balls[0][0]).all():
         found = f"balls with diameters {', '.join(f'{2 * r:.4g}' for _, r in balls)}" if balls else "none"
         raise AlignError(
             f"{path}: object.scan_ball_diameter_mm expects one ball apart from the object; found {found}. "
             "Scan the ball with a gap beside the object, or drop the key."
         )
-    kept = edges.piece != balls[0][0]
+    kept = surface.piece != balls[0][0]
     repairs.append(f"dropped the calibration ball ({(~kept).sum()} faces)")
     return kept, balls[0][1]
 
 
-def _large(
-    vertices: Vertices, faces: Faces, edges: Edges, kept: NDArray[np.bool_], repairs: list[str]
-) -> NDArray[np.bool_]:
+def _large(surface: Surface, kept: NDArray[np.bool_], repairs: list[str]) -> NDArray[np.bool_]:
     """Return which faces (T,) belong to pieces that are no dust."""
-    area = np.bincount(edges.piece, np.where(kept, lengths(crosses(vertices, faces)), 0))
+    area = np.bincount(surface.piece, np.where(kept, surface.area, 0))
     large = area >= SMALLEST_PIECE * area.max()
     dust = (area > 0) & ~large
     if dust.any():
         repairs.append(f"dropped {dust.sum()} loose pieces ({100 * area[dust].sum() / area.sum():.2g} % of the area)")
     if large.sum() > 1:
         repairs.append(f"kept {large.sum()} separate pieces")
-    return large[edges.piece]
+    return large[surface.piece]
 
 
-def _tell_borders(vertices: Vertices, faces: Faces, edges: Edges, unit: str, repairs: list[str]) -> None:
+def _report_borders(surface: Surface, scale: float, unit: str, repairs: list[str]) -> None:
     """Say how many holes and outer borders there are, and how large the largest is."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    if not len(edges.border):
+    ends = surface.ends(surface.edges.border)
+    if not len(ends):
         return
-    ends = edges.border_ends(faces)
     names, index = np.unique(ends, return_inverse=True)
     one, two = index.reshape(-1, 2).T
-    count, loop = connected_components(coo_matrix((np.ones(len(one)), (one, two)), (len(names),) * 2), directed=False)
-    length = np.bincount(loop[one], np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), count)
-    largest = vertices[names[loop == length.argmax()]]
+    loop = connected(one, two, len(names))
+    places = scale * surface.vertices[names]
+    length = np.bincount(loop[one], np.linalg.norm(places[one] - places[two], axis=1))
+    across = np.linalg.norm(np.ptp(places[loop == length.argmax()], axis=0))
     repairs.append(
-        f"{count} open borders, left open: no truth there; the largest is {length.max():.3g} {unit} long and "
-        f"{np.linalg.norm(np.ptp(largest, axis=0)):.3g} {unit} across"
+        f"{len(length)} open borders, left open: no truth there; the largest is {length.max():.3g} {unit} long and "
+        f"{across:.3g} {unit} across"
     )
 
 
-def _tell_size(vertices: Vertices, unit: str, in_mm: bool, repairs: list[str]) -> None:
+def _report_size(vertices: NDArray[np.float64], unit: str, in_mm: bool, repairs: list[str]) -> None:
     """Say so when the unit makes the object a speck or a house."""
     across = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     if not in_mm:

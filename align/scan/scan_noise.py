@@ -1,16 +1,18 @@
-"""How rough a scan is by its own noise: its size, how far it reaches along the surface, and what it does to fits.
+"""How rough a scan is by its own noise: its size, its reach along the surface, what it does to fits and plain normals.
 
 Noise is everywhere, detail is not: the noise is read where the surface is smoothest. It may be shared by neighbouring
 vertices, as scanners that average make it; then fits of growing size leave growing residuals, and averages help less.
 """
 
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_matrix, diags, eye
+from scipy.sparse import csr_array, csr_matrix, diags, eye
 
-from align.scan.jets import fit_normals
+from align.scan.jets import Fits, Graph, fit_normals
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -29,26 +31,20 @@ FITS = 4
 GROWTH = np.geomspace(3.0, 8.0, 12)
 """From step to step a surface's own residuals squared grow by so much: r^6 = 6.6 if smooth, less if rough."""
 PREFERENCE = 0.7
+CHUNK = 1 << 14
+_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True)
 class Neighbours:
-    """The mesh as a graph.
+    """The mesh as a graph."""
 
-    Parameters
-    ----------
-    indptr, indices : (V + 1,), (E,) int64
-        The neighbours of vertex i are indices[indptr[i]:indptr[i + 1]].
-    average : (V, V) sparse
-        The mean over a vertex and its neighbours.
-    spacing_mm : (V,) float64
-        Length of the edges around, evened out.
-    """
-
-    indptr: NDArray[np.int64]
-    indices: NDArray[np.int64]
+    graph: Graph
+    """Which vertices share an edge with which."""
     average: csr_matrix
+    """(V, V): the mean over a vertex and its neighbours."""
     spacing_mm: Array
+    """(V,): length of the edges around, evened out."""
 
     @classmethod
     def of(cls, mesh: Mesh, *, keep: NDArray[np.bool_] | None = None) -> "Neighbours":
@@ -70,7 +66,8 @@ class Neighbours:
         spacing[degree == 0] = np.median(spacing)
         for _ in range(3):
             spacing = average @ spacing
-        return cls(graph.indptr.astype(np.int64), graph.indices.astype(np.int64), average, spacing)
+        links = Graph(mesh.vertices, graph.indptr.astype(np.int64), graph.indices.astype(np.int64))
+        return cls(links, average, spacing)
 
     def smooth(self, values: Array, rounds: int) -> Array:
         """Return (V, ...) averaged `rounds` times over each vertex and its neighbours."""
@@ -78,41 +75,48 @@ class Neighbours:
             values = self.average @ values
         return values
 
+    def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
+        """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
+        fits = Fits.empty(len(chosen))
+
+        def work(first: int) -> None:
+            part = slice(first, first + CHUNK)
+            some, own = chosen[part], Fits(*(array[part] for array in fits))
+            fit_normals(
+                some, step * self.spacing_mm[some], self.graph, _NONE if heights is None else heights, start, own
+            )
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            list(pool.map(work, range(0, len(chosen), CHUNK)))
+        return fits
+
 
 @dataclass(frozen=True)
 class ScanNoise:
-    """The scan's noise, across the surface.
-
-    Parameters
-    ----------
-    sigma_mm : float
-        Standard deviation.
-    reach : int
-        How often white noise is averaged over neighbours to make noise like it; 0: white.
-    excess : (L, 2) float64
-        Variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it.
-    rest : (L, 2) float64
-        Mean squared residual of those fits, for noise of 1 mm.
-    """
+    """The scan's noise, across the surface."""
 
     sigma_mm: float
+    """Standard deviation."""
     reach: int
+    """How often white noise is averaged over neighbours to make noise like it; 0: white."""
     excess: Array
+    """(L, 2): variance of a fitted normal of step L and degree 2 or 3 over what white noise would give it."""
     rest: Array
+    """(L, 2): mean squared residual of those fits, for noise of 1 mm."""
 
 
-def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
-    """Measure the noise of a scan from the residuals of quadratic fits of three sizes.
+def scan_noise(mesh: Mesh, near: Neighbours) -> ScanNoise:
+    """Measure the noise of a scan from the residuals of quadratic fits of four sizes.
 
     Noise of known size and reach is put on the same mesh and fitted alike; the scan's noise is the one
     whose residuals grow with the fit's size as the scan's do. Where they grow faster than any noise's, what is left
     over is the surface's shape: then the smallest fit bounds the noise.
     """
-    generator = np.random.default_rng(seed)
+    generator = np.random.default_rng(0)
     count = len(mesh.vertices)
     chosen = generator.permutation(count)[:SAMPLE]
     few = chosen[: SAMPLE // 5]
-    own = np.array([_quantile(_fit(mesh, near, chosen, step, np.zeros(0))[2]) for step in STEPS])
+    own = np.array([_quantile(near.fit(mesh.vertex_normals, chosen, step).rough) for step in STEPS])
     left = np.zeros((REACHES, len(STEPS)))
     answer = np.zeros((REACHES, len(STEPS), 2))
     rest = np.zeros_like(answer)
@@ -121,7 +125,9 @@ def scan_noise(mesh: Mesh, near: Neighbours, *, seed: int = 0) -> ScanNoise:
             noise = near.smooth(generator.standard_normal(count), reach)
             noise /= noise.std()
             for level, step in enumerate(STEPS):
-                normals, variance, rough = _fit(mesh, near, few, step, noise)
+                # Of 1e-4 mm: slopes stay small, and the answer is linear.
+                normals, variance, rough = near.fit(mesh.vertex_normals, few, step, 1e-4 * noise)
+                variance, rough = 1e-8 * variance, 1e8 * rough
                 turned = 1 - np.einsum("kdx,kx->kd", normals, mesh.vertex_normals[few]) ** 2
                 known = np.isfinite(variance)
                 for degree in range(2):
@@ -159,19 +165,34 @@ def _unmix(own: Array, left: Array) -> tuple[float, int]:
     return answer
 
 
-def _fit(mesh: Mesh, near: Neighbours, chosen: NDArray, step: float, heights: Array) -> tuple[Array, Array, Array]:
-    normals, variance, rough = np.zeros((len(chosen), 2, 3)), np.zeros((len(chosen), 2)), np.zeros((len(chosen), 2))
-    small = 1e-4 * heights  # slopes stay small: the answer is linear
-    fit_normals(
-        chosen, step * near.spacing_mm[chosen], mesh.vertices, small, mesh.vertex_normals,
-        near.indptr, near.indices, normals, variance, rough,
-    )  # fmt: skip
-    if len(heights):
-        return normals, variance * 1e-8, rough * 1e8
-    return normals, variance, rough
-
-
 def _quantile(rough: Array) -> float:
     square = rough[:, 0]
     known = square[np.isfinite(square)]
     return float(np.quantile(known, SMOOTHEST)) if len(known) else 0.0
+
+
+def plain_normal_gain(mesh: Mesh) -> Array:
+    """Return (V,) the rms turn, radians, of each vertex normal for noise of 1 mm along the vertices' normals.
+
+    Plain normals are the area-weighted means of the faces around. Large faces need no fit: noise hardly turns them. A
+    decimated scan has large faces where it is flat, and there the plain normals are better than any fit over the few,
+    far neighbours.
+
+    The normal's direction is that of S = sum of the faces' cross products. A vertex k that moves by z along its normal
+    n changes each of its faces' by z (e x n), with e the edge across from k; the squares of the sums over the faces
+    that both vertices share, without their part along S, add up over k, divided by |S|^2.
+    """
+    count, faces = len(mesh.vertices), mesh.faces
+    corners = mesh.vertices[faces]
+    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turn = np.cross(np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1), mesh.vertex_normals[faces])
+    # Each face tells each of its corners (rows) what the moves of all three (columns) do to it.
+    place = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, 3).ravel()
+    total, square, along = np.zeros((count, 3)), np.zeros(count), csr_array((count, count))
+    for axis in range(3):
+        moved = csr_array((np.tile(turn[..., axis], 3).ravel(), place), (count, count))
+        square += moved.power(2).sum(1)
+        along = along + moved.multiply(mesh.vertex_normals[:, [axis]])
+        total[:, axis] = np.bincount(faces.ravel(), np.repeat(cross[:, axis], 3), count)
+    square -= along.power(2).sum(1)
+    return np.sqrt(np.maximum(square, 0)) / np.maximum(np.linalg.norm(total, axis=1), 1e-300)

@@ -6,17 +6,14 @@ their noise explains, is its bias. The fit with the smallest sum of variance and
 A scan without noise keeps its smallest fits; creases are never crossed.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.creases import cross_creases
-from align.scan.jets import fit_normals, ring_bend
-from align.scan.plain_normals import plain_normal_gain
-from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, scan_noise
+from align.scan.jets import ring_bend
+from align.scan.scan_noise import STEPS, Neighbours, ScanNoise, plain_normal_gain, scan_noise
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -50,15 +47,10 @@ SUSPECT_DEG = 4.0
 LOUD = 5.0
 """A fit whose neighbours lie so badly that noise turns it by this times the usual variance is none."""
 EXPLAINED = 0.1
-CHUNK = 1 << 14
 
 
 def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
     """Return the scan's normals at its vertices, freed from its noise, and how sure they are.
-
-    Parameters
-    ----------
-    mesh : Mesh
 
     Returns
     -------
@@ -72,8 +64,7 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
     noise = scan_noise(mesh, near)
     everywhere = np.ones(len(mesh.vertices), bool)
     normals, sigma, misfit = _adapt(mesh, near, noise, mesh.vertex_normals, everywhere)
-    bend = np.zeros(len(normals))
-    ring_bend(mesh.vertices, normals, near.indptr, near.indices, bend)
+    bend = ring_bend(near.graph, normals)
     unsure = np.hypot(sigma, bend) > np.radians(SUSPECT_DEG)
     cut, side = cross_creases(mesh, near, near.smooth(unsure.astype(float), 1) > 0)
     if cut.any():
@@ -85,33 +76,24 @@ def smooth_normals(mesh: Mesh) -> tuple[Array, Array]:
         # A crease explains nearly all that smooth fits did not follow; fine detail, cut up, stays fine detail.
         explained = reached & (left < EXPLAINED * misfit)
         normals[explained], sigma[explained] = again[explained], doubt[explained]
-        ring_bend(mesh.vertices, normals, near.indptr, near.indices, bend)
     # Where faces are large for the noise, no fit over far neighbours is as good as the faces themselves.
-    plain, bent = noise.sigma_mm * plain_normal_gain(mesh, near.indptr, near.indices), np.zeros(len(normals))
-    ring_bend(mesh.vertices, mesh.vertex_normals, near.indptr, near.indices, bent)
-    plain = np.hypot(plain, UNEVEN * bent)
+    bent = ring_bend(near.graph, mesh.vertex_normals)
+    plain = np.hypot(noise.sigma_mm * plain_normal_gain(mesh), UNEVEN * bent)
     better = plain < sigma
     normals[better], sigma[better] = mesh.vertex_normals[better], plain[better]
-    ring_bend(mesh.vertices, normals, near.indptr, near.indices, bend)
-    return normals, np.degrees(np.hypot(sigma, BETWEEN * bend))
+    return normals, np.degrees(np.hypot(sigma, BETWEEN * ring_bend(near.graph, normals)))
 
 
 @dataclass
 class _Fits:
-    """All fits of the ladder, and the faces' mean.
-
-    Parameters
-    ----------
-    normals : (V, K, 3) float32
-    variance : (V, K)
-        Radians squared, by the scan's noise; infinite where not fitted.
-    doubt : (V, K)
-        What more the two smallest are off by: the surface's shape, as far as they do not resolve it.
-    """
+    """All fits of the ladder, and the faces' mean."""
 
     normals: NDArray[np.float32]
+    """(V, K, 3)."""
     variance: Array
+    """(V, K): radians squared, by the scan's noise; infinite where not fitted."""
     doubt: Array
+    """(V, K): what more the two smallest are off by: the surface's shape, as far as they do not resolve it."""
 
 
 def _adapt(
@@ -191,7 +173,7 @@ def _fit_ladder(mesh: Mesh, near: Neighbours, noise: ScanNoise, start: Array, wh
     active = where.copy()
     for level, step in enumerate(STEPS):
         chosen = np.flatnonzero(active)
-        fitted, unit, rough = _fit_all(mesh, near, start, chosen, step)
+        fitted, unit, rough = near.fit(start, chosen, step)
         unit *= noise.excess[level]
         for degree in range(2):
             known = np.isfinite(unit[:, degree])
@@ -220,19 +202,3 @@ def _fit_ladder(mesh: Mesh, near: Neighbours, noise: ScanNoise, start: Array, wh
     # Six faces around a vertex turn by 0.8 sigma / edge; irregular ones by a little more.
     variance[where, FACES] = np.minimum(noise.excess[0, 0], 1.0) * (noise.sigma_mm / near.spacing_mm[where]) ** 2
     return _Fits(normals, variance, doubt)
-
-
-def _fit_all(mesh: Mesh, near: Neighbours, start: Array, chosen: NDArray, step: float) -> tuple[Array, Array, Array]:
-    """Fit around the vertices `chosen` on all cores."""
-    out = np.zeros((len(chosen), 2, 3)), np.zeros((len(chosen), 2)), np.zeros((len(chosen), 2))
-
-    def work(first: int) -> None:
-        part = slice(first, first + CHUNK)
-        fit_normals(
-            chosen[part], step * near.spacing_mm[chosen[part]], mesh.vertices, np.zeros(0), start,
-            near.indptr, near.indices, *(array[part] for array in out),
-        )  # fmt: skip
-
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(work, range(0, len(chosen), CHUNK)))
-    return out

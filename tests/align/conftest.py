@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from align.pose.photographed import Photographs
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -25,6 +26,10 @@ class World:
     normals: np.ndarray
     """Least squares under the lights' directions at the middle: distorted by near light, shadows and noise."""
     pose: Pose
+
+    @property
+    def photographs(self) -> Photographs:
+        return Photographs(self.camera, self.frames, self.lights, self.mask)
 
 
 def bumpy_mesh(seed: int, *, subdivisions: int = 5, radius_mm: float = 50.0) -> Mesh:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from align.pose.focal import EXACT, receded_lights, register_longer
+from align.pose.photographed import Photographs
 from align.pose.register import register
 from align.truth import ground_truth
 from scene.camera import Camera
@@ -22,7 +23,7 @@ def deeper(pose, by):
 
 
 def run(world, camera, lights, start):
-    return register(world.mesh, camera, world.frames, lights, world.mask, world.normals, start=start)
+    return register(world.mesh, Photographs(camera, world.frames, lights, world.mask), world.normals, start=start)
 
 
 @pytest.fixture(scope="module")
@@ -98,4 +99,4 @@ def test_a_known_focal_length_adds_nothing(world):
 
 def test_an_orthographic_camera_has_no_depth_to_doubt():
     camera = Camera(160, 120, 0.6, 0.6, 80.0, 60.0, projection="orthographic", focal_sigma=0.05)
-    assert register_longer(SimpleNamespace(camera=camera)) is None  # type: ignore[arg-type]
+    assert register_longer(SimpleNamespace(seen=SimpleNamespace(camera=camera))) is None  # type: ignore[arg-type]

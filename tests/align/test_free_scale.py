@@ -13,7 +13,8 @@ def registered(world, factor, lights=None):
     """The registration of a scan `factor` times too large, which then stands as many times as far away."""
     start = Pose.from_rotation_translation(world.pose.rotation, factor * world.pose.translation)
     mesh = Mesh(factor * world.mesh.vertices, world.mesh.faces)
-    return register(mesh, world.camera, world.frames, lights or world.lights, world.mask, world.normals, start=start)
+    photographs = replace(world.photographs, lights=lights or world.lights)
+    return register(mesh, photographs, world.normals, start=start)
 
 
 def told(found):

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from align.mask.object_mask import ObjectMask, block_means, find_object, scan_mask
-from align.pose.sharp_picture import box_of, longer_side
+from align.mask.bright_picture import block_means
+from align.mask.object_mask import ObjectMask, find_object, scan_mask
+from align.pose.photographed import box_of, longer_side
 from fixtures.mesh_scene import Tracer, random_scene
 from fixtures.mesh_shapes import blob
 from scene.camera import Camera

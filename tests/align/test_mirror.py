@@ -9,16 +9,17 @@ from align.pose.full_resolution import Fit
 from align.pose.register import _refuse_mirrored
 from scene.errors import AlignError
 from scene.mesh import Mesh
+from scene.rays import RayCaster
 
 
 @pytest.fixture
 def ask():
     """Return a question: a scan that fits so, its mirror image so."""
-    mesh = Mesh(np.eye(3), np.array([[0, 1, 2]]))
+    caster = RayCaster(Mesh(np.eye(3), np.array([[0, 1, 2]])))
 
     def refuse(fit, mirrored):
         found = SimpleNamespace(evidence=SimpleNamespace(fit=mirrored))
-        _refuse_mirrored(mesh, np.eye(3), fit, lambda other, normals: found)
+        _refuse_mirrored(caster, fit, lambda other: found)
 
     return refuse
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from align.pose.sharp_picture import ACROSS, sparse_normals
+from align.pose.photographed import ACROSS, sparse_normals
 
 
 def test_sparse_normals_are_those_of_the_pixel_nearby():

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from align.scan.plain_normals import plain_normal_gain
-from align.scan.scan_noise import Neighbours
+from align.scan.scan_noise import plain_normal_gain
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 
@@ -14,8 +13,7 @@ def test_the_gain_is_what_shaking_the_mesh_shows(bumpy):
     first = bumpy.faces[np.unique(bumpy.faces[:, 0], return_index=True)[1]]
     vertices[first[::3, 0]] += 0.35 * (vertices[first[::3, 1]] - vertices[first[::3, 0]])
     mesh = Mesh(vertices, bumpy.faces)
-    near = Neighbours.of(mesh)
-    gain = plain_normal_gain(mesh, near.indptr, near.indices)
+    gain = plain_normal_gain(mesh)
     generator = np.random.default_rng(10001)
     noise_mm, square = 0.01, np.zeros(len(vertices))
     for _ in range(200):
@@ -30,7 +28,6 @@ def test_the_gain_is_what_shaking_the_mesh_shows(bumpy):
 
 
 def test_large_faces_turn_less(bumpy):
-    near = Neighbours.of(bumpy)
     double = Mesh(2 * bumpy.vertices, bumpy.faces)
-    one = plain_normal_gain(bumpy, near.indptr, near.indices)
-    np.testing.assert_allclose(plain_normal_gain(double, near.indptr, near.indices), one / 2, rtol=1e-9)
+    one = plain_normal_gain(bumpy)
+    np.testing.assert_allclose(plain_normal_gain(double), one / 2, rtol=1e-9)

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from align.pose.motion import nudge
+from align.pose.motion import nudge, small_steps
 from align.pose.pose_check import STEPS_PX, check_pose
-from align.pose.rough import small_steps
 
 
 @pytest.fixture(scope="module")
 def best(world):
     """The best pose, as the truth's own refinement gives it, and its check."""
-    return check_pose(world.mesh, world.pose, world.camera, world.frames, world.lights, world.mask)
+    return check_pose(world.mesh, world.pose, world.photographs)
 
 
 def test_the_cost_is_lowest_at_the_true_pose_and_rises_on_both_sides(best):
@@ -39,7 +38,7 @@ def test_refined_from_beside_it_the_pose_comes_back_and_the_residuals_with_it(be
 def test_a_pose_that_is_not_the_best_is_found_out(world, axis):
     steps = small_steps(world.mesh, world.camera, world.pose, step_px=1.0)
     wrong = nudge(world.pose, np.eye(6)[axis] * steps, world.pose.apply(world.mesh.center_mm))
-    found = check_pose(world.mesh, wrong, world.camera, world.frames, world.lights, world.mask)
+    found = check_pose(world.mesh, wrong, world.photographs)
     row = found.along[axis]
     assert STEPS_PX[int(np.argmin(row.cost))] == -1
     # The image moves by the step, or by a part of it where a turn's axis is near.

@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from align.pose.pick_pose import misses_px
-from align.pose.picks import read_picks
+from align.pose.picks import misses_px, read_picks
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.mesh import Mesh

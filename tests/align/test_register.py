@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from align.pose.motion import nudge
+from align.pose.photographed import Photographs
 from align.pose.register import register
 from align.truth import ground_truth
 from fixtures.mesh_shapes import scan_of
@@ -29,10 +30,9 @@ def apart(world, pose):
 
 
 def run(world, **changes):
-    given = {name: changes.pop(name, getattr(world, name)) for name in ("mesh", "frames", "lights", "mask", "normals")}
-    return register(
-        given["mesh"], world.camera, given["frames"], given["lights"], given["mask"], given["normals"], **changes
-    )
+    mesh, normals = (changes.pop(name, getattr(world, name)) for name in ("mesh", "normals"))
+    other = {name: changes.pop(name) for name in ("frames", "lights", "mask") if name in changes}
+    return register(mesh, replace(world.photographs, **other), normals, **changes)
 
 
 @pytest.mark.parametrize("index", [0, pytest.param(1, marks=pytest.mark.full)])
@@ -174,7 +174,7 @@ def test_the_bunny_of_another_program(tmp_path):
     rough[mask] = np.linalg.lstsq(lights.directions, gray, rcond=None)[0].T
     rough /= np.linalg.norm(rough, axis=-1, keepdims=True)
     mesh = load_scan(folder / "scan" / "object.ply", "mm")
-    found = register(mesh, camera, frames, lights, mask, rough)
+    found = register(mesh, Photographs(camera, frames, lights, mask), rough)
     pose = Pose(np.array(truth["camera_from_scan"]))
     gap = camera.project(found.pose.apply(mesh.vertices)) - camera.project(pose.apply(mesh.vertices))
     assert np.sqrt(np.mean((gap**2).sum(1))) < 0.3
@@ -185,7 +185,7 @@ def test_the_bunny_of_another_program(tmp_path):
 
 def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
     """The rough search on halved pictures leads to the same pose."""
-    monkeypatch.setattr("align.pose.search.ROUGH_SIZE", 40)
+    monkeypatch.setattr("align.pose.photographed.ROUGH_SIZE", 40)
     px, deg = apart(world, run(world).pose)
     assert px < 0.1
     assert deg < 0.15

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from align.pose.probes import surface
+from align.pose.scan_view import View
 from align.pose.shading import find_shadows
 from scene.rays import RayCaster
 
@@ -10,9 +10,9 @@ from scene.rays import RayCaster
 def test_only_known_surface_is_asked_for_shadows(world, monkeypatch):
     """Points without a normal (the inside, through a hole) sent rays of NaN, a thousand times as slow as others."""
     pixels = np.argwhere(world.mask)[::7, ::-1].astype(float)
-    caster = RayCaster(world.mesh)
-    points, normals = surface(caster, world.camera, world.pose, pixels)
-    whole = find_shadows(caster, world.lights, world.pose, points, normals)
+    view = View(RayCaster(world.mesh), world.camera, world.pose)
+    points, normals = view.surface(pixels)
+    whole = find_shadows(view, world.lights, points, normals)
     assert 0.01 < whole.mean() < 0.5
     asked, blocked = [], RayCaster.blocked
 
@@ -25,6 +25,6 @@ def test_only_known_surface_is_asked_for_shadows(world, monkeypatch):
     normals[::3] = np.nan
     points[1::5] = np.nan
     known = np.isfinite(normals[:, 0]) & np.isfinite(points[:, 0])
-    found = find_shadows(caster, world.lights, world.pose, points, normals)
+    found = find_shadows(view, world.lights, points, normals)
     assert set(asked) == {known.sum()}
     np.testing.assert_array_equal(found, whole & known)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from align.scan.edges import edges_of
-from align.scan.scanned_table import find_table
+from align.scan.beside_object import find_table
+from align.scan.scan_surface import Surface
 
 SPAN = np.linspace(-100, 100, 161)
 
@@ -45,7 +45,7 @@ def box(size, *, open_below=False):
 def found(vertices, faces, rotation, noise_mm=0.05):
     generator = np.random.default_rng(0)
     moved = (vertices + noise_mm * generator.standard_normal(vertices.shape)) @ rotation.T + [300, -40, 900]
-    return find_table(moved, faces, edges_of(faces))
+    return find_table(Surface(moved, faces))
 
 
 TABLES = {

@@ -18,9 +18,9 @@ def test_the_scale_comes_out_of_the_distance(world):
         small = replace(world.mesh, vertices=world.mesh.vertices / unit)
 
         def run(mesh, start):
-            return register(mesh, world.camera, world.frames, world.lights, world.mask, world.normals, start=start)
+            return register(mesh, world.photographs, world.normals, start=start)
 
-        mesh, found, scale = register_unknown_scale(small, world.camera, world.lights, world.mask, run)
+        mesh, found, scale = register_unknown_scale(small, world.photographs, run)
         # The reference point is where the object is; a third of a pixel of 30 is what edges leave open of the distance.
         assert scale == pytest.approx(unit, rel=1e-2)
         gap = world.camera.project(found.pose.apply(mesh.vertices)) - world.camera.project(
@@ -36,15 +36,16 @@ def test_picks_in_the_files_unit_start_it(world, monkeypatch):
     small = replace(world.mesh, vertices=world.mesh.vertices / 25.4)
 
     def run(mesh, start):
-        return register(mesh, world.camera, world.frames, world.lights, world.mask, world.normals, start=start)
+        return register(mesh, world.photographs, world.normals, start=start)
 
     beside = nudge(world.pose, [0.02, -0.02, 0.03, 1.0, -1.0, 2.0], world.pose.apply(world.mesh.center_mm))
     picked = scaled_pose(beside, 1 / 25.4)
-    mesh, found, scale = register_unknown_scale(small, world.camera, world.lights, world.mask, run, start=picked)
+    mesh, found, scale = register_unknown_scale(small, world.photographs, run, start=picked)
     assert scale == pytest.approx(25.4, rel=1e-2)
     assert apart_px(mesh, world.camera, scaled_pose(picked, scale), found.pose) < 5
 
 
 def test_an_orthographic_camera_cannot_tell(world):
     with pytest.raises(AlignError, match=r"orthographic.*scan_ball_diameter_mm"):
-        register_unknown_scale(world.mesh, Camera.orthographic(160, 120), world.lights, world.mask, lambda *_: None)
+        photographs = replace(world.photographs, camera=Camera.orthographic(160, 120))
+        register_unknown_scale(world.mesh, photographs, lambda *_: None)

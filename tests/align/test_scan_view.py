@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from align.pose.motion import nudge
-from align.pose.probes import Probes, image_flow
+from align.pose.motion import image_flow, nudge
+from align.pose.scan_view import Probes
 from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.pose import Pose
@@ -24,7 +24,7 @@ def test_slopes_of_the_normals_are_what_moving_the_scan_shows(world, probed, axi
     caster, probes = probed
     points, normals = probes.surface(caster, world.pose)
     pivot = world.pose.apply(world.mesh.center_mm)
-    slopes = probes.slopes(caster, world.pose, points, normals, pivot)[:, :, axis]
+    slopes = probes.slopes(caster, world.pose, points, normals)[:, :, axis]
     twist = np.eye(6)[axis] * (1e-3 if axis < 3 else 0.1)
     after, before = (probes.surface(caster, nudge(world.pose, sign * twist, pivot))[1] for sign in (1, -1))
     real = (after - before) / (2 * twist[axis])

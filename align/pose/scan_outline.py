@@ -1,42 +1,31 @@
-"""The silhouette: where the scan ends in the image."""
+"""The scan's silhouette and its outline: where the scan ends in the image."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.probes import image_flow
+from align.pose.motion import image_flow
+from align.pose.scan_view import View
 from scene.camera import Camera
-from scene.pose import Pose
-from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Rim:
-    """Points of the scan's outline, as seen at one pose.
-
-    Parameters
-    ----------
-    points : (K, 3) float64
-        On the scan, camera frame, mm.
-    pixels : (K, 2) float64
-        Their image; exact to a thousandth of the raster's step.
-    outward : (K, 2) float64
-        Unit, image axes (u, v), away from the scan.
-    raster : (h, w) bool
-        The scan's silhouette on every `step`-th pixel.
-    corner : (2,) int
-        Pixel (u, v) of raster[0, 0].
-    step : int
-    """
+class Outline:
+    """Points of the scan's outline, as seen at one pose, and its silhouette."""
 
     points: Array
+    """(K, 3): on the scan, camera frame, mm."""
     pixels: Array
+    """(K, 2): their image; exact to a thousandth of the raster's step."""
     outward: Array
+    """(K, 2). Unit, image axes (u, v), away from the scan."""
     raster: NDArray[np.bool_]
+    """(h, w): the scan's silhouette on every `step`-th pixel."""
     corner: NDArray[np.int64]
+    """(2,): pixel (u, v) of raster[0, 0]."""
     step: int
 
     def overlap(self, mask: NDArray[np.bool_]) -> float:
@@ -53,35 +42,35 @@ class Rim:
 
     def _window(self, mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return the mask on the raster; False outside the picture."""
-        height, width = mask.shape
-        v = self.corner[1] + self.step * np.arange(self.raster.shape[0])
-        u = self.corner[0] + self.step * np.arange(self.raster.shape[1])
-        inside_v, inside_u = (v >= 0) & (v < height), (u >= 0) & (u < width)
+        (u, v), (height, width) = self.corner, self.raster.shape
+        rows, columns = v + self.step * np.arange(height), u + self.step * np.arange(width)
+        inside = np.ix_((rows >= 0) & (rows < mask.shape[0]), (columns >= 0) & (columns < mask.shape[1]))
         window = np.zeros(self.raster.shape, bool)
-        window[np.ix_(inside_v, inside_u)] = mask[np.ix_(v[inside_v], u[inside_u])]
+        window[inside] = mask[rows[inside[0]], columns[inside[1]]]
         return window
 
 
 def outline_jacobian(camera: Camera, points: NDArray, outward: NDArray, pivot: NDArray) -> Array:
     """Return d(pixel . outward)/d(twist) (K, 6) of outline points (K, 3), camera frame, for `nudge` about `pivot`.
 
-    A point on the rim may slide along the surface: across the outline that moves nothing, to first order.
+    A point of the outline may slide along the surface: across the outline that moves nothing, to first order.
     """
     if not len(points):
         return np.zeros((0, 6))
     return np.einsum("kp,kpt->kt", outward, image_flow(camera, points, pivot))
 
 
-def find_rim(caster: RayCaster, camera: Camera, pose: Pose, *, cells: int) -> Rim:
+def find_outline(view: View, *, cells: int) -> Outline:
     """Return the scan's outline at a pose, searched on a raster of about `cells` cells across the scan."""
     import cv2
 
-    corner, size = _frame(caster, camera, pose)
+    camera = view.camera
+    corner, size = _frame(view)
     step = max(1, int(np.ceil(size.max() / cells)))
     u = corner[0] + step * np.arange(int(size[0]) // step + 1)
     v = corner[1] + step * np.arange(int(size[1]) // step + 1)
     pixels = np.stack(np.meshgrid(u, v), -1).astype(np.float64)
-    raster = caster.look(camera, pose, pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
+    raster = view.hits(pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
 
     across = raster[:, 1:] != raster[:, :-1]
     down = raster[1:] != raster[:-1]
@@ -92,11 +81,9 @@ def find_rim(caster: RayCaster, camera: Camera, pose: Pose, *, cells: int) -> Ri
     outside = np.where(first_is_inside, ends[1], ends[0])
     for _ in range(int(np.ceil(np.log2(step))) + 8):
         middle = (inside + outside) / 2
-        hit = caster.look(camera, pose, middle).hit[:, None]
+        hit = view.hits(middle).hit[:, None]
         inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
-    hits = caster.look(camera, pose, inside)
-    origins, directions = camera.rays(inside)
-    points = origins + directions * np.where(hits.hit, hits.distance, np.nan)[:, None]
+    points = view.surface(inside)[0]
 
     soft = cv2.GaussianBlur(raster.astype(np.float32), (0, 0), 1.5)
     gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
@@ -106,14 +93,14 @@ def find_rim(caster: RayCaster, camera: Camera, pose: Pose, *, cells: int) -> Ri
     length = np.linalg.norm(slope, axis=1, keepdims=True)
     good = (length[:, 0] > 1e-3) & np.isfinite(points[:, 0])
     good &= (inside > 1).all(1) & (inside[:, 0] < camera.width - 2) & (inside[:, 1] < camera.height - 2)
-    return Rim(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
+    return Outline(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
 
 
-def _frame(caster: RayCaster, camera: Camera, pose: Pose) -> tuple[NDArray[np.int64], Array]:
+def _frame(view: View) -> tuple[NDArray[np.int64], Array]:
     """Return the corner (u, v) and the size of the box of pixels that holds the scan, cut to the image."""
-    vertices = caster.mesh.vertices
+    camera, vertices = view.camera, view.caster.mesh.vertices
     # A subset of a dense scan bounds it well enough with the margin of a twentieth.
-    seen = camera.project(pose.apply(vertices[:: max(1, len(vertices) // 20000)]))
+    seen = camera.project(view.pose.apply(vertices[:: max(1, len(vertices) // 20000)]))
     limit = np.array([camera.width, camera.height])
     low, high = np.nanmin(seen, 0), np.nanmax(seen, 0)
     margin = 3 + 0.05 * (high - low).max()
@@ -143,10 +130,6 @@ def sample(image: NDArray[np.float32], pixels: NDArray) -> Array:
     flat = np.asarray(pixels, np.float32).reshape(-1, 2)
     if not len(flat):
         return np.zeros(np.shape(pixels)[:-1])
-    width = 4096
-    rows = -(-len(flat) // width)
-    grid = np.zeros((rows * width, 2), np.float32)
-    grid[: len(flat)] = flat
-    grid = grid.reshape(rows, width, 2)
+    grid = np.resize(flat, (-(-len(flat) // 4096), 4096, 2))
     values = cv2.remap(image, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
     return values.ravel()[: len(flat)].reshape(np.shape(pixels)[:-1]).astype(np.float64)

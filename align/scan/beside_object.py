@@ -1,14 +1,12 @@
-"""A table that was scanned with the object, told from the object's own flat base."""
+"""What was scanned beside the object: a calibration ball, which gives the scale, and a table, told from a flat base."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.scan.edges import Edges
-from align.scan.triangles import crosses, lengths, middles
+from align.scan.scan_surface import Surface
 
-Vertices = NDArray[np.float64]
-Faces = NDArray[np.int64]
-
+ROUND = 0.01
+"""A piece is a ball when its vertices keep to a sphere within this share of the radius, rms."""
 BEYOND = 0.1
 """A table reaches beyond the rest by this share of the rest's width ..."""
 SIDES = 0.75
@@ -21,23 +19,53 @@ BENEATH = 0.02
 """At most this share of the rest's area lies beneath a table: a plinth has sides, a table seen from above none."""
 
 
-def find_table(vertices: Vertices, faces: Faces, edges: Edges) -> tuple[NDArray[np.bool_], str]:
+def find_balls(surface: Surface) -> list[tuple[int, float]]:
+    """Return the number and the radius of each piece that is a ball, at least half of it."""
+    balls = []
+    order = np.argsort(surface.piece, kind="stable")
+    for own in np.split(order, np.flatnonzero(np.diff(surface.piece[order])) + 1):
+        if len(own) < 50:
+            continue
+        points = surface.vertices[np.unique(surface.faces[own])]
+        middle, radius = _sphere(points)
+        misfit = np.abs(np.linalg.norm(points - middle, axis=1) - radius)
+        # The foot on the table and a rim of noise are no part of the ball.
+        near = misfit < max(4 * float(np.median(misfit)), 1e-3 * radius)
+        middle, radius = _sphere(points[near])
+        misfit = np.linalg.norm(points - middle, axis=1) - radius
+        wide = np.ptp(points, axis=0).max() > 1.8 * radius
+        if wide and near.mean() > 0.9 and np.sqrt((misfit**2).mean()) < ROUND * radius:
+            balls.append((int(surface.piece[own[0]]), radius))
+    return balls
+
+
+def _sphere(points: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Return middle (3,) and radius of the sphere through points (N, 3): |p|^2 = 2 p . m + r^2 - |m|^2, linear."""
+    shift = points.mean(0)
+    scale = np.ptp(points, axis=0).max()
+    local = (points - shift) / scale
+    rows = np.column_stack([2 * local, np.ones(len(local))])
+    solution = np.linalg.lstsq(rows, (local**2).sum(1), rcond=None)[0]
+    radius = np.sqrt(max(solution[3] + solution[:3] @ solution[:3], 0.0))
+    return solution[:3] * scale + shift, float(radius * scale)
+
+
+def find_table(surface: Surface) -> tuple[NDArray[np.bool_], str]:
     """Return which faces (T,) are table, and what to say of it ("" where there is nothing to say).
 
     A table is flat; everything else stands on one side of it; it reaches well beyond the rest's outline, most ways
     round; its own outline is open (nobody scans a table from below), and what stands on it is no shallow relief.
     So the base of a vase, the side of a brick, a plate, a plinth with sides and the ground of a relief stay.
     """
+    vertices, faces, area = surface.vertices, surface.faces, surface.area
     nothing = np.zeros(len(faces), bool), ""
-    if not len(edges.border):
+    if not len(surface.edges.border):
         return nothing
     size = float(np.linalg.norm(np.ptp(vertices, axis=0)))
-    border = vertices[edges.border_ends(faces).ravel()]
+    border = vertices[surface.ends(surface.edges.border).ravel()]
     # Small holes only: a table's outline goes around all that stands on it.
     if np.linalg.norm(np.ptp(border, axis=0)) < 0.1 * size:
         return nothing
-    area = lengths(crosses(vertices, faces))
-    middle = middles(vertices, faces)
     generator = np.random.default_rng(0)
     total = np.cumsum(area)
     # Corners, not middles: those scatter less than the vertices, which have to lie in the plane.
@@ -50,16 +78,16 @@ def find_table(vertices: Vertices, faces: Faces, edges: Edges) -> tuple[NDArray[
     height = vertices @ normal - offset
     low = np.abs(height) < tolerance
     flat = low[faces[:, 0]] & low[faces[:, 1]] & low[faces[:, 2]]
-    face_height = middle @ normal - offset
+    face_height = surface.middle @ normal - offset
     above, beneath = face_height > 2 * tolerance, face_height < -2 * tolerance
     if not flat.any() or not above.any() or area[beneath].sum() > BENEATH * area[above].sum():
         return nothing
 
     across = np.linalg.svd(normal[None])[2][1:]
-    ours, rest = (_outline(middle[_some(part)] @ across.T) for part in (flat, above))
+    ours, rest = (_outline(surface.middle[_some(part)] @ across.T) for part in (flat, above))
     width = float((rest + np.roll(rest, len(rest) // 2)).max())
     margin = (ours - rest) / width
-    if np.mean(margin > BEYOND) < SIDES or not _is_open(vertices @ across.T, faces, edges, flat):
+    if np.mean(margin > BEYOND) < SIDES or not _is_open(surface, across, flat):
         return nothing
     tall = float(np.quantile(face_height[_some(above)], 0.995))
     share = 100 * area[flat].sum() / area.sum()
@@ -89,7 +117,7 @@ def _some(part: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _plane(
-    sample: Vertices, generator: np.random.Generator, size: float
+    sample: NDArray[np.float64], generator: np.random.Generator, size: float
 ) -> tuple[NDArray[np.float64], float, float] | None:
     """Return normal, offset and half thickness of the largest plane with nothing beneath; the rest is on its front."""
     triples = sample[generator.integers(0, len(sample), (1500, 3))]
@@ -125,10 +153,10 @@ def _plane(
     return normal, offset, tolerance
 
 
-def _is_open(points: NDArray, faces: Faces, edges: Edges, flat: NDArray[np.bool_]) -> bool:
-    """Whether most corners of the flat part's hull, in its plane (V, 2), are the mesh's own border."""
+def _is_open(surface: Surface, across: NDArray, flat: NDArray[np.bool_]) -> bool:
+    """Whether most corners of the flat part's hull, in its plane's axes `across` (2, 3), are the mesh's own border."""
     from scipy.spatial import ConvexHull
 
-    used = np.unique(faces[flat])
-    hull = used[ConvexHull(points[used]).vertices]
-    return bool(np.isin(hull, edges.border_ends(faces)).mean() >= 0.5)
+    used = np.unique(surface.faces[flat])
+    hull = used[ConvexHull(surface.vertices[used] @ across.T).vertices]
+    return bool(np.isin(hull, surface.ends(surface.edges.border)).mean() >= 0.5)

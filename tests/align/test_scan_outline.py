@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from align.pose.rim import sample
+from align.pose.scan_outline import sample
 
 
 def test_nothing_is_read_at_no_pixels():

@@ -1,28 +1,14 @@
-"""One picture out of the stack, in which outlines are sharp and shadows gone."""
+"""Pictures out of the stack in which the object's outline is sharp and shadows are gone."""
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.photographed import box_of
 from scene.frames import Frames
-
-ACROSS = 500
-"""Pixels across the object, at least, at which normals are solved for the search."""
-
-
-def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
-    """Return the rows and columns that hold a mask's pixels; the mask is not empty."""
-    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
-    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
-
-
-def longer_side(mask: NDArray[np.bool_]) -> int:
-    """Return the longer side of the box about a mask, pixels."""
-    return max(side.stop - side.start for side in box_of(mask))
 
 
 def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
@@ -45,38 +31,10 @@ def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
     return np.asarray(small.read().mean(-1))
 
 
-def sparse_normals(mask: NDArray[np.bool_], solve: Callable[[NDArray[np.bool_]], NDArray]) -> NDArray:
-    """Return normals (H, W, 3) under a mask, of a large object solved on every k-th pixel of every k-th row only.
-
-    A scan is placed with the object `ACROSS` pixels large; what more there is of normals would be averaged.
-
-    Parameters
-    ----------
-    mask : (H, W) bool
-    solve : callable
-        A mask (H, W) -> normals (H, W, 3), NaN where unknown.
-
-    Returns
-    -------
-    normals : (H, W, 3)
-        The k x k pixels about a solved one are given its normal.
-    """
-    step = max(1, (longer_side(mask) - 1) // ACROSS) if mask.any() else 1
-    if step == 1:
-        return solve(mask)
-    grid = [np.arange(step // 2, count, step) for count in mask.shape]
-    few = np.zeros_like(mask)
-    few[np.ix_(*grid)] = mask[np.ix_(*grid)]
-    nearest = [
-        at[np.minimum(np.arange(count) // step, len(at) - 1)] for at, count in zip(grid, mask.shape, strict=True)
-    ]
-    return solve(few)[np.ix_(*nearest)]
-
-
 def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (h, w), the mean of each pixel's brightest quarter of frames (F, h, w).
 
-    Cast shadows vanish from the backdrop, and a limb counts where it is lit: its edge is steeper than in the mean.
+    Cast shadows vanish from the backdrop, and the object's edge counts where it is lit: it is steeper than in the mean.
     """
     keep = max(1, len(stack) // 4)
     return np.partition(stack, len(stack) - keep, axis=0)[-keep:].mean(0)

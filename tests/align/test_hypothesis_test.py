@@ -5,23 +5,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import FinalEvidence
+from align.pose.full_resolution import FinalEvidence, Observed
 from align.pose.hypothesis_test import compare_poses
 from align.pose.motion import nudge
-from align.pose.outline_edges import LimbPictures
-from align.pose.shading import take_samples
+from align.pose.outline_edges import EdgePictures
 from scene.rays import RayCaster
 
 
 @pytest.fixture(scope="module")
 def evidence_at(world):
-    samples = take_samples(world.frames, world.lights, world.mask, count=1500)
-    limbs = LimbPictures.of(world.frames, world.lights, world.mask)
+    pictures = EdgePictures.of(world.photographs)
 
     def at(pose, mesh=world.mesh):
-        return FinalEvidence.of(
-            RayCaster(mesh), world.camera, world.lights, world.mask, limbs, samples, pose, cells=100, reach_px=6.0
-        )
+        seen = Observed.of(RayCaster(mesh), world.photographs, pictures, count=1500, cells=100)
+        return FinalEvidence.about(seen, pose, reach_px=6.0)
 
     return at
 
@@ -47,8 +44,8 @@ def test_a_hole_in_view_does_not_speak_against_a_pose(world, evidence_at):
     """A scan's hole lies where it stood, not where it fits badly: a wrong pose that shows none won by it."""
     mesh = world.mesh
     seen = world.pose.apply(mesh.vertices)
-    rim = world.pose.apply(mesh.center_mm)[2] + 0.8 * mesh.radius_mm
-    open_front = replace(mesh, faces=mesh.faces[~(seen[:, 2] > rim)[mesh.faces].any(1)])
+    front = world.pose.apply(mesh.center_mm)[2] + 0.8 * mesh.radius_mm
+    open_front = replace(mesh, faces=mesh.faces[~(seen[:, 2] > front)[mesh.faces].any(1)])
     turned = nudge(world.pose, [0, 0, np.radians(20), 0, 0, 0], world.pose.apply(mesh.center_mm))
     true, other = evidence_at(world.pose, open_front), evidence_at(turned)
     hole = ~np.isfinite(true.pixel_costs(0.05))
@@ -61,6 +58,6 @@ def test_a_scan_seen_from_its_open_side_explains_nothing(world, evidence_at):
     front = (world.pose.rotate(world.mesh.vertex_normals) * seen).sum(1) < 0
     back_only = replace(world.mesh, faces=world.mesh.faces[~front[world.mesh.faces].any(1)])
     true, inside = evidence_at(world.pose), evidence_at(world.pose, back_only)
-    contest = compare_poses(true, inside)
-    assert contest.costs[1] >= 1
-    assert contest.costs[0] < 0.5
+    compared = compare_poses(true, inside)
+    assert compared.costs[1] >= 1
+    assert compared.costs[0] < 0.5

@@ -4,25 +4,26 @@ import numpy as np
 import pytest
 
 from align.pose.motion import nudge
-from align.pose.outline_edges import LimbPictures
-from align.pose.rim import find_rim
+from align.pose.outline_edges import EdgePictures
+from align.pose.scan_outline import find_outline
+from align.pose.scan_view import View
 from scene.rays import RayCaster
 
 
 @pytest.fixture(scope="module")
-def limbs(world):
-    return LimbPictures.of(world.frames, world.lights, world.mask)
+def pictures(world):
+    return EdgePictures.of(world.photographs)
 
 
-def offsets(world, limbs, pose):
-    caster = RayCaster(world.mesh)
-    rim = find_rim(caster, world.camera, pose, cells=200)
-    located = limbs.locate(rim.pixels, rim.outward, reach_px=4.0)
-    return rim, located, limbs.expect(caster, world.camera, world.lights, pose, rim, located)
+def offsets(world, pictures, pose):
+    view = View(RayCaster(world.mesh), world.camera, pose)
+    outline = find_outline(view, cells=200)
+    located = pictures.locate(outline.pixels, outline.outward, reach_px=4.0)
+    return outline, located, pictures.expect(view, world.lights, outline, located)
 
 
-def test_a_limb_darkens_and_the_scan_says_how_much(world, limbs):
-    _, located, expected = offsets(world, limbs, world.pose)
+def test_an_object_darkens_toward_its_outline_and_the_scan_says_how_much(world, pictures):
+    _, located, expected = offsets(world, pictures, world.pose)
     known = np.isfinite(located)
     assert known.mean() > 0.7
     left = (located - expected)[known]
@@ -32,20 +33,20 @@ def test_a_limb_darkens_and_the_scan_says_how_much(world, limbs):
     assert np.median(np.abs(left - np.median(left))) < np.median(np.abs(located[known] - np.median(located[known])))
 
 
-def test_an_edge_lies_outside_where_the_scan_is_too_far_in(world, limbs):
+def test_an_edge_lies_outside_where_the_scan_is_too_far_in(world, pictures):
     right = nudge(world.pose, [0, 0, 0, 1.0, 0, 0], world.pose.apply(world.mesh.center_mm))
-    rim, located, expected = offsets(world, limbs, right)
+    outline, located, expected = offsets(world, pictures, right)
     shift = world.camera.project(right.apply(world.mesh.center_mm)) - world.camera.project(
         world.pose.apply(world.mesh.center_mm)
     )
     for side in (-1, 1):
-        here = side * rim.outward[:, 0] > 0.9
+        here = side * outline.outward[:, 0] > 0.9
         assert np.nanmedian((located - expected)[here]) == pytest.approx(-side * shift[0], abs=0.3)
 
 
-def test_each_sector_is_lit_from_its_own_side(world, limbs):
-    for sector, members in enumerate(limbs.members):
-        angle = 2 * np.pi * sector / len(limbs.members)
+def test_each_sector_is_lit_from_its_own_side(world, pictures):
+    for sector, members in enumerate(pictures.members):
+        angle = 2 * np.pi * sector / len(pictures.members)
         # Image v runs down, the camera's y up.
         toward = world.lights.directions[:, 0] * np.cos(angle) - world.lights.directions[:, 1] * np.sin(angle)
         assert toward[members].min() >= toward[~members].max()

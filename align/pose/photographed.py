@@ -1,0 +1,109 @@
+"""What a scan is registered to: the photographs of an object, and what is known of them before."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import AlignError
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.normals import unit
+
+ACROSS = 500
+"""Pixels across the object, at least, at which normals are solved for the search."""
+ROUGH_SIZE = 500
+"""Pixels across the object, at most, until the frames themselves are asked."""
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """The photographs of one object."""
+
+    camera: Camera
+    frames: Frames
+    lights: Lights
+    """One a frame; near lights are taken at each point."""
+    mask: NDArray[np.bool_]
+    """(H, W): the object."""
+
+    def check(self, normals: NDArray) -> None:
+        """Raise AlignError unless all sizes agree, and mask and normals (H, W, 3) show a whole object."""
+        size, mask = (self.camera.height, self.camera.width), self.mask
+        if mask.shape != size or normals.shape != (*size, 3) or (self.frames.height, self.frames.width) != size:
+            raise AlignError(
+                f"align: camera {size[1]} x {size[0]} px, frames {self.frames.width} x {self.frames.height}, mask "
+                f"{mask.shape[1]} x {mask.shape[0]}, normals {normals.shape[1]} x {normals.shape[0]}; all must agree."
+            )
+        if len(self.lights) != len(self.frames):
+            raise AlignError(f"align: {len(self.lights)} lights for {len(self.frames)} frames; expected one each.")
+        if mask.sum() < 200:
+            raise AlignError(f"mask: {mask.sum()} pixels are too few to place a scan; expected some thousand.")
+        known = mask & np.isfinite(normals).all(-1)
+        if known.sum() < 0.2 * mask.sum():
+            raise AlignError(
+                f"align: normals are known at {known.sum()} of the mask's {mask.sum()} pixels; expected most. "
+                "Is the mask on the object?"
+            )
+        border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
+        # A nibble at the border may be a fault of the mask; a stretch of it is the object leaving the picture.
+        if border.sum() > max(4, 0.15 * math.sqrt(mask.sum())):
+            raise AlignError(
+                f"mask: {border.sum()} of its pixels lie on the image's border: the object leaves the frame, and its "
+                "outline cannot be matched with the scan's. Reshoot with the whole object in view."
+            )
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a scan is looked for by: the object's mask (H, W), and photometric normals (H, W, 3), NaN where unknown."""
+
+    camera: Camera
+    mask: NDArray[np.bool_]
+    normals: NDArray
+
+    def shrunken(self) -> "Target":
+        """Halve all until the object is no larger than `ROUGH_SIZE`: the same scene, fewer pixels."""
+        camera, mask, normals = self.camera, self.mask, self.normals
+        while longer_side(mask) > ROUGH_SIZE:
+            camera = camera.halved()
+            height, width = camera.height, camera.width
+            quarters = [np.s_[row : 2 * height : 2, column : 2 * width : 2] for row in (0, 1) for column in (0, 1)]
+            mask = np.stack([mask[part] for part in quarters]).sum(0) >= 2
+            # One after the other: all four at once are another map of the full size, and their copies more.
+            normals = unit(reduce(np.add, (np.nan_to_num(normals[part]) for part in quarters)))
+        return Target(camera, mask, normals)
+
+
+def box_of(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
+    """Return the rows and columns that hold a mask's pixels; the mask is not empty."""
+    rows, columns = (np.flatnonzero(mask.any(axis)) for axis in (1, 0))
+    return slice(int(rows[0]), int(rows[-1]) + 1), slice(int(columns[0]), int(columns[-1]) + 1)
+
+
+def longer_side(mask: NDArray[np.bool_]) -> int:
+    """Return the longer side of the box about a mask, pixels."""
+    return max(side.stop - side.start for side in box_of(mask))
+
+
+def sparse_normals(mask: NDArray[np.bool_], solve: Callable[[NDArray[np.bool_]], NDArray]) -> NDArray:
+    """Return normals (H, W, 3) under a mask, of a large object solved on every k-th pixel of every k-th row only.
+
+    A scan is placed with the object `ACROSS` pixels large; what more there is of normals would be averaged. `solve`
+    takes a mask (H, W) and gives normals (H, W, 3), NaN where unknown; the k x k pixels about a solved one are given
+    its normal.
+    """
+    step = max(1, (longer_side(mask) - 1) // ACROSS) if mask.any() else 1
+    if step == 1:
+        return solve(mask)
+    grid = [np.arange(step // 2, count, step) for count in mask.shape]
+    few = np.zeros_like(mask)
+    few[np.ix_(*grid)] = mask[np.ix_(*grid)]
+    nearest = [
+        at[np.minimum(np.arange(count) // step, len(at) - 1)] for at, count in zip(grid, mask.shape, strict=True)
+    ]
+    return solve(few)[np.ix_(*nearest)]
