@@ -2,28 +2,29 @@
 
 from contextlib import suppress
 from html import escape
+from itertools import zip_longest
 
 import numpy as np
 
 from compare.report import charts, pictures
 from compare.report.facts import read_optional
-from compare.report.page import absent, drawing, is_number, number, percent, picture, polyline, section, table
+from compare.report.page import absent, drawing, folded, is_number, number, percent, picture, polyline, section, table
 from compare.report.pictures import Box
 from compare.report.shown_material import Material, Summary
 from scene.errors import SceneError
+from scene.spheres import Sphere
 
 BALL_WIDTH = 420
 
 
 def frames_section(material: Material, summary: Summary) -> str:
     """Return a contact sheet of all frames, one brightness scale for all."""
-    frames, capture = material.frames, summary.get("capture") or {}
+    frames, capture, title = material.frames, summary.get("capture") or {}, "The photographs"
     if frames is None:
-        return section("frames", "The photographs", absent("The decoded frames are not in this folder any more."))
+        return section("frames", title, absent("The decoded frames are not in this folder any more."))
     facts = {row.get("name"): row for row in capture.get("frames_table") or []}
     width = 200 if len(frames) <= 48 else 120
-    box = Box(0, 0, frames.width, frames.height)
-    sheet = []
+    box, sheet = Box(0, 0, frames.width, frames.height), ""
     for index, name in enumerate(frames.names):
         row = facts.get(name) or {}
         caption = f"<b>{index + 1}</b> {escape(name)}"
@@ -31,30 +32,31 @@ def frames_section(material: Material, summary: Summary) -> str:
             caption += f"<br>brightness {number(row['brightness'], 3)}"
         if is_number(row.get("saturated_share")):
             caption += f", clipped {percent(row['saturated_share'], 1)}"
-        uri = pictures.data_uri(material.photograph(index, box, width), photograph=True)
-        sheet.append(picture(uri, f"photograph {index + 1}, {name}", caption))
+        image = material.photograph(index, box, width)
+        sheet += picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
     size = f"{number(capture.get('width'))} × {number(capture.get('height'))} px, " if capture.get("width") else ""
     count = f"{number(capture['frames'])} frames, " if is_number(capture.get("frames")) else ""
     ambient = capture.get("ambient")
     subtracted = "" if ambient is None else "ambient frame subtracted" if ambient else "no ambient frame"
     lead = f"{count}{size}{subtracted}. One brightness scale for all, gamma-encoded for the eye; the data are linear."
-    return section("frames", "The photographs", f'<div class="sheet width-{width}">{"".join(sheet)}</div>', lead)
+    return section("frames", title, f'<div class="sheet width-{width}">{sheet}</div>', lead)
 
 
 def balls_section(material: Material) -> str:
     """Return each ball's crop with its fitted outline and highlights."""
+    title = "The calibration balls"
     if not material.spheres:
         text = "No ball was found or asked for. The lights come from elsewhere (see Lights), or are not known."
-        return section("balls", "The calibration balls", absent(text))
+        return section("balls", title, absent(text))
     calibration = read_optional(material.store, "calibration.json") or {}
     highlights = calibration.get("highlights_px") or []
-    figures = [
-        _ball(material, index, row, highlights[index] if index < len(highlights) else None)
-        for index, row in enumerate(material.spheres)
-    ]
-    rejected = calibration.get("rejected") or []
-    body = f'<div class="gallery">{"".join(figures)}</div>'
-    if rejected:
+    spheres = []
+    with suppress(SceneError):
+        spheres = material.store.load_spheres()
+    rows = zip_longest(range(len(material.spheres)), spheres, highlights)
+    figures = "".join(_ball(material, *row) for row in rows if row[0] is not None)
+    body = f'<div class="gallery">{figures}</div>'
+    if rejected := calibration.get("rejected"):
         rows = "".join(f"<li>{escape(_sentence(item))}</li>" for item in rejected)
         body += f"<h3>Candidates that were refused</h3><ul>{rows}</ul>"
     lead = (
@@ -64,11 +66,46 @@ def balls_section(material: Material) -> str:
         "edge shows against the table that they mirror, and with each frame's highlight laid over it. A dark disc "
         "inside a chrome ball is the dark room in the mirror, not the ball's edge."
     )
-    return section("balls", "The calibration balls", body, lead)
+    return section("balls", title, body, lead)
 
 
-def _ball(material: Material, index: int, row: Summary, seen: list | None) -> str:
-    title = f"<b>{escape(str(row.get('kind', '')))} ball {index + 1}</b>"
+def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
+    row, camera = material.spheres[index], material.camera
+    frames, exposure = material.photographs_of_ball(index)
+    caption = _ball_caption(index, row)
+    if camera is None or sphere is None:
+        reason = absent("Its camera or its place is not in this folder.")
+        return f"<figure>{reason}<figcaption>{caption}</figcaption></figure>"
+    outline = sphere.outline(camera)
+    box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
+    corner = np.array([box.left - 0.5, box.top - 0.5])
+    shapes = polyline(outline - corner, "outline-halo") + polyline(outline - corner, "outline")
+    arm = max(box.width / 60, 1.0)
+    for frame, pixel in enumerate(seen or []):
+        if pixel is None:
+            continue
+        u, v = np.array(pixel, np.float64) - corner
+        name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)
+        cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
+        title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
+        shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
+    overlay = drawing(box.width, box.height, shapes, label="fitted outline and highlights")
+    if row.get("apart"):
+        caption += " Photographed apart."
+    if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
+        caption += " Its pictures are not kept here, so only the fit is drawn."
+        below = f"<figcaption>{caption}</figcaption>"
+        return f'<figure class="ball"><div class="stack blank">{overlay}</div>{below}</figure>'
+    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
+    image = exposure.develop(mean)
+    if row.get("kind") == "chrome":
+        brightest = pictures.ball_picture(frames, box, brightest=True)
+        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
+    words = f"{row.get('kind')} ball {index + 1} with its fitted outline"
+    return picture(image, words, caption, photograph=True, overlay=overlay, kind="ball")
+
+
+def _ball_caption(index: int, row: Summary) -> str:
     facts = [
         f"radius {number(row.get('radius_px'), 1, 'px')}",
         f"centre ± {number(row.get('sigma_px'), 2, 'px')}",
@@ -80,47 +117,7 @@ def _ball(material: Material, index: int, row: Summary, seen: list | None) -> st
         facts.append(f"distance {number(row['distance_mm'], 0, 'mm')}")
     if row.get("kind") == "chrome" and is_number(row.get("highlights_seen")):
         facts.append(f"highlight in {number(row['highlights_seen'])} of {number(row['highlights_frames'])} frames")
-    caption = f"{title}<br>{', '.join(facts)}."
-    camera, (frames, exposure) = material.camera, material.photographs_of_ball(index)
-    spheres = []
-    with suppress(SceneError):
-        spheres = material.store.load_spheres()
-    if camera is None or index >= len(spheres):
-        reason = absent("Its camera or its place is not in this folder.")
-        return f"<figure>{reason}<figcaption>{caption}</figcaption></figure>"
-    sphere = spheres[index]
-    outline = sphere.outline(camera)
-    box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
-    corner = np.array([box.left - 0.5, box.top - 0.5])
-    shapes = polyline(outline - corner, "outline-halo") + polyline(outline - corner, "outline")
-    arm = max(box.width / 60, 1.0)
-    for number_, pixel in enumerate(seen or []):
-        if pixel is None:
-            continue
-        u, v = np.array(pixel, np.float64) - corner
-        name = frames.names[number_] if frames is not None and number_ < len(frames) else str(number_ + 1)
-        cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
-        title_ = f"<title>{escape(f'{number_ + 1}: {name}')}</title>"
-        shapes += f'<g>{title_}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
-    overlay = drawing(box.width, box.height, shapes, label="fitted outline and highlights")
-    if row.get("apart"):
-        caption += " Photographed apart."
-    fits = frames is not None and (frames.width, frames.height) == (camera.width, camera.height)
-    if not fits or exposure is None:
-        caption += " Its pictures are not kept here, so only the fit is drawn."
-        return (
-            f'<figure class="ball"><div class="stack blank">{overlay}</div><figcaption>{caption}</figcaption></figure>'
-        )
-    assert frames is not None
-    mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
-    image = exposure.develop(mean)
-    if row.get("kind") == "chrome":
-        brightest = pictures.ball_picture(frames, box, brightest=True)
-        image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
-    uri = pictures.data_uri(image, photograph=True)
-    return picture(
-        uri, f"{row.get('kind')} ball {index + 1} with its fitted outline", caption, overlay=overlay, kind="ball"
-    )
+    return f"<b>{escape(str(row.get('kind', '')))} ball {index + 1}</b><br>{', '.join(facts)}."
 
 
 def lights_section(material: Material) -> str:
@@ -151,8 +148,7 @@ def lights_section(material: Material) -> str:
         for index, row in enumerate(lights["frames"])
     ]
     head = ("light", "from axis", "azimuth", "± direction", "intensity", "± intensity", "distance", "suspicious")
-    listed = table(head, rows, kind="numbers")
-    body += f"<details><summary>All lights as a table</summary>{listed}</details>"
+    body += folded("All lights as a table", table(head, rows, kind="numbers"))
     lead = f"{number(lights['count'])} lights, {escape(str(lights['model']))}, seen from the object's centre."
     return section("lights", "The lights", body, lead)
 

@@ -1,10 +1,14 @@
-"""The report's smallest pieces: numbers that can be traced, tables, figures, badges; everything escaped."""
+"""The report's smallest pieces: numbers that can be traced, tables, figures, badges, sections; everything escaped."""
 
 import math
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape, unescape
+from pathlib import Path
+from string import Template
 from typing import Any, TypeGuard
+
+from compare.report.pictures import Image, data_uri
 
 UNKNOWN = '<span class="unknown">unknown</span>'
 
@@ -24,6 +28,11 @@ def number(value: Any, decimals: int = 2, unit: str = "") -> str:
         if value and float(shown) == 0:
             shown = f"{value:.1g}" if abs(value) >= 1e-6 else f"{value:.0e}"
     return _tagged(value, shown.replace("-", "\u2212"), unit)
+
+
+def numbers(row: Mapping[str, Any], keys: Iterable[str], decimals: int = 2) -> list[str]:
+    """Return some of a row's values as numbers."""
+    return [number(row.get(key), decimals) for key in keys]
 
 
 def round_number(value: float, unit: str = "") -> str:
@@ -69,22 +78,29 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     return f'<div class="scroll">{"".join(lines)}</div>'
 
 
-def picture(uri: str, alt: str, caption: str = "", *, overlay: str = "", kind: str = "") -> str:
-    """Return a figure: an image, drawings that lie on it, and what is to be seen."""
+def definitions(words: Iterable[tuple[str, str]]) -> str:
+    """Return terms, each with what it means; both are plain text."""
+    return f"<dl>{''.join(f'<dt>{escape(term)}</dt><dd>{escape(text)}</dd>' for term, text in words)}</dl>"
+
+
+def folded(title: str, body: str) -> str:
+    """Return what is shown when the reader asks for it."""
+    return f"<details><summary>{title}</summary>{body}</details>"
+
+
+def picture(
+    image: Image, alt: str, caption: str = "", *, photograph: bool = False, overlay: str = "", kind: str = ""
+) -> str:
+    """Return a figure: an image, drawings that lie on it, and what is to be seen (HTML)."""
     below = f"<figcaption>{caption}</figcaption>" if caption else ""
-    image = f'<img src="{uri}" alt="{escape(alt)}">'
-    return f'<figure class="{kind}"><div class="stack">{image}{overlay}</div>{below}</figure>'
+    shown = f'<img src="{data_uri(image, photograph=photograph)}" alt="{escape(alt)}">'
+    return f'<figure class="{kind}"><div class="stack">{shown}{overlay}</div>{below}</figure>'
 
 
 def wiper(left: tuple[str, str], right: tuple[str, str], caption: str) -> str:
-    """Return two pictures on each other, and a slider that wipes or fades between them.
+    """Return two pictures of one size on each other, and a slider that wipes or fades between them.
 
-    Parameters
-    ----------
-    left, right : (str, str)
-        The URI of a picture, and what it is. Both of one size.
-    caption : str
-        HTML.
+    `left`, `right`: the URI of a picture, and what it is. `caption` is HTML.
     """
     (left_uri, left_words), (right_uri, right_words) = ((uri, escape(words)) for uri, words in (left, right))
     ways = "".join(
@@ -120,9 +136,9 @@ def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
     return f'<polygon class="{kind}" points="{path}"/>'
 
 
-def badge(level: str) -> str:
-    """Return a verdict's level as a word in a coloured frame."""
-    return f'<span class="badge {level}">{LEVELS[level]}</span>'
+def badge(level: str, words: str = "") -> str:
+    """Return a verdict as a word in a coloured frame: the level's own, or another."""
+    return f'<span class="badge {level}">{words or LEVELS[level]}</span>'
 
 
 def absent(text: str) -> str:
@@ -134,3 +150,25 @@ def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     """Return a section; `body` and `lead` are HTML already."""
     lead = f'<p class="lead">{lead}</p>' if lead else ""
     return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'
+
+
+def verdict_section(title: str, lines: Iterable[tuple[str, str]], *, wide: str = "") -> str:
+    """Return the box on top: one line a topic, (heading, sentence), both HTML; `wide` stands after the first."""
+    first, *rest = (f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
+    rows = "".join([first, f'<li class="wide">{wide}</li>' if wide else "", *rest])
+    return f'<section id="verdict" class="verdict"><h2>{title}</h2><ul>{rows}</ul></section>'
+
+
+def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:
+    """Return the page: `chapters` are sections by their names in the row of links; `subtitle` is HTML already."""
+    here = Path(__file__).parent
+    anchors = [(re.search(r'<section id="([\w-]+)"', html), words) for words, html in chapters.items()]
+    return Template((here / "report_template.html").read_text(encoding="utf-8")).substitute(
+        title=escape(title),
+        kind=kind,
+        subtitle=subtitle,
+        chapters="".join(f'<a href="#{found[1]}">{words}</a>' for found, words in anchors if found),
+        style=(here / "report_style.css").read_text(encoding="utf-8"),
+        plotly=script,
+        body="\n".join(chapters.values()),
+    )

@@ -125,6 +125,11 @@ def shrink(image: NDArray, width: int) -> NDArray[np.float32]:
     return np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 1e-3)
 
 
+def enlarged(image: Image, times: int) -> Image:
+    """Return each pixel as a square: a browser smooths what it enlarges, and pixels are to be seen."""
+    return image.repeat(times, 0).repeat(times, 1)
+
+
 def known_pixels(image: NDArray) -> NDArray[np.bool_]:
     """Return (h, w) bool: every channel of (h, w, c) is a number."""
     return np.logical_and.reduce(np.isfinite(image), axis=-1)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from compare.report import pictures
 from compare.report.maps import colour_scale
 from compare.report.page import absent, drawing, is_number, number, percent, picture, polyline, section, table, wiper
-from compare.report.pictures import Box
+from compare.report.pictures import Box, Image
 from compare.report.registration_pictures import (
     Views,
     growth,
@@ -28,8 +28,7 @@ PHOTOGRAPH_WIDTH = 1000
 
 def registration_section(material: Material, summary: Summary) -> str:
     """Return pictures that show whether the scan lies where the object is, and the numbers that say so."""
-    frames, mask = material.frames, material.mask
-    truth = material.map_of("normals", "truth")
+    frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     if frames is None or (mask is None and truth is None):
         return section("registration", TITLE, absent("No scan and no mask: nothing to lay over the photographs."))
     size = (frames.height, frames.width)
@@ -43,71 +42,60 @@ def registration_section(material: Material, summary: Summary) -> str:
     box = Box.of_mask(shape, margin=0.12)
     registered = material.store.path("pose.json").exists()
     index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
-    body = "" if registered else absent("No scan was registered in this folder (there is no pose).")
-    figures = [_outlines(material, box, index, known, mask, registered=registered)]
-    both = _views(material, box, index, truth)
+    drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
+    regions = [(mask, "mask", "the object's mask")]
+    if drawn is None:
+        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
+        # line last: where the two agree, the other shows between the dashes.
+        words = "the registered scan's ground truth" if registered else "the given ground truth"
+        regions.insert(0, (known, "scan", words))
+        drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+        legend = []
+    else:
+        legend = ['<span class="key scan"></span> the registered scan']
+    figures = _outlines(drawn, box, frames.names[index], regions, legend)
+    both, squares = _views(material, box, index, truth), ""
     if both is not None:
-        uris = [pictures.data_uri(image, photograph=True) for image in (both.photograph, both.shaded)]
+        left, right = (pictures.data_uri(image, photograph=True) for image in both)
         words = "shaded scan" if registered else "shaded ground truth"
         still = "edges, folds and shadows" if registered else "edges and folds (cast shadows are not drawn)"
         caption = (
             f"{escape(frames.names[index])}, and one colour of the same shape under the same light. Drag, or use the "
             f"arrow keys: {still} must stay where they are."
         )
-        figures.append(wiper((uris[0], "photograph"), (uris[1], words), caption))
-    body += f'<div class="pair">{"".join(figures)}</div>'
-    zoom = read_picture(material.store, "outline_zoom") if registered else None
+        figures += wiper((left, "photograph"), (right, words), caption)
+        board = pictures.checkerboard(both.photograph, both.shaded)
+        words = (
+            "Squares of the two in turn: edges, folds and shadow borders should run on across them. Colour need not."
+        )
+        squares = picture(board, "checkerboard of photograph and shaded scan", words, photograph=True)
+    body = "" if registered else absent("No scan was registered in this folder (there is no pose).")
+    body += f'<div class="pair">{figures}</div>'
     if zoom is not None:
         caption = (
             "The outline's leftmost, top, rightmost and lowest stretch, 6 times enlarged, each in the frame that "
             "lights it from that side; below with the scan's outline, which should run midway through the edge."
         )
-        uri = pictures.data_uri(zoom, photograph=False)
-        body += f"<h3>The outline, enlarged</h3>{picture(uri, 'four stretches of the outline', caption)}"
-    figures = []
-    if both is not None:
-        board = pictures.data_uri(pictures.checkerboard(both.photograph, both.shaded), photograph=True)
-        words = (
-            "Squares of the two in turn: edges, folds and shadow borders should run on across them. Colour need not."
-        )
-        figures.append(picture(board, "checkerboard of photograph and shaded scan", words))
+        body += f"<h3>The outline, enlarged</h3>{picture(zoom, 'four stretches of the outline', caption)}"
     sigma = _sigma(material, box, mask)
-    figures += sigma
-    if figures:
+    if squares or sigma:
         title = "In squares, and how sure each normal is" if sigma else "In squares"
-        body += f'<h3>{title}</h3><div class="pair">{"".join(figures)}</div>'
+        body += f'<h3>{title}</h3><div class="pair">{squares}{sigma}</div>'
     return section("registration", TITLE, body + _facts(summary))
 
 
 def _outlines(
-    material: Material,
-    box: Box,
-    index: int,
-    known: NDArray[np.bool_] | None,
-    mask: NDArray[np.bool_] | None,
-    *,
-    registered: bool,
+    image: Image, box: Box, name: str, regions: list[tuple[NDArray[np.bool_] | None, str, str]], legend: list[str]
 ) -> str:
-    """Return a photograph with the outlines of truth and mask."""
-    assert material.frames is not None
-    drawn = read_picture(material.store, "outline") if registered else None
-    image = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH)) if drawn is None else drawn
-    shapes, legend = "", []
-    if drawn is not None:
-        # The outline itself is there, to a fraction of a pixel; the truth ends a pixel inside it.
-        legend.append('<span class="key scan"></span> the registered scan')
-        known = None
-    # The dashed line last: where the two agree, the other shows between the dashes.
-    truth_words = "the registered scan's ground truth" if registered else "the given ground truth"
-    for region, kind, words in ((known, "scan", truth_words), (mask, "mask", "the object's mask")):
-        if region is None or not region.any():
-            continue
-        shapes += "".join(polyline(line, kind) for line in pictures.contours(region, box))
-        legend.append(f'<span class="key {kind}"></span> {words}')
+    """Return a photograph with the outlines of regions (mask, its class, its words) and its legend."""
+    shapes = ""
+    for region, kind, words in regions:
+        if region is not None and region.any():
+            shapes += "".join(polyline(line, kind) for line in pictures.contours(region, box))
+            legend.append(f'<span class="key {kind}"></span> {words}')
     overlay = drawing(box.width, box.height, shapes, label="outline of the object")
-    caption = f"{escape(material.frames.names[index])} with the outline of {'; '.join(legend)}."
-    uri = pictures.data_uri(image, photograph=True)
-    return picture(uri, "photograph with the object's outline", caption, overlay=overlay)
+    caption = f"{escape(name)} with the outline of {'; '.join(legend)}."
+    return picture(image, "photograph with the object's outline", caption, photograph=True, overlay=overlay)
 
 
 def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> Views | None:
@@ -123,28 +111,26 @@ def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> V
     cosine = np.clip(truth[box.rows, box.columns] @ lights.directions[index].astype(np.float32), 0, None)
 
     def shading(pixels: NDArray) -> NDArray:
-        u, v = (np.round(pixels[..., axis]).astype(int) for axis in (0, 1))
-        height, width = cosine.shape
-        return cosine[np.clip(v - box.top, 0, height - 1), np.clip(u - box.left, 0, width - 1)]
+        u, v = np.round(pixels).astype(int).transpose(2, 0, 1)
+        return cosine[np.clip(v - box.top, 0, box.height - 1), np.clip(u - box.left, 0, box.width - 1)]
 
     return views(material.frames, material.exposure, lights, index, box, shading)
 
 
-def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> list[str]:
+def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> str:
     """Return the map of the ground truth's sigma, where it has one."""
     sigma = material.map_of("normals", "truth_sigma")
     if sigma is None or mask is None or sigma.shape != mask.shape or not np.isfinite(sigma).any():
-        return []
+        return ""
     end = sigma_scale_end(sigma)
     small = pictures.shrink(sigma[box.rows, box.columns], box.shown_width(PHOTOGRAPH_WIDTH // 2))
     image = sigma_picture(small, mask[box.rows, box.columns], end)
-    grow = max(1, growth(image.shape[1]) // 2)
-    uri = pictures.data_uri(image.repeat(grow, 0).repeat(grow, 1), photograph=False)
+    image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
     caption = (
         "Expected error (1 sigma) of the ground truth, by its pose and by the scan's noise. Rose: on the object, but "
         "without a normal (an edge, a grazing view, a hole)."
     )
-    return [f"<div>{picture(uri, 'map of the ground truth’s sigma', caption, kind='map')}{colour_scale(end)}</div>"]
+    return f"<div>{picture(image, 'map of the ground truth’s sigma', caption, kind='map')}{colour_scale(end)}</div>"
 
 
 def _facts(summary: Summary) -> str:

@@ -5,10 +5,10 @@ from typing import Any
 
 import pytest
 
-from compare.report.method_words import WORDS
 from compare.report.page import number, percent, plain, round_number
+from compare.report.ranking import ranking, ranking_table
+from compare.report.sections import WORDS
 from compare.report.verdict import verdict
-from compare.statistics.ranking import ranking, ranking_table
 
 
 def statistics(median: float) -> dict[str, Any]:

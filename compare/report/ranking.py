@@ -1,0 +1,82 @@
+"""Every method in one table, the best first: what its numbers say of it, and what it says of itself."""
+
+from dataclasses import dataclass
+from html import escape
+from typing import Any
+
+from compare.report.facts import by_error, doubts_of, family
+from compare.report.page import badge, is_number, number, percent, table
+
+Summary = dict[str, Any]
+
+MEDIAN_BARS_DEG = (5.0, 10.0)
+"""Median error up to which normals are called good, and beyond which not to be relied on."""
+COVERAGE_BAR = 0.9
+
+
+@dataclass(frozen=True)
+class Ranked:
+    """One method's normals of the photographs: `row` is its part of the comparison, `level` a key of `page.LEVELS`."""
+
+    name: str
+    family: str
+    level: str
+    row: Summary
+    doubts: list[str]
+
+
+def level_of(value: Any, bars: tuple[float, float]) -> str:
+    """Return a value's level between two bars; unknown where it is none."""
+    if not is_number(value):
+        return "unknown"
+    return "good" if value <= bars[0] else "care" if value <= bars[1] else "bad"
+
+
+def ranking(summary: Summary) -> list[Ranked]:
+    """Return all methods, the smallest median error first; those without one last.
+
+    A method that leaves more than a tenth of the object unknown, or that doubts itself, is not called good.
+    """
+    compared, ranked = summary.get("compare") or {}, []
+    for name in by_error(compared):
+        row, doubts = compared["methods"][name], doubts_of(summary, name)
+        level, coverage = level_of((row.get("real") or {}).get("median_deg"), MEDIAN_BARS_DEG), row.get("coverage")
+        if level == "good" and (doubts or (is_number(coverage) and coverage < COVERAGE_BAR)):
+            level = "care"
+        ranked.append(Ranked(name, family(name), level, row, doubts))
+    return ranked
+
+
+def ranking_table(summary: Summary) -> str:
+    """Return the methods as a table for the top of the page; nothing where there are none."""
+    ranked, compared = ranking(summary), summary.get("compare") or {}
+    if not ranked:
+        return ""
+    if any(method.row.get("real") for method in ranked):
+        caption = "All methods, against the ground truth: the smallest median error first."
+        sigma = (compared.get("truth") or {}).get("sigma_deg_median")
+        if is_number(sigma):
+            caption += f" The truth itself is uncertain by {number(sigma, 2, '°')}: smaller differences are no ranking."
+        head = ("verdict", "half within", "¾ within", "below 10°", "answered")
+    else:
+        caption = (
+            "All methods; without truth no order of belief follows. <b>From the others</b>: the median angle to the "
+            "other methods' normals. <b>Own sigma</b>: one standard deviation of its normals by noise alone, median of "
+            "pixels. Believe a method less that doubts itself or stands apart; that methods agree does not prove them "
+            "right."
+        )
+        head = ("from the others", "own sigma")
+    solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
+    for method in ranked:
+        row, real = method.row, method.row.get("real") or {}
+        if len(head) == 2:
+            sigma = (solved.get(method.name) or {}).get("sigma_deg_median")
+            cells = [number(row.get("median_to_others_deg"), 1, "°"), number(sigma, 2, "°")]
+        else:
+            cells = [badge(method.level), *(number(real.get(key), 1, "°") for key in ("median_deg", "q3_deg"))]
+            cells += [percent(real.get("under_10_deg")), percent(row.get("coverage"))]
+        name = escape(method.name) + ("" if method.family == "calibrated" else f" <small>{method.family}</small>")
+        # Without the quotes that stand for code on a terminal.
+        doubts = escape(" ".join(method.doubts).replace("`", "")) or "–"
+        rows.append((name, *cells, f"<small>{doubts}</small>"))
+    return table(("method", *head, "what it says against itself"), rows, caption=caption, kind="numbers ranking")
