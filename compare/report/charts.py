@@ -33,16 +33,10 @@ def _html(figure: Any, name: str, alt: str, *, height: int, legend_y: float = 1.
         legend={"orientation": "h", "yanchor": "bottom", "y": legend_y, "x": 0},
         hoverlabel={"font": {"size": 13}},
     )
-    figure.update_xaxes(title_font_size=13)
-    figure.update_yaxes(title_font_size=13)
-    div = plotly.io.to_html(
-        figure,
-        include_plotlyjs=False,
-        full_html=False,
-        div_id=f"chart-{name}",
-        default_height=f"{height}px",
-        config={"displaylogo": False, "responsive": True, "displayModeBar": False},
-    )
+    figure.update_xaxes(title_font_size=13).update_yaxes(title_font_size=13)
+    config = {"displaylogo": False, "responsive": True, "displayModeBar": False}
+    how: Any = {"include_plotlyjs": False, "full_html": False, "div_id": f"chart-{name}", "config": config}
+    div = plotly.io.to_html(figure, default_height=f"{height}px", **how)
     return f'<figure class="chart"><div role="img" aria-label="{escape(alt)}">{div}</div></figure>'
 
 
@@ -59,6 +53,8 @@ def light_directions(lights: dict[str, Any]) -> str:
     import plotly.graph_objects as go
 
     rows = lights["frames"]
+    colorbar = {"title": {"text": "intensity"}, "thickness": 12, "len": 0.8, "x": 1.02}
+    colours = {"color": [row["intensity_mean"] for row in rows], "colorscale": "Cividis", "colorbar": colorbar}
     figure = go.Figure(
         go.Scatterpolar(
             r=[row["zenith_deg"] for row in rows],
@@ -69,40 +65,26 @@ def light_directions(lights: dict[str, Any]) -> str:
             showlegend=False,
             hovertext=_names(rows),
             hovertemplate="%{hovertext}<br>%{r:.1f}° from the camera's axis, azimuth %{theta:.1f}°<extra></extra>",
-            marker={
-                "size": 11,
-                "color": [row["intensity_mean"] for row in rows],
-                "colorscale": "Cividis",
-                "line": {"width": 1, "color": "#333"},
-                "colorbar": {"title": {"text": "intensity"}, "thickness": 12, "len": 0.8, "x": 1.02},
-            },
+            marker={"size": 11, **colours, "line": {"width": 1, "color": "#333"}},
         )
     )
     rim_deg = max(90.0, float(np.ceil((lights.get("zenith_max_deg") or 0) / 10) * 10))
     # The axis' own labels stand at one fixed angle, whatever light is there.
+    ticks = list(SCALE_TICKS_DEG)
     figure.add_scatterpolar(
-        r=list(SCALE_TICKS_DEG),
-        theta=[_clear_angle_deg(rows, rim_deg)] * len(SCALE_TICKS_DEG),
+        r=ticks,
+        theta=[_clear_angle_deg(rows, rim_deg)] * len(ticks),
         mode="text",
-        text=[f"{tick}°" for tick in SCALE_TICKS_DEG],
+        text=[f"{tick}°" for tick in ticks],
         textfont={"size": 11, "color": "#666"},
         hoverinfo="skip",
         showlegend=False,
     )
+    words = {"tickvals": [0, 90, 180, 270], "ticktext": ["right (+x)", "up (+y)", "left", "down"]}
     figure.update_polars(
         domain={"x": [0.06, 0.84], "y": [0.03, 0.97]},
-        radialaxis={
-            "range": [0, rim_deg],
-            "tickvals": list(SCALE_TICKS_DEG),
-            "showticklabels": False,
-            "showline": False,
-            "ticks": "",
-        },
-        angularaxis={
-            "tickvals": [0, 90, 180, 270],
-            "ticktext": ["right (+x)", "up (+y)", "left", "down"],
-            "direction": "counterclockwise",
-        },
+        radialaxis={"range": [0, rim_deg], "tickvals": ticks, "showticklabels": False, "showline": False, "ticks": ""},
+        angularaxis={**words, "direction": "counterclockwise"},
     )
     return _html(figure, "light-directions", "Directions of the lights as the camera sees them", height=430)
 
@@ -223,15 +205,9 @@ def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
     found = {name: kinds for name, kinds in found.items() if any(map(sum, kinds.values()))}
     columns = min(PANELS_ABREAST, len(found))
     rows = -(-len(found) // columns)
-    figure = make_subplots(
-        rows,
-        columns,
-        shared_xaxes=True,
-        shared_yaxes=True,
-        subplot_titles=[f"<b>{escape(name)}</b>" for name in found],
-        horizontal_spacing=0.02,
-        vertical_spacing=0.24 / rows,
-    )
+    titles, room = [f"<b>{escape(name)}</b>" for name in found], {"horizontal_spacing": 0.02}
+    room["vertical_spacing"] = 0.24 / rows
+    figure = make_subplots(rows, columns, shared_xaxes=True, shared_yaxes=True, subplot_titles=titles, **room)
     top, named = 0.0, set()
     for index, kinds in enumerate(found.values()):
         place = {"row": index // columns + 1, "col": index % columns + 1}
@@ -255,22 +231,10 @@ def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
                 **place,
             )
             named.add(kind)
-        figure.add_annotation(
-            text=f"beyond {edges[-1]:g}°:{beyond}",
-            x=0.98,
-            y=0.96,
-            xref="x domain",
-            yref="y domain",
-            xanchor="right",
-            yanchor="top",
-            align="right",
-            showarrow=False,
-            font={"size": 11, "color": "#444"},
-            **place,
-        )
-    figure.update_xaxes(range=[0, float(edges[-1])])
-    figure.update_xaxes(title="angular error (°)", row=rows)
-    figure.update_yaxes(range=[0, 1.05 * top or 1])
-    figure.update_yaxes(title="pixels (%)", col=1)
+        corner = {"x": 0.98, "xref": "x domain", "xanchor": "right", "y": 0.96, "yref": "y domain", "yanchor": "top"}
+        look = {"align": "right", "showarrow": False, "font": {"size": 11, "color": "#444"}}
+        figure.add_annotation(text=f"beyond {edges[-1]:g}°:{beyond}", **corner, **look, **place)
+    figure.update_xaxes(range=[0, float(edges[-1])]).update_xaxes(title="angular error (°)", row=rows)
+    figure.update_yaxes(range=[0, 1.05 * top or 1]).update_yaxes(title="pixels (%)", col=1)
     height, alt = 110 + 140 * rows, "Histogram of the angular error of each method"
     return _html(figure, "error-histograms", alt, height=height, legend_y=1 + 30 / height)

@@ -21,6 +21,7 @@ from compare.report.page import (
     table,
     verdict_section,
     whole_page,
+    words,
 )
 from compare.report.pictures import Box
 from compare.statistics.counterpart_draws import Capture
@@ -32,35 +33,6 @@ MAP_WIDTH = 360
 STATISTICS = {"mean_deg": "mean", "median_deg": "median", "q1_deg": "Q1", "q3_deg": "Q3"}
 LEVELS = {"alike": "good", "not shown": "unknown", "differ": "bad"}
 TOPICS = {"level": "How large", "pattern": "Where", "order": "Which method"}
-ANSWERS = {
-    "level": {
-        "alike": "The errors are as large on both, within the margin.",
-        "not shown": "Neither that they are as large on both, nor that they differ by more than the margin, is shown.",
-        "differ": "The errors of a method are larger on one of the two: by more than the margin, and more than chance.",
-    },
-    "pattern": {
-        "alike": "Half of the methods or more err at the same places, and none at others.",
-        "not shown": "Whether the methods err at the same places is not shown.",
-        "differ": "Half of the methods or more err at other places: both patterns are more than noise, and not alike.",
-    },
-    "order": {
-        "alike": "The methods rank alike.",
-        "not shown": "That the methods rank alike is not shown: chance could turn their order over.",
-        "differ": "Two methods or more change places, significantly on both.",
-    },
-}
-HOW_TO_READ = {
-    "Sigma": "one standard deviation: over draws of square blocks of pixels, since neighbours err together, and over "
-    "movements of lights and registration by their own sigmas. A wrong model of light or surface is not in it.",
-    "Fail alike": "the errors lie at the same places and rank the methods alike, and are not shown to differ in size.",
-    "Differ": "one of the three questions is answered so. If both captures came from one source, sizes would be said "
-    "to differ in at most one comparison of twenty, and so would orders.",
-    "Not shown": "neither of the two could be shown. It is no proof of likeness.",
-    "Same places": f"alike: Pearson's correlation is above {ALIKE_FROM:g} with its whole interval. Other places: below "
-    f"it with its whole interval, though more than {100 * STRUCTURED:.0f} % of both maps is no pixel's own noise. Maps "
-    "that are mostly noise have no places to compare.",
-    "Order": "two methods contradict when each capture alone shows their order, and the two orders are opposite.",
-}
 
 
 def counterpart_page(found: Found, real: Capture, twin: Capture, title: str, subtitle: str) -> str:
@@ -74,6 +46,8 @@ def counterpart_page(found: Found, real: Capture, twin: Capture, title: str, sub
         What it was made of.
     title, subtitle : str
     """
+    bars = {"alike_from": ALIKE_FROM, "structured_percent": 100 * STRUCTURED}
+    terms = [(term, text.format(**bars)) for term, text in words("counterparts", "how_to_read").items()]
     chapters = {
         "Verdict": _verdict(found),
         "Where": _maps(found, {"real": real, "twin": twin}),
@@ -81,7 +55,7 @@ def counterpart_page(found: Found, real: Capture, twin: Capture, title: str, sub
         "Patterns": _patterns(found),
         "Order of the methods": _order(found),
         "What sigma holds": _carried(found),
-        "How to read": section("how-to-read", "How to read this page", definitions(HOW_TO_READ.items())),
+        "How to read": section("how-to-read", "How to read this page", definitions(terms)),
     }
     return whole_page(title, "Two captures compared", escape(subtitle), chapters)
 
@@ -111,7 +85,8 @@ def _with_sigma(deg: float, sigma_deg: float, *, bold: bool = False) -> str:
 def _verdict(found: Found) -> str:
     lines = [(f"Real and twin {badge_of(found['verdict'])}", f"{' against '.join(_names_of(found).values())}.")]
     for question, answer in found["reasons"].items():
-        lines.append((f"{TOPICS[question]} {badge_of(answer)}", ANSWERS[question][answer] + _because(found, question)))
+        text = words("counterparts", question)[answer] + _because(found, question)
+        lines.append((f"{TOPICS[question]} {badge_of(answer)}", text))
     return verdict_section("Do they fail alike?", lines)
 
 
@@ -145,7 +120,7 @@ def _maps(found: Found, sides: dict[str, Capture]) -> str:
         for kind, side in sides.items():
             error = side.errors[name]
             box = Box.of_mask(np.isfinite(error), margin=0.03)
-            image = pictures.error_picture(pictures.shrink(error[box.rows, box.columns], MAP_WIDTH), end)
+            image = pictures.error_picture(pictures.shrink(box.of(error), MAP_WIDTH), end)
             image = pictures.enlarged(image, max(1, MAP_WIDTH // image.shape[1]))
             caption = f"<b>{escape(name)}</b>, {names[kind]}: median {number(row[kind]['median_deg'], 2, '°')}"
             cells += picture(image, f"error map, {name}, {kind}", caption, kind="map")

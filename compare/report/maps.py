@@ -26,7 +26,7 @@ def normals_section(material: Material) -> str:
         there = {name: normals for name in words if (normals := material.map_of(place, name)) is not None}
         return "".join(
             picture(
-                pictures.normal_picture(normals[box.rows, box.columns], width),
+                pictures.normal_picture(box.of(normals), width),
                 f"normals, {words[name]}",
                 escape(words[name]),
                 kind="map",
@@ -88,7 +88,7 @@ def errors_section(material: Material, summary: Summary) -> str:
                 reason = "not rendered, or not solved on the twin" if kind == "twin" else "no normals here"
                 cells += f'<figure class="map">{absent(f"{name}, {words}: {reason}.")}</figure>'
                 continue
-            image = pictures.error_picture(pictures.shrink(error[box.rows, box.columns], width), end)
+            image = pictures.error_picture(pictures.shrink(box.of(error), width), end)
             caption = f"<b>{escape(name)}</b>, {words}: median {number(found['median_deg'], 2, '°')}, "
             caption += f"mean {number(found['mean_deg'], 2, '°')}"
             cells += picture(image, f"error map, {name}, {words}", caption, kind="map")

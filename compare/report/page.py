@@ -1,7 +1,9 @@
 """The report's smallest pieces: numbers that can be traced, tables, figures, badges, sections; everything escaped."""
 
+import functools
 import math
 import re
+import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape, unescape
 from pathlib import Path
@@ -14,6 +16,15 @@ UNKNOWN = '<span class="unknown">unknown</span>'
 
 LEVELS = {"good": "good", "care": "take care", "bad": "do not rely on it", "unknown": "not known"}
 """What a verdict's badge says. Words, not colours alone: the page is also printed."""
+
+
+@functools.cache
+def words(*part: str) -> dict[str, str]:
+    """Return a part of report_words.toml: plain text by name."""
+    found = tomllib.loads((Path(__file__).parent / "report_words.toml").read_text("utf-8"))
+    for name in part:
+        found = found[name]
+    return found
 
 
 def number(value: Any, decimals: int = 2, unit: str = "") -> str:

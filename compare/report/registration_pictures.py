@@ -97,9 +97,9 @@ def write_pictures(
     box = Box.of_mask(mask, margin=0.12)
     index = raking_frame(lights.directions)
     both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
-    sigma = pictures.shrink(sigma_deg[box.rows, box.columns], box.shown_width(WIDTH))
+    sigma = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
     end = sigma_scale_end(sigma_deg)
-    coloured = pictures.enlarged(sigma_picture(sigma, mask[box.rows, box.columns], end), growth(sigma.shape[1]))
+    coloured = pictures.enlarged(sigma_picture(sigma, box.of(mask), end), growth(sigma.shape[1]))
     images = {
         "photograph": both.photograph,
         "shaded": both.shaded,

@@ -108,7 +108,7 @@ def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> V
         lights = material.store.load_lights()
     if truth is None or lights is None or material.frames is None or material.exposure is None or index >= len(lights):
         return None
-    cosine = np.clip(truth[box.rows, box.columns] @ lights.directions[index].astype(np.float32), 0, None)
+    cosine = np.clip(box.of(truth) @ lights.directions[index].astype(np.float32), 0, None)
 
     def shading(pixels: NDArray) -> NDArray:
         u, v = np.round(pixels).astype(int).transpose(2, 0, 1)
@@ -123,8 +123,8 @@ def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> str:
     if sigma is None or mask is None or sigma.shape != mask.shape or not np.isfinite(sigma).any():
         return ""
     end = sigma_scale_end(sigma)
-    small = pictures.shrink(sigma[box.rows, box.columns], box.shown_width(PHOTOGRAPH_WIDTH // 2))
-    image = sigma_picture(small, mask[box.rows, box.columns], end)
+    small = pictures.shrink(box.of(sigma), box.shown_width(PHOTOGRAPH_WIDTH // 2))
+    image = sigma_picture(small, box.of(mask), end)
     image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
     caption = (
         "Expected error (1 sigma) of the ground truth, by its pose and by the scan's noise. Rose: on the object, but "

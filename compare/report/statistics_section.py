@@ -4,22 +4,12 @@ from html import escape
 from typing import Any
 
 from compare.report.facts import by_error
-from compare.report.page import absent, definitions, folded, is_number, number, numbers, percent, section, table
+from compare.report.page import absent, definitions, folded, is_number, number, numbers, percent, section, table, words
 from compare.report.sections import as_text
 from compare.report.speed import speed_points
 from compare.report.speed_chart import speed_chart
 
 Summary = dict[str, Any]
-
-FOUR_WAYS = {
-    "raw": "as the method gives it, with its own sign. Only this compares with other methods; the tables above hold "
-    "it.",
-    "best sign": "convex or concave, whichever the truth says: both give the same pictures under unknown lights.",
-    "oracle relief": "after the generalised bas-relief transform (GBR, three numbers) that suits the truth best: what "
-    "a perfect choice among the surfaces that the pictures leave open would reach.",
-    "oracle linear": "after the 3 × 3 matrix that suits the truth best: what is left is no ambiguity's fault, but "
-    "that of shadows, gloss and noise.",
-}
 
 
 def statistics_section(compared: Summary) -> str:
@@ -82,7 +72,8 @@ def _correlations(methods: Summary) -> str:
 
 def _four_ways(methods: Summary) -> str:
     """Return what is left of the errors of ambiguous results once their ambiguity is settled by the truth."""
-    keys = [f"{words.replace(' ', '_')}_deg" for words in FOUR_WAYS]
+    ways_words = words("four_ways")
+    keys = [f"{name.replace(' ', '_')}_deg" for name in ways_words]
     rows = [
         (name, *numbers(ways, keys), "inside out" if ways.get("mirrored") else "right")
         for name, _, _, ways in _of_both(methods, "{}_four_ways")
@@ -93,7 +84,9 @@ def _four_ways(methods: Summary) -> str:
         "What their ambiguity costs the methods that are not told the lights' directions, that factor all samples as "
         "one matrix (rpca), or that are other programs: mean angular error, degrees, four ways. No angle is folded."
     )
-    return table(("method", *FOUR_WAYS, "sign"), rows, caption=caption, kind="numbers") + definitions(FOUR_WAYS.items())
+    return table(("method", *ways_words, "sign"), rows, caption=caption, kind="numbers") + definitions(
+        ways_words.items()
+    )
 
 
 def _between_methods(compared: Summary, names: list[str]) -> str:

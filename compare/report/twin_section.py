@@ -6,7 +6,7 @@ from typing import Any
 
 from compare.report import pictures
 from compare.report.line_chart import line_chart
-from compare.report.page import absent, is_number, number, percent, picture, section, table
+from compare.report.page import absent, is_number, number, percent, picture, section, table, words
 from compare.report.pictures import Box, Exposure
 from compare.report.registration_pictures import raking_frame
 from compare.report.shown_material import Material, Summary
@@ -14,15 +14,6 @@ from scene.errors import SceneError
 from scene.store import Store
 
 WIDTH = 500
-CAUSES = {
-    "direction": "the lights' directions",
-    "intensity": "the lights' intensities",
-    "ambient": "ambient light that was not subtracted",
-    "registration": "the pose of the scan",
-    "normals": "the normals, each pixel's own",
-    "highlights": "highlights of another shape",
-    "body": "a matte body of another kind",
-}
 TELLING_SIZE = ("direction", "intensity", "ambient", "normals")
 """Causes of one number of one unit; the others are curves or poses."""
 
@@ -86,7 +77,7 @@ def material_words(twin: dict[str, Any]) -> str:
     chart = line_chart({"a frame": (lights, shares)}, x_title="light", y_title="not explained, % (rms)")
     rows = [
         (
-            escape(CAUSES.get(name) or name),
+            escape(words("causes").get(name) or name),
             percent(part.get("explains")),
             f"{number(part.get('size'), 3)} {escape(str(part.get('unit') or ''))}" if name in TELLING_SIZE else "–",
         )
