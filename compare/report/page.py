@@ -7,11 +7,12 @@ import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape, unescape
 from pathlib import Path
-from string import Template
+from string import Formatter, Template
 from typing import Any, TypeGuard
 
 from compare.report.pictures import Image, data_uri
 
+HERE = Path(__file__).parent
 UNKNOWN = '<span class="unknown">unknown</span>'
 
 LEVELS = {"good": "good", "care": "take care", "bad": "do not rely on it", "unknown": "not known"}
@@ -21,10 +22,31 @@ LEVELS = {"good": "good", "care": "take care", "bad": "do not rely on it", "unkn
 @functools.cache
 def words(*part: str) -> dict[str, str]:
     """Return a part of report_words.toml: plain text by name."""
-    found = tomllib.loads((Path(__file__).parent / "report_words.toml").read_text("utf-8"))
+    found = tomllib.loads((HERE / "report_words.toml").read_text("utf-8"))
     for name in part:
         found = found[name]
     return found
+
+
+def say(part: str, name: str, /, **values: Any) -> str:
+    """Return a sentence of report_words.toml as HTML, its {names} filled in by `Sentence`."""
+    return Sentence().vformat(words(part)[name], (), values)
+
+
+class Sentence(Formatter):
+    """Fills in texts escaped, {x:2px} by `number`, {x:1%} by `percent`, {x:html} as it is; missing is unknown."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        try:
+            return super().get_field(field_name, args, kwargs)
+        except (LookupError, TypeError):
+            return None, field_name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        decimals, unit = format_spec[:1], format_spec[1:]
+        if isinstance(value, str):
+            return value if format_spec == "html" else escape(value)
+        return percent(value, int(decimals)) if unit == "%" else number(value, int(decimals or 0), unit)
 
 
 def number(value: Any, decimals: int = 2, unit: str = "") -> str:
@@ -113,24 +135,8 @@ def wiper(left: tuple[str, str], right: tuple[str, str], caption: str) -> str:
 
     `left`, `right`: the URI of a picture, and what it is. `caption` is HTML.
     """
-    (left_uri, left_words), (right_uri, right_words) = ((uri, escape(words)) for uri, words in (left, right))
-    ways = "".join(
-        f'<label><input type="radio" name="wiper" value="{way}"{" checked" if way == "wipe" else ""} '
-        f"onchange=\"this.closest('.wiper').dataset.way = this.value\"> {way}</label>"
-        for way in ("wipe", "fade")
-    )
-    # Wiping, a name stands on each side of the edge; fading, at each end of the slider.
-    return (
-        '<figure class="wiper" data-way="wipe" style="--share: 0.5"><div class="stack">'
-        f'<img src="{left_uri}" alt="{left_words}"><img class="over" src="{right_uri}" alt="{right_words}">'
-        f'<span class="side">{left_words}</span><span class="side right">{right_words}</span></div>'
-        f'<div class="keys"><span class="end">{left_words}</span>'
-        f'<input type="range" min="0" max="1" step="0.01" value="0.5" aria-label="{left_words} or {right_words}" '
-        "oninput=\"this.closest('.wiper').style.setProperty('--share', this.value)\">"
-        f'<span class="end">{right_words}</span></div>'
-        f'<div class="keys" role="radiogroup" aria-label="how the pictures change">{ways}</div>'
-        f"<figcaption>{caption}</figcaption></figure>"
-    )
+    values = dict(zip(("left_uri", "left", "right_uri", "right"), map(escape, (*left, *right)), strict=True))
+    return Template((HERE / "report_wiper.html").read_text("utf-8")).substitute(values, caption=caption)
 
 
 def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
@@ -172,14 +178,13 @@ def verdict_section(title: str, lines: Iterable[tuple[str, str]], *, wide: str =
 
 def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:
     """Return the page: `chapters` are sections by their names in the row of links; `subtitle` is HTML already."""
-    here = Path(__file__).parent
     anchors = [(re.search(r'<section id="([\w-]+)"', html), words) for words, html in chapters.items()]
-    return Template((here / "report_template.html").read_text(encoding="utf-8")).substitute(
+    return Template((HERE / "report_template.html").read_text(encoding="utf-8")).substitute(
         title=escape(title),
         kind=kind,
         subtitle=subtitle,
         chapters="".join(f'<a href="#{found[1]}">{words}</a>' for found, words in anchors if found),
-        style=(here / "report_style.css").read_text(encoding="utf-8"),
+        style=(HERE / "report_style.css").read_text(encoding="utf-8"),
         plotly=script,
         body="\n".join(chapters.values()),
     )

@@ -9,14 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.statistics.block_bootstrap import (
-    KEYS,
-    Draws,
-    draw_blocks,
-    drawn_correlation,
-    memory_of,
-    structured_share,
-)
+from compare.statistics.block_bootstrap import KEYS, Draws, draw_blocks, drawn_correlation, memory_of, structured_share
 from compare.statistics.counterpart_draws import Capture, Drawn, Map, Maps, drawn_maps, thinned
 from compare.statistics.solver_order import LEVEL, solver_order
 from compare.statistics.statistics import angular_statistics, error_correlation
