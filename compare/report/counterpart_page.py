@@ -17,6 +17,7 @@ from compare.report.page import (
     number,
     percent,
     picture,
+    say,
     section,
     table,
     verdict_section,
@@ -94,21 +95,15 @@ def _because(found: Found, question: str) -> str:
     methods, order = found["methods"], found["order"]
     if question == "level":
         worst = max(methods, key=lambda name: abs(methods[name]["difference"]["median_deg"]["deg"]))
-        row = methods[worst]["difference"]["median_deg"]
-        return (
-            f" The median differs most for <b>{escape(worst)}</b>: real − twin {number(row['deg'], 2, '°')}, sigma "
-            f"{number(row['sigma_deg'], 2, '°')}. Were all errors as large on "
-            f"both, chance would bring up so large a largest difference with {percent(found['level']['p'], 1)}."
-        )
+        return say("two", "worst", name=worst, p=found["level"]["p"], **methods[worst]["difference"]["median_deg"])
     if question == "pattern":
         if not found["laid_over"]:
-            return " The two do not show the object at the same pixels, so maps cannot be laid over each other."
+            return say("two", "apart")
         pearson = {name: row["pattern"].get("pearson") for name, row in methods.items()}
         shown = [f"{escape(name)} {number(value, 2)}" for name, value in pearson.items() if is_number(value)]
         return f" Pearson: {', '.join(shown)}." if shown else ""
-    tau, low, high = (number(order[key], 2) for key in ("tau", "tau_low", "tau_high"))
-    changed = "; ".join(f"{escape(a)} and {escape(b)}" for a, b in order["contradictions"])
-    return f" Kendall's tau {tau}, {low} to {high} (90 %)." + (f" Changed: {changed}." if changed else "")
+    changed = "; ".join(f"{a} and {b}" for a, b in order["contradictions"])
+    return say("two", "tau", **order) + (say("two", "changed", pairs=changed) if changed else "")
 
 
 def _maps(found: Found, sides: dict[str, Capture]) -> str:
@@ -125,9 +120,8 @@ def _maps(found: Found, sides: dict[str, Capture]) -> str:
             caption = f"<b>{escape(name)}</b>, {names[kind]}: median {number(row[kind]['median_deg'], 2, '°')}"
             cells += picture(image, f"error map, {name}, {kind}", caption, kind="map")
         rows.append(cells)
-    lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; what is beyond has its last colour."
     body = colour_scale(end) + error_pairs(rows, many=len(methods) > 1)
-    return section("errors", "Where the errors are", body, lead)
+    return section("errors", "Where the errors are", body, say("maps", "errors", end=end))
 
 
 def _statistics(found: Found) -> str:
@@ -140,8 +134,8 @@ def _statistics(found: Found) -> str:
         differences = (row["difference"][key] for key in STATISTICS)
         cells = [_with_sigma(one["deg"], one["sigma_deg"], bold=one["significant"]) for one in differences]
         rows.append((f"{escape(name)} <small>real − twin</small>", *cells, badge_of(row["level"])))
-    caption = "Angular error, degrees ± one sigma. Bold: larger than chance, all methods and figures taken together."
-    body = table(("method", *STATISTICS.values(), "as large?"), rows, caption=caption, kind="numbers")
+    head = ("method", *STATISTICS.values(), "as large?")
+    body = table(head, rows, caption=say("two", "statistics"), kind="numbers")
     chart = interval_chart(medians, x_title="median angular error, degrees; bars: two sigma to either side")
     if found["left_out"]:
         body += absent(f"Left out, without a known error on one of the two: {', '.join(found['left_out'])}.")
@@ -162,11 +156,7 @@ def _patterns(found: Found) -> str:
         cells += [percent((row.get("structured") or {}).get(kind)) for kind in ("real", "twin")]
         rows.append((escape(name), *cells, number(row["pixels"]), badge_of(row["verdict"])))
     head = ("method", "Pearson", "Spearman", "no noise, real", "no noise, twin", "pixels in both", "same places?")
-    caption = (
-        "Correlation of the two error maps and its 95 % interval. “No noise”: share of a map's variance that "
-        "neighbours a few pixels apart have in common."
-    )
-    body = table(head, rows, caption=caption, kind="numbers")
+    body = table(head, rows, caption=say("two", "patterns"), kind="numbers")
     return section("patterns", "Whether the errors lie at the same places", body)
 
 
@@ -195,20 +185,10 @@ def _carried(found: Found) -> str:
         one = found["captures"][kind]["carried"]
         text = escape(one.get("why", "nothing"))
         if one.get("moves"):
-            moved = [
-                f"{words} {number(one[key], 2, unit)}"
-                for key, words, unit in (
-                    ("direction_sigma_deg", "light directions", "°"),
-                    ("pose_sigma_deg", "registration", "°"),
-                    ("pose_sigma_mm", "and", "mm"),
-                )
-                if is_number(one.get(key))
-            ]
-            if is_number(one.get("intensity_sigma")):
-                moved.insert(1, f"light intensities {percent(one['intensity_sigma'], 1)}")
-            text = f"{', '.join(moved)}: solved again {number(one['moves'])} times at {number(one['pixels'])} pixels"
+            moved = [say("moved", key, **one) for key in words("moved") if is_number(one.get(key))]
+            text = ", ".join(moved) + say("two", "solved again", **one)
             if one.get("not_carried"):
-                text += f"; not for {escape(', '.join(one['not_carried']))}, which could not be run again"
+                text += say("two", "not carried", names=", ".join(one["not_carried"]))
         rows.append((title, "blocks of pixels", text))
     lead = "Sigmas are medians of those in lights.json, and those in pose.json."
     return section("carried", "What the sigmas hold", table(("capture", "drawn", "moved by one sigma"), rows), lead)

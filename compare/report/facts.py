@@ -54,11 +54,9 @@ def read_optional(store: Store, name: str) -> Any:
 def light_rows(store: Store) -> dict[str, Any] | None:
     """Return the lights as the report draws them, None where there are none.
 
-    Returns
-    -------
-    dict
-        model; sigma medians; frames: name, zenith_deg (0 at the camera's axis), azimuth_deg (0 right, 90 up, as
-        the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and distance_mm where near, flags.
+    model; count; reference point; sigma medians; frames: name, zenith_deg (0 at the camera's axis), azimuth_deg (0
+    right, 90 up, as the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and distance_mm where near,
+    flags.
     """
     try:
         lights = store.load_lights()

@@ -8,7 +8,20 @@ import numpy as np
 
 from compare.report import charts, pictures
 from compare.report.facts import read_optional
-from compare.report.page import absent, drawing, folded, is_number, number, percent, picture, polyline, section, table
+from compare.report.page import (
+    absent,
+    drawing,
+    folded,
+    is_number,
+    number,
+    percent,
+    picture,
+    polyline,
+    say,
+    section,
+    table,
+    words,
+)
 from compare.report.pictures import Box
 from compare.report.shown_material import Material, Summary
 from scene.errors import SceneError
@@ -28,10 +41,8 @@ def frames_section(material: Material, summary: Summary) -> str:
     for index, name in enumerate(frames.names):
         row = facts.get(name) or {}
         caption = f"<b>{index + 1}</b> {escape(name)}"
-        if is_number(row.get("brightness")):
-            caption += f"<br>brightness {number(row['brightness'], 3)}"
-        if is_number(row.get("saturated_share")):
-            caption += f", clipped {percent(row['saturated_share'], 1)}"
+        there = (key for key in ("brightness", "saturated_share") if is_number(row.get(key)))
+        caption += "".join(say("frames", key, **row) for key in there)
         image = material.photograph(index, box, width)
         sheet += picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
     size = f"{number(capture.get('width'))} × {number(capture.get('height'))} px, " if capture.get("width") else ""
@@ -46,8 +57,7 @@ def balls_section(material: Material) -> str:
     """Return each ball's crop with its fitted outline and highlights."""
     title = "The calibration balls"
     if not material.spheres:
-        text = "No ball was found or asked for. The lights come from elsewhere (see Lights), or are not known."
-        return section("balls", title, absent(text))
+        return section("balls", title, absent(words("balls")["none"]))
     calibration = read_optional(material.store, "calibration.json") or {}
     highlights = calibration.get("highlights_px") or []
     spheres = []
@@ -59,14 +69,7 @@ def balls_section(material: Material) -> str:
     if rejected := calibration.get("rejected"):
         rows = "".join(f"<li>{escape(_sentence(item))}</li>" for item in rejected)
         body += f"<h3>Candidates that were refused</h3><ul>{rows}</ul>"
-    lead = (
-        "The line is the fitted ball's outline, drawn from its cone and the camera; it should run along the ball's "
-        "edge all the way round. Crosses are highlights, one a light; rest the pointer on one for its frame. White "
-        "balls are shown by the mean of all frames. So are chrome balls, in grey, their contrast stretched until the "
-        "edge shows against the table that they mirror, and with each frame's highlight laid over it. A dark disc "
-        "inside a chrome ball is the dark room in the mirror, not the ball's edge."
-    )
-    return section("balls", title, body, lead)
+    return section("balls", title, body, say("balls", "lead"))
 
 
 def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
@@ -106,18 +109,12 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
 
 
 def _ball_caption(index: int, row: Summary) -> str:
-    facts = [
-        f"radius {number(row.get('radius_px'), 1, 'px')}",
-        f"centre ± {number(row.get('sigma_px'), 2, 'px')}",
-        f"outline seen {percent(row.get('score'))}",
-    ]
-    if row.get("diameter_mm"):
-        facts.append(f"diameter {number(row['diameter_mm'], 1, 'mm')}")
-    if row.get("distance_mm"):
-        facts.append(f"distance {number(row['distance_mm'], 0, 'mm')}")
+    text = say("balls", "fit", **{"kind": "", **row, "number": str(index + 1)})
+    text += say("balls", "diameter", **row) if row.get("diameter_mm") else ""
+    text += say("balls", "distance", **row) if row.get("distance_mm") else ""
     if row.get("kind") == "chrome" and is_number(row.get("highlights_seen")):
-        facts.append(f"highlight in {number(row['highlights_seen'])} of {number(row['highlights_frames'])} frames")
-    return f"<b>{escape(str(row.get('kind', '')))} ball {index + 1}</b><br>{', '.join(facts)}."
+        text += say("balls", "highlights", **row)
+    return text + "."
 
 
 def lights_section(material: Material) -> str:

@@ -6,7 +6,7 @@ import numpy as np
 
 from compare.report import charts, pictures
 from compare.report.facts import by_error, doubts_of
-from compare.report.page import absent, folded, is_number, number, picture, section
+from compare.report.page import absent, folded, is_number, picture, say, section
 from compare.report.pictures import Box
 from compare.report.shown_material import Material, Summary
 
@@ -43,12 +43,10 @@ def normals_section(material: Material) -> str:
     ball = picture(
         pictures.legend_ball(180),
         "a ball coloured like the normals",
-        "the key: a ball facing you. Right side: normals to the right (+x); top: up (+y); middle: toward you (+z)",
+        say("maps", "ball"),
         kind="map key-ball",
     )
-    lead = "A pixel's colour is its normal's direction: find the same colour on the ball. Pale grey: unknown."
-    if material.map_of("normals", "truth") is None:
-        lead += " <b>There is no ground truth among them.</b>"
+    lead = say("maps", "normals" if material.map_of("normals", "truth") is not None else "normals without truth")
     body = f'<div class="gallery{" many" if many else ""}">{ball}{figures}</div>'
     if many and on_twin:
         body += folded("The same methods on the twin", f'<div class="gallery many">{on_twin}</div>')
@@ -71,12 +69,7 @@ def errors_section(material: Material, summary: Summary) -> str:
     compared = summary.get("compare") or {}
     end, title = compared.get("error_scale_deg"), "Where the errors are"
     if not is_number(end):
-        reason = (
-            "No method's normals meet the ground truth."
-            if compared.get("has_truth")
-            else "No ground truth (no scan, no given normals): errors cannot be told."
-        )
-        return section("errors", title, absent(reason))
+        return section("errors", title, absent(say("maps", "no error" if compared.get("has_truth") else "no truth")))
     methods, names, rows = compared["methods"], by_error(compared), []
     any_twin = any(row.get("twin") for row in methods.values())
     box, width = _map_box(material)
@@ -89,17 +82,12 @@ def errors_section(material: Material, summary: Summary) -> str:
                 cells += f'<figure class="map">{absent(f"{name}, {words}: {reason}.")}</figure>'
                 continue
             image = pictures.error_picture(pictures.shrink(box.of(error), width), end)
-            caption = f"<b>{escape(name)}</b>, {words}: median {number(found['median_deg'], 2, '°')}, "
-            caption += f"mean {number(found['mean_deg'], 2, '°')}"
+            caption = say("maps", "error", name=name, on=words, **found)
             cells += picture(image, f"error map, {name}, {words}", caption, kind="map")
         if doubts_of(summary, name):
             cells += '<p class="alike"><a href="#verdict">It doubts itself</a>.</p>'
         if is_number(row.get("pearson")):
-            cells += (
-                f'<p class="alike">Pearson {number(row["pearson"], 2)}, Spearman {number(row.get("spearman"), 2)} over '
-                f"{number(row.get('correlation_pixels'))} pixels; median real − twin "
-                f"{number(row.get('median_difference_deg'), 2, '°')}.</p>"
-            )
+            cells += say("maps", "alike", **row)
         rows.append(cells)
     if any_twin:
         shown = error_pairs(rows, many=len(names) > FEW_METHODS)
@@ -108,8 +96,7 @@ def errors_section(material: Material, summary: Summary) -> str:
         shown = f'<div class="errors{many}">{"".join(f"<div>{row}</div>" for row in rows)}</div>'
         shown += absent("No twin was solved: no map to lay beside these.")
     body = colour_scale(end) + shown + charts.error_histograms(compared, names)
-    lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; everything beyond has its last colour."
-    return section("errors", title, body, lead)
+    return section("errors", title, body, say("maps", "errors", end=end))
 
 
 def error_pairs(rows: list[str], *, many: bool) -> str:

@@ -5,7 +5,7 @@ from html import escape
 from typing import Any
 
 from compare.report.facts import by_error, doubts_of, family
-from compare.report.page import badge, is_number, number, percent, table
+from compare.report.page import badge, is_number, number, percent, say, table
 
 Summary = dict[str, Any]
 
@@ -53,18 +53,11 @@ def ranking_table(summary: Summary) -> str:
     if not ranked:
         return ""
     if any(method.row.get("real") for method in ranked):
-        caption = "All methods, against the ground truth: the smallest median error first."
         sigma = (compared.get("truth") or {}).get("sigma_deg_median")
-        if is_number(sigma):
-            caption += f" The truth itself is uncertain by {number(sigma, 2, '°')}: smaller differences are no ranking."
+        caption = say("ranking", "by error") + (say("ranking", "sigma", sigma=sigma) if is_number(sigma) else "")
         head = ("verdict", "half within", "¾ within", "below 10°", "answered")
     else:
-        caption = (
-            "All methods; without truth no order of belief follows. <b>From the others</b>: the median angle to the "
-            "other methods' normals. <b>Own sigma</b>: one standard deviation of its normals by noise alone, median of "
-            "pixels. Believe a method less that doubts itself or stands apart; that methods agree does not prove them "
-            "right."
-        )
+        caption = say("ranking", "without truth")
         head = ("from the others", "own sigma")
     solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
     for method in ranked:

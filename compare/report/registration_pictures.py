@@ -133,13 +133,11 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
     """
     import cv2
 
-    middles = strokes.mean(1)
-    columns = []
+    middles, columns = strokes.mean(1), []
     for name, side in SIDES.items():
         place = middles[np.argmax(middles @ side)]
         # Directions have y up, image axes v down.
-        score = directions[:, 0] * side[0] - directions[:, 1] * side[1] - 2 * (directions[:, 2] < 0.35)
-        index = int(np.argmax(score))
+        index = int(np.argmax(directions[:, :2] @ [side[0], -side[1]] - 2 * (directions[:, 2] < 0.35)))
         side_px = min(WINDOW_PX, frames.width, frames.height)
         left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
         box = Box(int(left), int(top), int(left) + side_px, int(top) + side_px)
@@ -147,12 +145,11 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
         white = max(float(np.quantile(crop / exposure.balance, 0.995)), 1e-6)
         tile = pictures.enlarged(Exposure(white, exposure.balance).develop(crop), ZOOM)
         drawn = draw_strokes(tile.copy(), strokes, [box.left, box.top], ZOOM)
-        label = np.full((26, tile.shape[1], 3), 255, np.uint8)
+        label, gap = (np.full((height, tile.shape[1], 3), 255, np.uint8) for height in (26, 4))
         words = f"{name}: {frames.names[index]}, {ZOOM} x"
         cv2.putText(label, words, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (40, 40, 40), 1, cv2.LINE_AA)
-        gap = np.full((4, tile.shape[1], 3), 255, np.uint8)
-        columns += [np.concatenate([label, tile, gap, drawn]), np.full((30 + 2 * len(tile), 6, 3), 255, np.uint8)]
-    return np.concatenate(columns[:-1], 1)
+        columns.append(np.pad(np.concatenate([label, tile, gap, drawn]), ((0, 0), (0, 6), (0, 0)), constant_values=255))
+    return np.concatenate(columns, 1)[:, :-6]
 
 
 def draw_strokes(image: Image, strokes: NDArray, corner: list[int], scale: float) -> Image:

@@ -8,7 +8,20 @@ from numpy.typing import NDArray
 
 from compare.report import pictures
 from compare.report.maps import colour_scale
-from compare.report.page import absent, drawing, is_number, number, percent, picture, polyline, section, table, wiper
+from compare.report.page import (
+    absent,
+    drawing,
+    is_number,
+    number,
+    percent,
+    picture,
+    polyline,
+    say,
+    section,
+    table,
+    wiper,
+    words,
+)
 from compare.report.pictures import Box, Image
 from compare.report.registration_pictures import (
     Views,
@@ -37,8 +50,7 @@ def registration_section(material: Material, summary: Summary) -> str:
     mask = mask if mask is not None and mask.shape == size else None
     shape = mask if mask is not None else known
     if shape is None:
-        text = "Mask and truth have another size than the photographs; they cannot be laid over them."
-        return section("registration", TITLE, absent(text))
+        return section("registration", TITLE, absent(words("registration")["sizes"]))
     box = Box.of_mask(shape, margin=0.12)
     registered = material.store.path("pose.json").exists()
     index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
@@ -47,8 +59,8 @@ def registration_section(material: Material, summary: Summary) -> str:
     if drawn is None:
         # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
         # line last: where the two agree, the other shows between the dashes.
-        words = "the registered scan's ground truth" if registered else "the given ground truth"
-        regions.insert(0, (known, "scan", words))
+        what = "the registered scan's ground truth" if registered else "the given ground truth"
+        regions.insert(0, (known, "scan", what))
         drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
         legend = []
     else:
@@ -57,25 +69,16 @@ def registration_section(material: Material, summary: Summary) -> str:
     both, squares = _views(material, box, index, truth), ""
     if both is not None:
         left, right = (pictures.data_uri(image, photograph=True) for image in both)
-        words = "shaded scan" if registered else "shaded ground truth"
-        still = "edges, folds and shadows" if registered else "edges and folds (cast shadows are not drawn)"
-        caption = (
-            f"{escape(frames.names[index])}, and one colour of the same shape under the same light. Drag, or use the "
-            f"arrow keys: {still} must stay where they are."
-        )
-        figures += wiper((left, "photograph"), (right, words), caption)
+        shaded = "shaded scan" if registered else "shaded ground truth"
+        caption = say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
+        figures += wiper((left, "photograph"), (right, shaded), caption)
         board = pictures.checkerboard(both.photograph, both.shaded)
-        words = (
-            "Squares of the two in turn: edges, folds and shadow borders should run on across them. Colour need not."
-        )
-        squares = picture(board, "checkerboard of photograph and shaded scan", words, photograph=True)
+        alt = "checkerboard of photograph and shaded scan"
+        squares = picture(board, alt, say("registration", "squares"), photograph=True)
     body = "" if registered else absent("No scan was registered in this folder (there is no pose).")
     body += f'<div class="pair">{figures}</div>'
     if zoom is not None:
-        caption = (
-            "The outline's leftmost, top, rightmost and lowest stretch, 6 times enlarged, each in the frame that "
-            "lights it from that side; below with the scan's outline, which should run midway through the edge."
-        )
+        caption = say("registration", "zoom")
         body += f"<h3>The outline, enlarged</h3>{picture(zoom, 'four stretches of the outline', caption)}"
     sigma = _sigma(material, box, mask)
     if squares or sigma:
@@ -89,10 +92,10 @@ def _outlines(
 ) -> str:
     """Return a photograph with the outlines of regions (mask, its class, its words) and its legend."""
     shapes = ""
-    for region, kind, words in regions:
+    for region, kind, shown in regions:
         if region is not None and region.any():
             shapes += "".join(polyline(line, kind) for line in pictures.contours(region, box))
-            legend.append(f'<span class="key {kind}"></span> {words}')
+            legend.append(f'<span class="key {kind}"></span> {shown}')
     overlay = drawing(box.width, box.height, shapes, label="outline of the object")
     caption = f"{escape(name)} with the outline of {'; '.join(legend)}."
     return picture(image, "photograph with the object's outline", caption, photograph=True, overlay=overlay)
@@ -126,11 +129,8 @@ def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> str:
     small = pictures.shrink(box.of(sigma), box.shown_width(PHOTOGRAPH_WIDTH // 2))
     image = sigma_picture(small, box.of(mask), end)
     image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
-    caption = (
-        "Expected error (1 sigma) of the ground truth, by its pose and by the scan's noise. Rose: on the object, but "
-        "without a normal (an edge, a grazing view, a hole)."
-    )
-    return f"<div>{picture(image, 'map of the ground truth’s sigma', caption, kind='map')}{colour_scale(end)}</div>"
+    figure = picture(image, "map of the ground truth’s sigma", say("registration", "sigma"), kind="map")
+    return f"<div>{figure}{colour_scale(end)}</div>"
 
 
 def _facts(summary: Summary) -> str:

@@ -4,7 +4,19 @@ from html import escape
 from typing import Any
 
 from compare.report.facts import by_error
-from compare.report.page import absent, definitions, folded, is_number, number, numbers, percent, section, table, words
+from compare.report.page import (
+    absent,
+    definitions,
+    folded,
+    is_number,
+    number,
+    numbers,
+    percent,
+    say,
+    section,
+    table,
+    words,
+)
 from compare.report.sections import as_text
 from compare.report.speed import speed_points
 from compare.report.speed_chart import speed_chart
@@ -25,16 +37,12 @@ def statistics_section(compared: Summary) -> str:
         rows.append((name, *degrees, under_5, under_10, number(found["pixels"]), covered))
     if rows:
         head = ("min", "max", "mean", "median", "std", "Q1", "Q3", "&lt; 5°", "&lt; 10°", "pixels", "answered")
-        caption = "Angular error against the ground truth, degrees; “answered”: share of the true pixels."
-        body = table(("method", *head), rows, caption=caption, kind="numbers")
+        body = table(("method", *head), rows, caption=say("statistics", "errors"), kind="numbers")
         body += _correlations(methods) + _four_ways(methods)
     elif compared.get("has_truth"):
         body = absent("There is ground truth, but no method's normals share a pixel with it.")
     else:
-        body = absent(
-            "No ground truth: without a scan or given normals there is no error to count. What follows compares "
-            "methods with each other, which tells where they disagree, not which is right."
-        )
+        body = absent(words("statistics")["no truth"])
     return section("statistics", "Statistics", body + _between_methods(compared, list(methods)))
 
 
@@ -66,8 +74,7 @@ def _correlations(methods: Summary) -> str:
     ]
     if not rows:
         return absent("No twin: whether a rendering fails like the object cannot be told.")
-    caption = "Do real and twin fail alike, and how much is one common turn?"
-    return table(("method", *columns.values()), rows, caption=caption, kind="numbers")
+    return table(("method", *columns.values()), rows, caption=say("statistics", "turn"), kind="numbers")
 
 
 def _four_ways(methods: Summary) -> str:
@@ -80,10 +87,7 @@ def _four_ways(methods: Summary) -> str:
     ]
     if not rows:
         return ""
-    caption = (
-        "What their ambiguity costs the methods that are not told the lights' directions, that factor all samples as "
-        "one matrix (rpca), or that are other programs: mean angular error, degrees, four ways. No angle is folded."
-    )
+    caption = say("statistics", "four ways")
     return table(("method", *ways_words, "sign"), rows, caption=caption, kind="numbers") + definitions(
         ways_words.items()
     )
@@ -105,10 +109,7 @@ def _between_methods(compared: Summary, names: list[str]) -> str:
         return f'<span class="heat" style="--share: {value / most:.3f}">{number(value, 1)}</span>'
 
     rows = [(escape(a), *(cell(a, b) for b in there)) for a in there]
-    lead = (
-        "Median angle between two methods' normals on the photographs, degrees; the darker, the farther apart. It "
-        "tells where methods disagree, not which is right."
-    )
+    lead = say("statistics", "apart")
     square = table(("", *(f"<span>{escape(name)}</span>" for name in there)), rows, kind="square")
     keys = ("mean_deg", "median_deg", "q1_deg", "q3_deg", "max_deg", "pixels")
     lines = [(f"{escape(pair['a'])} – {escape(pair['b'])}", *numbers(pair, keys)) for pair in pairs]
@@ -140,10 +141,5 @@ def time_section(summary: Summary) -> str:
     head = ("method", "seconds", "s per megapixel-image", "seconds, twin", "median error, °", "median error, twin, °")
     body = chart + table(head, rows, kind="numbers")
     body += folded("The settings they ran with", table(("method", "settings"), settings, kind="plain"))
-    lead = "A megapixel-image is one million pixels of one frame; seconds are wall time on the machine that solved."
-    if points:
-        lead += (
-            " Left and low is better. Methods above the dotted steps are beaten by another in both time and error; on "
-            "another object they may not be."
-        )
+    lead = say("statistics", "seconds") + (say("statistics", "steps") if points else "")
     return section("time", "Speed against accuracy", body, lead)

@@ -6,7 +6,7 @@ from typing import Any
 
 from compare.report import pictures
 from compare.report.line_chart import line_chart
-from compare.report.page import absent, is_number, number, percent, picture, section, table, words
+from compare.report.page import absent, is_number, number, percent, picture, say, section, table, words
 from compare.report.pictures import Box, Exposure
 from compare.report.registration_pictures import raking_frame
 from compare.report.shown_material import Material, Summary
@@ -40,12 +40,10 @@ def twin_section(material: Material, summary: Summary) -> str:
         image, name = material.photograph(index, box, width), frames.names[index]
         figures = picture(image, f"photograph {name}", f"photograph, {escape(name)}", photograph=True) + figures
     facts = summary.get("twin") or {}
-    lead = (
-        "The scan of the fitted material, rendered under the same light. What differs is what the twin does not know."
-    )
+    lead = say("material", "twin")
     if facts.get("engine"):
-        reason = f": {escape(str(facts['reason']))}" if facts.get("reason") else ""
-        lead += f" {number(facts.get('seconds'), 1, 's')}, engine {escape(str(facts['engine']))}{reason}."
+        reason = f": {facts['reason']}" if facts.get("reason") else ""
+        lead += say("material", "engine", seconds=facts.get("seconds"), engine=f"{facts['engine']}{reason}")
     body = f'<div class="pair">{figures}</div>{material_words(facts)}{engine_chart(facts)}'
     return section("twin", "The twin", body, lead)
 
@@ -57,21 +55,13 @@ def material_words(twin: dict[str, Any]) -> str:
         return ""
     text = "<h3>What the object is said to be made of</h3>"
     if places := material.get("places"):
-        lines = "".join(
-            f"<li>Place {k + 1}, {percent(one.get('share'))} of the pixels: {escape(str(one.get('sentence')))}.</li>"
-            for k, one in enumerate(places)
-        )
+        lines = "".join(say("material", "place", **{**one, "number": str(k + 1)}) for k, one in enumerate(places))
         text += f"<p>The object is of two materials: {escape(str(material.get('why')))}.</p><ul>{lines}</ul>"
     else:
         text += f"<p>The object is {escape(str(material['sentence']))}.</p>"
     if not is_number(material.get("relative_rmse")):
         return text
-    text += (
-        f"<p>With that material, and an albedo for each pixel, the photographs are met to "
-        f"{percent(material['relative_rmse'], 1)} (root mean square, relative, of what is lit and not clipped). "
-        f"{percent(material.get('onward'), 1)} of the values came by way of other parts of the object, and were "
-        "subtracted before.</p>"
-    )
+    text += say("material", "met", **material)
     shares = [100 * value if is_number(value) else float("nan") for value in material["relative_rmse_per_frame"]]
     lights = [float(k + 1) for k in range(len(shares))]
     chart = line_chart({"a frame": (lights, shares)}, x_title="light", y_title="not explained, % (rms)")
@@ -97,12 +87,8 @@ def engine_chart(twin: dict[str, Any]) -> str:
     if not lines:
         return ""
     x_title, y_title = "error of the picture, % of its mean", "seconds, the whole stack"
-    told = "What the engines would take, by the pilot."
-    if is_number(twin.get("error")):
-        told = (
-            f"What the engines would take, by the pilot; {number(100 * twin['error'], 1, '%')} was asked for. Left and "
-            "low is better. A line that turns upward without getting further left has nothing to gain from more "
-            "samples: <code>direct</code> leaves out the light that goes on from surface to surface."
-        )
+    told = say("material", "pilot")
+    if is_number(error := twin.get("error")):
+        told = say("material", "pilot asked", error=error)
     chart = line_chart(lines, x_title=x_title, y_title=y_title, log_x=True, log_y=True)
     return f'<figure class="speed">{chart}<figcaption>{told}</figcaption></figure>'
