@@ -14,12 +14,11 @@ from compare.report.page import (
     folded,
     is_number,
     number,
-    percent,
     picture,
     polyline,
     say,
     section,
-    table,
+    table_of,
     words,
 )
 from compare.report.pictures import Box
@@ -132,20 +131,15 @@ def lights_section(material: Material) -> str:
     else:
         body += absent("The lights are taken as distant: directions, no positions.")
     rows = [
-        (
-            f"{index + 1} {escape(row['name'])}",
-            number(row["zenith_deg"], 1, "°"),
-            number(row["azimuth_deg"], 1, "°"),
-            number(row["direction_sigma_deg"], 2, "°"),
-            number(row["intensity_mean"], 3),
-            percent(row["intensity_sigma"], 1),
-            number(row["distance_mm"], 0, "mm") if row.get("distance_mm") else "–",
-            escape("; ".join(row.get("flags") or [])) or "–",
-        )
+        {
+            **row,
+            "number": str(index + 1),
+            "distance": say("lights", "distance", **row) if row.get("distance_mm") else "–",
+            "flags": "; ".join(row.get("flags") or []) or "–",
+        }
         for index, row in enumerate(lights["frames"])
     ]
-    head = ("light", "from axis", "azimuth", "± direction", "intensity", "± intensity", "distance", "suspicious")
-    body += folded("All lights as a table", table(head, rows, kind="numbers"))
+    body += folded("All lights as a table", table_of("lights", rows))
     lead = f"{number(lights['count'])} lights, {escape(str(lights['model']))}, seen from the object's centre."
     return section("lights", "The lights", body, lead)
 

@@ -20,8 +20,8 @@ LEVELS = {"good": "good", "care": "take care", "bad": "do not rely on it", "unkn
 
 
 @functools.cache
-def words(*part: str) -> dict[str, str]:
-    """Return a part of report_words.toml: plain text by name."""
+def words(*part: str) -> dict[str, Any]:
+    """Return a part of report_words.toml by name."""
     found = tomllib.loads((HERE / "report_words.toml").read_text("utf-8"))
     for name in part:
         found = found[name]
@@ -61,11 +61,6 @@ def number(value: Any, decimals: int = 2, unit: str = "") -> str:
         if value and float(shown) == 0:
             shown = f"{value:.1g}" if abs(value) >= 1e-6 else f"{value:.0e}"
     return _tagged(value, shown.replace("-", "\u2212"), unit)
-
-
-def numbers(row: Mapping[str, Any], keys: Iterable[str], decimals: int = 2) -> list[str]:
-    """Return some of a row's values as numbers."""
-    return [number(row.get(key), decimals) for key in keys]
 
 
 def round_number(value: float, unit: str = "") -> str:
@@ -109,6 +104,13 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
         lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
     lines.append("</tbody></table>")
     return f'<div class="scroll">{"".join(lines)}</div>'
+
+
+def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
+    """Return a table whose columns, (heading, sentence to be filled in), stand in report_words.toml."""
+    columns, sentence = words("tables")[name], Sentence()
+    lines = [[sentence.vformat(cell, (), row) for _, cell in columns] for row in rows]
+    return table([head for head, _ in columns], lines, caption=caption, kind=kind)
 
 
 def definitions(words: Iterable[tuple[str, str]]) -> str:

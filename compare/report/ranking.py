@@ -1,11 +1,10 @@
 """Every method in one table, the best first: what its numbers say of it, and what it says of itself."""
 
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 from compare.report.facts import by_error, doubts_of, family
-from compare.report.page import badge, is_number, number, percent, say, table
+from compare.report.page import badge, is_number, say, table_of
 
 Summary = dict[str, Any]
 
@@ -52,24 +51,20 @@ def ranking_table(summary: Summary) -> str:
     ranked, compared = ranking(summary), summary.get("compare") or {}
     if not ranked:
         return ""
-    if any(method.row.get("real") for method in ranked):
-        sigma = (compared.get("truth") or {}).get("sigma_deg_median")
-        caption = say("ranking", "by error") + (say("ranking", "sigma", sigma=sigma) if is_number(sigma) else "")
-        head = ("verdict", "half within", "¾ within", "below 10°", "answered")
-    else:
-        caption = say("ranking", "without truth")
-        head = ("from the others", "own sigma")
+    name = "ranking" if any(method.row.get("real") for method in ranked) else "without truth"
+    sigma = (compared.get("truth") or {}).get("sigma_deg_median")
+    caption = say("ranking", name)
+    if name == "ranking" and is_number(sigma):
+        caption += say("ranking", "sigma", sigma=sigma)
     solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
     for method in ranked:
-        row, real = method.row, method.row.get("real") or {}
-        if len(head) == 2:
-            sigma = (solved.get(method.name) or {}).get("sigma_deg_median")
-            cells = [number(row.get("median_to_others_deg"), 1, "°"), number(sigma, 2, "°")]
-        else:
-            cells = [badge(method.level), *(number(real.get(key), 1, "°") for key in ("median_deg", "q3_deg"))]
-            cells += [percent(real.get("under_10_deg")), percent(row.get("coverage"))]
-        name = escape(method.name) + ("" if method.family == "calibrated" else f" <small>{method.family}</small>")
-        # Without the quotes that stand for code on a terminal.
-        doubts = escape(" ".join(method.doubts).replace("`", "")) or "–"
-        rows.append((name, *cells, f"<small>{doubts}</small>"))
-    return table(("method", *head, "what it says against itself"), rows, caption=caption, kind="numbers ranking")
+        told = {
+            "name": method.name,
+            "family": "" if method.family == "calibrated" else f" <small>{method.family}</small>",
+            "verdict": badge(method.level),
+            "own_sigma": (solved.get(method.name) or {}).get("sigma_deg_median"),
+            # Without the quotes that stand for code on a terminal.
+            "doubts": " ".join(method.doubts).replace("`", "") or "–",
+        }
+        rows.append({**(method.row.get("real") or {}), **method.row, **told})
+    return table_of(name, rows, caption=caption, kind="numbers ranking")

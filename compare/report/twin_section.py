@@ -6,7 +6,7 @@ from typing import Any
 
 from compare.report import pictures
 from compare.report.line_chart import line_chart
-from compare.report.page import absent, is_number, number, percent, picture, say, section, table, words
+from compare.report.page import absent, is_number, picture, say, section, table_of, words
 from compare.report.pictures import Box, Exposure
 from compare.report.registration_pictures import raking_frame
 from compare.report.shown_material import Material, Summary
@@ -66,15 +66,11 @@ def material_words(twin: dict[str, Any]) -> str:
     lights = [float(k + 1) for k in range(len(shares))]
     chart = line_chart({"a frame": (lights, shares)}, x_title="light", y_title="not explained, % (rms)")
     rows = [
-        (
-            escape(words("causes").get(name) or name),
-            percent(part.get("explains")),
-            f"{number(part.get('size'), 3)} {escape(str(part.get('unit') or ''))}" if name in TELLING_SIZE else "–",
-        )
+        {**part, "cause": words("causes").get(name) or name, "amount": "–"}
+        | ({"amount": say("material", "amount", **{"unit": "", **part})} if name in TELLING_SIZE else {})
         for name, part in sorted(material["explained_by"].items(), key=lambda item: -(item[1].get("explains") or 0))
     ]
-    head = ("what might be wrong", "share of the rest that it alone would explain", "how much of it that takes")
-    return text + f'<div class="pair"><figure>{chart}</figure>{table(head, rows, kind="numbers")}</div>'
+    return text + f'<div class="pair"><figure>{chart}</figure>{table_of("causes", rows)}</div>'
 
 
 def engine_chart(twin: dict[str, Any]) -> str:
