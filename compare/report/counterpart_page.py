@@ -15,11 +15,11 @@ from compare.report.page import (
     folded,
     is_number,
     number,
-    percent,
     picture,
     say,
     section,
     table,
+    table_of,
     verdict_section,
     whole_page,
     words,
@@ -37,16 +37,7 @@ TOPICS = {"level": "How large", "pattern": "Where", "order": "Which method"}
 
 
 def counterpart_page(found: Found, real: Capture, twin: Capture, title: str, subtitle: str) -> str:
-    """Return the page, one file that fetches nothing.
-
-    Parameters
-    ----------
-    found : dict
-        Of `compare.statistics.counterpart_verdict.compare_counterparts`.
-    real, twin : Capture
-        What it was made of.
-    title, subtitle : str
-    """
+    """Return the page, one file that fetches nothing, of what `compare_counterparts` found of two captures."""
     bars = {"alike_from": ALIKE_FROM, "structured_percent": 100 * STRUCTURED}
     terms = [(term, text.format(**bars)) for term, text in words("counterparts", "how_to_read").items()]
     chapters = {
@@ -99,9 +90,9 @@ def _because(found: Found, question: str) -> str:
     if question == "pattern":
         if not found["laid_over"]:
             return say("two", "apart")
-        pearson = {name: row["pattern"].get("pearson") for name, row in methods.items()}
-        shown = [f"{escape(name)} {number(value, 2)}" for name, value in pearson.items() if is_number(value)]
-        return f" Pearson: {', '.join(shown)}." if shown else ""
+        there = [name for name, row in methods.items() if is_number(row["pattern"].get("pearson"))]
+        shown = ", ".join(f"{escape(name)} {number(methods[name]['pattern']['pearson'], 2)}" for name in there)
+        return f" Pearson: {shown}." if shown else ""
     changed = "; ".join(f"{a} and {b}" for a, b in order["contradictions"])
     return say("two", "tau", **order) + (say("two", "changed", pairs=changed) if changed else "")
 
@@ -146,17 +137,11 @@ def _statistics(found: Found) -> str:
 def _patterns(found: Found) -> str:
     if not found["laid_over"]:
         return section("patterns", "Patterns", absent("The two do not show the object at the same pixels."))
-    rows = []
-    for name, method in _in_order(found).items():
-        row = method["pattern"]
-        cells = []
-        for key in ("pearson", "spearman"):
-            value, low, high = (number(row.get(f"{key}{end}"), 2) for end in ("", "_low", "_high"))
-            cells.append(f"{value} <small>{low} to {high}</small>")
-        cells += [percent((row.get("structured") or {}).get(kind)) for kind in ("real", "twin")]
-        rows.append((escape(name), *cells, number(row["pixels"]), badge_of(row["verdict"])))
-    head = ("method", "Pearson", "Spearman", "no noise, real", "no noise, twin", "pixels in both", "same places?")
-    body = table(head, rows, caption=say("two", "patterns"), kind="numbers")
+    rows = [
+        {**row["pattern"], "name": name, "same": badge_of(row["pattern"]["verdict"])}
+        for name, row in _in_order(found).items()
+    ]
+    body = table_of("patterns", rows, caption=say("two", "patterns"))
     return section("patterns", "Whether the errors lie at the same places", body)
 
 

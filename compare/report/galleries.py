@@ -44,11 +44,10 @@ def frames_section(material: Material, summary: Summary) -> str:
         caption += "".join(say("frames", key, **row) for key in there)
         image = material.photograph(index, box, width)
         sheet += picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
-    size = f"{number(capture.get('width'))} × {number(capture.get('height'))} px, " if capture.get("width") else ""
-    count = f"{number(capture['frames'])} frames, " if is_number(capture.get("frames")) else ""
-    ambient = capture.get("ambient")
-    subtracted = "" if ambient is None else "ambient frame subtracted" if ambient else "no ambient frame"
-    lead = f"{count}{size}{subtracted}. One brightness scale for all, gamma-encoded for the eye; the data are linear."
+    lead = say("frames", "count", **capture) if is_number(capture.get("frames")) else ""
+    lead += say("frames", "size", **capture) if capture.get("width") else ""
+    lead += say("frames", {None: "not told", False: "none"}.get(capture.get("ambient"), "ambient"))
+    lead += say("frames", "lead")
     return section("frames", title, f'<div class="sheet width-{width}">{sheet}</div>', lead)
 
 

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 from compare.report import pictures
 from compare.report.maps import colour_scale
 from compare.report.page import (
+    Sentence,
     absent,
     drawing,
     is_number,
-    number,
-    percent,
     picture,
     polyline,
     say,
@@ -136,16 +135,7 @@ def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> str:
 def _facts(summary: Summary) -> str:
     """Return the registration's numbers as a table."""
     align = summary.get("align") or (summary.get("compare") or {}).get("pose") or {}
-    fit = align.get("fit") or {}
-    facts = [
-        ("outline residual", align.get("residual_px"), 2, "px"),
-        ("pose, position ± (1 sigma)", align.get("sigma_mm"), 3, "mm"),
-        ("of it by the focal length, which is not known", fit.get("focal_shift_mm"), 1, "mm"),
-        ("pose, rotation ± (1 sigma)", align.get("sigma_deg"), 3, "°"),
-        ("ground-truth normals ± (median)", align.get("truth_sigma_deg_median"), 2, "°"),
-        ("scan's normals to the photographs' (median)", fit.get("normals_deg"), 2, "°"),
-    ]
-    rows = [(words, number(value, decimals, unit)) for words, value, decimals, unit in facts if is_number(value)]
-    shares = [("silhouette's overlap with the mask", "overlap"), ("outline on an edge", "outline_share")]
-    rows += [(words, percent(fit[key], 1)) for words, key in shares if is_number(fit.get(key))]
+    values = {**(align.get("fit") or {}), **align}
+    facts = words("tables")["registration"]
+    rows = [(what, Sentence().format(text, values[key])) for what, key, text in facts if is_number(values.get(key))]
     return table(("registration", "found"), rows, kind="plain") if rows else ""
