@@ -205,8 +205,8 @@ def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
     found = {name: kinds for name, kinds in found.items() if any(map(sum, kinds.values()))}
     columns = min(PANELS_ABREAST, len(found))
     rows = -(-len(found) // columns)
-    titles, room = [f"<b>{escape(name)}</b>" for name in found], {"horizontal_spacing": 0.02}
-    room["vertical_spacing"] = 0.24 / rows
+    titles = [f"<b>{escape(name)}</b>" for name in found]
+    room: dict[str, Any] = {"horizontal_spacing": 0.02, "vertical_spacing": 0.24 / rows}
     figure = make_subplots(rows, columns, shared_xaxes=True, shared_yaxes=True, subplot_titles=titles, **room)
     top, named = 0.0, set()
     for index, kinds in enumerate(found.values()):

@@ -137,7 +137,9 @@ def wiper(left: tuple[str, str], right: tuple[str, str], caption: str) -> str:
 
     `left`, `right`: the URI of a picture, and what it is. `caption` is HTML.
     """
-    values = dict(zip(("left_uri", "left", "right_uri", "right"), map(escape, (*left, *right)), strict=True))
+    values: dict[str, str] = dict(
+        zip(("left_uri", "left", "right_uri", "right"), map(escape, (*left, *right)), strict=True)
+    )
     return Template((HERE / "report_wiper.html").read_text("utf-8")).substitute(values, caption=caption)
 
 
