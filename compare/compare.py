@@ -1,8 +1,9 @@
 """Every method's normals against the scan's, on the photographs and on their twin."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Any
+from itertools import combinations
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,8 +21,19 @@ from scene.store import Store
 HISTOGRAM_BINS = 60
 BAND_PIXELS = 1 << 21
 """Pixels worked on at a time: float64 crosses of a whole 24-megapixel map would take gigabytes."""
+PLACES = {"real": "normals", "twin": "twin/normals"}
+COVERAGE = {"real": "coverage", "twin": "twin_coverage"}
 
 Normals = NDArray[np.float32]
+Mask = NDArray[np.bool_]
+
+
+class Known(NamedTuple):
+    """The true normals (H, W, 3), the object's mask (H, W) or None, and how many pixels have both."""
+
+    normals: Normals
+    mask: Mask | None
+    pixels: int
 
 
 def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, Any]:
@@ -54,20 +66,11 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
     SceneError
         Two maps in the folder have different sizes.
     """
-    names, warnings, notes = method_names(store), [], []
-    if methods is not None:
-        names = [name for name in names if name in methods]
+    names = [name for name in method_names(store) if methods is None or name in methods]
     mask = store.load_mask() if store.path("mask.png").exists() else None
     truth = _open(store, "normals", "truth")
-    sizes = {"mask.png": mask.shape} if mask is not None else {}
-    if truth is not None:
-        sizes["normals/truth.npy"] = truth.shape[:2]
-    for name in names:
-        for place in ("normals", "twin/normals"):
-            if (estimate := _open(store, place, name)) is not None:
-                sizes[f"{place}/{name}.npy"] = estimate.shape[:2]
-    _require_one_size(store, sizes)
-
+    _require_one_size(store, names, mask, truth)
+    between = _between_methods(store, names, mask)
     result: dict[str, Any] = {
         "has_truth": truth is not None,
         "truth": None,
@@ -75,28 +78,34 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "methods": {name: {"real": None, "twin": None} for name in names},
         "histogram_edges_deg": None,
         "error_scale_deg": None,
-        "between_methods": _between_methods(store, names, mask),
+        "between_methods": between,
         "lights": light_rows(store),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
-        "notes": notes,
-        "warnings": warnings,
+        "notes": [],
+        "warnings": [],
     }
     for name, row in result["methods"].items():
-        apart = [pair["median_deg"] for pair in result["between_methods"] if name in (pair["a"], pair["b"])]
+        apart = [pair["median_deg"] for pair in between if name in (pair["a"], pair["b"])]
         row["median_to_others_deg"] = float(np.median(apart)) if apart else None
     written: set[str] = set()
     if truth is None:
         # A plain statement: that there is no truth was warned of where it should have come from.
-        notes.append(
+        result["notes"].append(
             "no ground truth (normals/truth.npy): errors cannot be told; only the differences between methods are "
             "given, and agreement between methods is not accuracy"
         )
     elif names:
         result["truth"] = _truth_facts(store, truth, mask)
         if result["truth"]["pixels"] == 0:
-            warnings.append("ground truth: not one pixel of it lies on the object's mask; no error can be given")
-        _errors(store, names, truth, mask, result, written)
+            result["warnings"].append(
+                "ground truth: not one pixel of it lies on the object's mask; no error can be given"
+            )
+        known = Known(truth, mask, result["truth"]["pixels"])
+        spread = [end for name in names for end in _errors(store, name, known, result)]
+        if spread:
+            # The median over maps: one method that fails everywhere must not darken all the others.
+            written = _histograms(store, result, colour_scale_end(float(np.median(spread))))
     # A map that a former run left would speak of normals that are gone.
     for stale in store.path("compare").glob("error_*"):
         if stale.name not in written:
@@ -104,61 +113,51 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
     return result
 
 
-def _errors(
-    store: Store,
-    names: list[str],
-    truth: Normals,
-    mask: NDArray[np.bool_] | None,
-    result: dict[str, Any],
-    written: set[str],
-) -> None:
-    """Fill in `result` what needs the truth, one map at a time."""
-    spread = []
-    for name in names:
-        row, maps = result["methods"][name], {}
-        for place, kind in (("normals", "real"), ("twin/normals", "twin")):
-            estimate = _open(store, place, name)
-            if estimate is None:
+def _errors(store: Store, name: str, known: Known, result: dict[str, Any]) -> list[float]:
+    """Write a method's error maps and fill in its row; return the error that 95 % of each map's pixels stay under."""
+    row, maps, spread = result["methods"][name], {}, []
+    for kind, place in PLACES.items():
+        estimate = _open(store, place, name)
+        if estimate is None:
+            continue
+        error = maps[kind] = _error_map(estimate, known.normals, known.mask)
+        statistics = angular_statistics(error)
+        if statistics["pixels"] == 0:
+            result["warnings"].append(f"{name} ({kind}): no pixel is known both to the method and to the truth")
+            continue
+        row[kind] = statistics
+        row[COVERAGE[kind]] = statistics["pixels"] / known.pixels if known.pixels else None
+        angle, median = _without_common_rotation(estimate, known.normals, error)
+        row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
+        if is_measured_so(name):
+            row[f"{kind}_four_ways"] = asdict(four_ways(estimate, known.normals, known.mask))
+        spread.append(float(np.nanquantile(error, 0.95)))
+        write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
+    if len(maps) == 2:
+        shared = error_correlation(maps["real"], maps["twin"])
+        row["correlation_pixels"] = shared.pop("pixels")
+        row.update({key: value if np.isfinite(value) else None for key, value in shared.items()})
+    return spread
+
+
+def _histograms(store: Store, result: dict[str, Any], end: float) -> set[str]:
+    """Fill in the histograms and write the pictures, all on one scale; return the names of all files of errors."""
+    edges, written = np.linspace(0, end, HISTOGRAM_BINS + 1), set()
+    result["error_scale_deg"], result["histogram_edges_deg"] = end, edges.tolist()
+    for name, row in result["methods"].items():
+        row["histogram"] = {}
+        for kind in PLACES:
+            if not row[kind]:
                 continue
-            error = maps[kind] = _error_map(estimate, truth, mask)
-            statistics = angular_statistics(error)
-            if statistics["pixels"] == 0:
-                result["warnings"].append(f"{name} ({kind}): no pixel is known both to the method and to the truth")
-                continue
-            row[kind] = statistics
-            row["coverage" if kind == "real" else "twin_coverage"] = (
-                statistics["pixels"] / result["truth"]["pixels"] if result["truth"]["pixels"] else None
-            )
-            angle, median = _without_common_rotation(estimate, truth, error)
-            row[f"{kind}_rotation_deg"], row[f"{kind}_median_unrotated_deg"] = angle, median
-            if is_measured_so(name):
-                row[f"{kind}_four_ways"] = asdict(four_ways(estimate, truth, mask))
-            spread.append(float(np.nanquantile(error, 0.95)))
-            write_npy(store.path("compare", f"error_{kind}_{name}.npy"), error)
-            written.add(f"error_{kind}_{name}.npy")
-        if "real" in maps and "twin" in maps:
-            shared = error_correlation(maps["real"], maps["twin"])
-            row["correlation_pixels"] = shared.pop("pixels")
-            row.update({key: value if np.isfinite(value) else None for key, value in shared.items()})
-        del maps
-    if not spread:
-        return
-    # The median over maps: one method that fails everywhere must not darken all the others.
-    end = result["error_scale_deg"] = colour_scale_end(float(np.median(spread)))
-    edges = np.linspace(0, end, HISTOGRAM_BINS + 1)
-    result["histogram_edges_deg"] = edges.tolist()
-    for name in names:
-        result["methods"][name]["histogram"] = {}
-        for kind in ("real", "twin"):
-            if f"error_{kind}_{name}.npy" not in written:
-                continue
-            error = np.load(store.path("compare", f"error_{kind}_{name}.npy"))
+            stem = f"error_{kind}_{name}"
+            error = np.load(store.path("compare", f"{stem}.npy"))
             counts = np.histogram(error[np.isfinite(error)], np.append(edges, np.inf))[0]
-            result["methods"][name]["histogram"][kind] = counts.tolist()
+            row["histogram"][kind] = counts.tolist()
             caption = f"angular error, {name}, {kind}; pale grey: unknown"
             picture = with_colour_scale(error_picture(error, end), end, caption)
-            write_png(store.path("compare", f"error_{kind}_{name}.png"), picture)
-            written.add(f"error_{kind}_{name}.png")
+            write_png(store.path("compare", f"{stem}.png"), picture)
+            written |= {f"{stem}.npy", f"{stem}.png"}
+    return written
 
 
 def _open(store: Store, place: str, name: str) -> Normals | None:
@@ -172,24 +171,26 @@ def _open(store: Store, place: str, name: str) -> Normals | None:
     return normals
 
 
-def _require_one_size(store: Store, sizes: dict[str, tuple[int, ...]]) -> None:
+def _require_one_size(store: Store, names: list[str], mask: Mask | None, truth: Normals | None) -> None:
+    maps: dict[str, Any] = {"mask.png": mask, "normals/truth.npy": truth}
+    maps |= {f"{place}/{name}.npy": _open(store, place, name) for name in names for place in PLACES.values()}
+    sizes = {name: found.shape[:2] for name, found in maps.items() if found is not None}
     if len(set(sizes.values())) > 1:
-        found = ", ".join(f"{name} {shape[1]} x {shape[0]}" for name, shape in sizes.items())
+        found = ", ".join(f"{name} {width} x {height}" for name, (height, width) in sizes.items())
         raise SceneError(
             f"{store.folder}: maps of different sizes: {found} px; expected one. "
             "Files of two sessions are mixed: process into an empty folder."
         )
 
 
-def _bands(height: int, width: int) -> list[slice]:
-    step = max(1, BAND_PIXELS // width)
-    return [slice(start, min(start + step, height)) for start in range(0, height, step)]
+def _bands(shape: tuple[int, ...]) -> Iterator[slice]:
+    step = max(1, BAND_PIXELS // shape[1])
+    return (slice(start, min(start + step, shape[0])) for start in range(0, shape[0], step))
 
 
-def _error_map(a: Normals, b: Normals, mask: NDArray[np.bool_] | None) -> NDArray[np.float32]:
-    height, width = a.shape[:2]
-    error = np.full((height, width), np.nan, np.float32)
-    for rows in _bands(height, width):
+def _error_map(a: Normals, b: Normals, mask: Mask | None) -> NDArray[np.float32]:
+    error = np.full(a.shape[:2], np.nan, np.float32)
+    for rows in _bands(error.shape):
         counted = slice(None) if mask is None else mask[rows]
         error[rows][counted] = angular_error_deg(a[rows][counted], b[rows][counted])
     return error
@@ -199,18 +200,16 @@ def _without_common_rotation(
     estimate: Normals, truth: Normals, error: NDArray[np.float32]
 ) -> tuple[float | None, float | None]:
     """Return the turn common to all normals, degrees, and the median error that is left once it is undone."""
-    moment = np.zeros((3, 3))
-    bands = _bands(error.shape[0], error.shape[1])
+    moment, left = np.zeros((3, 3)), []
     # The worst quarter is left out: shadows and highlights are not what turns a whole map.
     worst = np.nanquantile(error, 0.75)
-    for rows in bands:
+    for rows in _bands(error.shape):
         known = error[rows] <= worst
         moment += truth[rows][known].astype(np.float64).T @ estimate[rows][known].astype(np.float64)
     rotation = common_rotation(moment)
     if rotation is None:
         return None, None
-    left = []
-    for rows in bands:
+    for rows in _bands(error.shape):
         known = np.isfinite(error[rows])
         turned = estimate[rows][known].astype(np.float64) @ rotation.T
         left.append(angular_error_deg(turned, truth[rows][known]).astype(np.float32))
@@ -218,30 +217,24 @@ def _without_common_rotation(
     return angle, float(np.median(np.concatenate(left)))
 
 
-def _truth_facts(store: Store, truth: Normals, mask: NDArray[np.bool_] | None) -> dict[str, Any]:
-    known = known_pixels(truth)
-    if mask is not None:
-        known &= mask
+def _truth_facts(store: Store, truth: Normals, mask: Mask | None) -> dict[str, Any]:
+    known = known_pixels(truth) if mask is None else known_pixels(truth) & mask
     facts: dict[str, Any] = {"pixels": int(known.sum()), "sigma_deg_median": None, "sigma_deg_q3": None}
     path = store.path("normals", "truth_sigma.npy")
     if path.exists():
         sigma = store.read_array("normals", "truth_sigma.npy")
         if sigma.shape != known.shape:
             raise SceneError(f"{path}: {sigma.shape}, expected {known.shape} like truth.npy. Run `align` again.")
-        sigma = sigma[known]
-        sigma = sigma[np.isfinite(sigma)]
+        sigma = sigma[known & np.isfinite(sigma)]
         if sigma.size:
             facts["sigma_deg_median"], facts["sigma_deg_q3"] = map(float, np.quantile(sigma, [0.5, 0.75]))
     return facts
 
 
-def _between_methods(store: Store, names: list[str], mask: NDArray[np.bool_] | None) -> list[dict[str, Any]]:
+def _between_methods(store: Store, names: list[str], mask: Mask | None) -> list[dict[str, Any]]:
     """Return the statistics of the angle between each two methods' normals of the real frames."""
     maps = {name: normals for name in names if (normals := _open(store, "normals", name)) is not None}
-    rows = []
-    for i, a in enumerate(maps):
-        for b in list(maps)[i + 1 :]:
-            statistics = angular_statistics(_error_map(maps[a], maps[b], mask))
-            if statistics["pixels"]:
-                rows.append({"a": a, "b": b, **statistics})
-    return rows
+    pairs = (
+        {"a": a, "b": b, **angular_statistics(_error_map(maps[a], maps[b], mask))} for a, b in combinations(maps, 2)
+    )
+    return [pair for pair in pairs if pair["pixels"]]

@@ -10,6 +10,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#0
 SCALE_TICKS_DEG = (30, 60, 90)
 """Angles from the camera's axis that the hemisphere names."""
 PANELS_ABREAST = 4
+MOST_NUMBERED = 30
+"""Of more lights the numbers would lie on each other."""
 CHANNELS = (("red", "#D55E00", "triangle-up"), ("green", "#009E73", "circle"), ("blue", "#0072B2", "triangle-down"))
 
 
@@ -31,17 +33,19 @@ def _html(figure: Any, name: str, alt: str, *, height: int, legend_y: float = 1.
         legend={"orientation": "h", "yanchor": "bottom", "y": legend_y, "x": 0},
         hoverlabel={"font": {"size": 13}},
     )
-    figure.update_xaxes(title_font_size=13)
-    figure.update_yaxes(title_font_size=13)
-    div = plotly.io.to_html(
-        figure,
-        include_plotlyjs=False,
-        full_html=False,
-        div_id=f"chart-{name}",
-        default_height=f"{height}px",
-        config={"displaylogo": False, "responsive": True, "displayModeBar": False},
-    )
+    figure.update_xaxes(title_font_size=13).update_yaxes(title_font_size=13)
+    config = {"displaylogo": False, "responsive": True, "displayModeBar": False}
+    how: Any = {"include_plotlyjs": False, "full_html": False, "div_id": f"chart-{name}", "config": config}
+    div = plotly.io.to_html(figure, default_height=f"{height}px", **how)
     return f'<figure class="chart"><div role="img" aria-label="{escape(alt)}">{div}</div></figure>'
+
+
+def _numbers(rows: list[dict[str, Any]]) -> list[int]:
+    return list(range(1, len(rows) + 1))
+
+
+def _names(rows: list[dict[str, Any]]) -> list[str]:
+    return [escape(row["name"]) for row in rows]
 
 
 def light_directions(lights: dict[str, Any]) -> str:
@@ -49,51 +53,38 @@ def light_directions(lights: dict[str, Any]) -> str:
     import plotly.graph_objects as go
 
     rows = lights["frames"]
-    mean = [row["intensity_mean"] for row in rows]
+    colorbar = {"title": {"text": "intensity"}, "thickness": 12, "len": 0.8, "x": 1.02}
+    colours = {"color": [row["intensity_mean"] for row in rows], "colorscale": "Cividis", "colorbar": colorbar}
     figure = go.Figure(
         go.Scatterpolar(
             r=[row["zenith_deg"] for row in rows],
             theta=[row["azimuth_deg"] for row in rows],
-            mode="markers+text" if len(rows) <= 30 else "markers",
-            text=[str(index + 1) for index in range(len(rows))],
+            mode="markers+text" if len(rows) <= MOST_NUMBERED else "markers",
+            text=[str(number) for number in _numbers(rows)],
             textposition="top center",
             showlegend=False,
-            hovertext=[escape(row["name"]) for row in rows],
+            hovertext=_names(rows),
             hovertemplate="%{hovertext}<br>%{r:.1f}° from the camera's axis, azimuth %{theta:.1f}°<extra></extra>",
-            marker={
-                "size": 11,
-                "color": mean,
-                "colorscale": "Cividis",
-                "line": {"width": 1, "color": "#333"},
-                "colorbar": {"title": {"text": "intensity"}, "thickness": 12, "len": 0.8, "x": 1.02},
-            },
+            marker={"size": 11, **colours, "line": {"width": 1, "color": "#333"}},
         )
     )
     rim_deg = max(90.0, float(np.ceil((lights.get("zenith_max_deg") or 0) / 10) * 10))
     # The axis' own labels stand at one fixed angle, whatever light is there.
+    ticks = list(SCALE_TICKS_DEG)
     figure.add_scatterpolar(
-        r=list(SCALE_TICKS_DEG),
-        theta=[_clear_angle_deg(rows, rim_deg)] * len(SCALE_TICKS_DEG),
+        r=ticks,
+        theta=[_clear_angle_deg(rows, rim_deg)] * len(ticks),
         mode="text",
-        text=[f"{tick}°" for tick in SCALE_TICKS_DEG],
+        text=[f"{tick}°" for tick in ticks],
         textfont={"size": 11, "color": "#666"},
         hoverinfo="skip",
         showlegend=False,
     )
+    words = {"tickvals": [0, 90, 180, 270], "ticktext": ["right (+x)", "up (+y)", "left", "down"]}
     figure.update_polars(
         domain={"x": [0.06, 0.84], "y": [0.03, 0.97]},
-        radialaxis={
-            "range": [0, rim_deg],
-            "tickvals": list(SCALE_TICKS_DEG),
-            "showticklabels": False,
-            "showline": False,
-            "ticks": "",
-        },
-        angularaxis={
-            "tickvals": [0, 90, 180, 270],
-            "ticktext": ["right (+x)", "up (+y)", "left", "down"],
-            "direction": "counterclockwise",
-        },
+        radialaxis={"range": [0, rim_deg], "tickvals": ticks, "showticklabels": False, "showline": False, "ticks": ""},
+        angularaxis={**words, "direction": "counterclockwise"},
     )
     return _html(figure, "light-directions", "Directions of the lights as the camera sees them", height=430)
 
@@ -116,56 +107,51 @@ def _clear_angle_deg(rows: list[dict[str, Any]], rim_deg: float) -> float:
     return float(angles[np.argmax(nearest)])
 
 
-def light_intensities(lights: dict[str, Any]) -> str:
-    """Return a bar per light: mean intensity with its sigma, the channels as marks."""
+def _bars(lights: dict[str, Any], values: list[Any], title: str, **how: Any) -> Any:
+    """Return the figure of a bar a light."""
     import plotly.graph_objects as go
 
     rows = lights["frames"]
-    number = [index + 1 for index in range(len(rows))]
-    names = [escape(row["name"]) for row in rows]
+    figure = go.Figure(go.Bar(x=_numbers(rows), y=values, hovertext=_names(rows), **how))
+    figure.update_xaxes(title="light (number in the hemisphere)", dtick=1 if len(rows) <= MOST_NUMBERED else None)
+    return figure.update_yaxes(title=title, rangemode="tozero")
+
+
+def light_intensities(lights: dict[str, Any]) -> str:
+    """Return a bar per light: mean intensity with its sigma, the channels as marks."""
+    rows = lights["frames"]
     sigma = [(row["intensity_sigma"] or 0) * row["intensity_mean"] for row in rows]
-    figure = go.Figure(
-        go.Bar(
-            x=number,
-            y=[row["intensity_mean"] for row in rows],
-            error_y={"type": "data", "array": sigma, "visible": any(sigma), "thickness": 1.2},
-            marker={"color": "#c9d3dc"},
-            name="mean of channels ± 1 sigma",
-            hovertext=names,
-            hovertemplate="%{hovertext}: %{y:.3f}<extra></extra>",
-        )
+    figure = _bars(
+        lights,
+        [row["intensity_mean"] for row in rows],
+        "intensity (mean over frames = 1)",
+        error_y={"type": "data", "array": sigma, "visible": any(sigma), "thickness": 1.2},
+        marker={"color": "#c9d3dc"},
+        name="mean of channels ± 1 sigma",
+        hovertemplate="%{hovertext}: %{y:.3f}<extra></extra>",
     )
     for channel, (name, colour, symbol) in enumerate(CHANNELS):
         figure.add_scatter(
-            x=number,
+            x=_numbers(rows),
             y=[row["intensity"][channel] for row in rows],
             mode="markers",
             name=name,
             marker={"color": colour, "symbol": symbol, "size": 7},
-            hovertext=names,
+            hovertext=_names(rows),
             hovertemplate=f"%{{hovertext}}, {name}: %{{y:.3f}}<extra></extra>",
         )
-    figure.update_xaxes(title="light (number in the hemisphere)", dtick=1 if len(rows) <= 30 else None)
-    figure.update_yaxes(title="intensity (mean over frames = 1)", rangemode="tozero")
     return _html(figure, "light-intensities", "Relative intensity of each light", height=330)
 
 
 def light_sigmas(lights: dict[str, Any]) -> str:
     """Return a bar per light: the standard deviation of its direction."""
-    import plotly.graph_objects as go
-
-    rows = lights["frames"]
-    figure = go.Figure(
-        go.Bar(
-            x=[index + 1 for index in range(len(rows))],
-            y=[row["direction_sigma_deg"] for row in rows],
-            marker={"color": "#7f93a6"},
-            hovertext=[escape(row["name"]) for row in rows],
-            hovertemplate="%{hovertext}: %{y:.3f}°<extra></extra>",
-        )
+    figure = _bars(
+        lights,
+        [row["direction_sigma_deg"] for row in lights["frames"]],
+        "direction sigma (°, one axis)",
+        marker={"color": "#7f93a6"},
+        hovertemplate="%{hovertext}: %{y:.3f}°<extra></extra>",
     )
-    figure.update_xaxes(title="light", dtick=1 if len(rows) <= 30 else None)
-    figure.update_yaxes(title="direction sigma (°, one axis)", rangemode="tozero")
     return _html(figure, "light-sigmas", "Standard deviation of each light's direction, degrees", height=260)
 
 
@@ -189,7 +175,7 @@ def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> st
             figure.add_scatter(
                 x=[point[0] for point in points],
                 y=[point[axis] for point in points],
-                mode="markers+text" if len(rows) <= 30 else "markers",
+                mode="markers+text" if len(rows) <= MOST_NUMBERED else "markers",
                 text=labels,
                 textposition="top center",
                 name=name,
@@ -203,9 +189,8 @@ def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> st
     figure.update_yaxes(title="y (mm), up", scaleanchor="x", row=1, col=1)
     figure.update_yaxes(title="z (mm), toward the viewer", scaleanchor="x2", row=1, col=2)
     figure.update_annotations(font_size=13)
-    return _html(
-        figure, "light-positions", "Positions of the lights in millimetres, two views", height=450, legend_y=1.08
-    )
+    alt = "Positions of the lights in millimetres, two views"
+    return _html(figure, "light-positions", alt, height=450, legend_y=1.08)
 
 
 def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
@@ -220,25 +205,19 @@ def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
     found = {name: kinds for name, kinds in found.items() if any(map(sum, kinds.values()))}
     columns = min(PANELS_ABREAST, len(found))
     rows = -(-len(found) // columns)
-    figure = make_subplots(
-        rows,
-        columns,
-        shared_xaxes=True,
-        shared_yaxes=True,
-        subplot_titles=[f"<b>{escape(name)}</b>" for name in found],
-        horizontal_spacing=0.02,
-        vertical_spacing=0.24 / rows,
-    )
+    titles = [f"<b>{escape(name)}</b>" for name in found]
+    room: dict[str, Any] = {"horizontal_spacing": 0.02, "vertical_spacing": 0.24 / rows}
+    figure = make_subplots(rows, columns, shared_xaxes=True, shared_yaxes=True, subplot_titles=titles, **room)
     top, named = 0.0, set()
     for index, kinds in enumerate(found.values()):
         place = {"row": index // columns + 1, "col": index % columns + 1}
-        beyond = []
+        beyond = ""
         for kind, counts in kinds.items():
             if not sum(counts):
                 continue
             share = 100 * np.array(counts) / sum(counts)
             top = max(top, float(share[:-1].max()))
-            beyond.append(f"{kind} {share[-1]:.2g} %")
+            beyond += f"<br>{kind} {share[-1]:.2g} %"
             figure.add_scatter(
                 x=edges.tolist(),
                 y=[*share[:-1].tolist(), float(share[-2])],
@@ -252,28 +231,10 @@ def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
                 **place,
             )
             named.add(kind)
-        figure.add_annotation(
-            text=f"beyond {edges[-1]:g}°:<br>{'<br>'.join(beyond)}",
-            x=0.98,
-            y=0.96,
-            xref="x domain",
-            yref="y domain",
-            xanchor="right",
-            yanchor="top",
-            align="right",
-            showarrow=False,
-            font={"size": 11, "color": "#444"},
-            **place,
-        )
-    figure.update_xaxes(range=[0, float(edges[-1])])
-    figure.update_xaxes(title="angular error (°)", row=rows)
-    figure.update_yaxes(range=[0, 1.05 * top or 1])
-    figure.update_yaxes(title="pixels (%)", col=1)
-    height = 110 + 140 * rows
-    return _html(
-        figure,
-        "error-histograms",
-        "Histogram of the angular error of each method",
-        height=height,
-        legend_y=1 + 30 / height,
-    )
+        corner = {"x": 0.98, "xref": "x domain", "xanchor": "right", "y": 0.96, "yref": "y domain", "yanchor": "top"}
+        look = {"align": "right", "showarrow": False, "font": {"size": 11, "color": "#444"}}
+        figure.add_annotation(text=f"beyond {edges[-1]:g}°:{beyond}", **corner, **look, **place)
+    figure.update_xaxes(range=[0, float(edges[-1])]).update_xaxes(title="angular error (°)", row=rows)
+    figure.update_yaxes(range=[0, 1.05 * top or 1]).update_yaxes(title="pixels (%)", col=1)
+    height, alt = 110 + 140 * rows, "Histogram of the angular error of each method"
+    return _html(figure, "error-histograms", alt, height=height, legend_y=1 + 30 / height)

@@ -1,169 +1,133 @@
 """The page of two captures compared: the verdict and why, error maps side by side, statistics, the methods' order."""
 
 from html import escape
-from pathlib import Path
-from string import Template
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.counterpart_words import ANSWERS, TOPICS, badge_of, carried_section, how_to_read_section, names_of
-from compare.report.interval_chart import interval_chart
-from compare.report.maps import colour_scale
-from compare.report.page import absent, is_number, number, percent, picture, section, table
+from compare.report.line_chart import interval_chart
+from compare.report.maps import colour_scale, error_pairs
+from compare.report.page import (
+    absent,
+    badge,
+    definitions,
+    folded,
+    is_number,
+    number,
+    picture,
+    say,
+    section,
+    table,
+    table_of,
+    verdict_section,
+    whole_page,
+    words,
+)
 from compare.report.pictures import Box
 from compare.statistics.counterpart_draws import Capture
-from compare.statistics.counterpart_verdict import MARGIN_DEG, MARGIN_SHARE
+from compare.statistics.counterpart_verdict import ALIKE_FROM, MARGIN_DEG, MARGIN_SHARE, STRUCTURED
 
 Found = dict[str, Any]
 
 MAP_WIDTH = 360
+STATISTICS = {"mean_deg": "mean", "median_deg": "median", "q1_deg": "Q1", "q3_deg": "Q3"}
+LEVELS = {"alike": "good", "not shown": "unknown", "differ": "bad"}
+TOPICS = {"level": "How large", "pattern": "Where", "order": "Which method"}
 
 
 def counterpart_page(found: Found, real: Capture, twin: Capture, title: str, subtitle: str) -> str:
-    """Return the page, one file that fetches nothing.
+    """Return the page, one file that fetches nothing, of what `compare_counterparts` found of two captures."""
+    bars = {"alike_from": ALIKE_FROM, "structured_percent": 100 * STRUCTURED}
+    terms = [(term, text.format(**bars)) for term, text in words("counterparts", "how_to_read").items()]
+    chapters = {
+        "Verdict": _verdict(found),
+        "Where": _maps(found, {"real": real, "twin": twin}),
+        "How large": _statistics(found),
+        "Patterns": _patterns(found),
+        "Order of the methods": _order(found),
+        "What sigma holds": _carried(found),
+        "How to read": section("how-to-read", "How to read this page", definitions(terms)),
+    }
+    return whole_page(title, "Two captures compared", escape(subtitle), chapters)
 
-    Parameters
-    ----------
-    found : dict
-        Of `compare.statistics.counterpart_verdict.compare_counterparts`.
-    real, twin : Capture
-        What it was made of.
-    title, subtitle : str
-    """
-    here = Path(__file__).parent
-    body = [
-        _verdict(found),
-        _maps(found, real, twin),
-        _statistics(found),
-        _patterns(found),
-        _order(found),
-        carried_section(found),
-        how_to_read_section(),
-    ]
-    chapters = (
-        ("verdict", "Verdict"),
-        ("errors", "Where"),
-        ("statistics", "How large"),
-        ("patterns", "Patterns"),
-        ("order", "Order of the methods"),
-        ("carried", "What sigma holds"),
-        ("how-to-read", "How to read"),
-    )
-    return Template((here / "report_template.html").read_text(encoding="utf-8")).substitute(
-        title=escape(title),
-        kind="Two captures compared",
-        subtitle=escape(subtitle),
-        chapters="".join(f'<a href="#{anchor}">{words}</a>' for anchor, words in chapters),
-        style=(here / "report_style.css").read_text(encoding="utf-8"),
-        plotly="",
-        body="\n".join(body),
-    )
+
+def badge_of(answer: str) -> str:
+    """Return an answer as a word in a coloured frame."""
+    return badge(LEVELS[answer], answer)
+
+
+def _names_of(found: Found) -> dict[str, str]:
+    """Return what the two captures are called, as HTML."""
+    return {
+        kind: f"{escape(one['name'])} <small>{escape(one['kind'])}</small>" for kind, one in found["captures"].items()
+    }
+
+
+def _in_order(found: Found) -> dict[str, Found]:
+    """Return the methods' rows, the smallest median error of the photographs first."""
+    return {name: found["methods"][name] for name in found["order"]["order"]["real"]}
+
+
+def _with_sigma(deg: float, sigma_deg: float, *, bold: bool = False) -> str:
+    text = f"{number(deg, 2)} ± {number(sigma_deg, 2)}"
+    return f"<b>{text}</b>" if bold else text
 
 
 def _verdict(found: Found) -> str:
-    real, twin = names_of(found)
-    head = f"<li><h3>Real and twin {badge_of(found['verdict'])}</h3><p>{real} against {twin}.</p></li>"
-    rows = "".join(
-        f"<li><h3>{TOPICS[question]} {badge_of(answer)}</h3><p>{_because(found, question, answer)}</p></li>"
-        for question, answer in found["reasons"].items()
-    )
-    return f'<section id="verdict" class="verdict"><h2>Do they fail alike?</h2><ul>{head}{rows}</ul></section>'
+    lines = [(f"Real and twin {badge_of(found['verdict'])}", f"{' against '.join(_names_of(found).values())}.")]
+    for question, answer in found["reasons"].items():
+        text = words("counterparts", question)[answer] + _because(found, question)
+        lines.append((f"{TOPICS[question]} {badge_of(answer)}", text))
+    return verdict_section("Do they fail alike?", lines)
 
 
-def _because(found: Found, question: str, answer: str) -> str:
-    text = ANSWERS[question][answer]
+def _because(found: Found, question: str) -> str:
     methods, order = found["methods"], found["order"]
     if question == "level":
         worst = max(methods, key=lambda name: abs(methods[name]["difference"]["median_deg"]["deg"]))
-        row = methods[worst]["difference"]["median_deg"]
-        text += (
-            f" The median differs most for <b>{escape(worst)}</b>: real − twin {number(row['deg'], 2, '°')}, sigma "
-            f"{number(row['sigma_deg'], 2, '°')}. Were all errors as large on "
-            f"both, chance would bring up so large a largest difference with {percent(found['level']['p'], 1)}."
-        )
-    elif question == "pattern" and not found["laid_over"]:
-        text += " The two do not show the object at the same pixels, so maps cannot be laid over each other."
-    elif question == "pattern":
-        shown = [
-            f"{escape(name)} {number(row['pattern']['pearson'], 2)}"
-            for name, row in methods.items()
-            if is_number(row["pattern"].get("pearson"))
-        ]
-        text += f" Pearson: {', '.join(shown)}." if shown else ""
-    elif question == "order":
-        text += (
-            f" Kendall's tau {number(order['tau'], 2)}, {number(order['tau_low'], 2)} to "
-            f"{number(order['tau_high'], 2)} (90 %)."
-        )
-        if order["contradictions"]:
-            text += " Changed: " + "; ".join(f"{escape(a)} and {escape(b)}" for a, b in order["contradictions"]) + "."
-    return text
+        return say("two", "worst", name=worst, p=found["level"]["p"], **methods[worst]["difference"]["median_deg"])
+    if question == "pattern":
+        if not found["laid_over"]:
+            return say("two", "apart")
+        there = [name for name, row in methods.items() if is_number(row["pattern"].get("pearson"))]
+        shown = ", ".join(f"{escape(name)} {number(methods[name]['pattern']['pearson'], 2)}" for name in there)
+        return f" Pearson: {shown}." if shown else ""
+    changed = "; ".join(f"{a} and {b}" for a, b in order["contradictions"])
+    return say("two", "tau", **order) + (say("two", "changed", pairs=changed) if changed else "")
 
 
-def _maps(found: Found, real: Capture, twin: Capture) -> str:
-    maps = {"real": real.errors, "twin": twin.errors}
-    methods = _in_order(found)
-    spread = [np.nanquantile(of[name], 0.95) for of in maps.values() for name in methods]
-    end, rows = pictures.colour_scale_end(float(np.median(spread))), []
-    names = dict(zip(maps, names_of(found), strict=True))
-    for name in methods:
-        cells = []
-        for kind, of in maps.items():
-            error = of[name]
+def _maps(found: Found, sides: dict[str, Capture]) -> str:
+    names, methods, rows = _names_of(found), _in_order(found), []
+    spread = [np.nanquantile(side.errors[name], 0.95) for side in sides.values() for name in methods]
+    end = pictures.colour_scale_end(float(np.median(spread)))
+    for name, row in methods.items():
+        cells = ""
+        for kind, side in sides.items():
+            error = side.errors[name]
             box = Box.of_mask(np.isfinite(error), margin=0.03)
-            image = pictures.error_picture(pictures.shrink(error[box.rows, box.columns], MAP_WIDTH), end)
-            row = found["methods"][name][kind]
-            caption = f"<b>{escape(name)}</b>, {names[kind]}: median {number(row['median_deg'], 2, '°')}"
-            uri = pictures.data_uri(_enlarged(image), photograph=False)
-            cells.append(picture(uri, f"error map, {name}, {kind}", caption, kind="map"))
-        rows.append(f'<div class="errors">{"".join(cells)}</div>')
-    many = " many" if len(methods) > 1 else ""
-    lead = f"One colour scale for all maps, 0° to {number(end, 0, '°')}; what is beyond has its last colour."
-    return section(
-        "errors",
-        "Where the errors are",
-        colour_scale(end) + f'<div class="error-pairs{many}">{"".join(rows)}</div>',
-        lead,
-    )
-
-
-def _enlarged(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    # A browser smooths what it enlarges; pixels are to be seen.
-    times = max(1, MAP_WIDTH // image.shape[1])
-    return np.repeat(np.repeat(image, times, 0), times, 1)
-
-
-def _in_order(found: Found) -> list[str]:
-    return list(found["order"]["order"]["real"])
+            image = pictures.error_picture(pictures.shrink(box.of(error), MAP_WIDTH), end)
+            image = pictures.enlarged(image, max(1, MAP_WIDTH // image.shape[1]))
+            caption = f"<b>{escape(name)}</b>, {names[kind]}: median {number(row[kind]['median_deg'], 2, '°')}"
+            cells += picture(image, f"error map, {name}, {kind}", caption, kind="map")
+        rows.append(cells)
+    body = colour_scale(end) + error_pairs(rows, many=len(methods) > 1)
+    return section("errors", "Where the errors are", body, say("maps", "errors", end=end))
 
 
 def _statistics(found: Found) -> str:
-    keys = (("mean_deg", "mean"), ("median_deg", "median"), ("q1_deg", "Q1"), ("q3_deg", "Q3"))
-    rows = []
-    for name in _in_order(found):
-        row = found["methods"][name]
+    rows, medians = [], {}
+    for name, row in _in_order(found).items():
+        medians[name] = {kind: (row[kind]["median_deg"], row[kind]["sigma"]["median_deg"]) for kind in ("real", "twin")}
         for kind in ("real", "twin"):
-            cells = [f"{number(row[kind][key], 2)} ± {number(row[kind]['sigma'][key], 2)}" for key, _ in keys]
+            cells = [_with_sigma(row[kind][key], row[kind]["sigma"][key]) for key in STATISTICS]
             rows.append((f"{escape(name)} <small>{kind}</small>", *cells, ""))
-        cells = [
-            ("<b>{}</b>" if one["significant"] else "{}").format(
-                f"{number(one['deg'], 2)} ± {number(one['sigma_deg'], 2)}"
-            )
-            for one in (row["difference"][key] for key, _ in keys)
-        ]
+        differences = (row["difference"][key] for key in STATISTICS)
+        cells = [_with_sigma(one["deg"], one["sigma_deg"], bold=one["significant"]) for one in differences]
         rows.append((f"{escape(name)} <small>real − twin</small>", *cells, badge_of(row["level"])))
-    caption = "Angular error, degrees ± one sigma. Bold: larger than chance, all methods and figures taken together."
-    body = table(("method", *(words for _, words in keys), "as large?"), rows, caption=caption, kind="numbers")
-    chart = interval_chart(
-        {
-            name: {kind: (row[kind]["median_deg"], row[kind]["sigma"]["median_deg"]) for kind in ("real", "twin")}
-            for name, row in ((name, found["methods"][name]) for name in _in_order(found))
-        },
-        x_title="median angular error, degrees; bars: two sigma to either side",
-    )
+    head = ("method", *STATISTICS.values(), "as large?")
+    body = table(head, rows, caption=say("two", "statistics"), kind="numbers")
+    chart = interval_chart(medians, x_title="median angular error, degrees; bars: two sigma to either side")
     if found["left_out"]:
         body += absent(f"Left out, without a known error on one of the two: {', '.join(found['left_out'])}.")
     lead = f"As large: closer than {MARGIN_DEG:g}° or {100 * MARGIN_SHARE:.0f} % of their mean, whichever is more."
@@ -173,45 +137,43 @@ def _statistics(found: Found) -> str:
 def _patterns(found: Found) -> str:
     if not found["laid_over"]:
         return section("patterns", "Patterns", absent("The two do not show the object at the same pixels."))
-    rows = []
-    for name in _in_order(found):
-        row = found["methods"][name]["pattern"]
-        cells = [
-            f"{number(row.get(key), 2)} <small>{number(row.get(f'{key}_low'), 2)} to "
-            f"{number(row.get(f'{key}_high'), 2)}</small>"
-            for key in ("pearson", "spearman")
-        ]
-        shares = [percent((row.get("structured") or {}).get(kind)) for kind in ("real", "twin")]
-        rows.append((escape(name), *cells, *shares, number(row["pixels"]), badge_of(row["verdict"])))
-    head = ("method", "Pearson", "Spearman", "no noise, real", "no noise, twin", "pixels in both", "same places?")
-    caption = (
-        "Correlation of the two error maps and its 95 % interval. “No noise”: share of a map's variance that "
-        "neighbours a few pixels apart have in common."
-    )
-    return section(
-        "patterns", "Whether the errors lie at the same places", table(head, rows, caption=caption, kind="numbers")
-    )
+    rows = [
+        {**row["pattern"], "name": name, "same": badge_of(row["pattern"]["verdict"])}
+        for name, row in _in_order(found).items()
+    ]
+    body = table_of("patterns", rows, caption=say("two", "patterns"))
+    return section("patterns", "Whether the errors lie at the same places", body)
 
 
 def _order(found: Found) -> str:
-    order = found["order"]
+    order, title, columns = found["order"], "The order of the methods", ""
     if len(found["methods"]) < 2:
-        return section("order", "The order of the methods", absent("One method alone has no order."))
-    columns = []
-    for kind, title in zip(("real", "twin"), names_of(found), strict=True):
+        return section("order", title, absent("One method alone has no order."))
+    for kind, name in _names_of(found).items():
         told = "".join(f"<li>{escape(text).replace('`', '')}</li>" for text in order["sentences"][kind])
-        columns.append(f"<div><h3>{title}</h3><ol>{told}</ol></div>")
+        columns += f"<div><h3>{name}</h3><ol>{told}</ol></div>"
     rows = []
     for pair in order["pairs"]:
-        cells = []
-        for kind in ("real", "twin"):
-            one = pair[kind]
-            text = f"{number(one['difference_deg'], 2)} ± {number(one['sigma_deg'], 2)}"
-            cells.append(f"<b>{text}</b>" if one["significant"] else text)
+        both = (pair[kind] for kind in ("real", "twin"))
+        cells = [_with_sigma(one["difference_deg"], one["sigma_deg"], bold=one["significant"]) for one in both]
         rows.append((f"{escape(pair['b'])} − {escape(pair['a'])}", *cells))
-    listed = table(
-        ("median error", "real", "twin"), rows, caption="Degrees ± one sigma; bold: significant.", kind="numbers"
-    )
-    body = f'<div class="pair">{"".join(columns)}</div><details><summary>Every two methods</summary>{listed}</details>'
-    lead = "Each method against the next better one, by median error."
-    return section("order", "The order of the methods", body, lead)
+    caption = "Degrees ± one sigma; bold: significant."
+    listed = table(("median error", "real", "twin"), rows, caption=caption, kind="numbers")
+    body = f'<div class="pair">{columns}</div>' + folded("Every two methods", listed)
+    return section("order", title, body, "Each method against the next better one, by median error.")
+
+
+def _carried(found: Found) -> str:
+    """Return what the sigmas hold, for each capture."""
+    rows = []
+    for kind, title in _names_of(found).items():
+        one = found["captures"][kind]["carried"]
+        text = escape(one.get("why", "nothing"))
+        if one.get("moves"):
+            moved = [say("moved", key, **one) for key in words("moved") if is_number(one.get(key))]
+            text = ", ".join(moved) + say("two", "solved again", **one)
+            if one.get("not_carried"):
+                text += say("two", "not carried", names=", ".join(one["not_carried"]))
+        rows.append((title, "blocks of pixels", text))
+    lead = "Sigmas are medians of those in lights.json, and those in pose.json."
+    return section("carried", "What the sigmas hold", table(("capture", "drawn", "moved by one sigma"), rows), lead)

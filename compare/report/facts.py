@@ -1,4 +1,4 @@
-"""What the output folder says of lights, balls and pose, as rows that the summary and the report share."""
+"""What the output folder and its summary say of methods, lights, balls and warnings, as the report's parts share it."""
 
 from contextlib import suppress
 from typing import Any
@@ -54,43 +54,44 @@ def read_optional(store: Store, name: str) -> Any:
 def light_rows(store: Store) -> dict[str, Any] | None:
     """Return the lights as the report draws them, None where there are none.
 
-    Returns
-    -------
-    dict
-        model; sigma medians; frames: name, zenith_deg (0 at the camera's axis), azimuth_deg (0 right, 90 up, as
-        the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and distance_mm where near, flags.
+    model; count; reference point; sigma medians; frames: name, zenith_deg (0 at the camera's axis), azimuth_deg (0
+    right, 90 up, as the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and distance_mm where near,
+    flags.
     """
-    with suppress(SceneError):
+    try:
         lights = store.load_lights()
-        x, y, z = lights.directions.T
-        rows = []
-        for i, name in enumerate(lights.names):
-            row = {
+    except SceneError:
+        return None
+    x, y, z = lights.directions.T
+    zenith, azimuth = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360
+    rows = []
+    for i, name in enumerate(lights.names):
+        position = None if lights.positions_mm is None else lights.positions_mm[i]
+        rows.append(
+            {
                 "name": name,
-                "zenith_deg": float(np.degrees(np.arctan2(np.hypot(x[i], y[i]), z[i]))),
-                "azimuth_deg": float(np.degrees(np.arctan2(y[i], x[i])) % 360),
+                "zenith_deg": float(zenith[i]),
+                "azimuth_deg": float(azimuth[i]),
                 "intensity": lights.intensities[i].tolist(),
                 "intensity_mean": float(lights.intensities[i].mean()),
                 "direction_sigma_deg": finite(lights.direction_sigma_deg[i]),
                 "intensity_sigma": finite(lights.intensity_sigma[i]),
-                "position_mm": None,
-                "distance_mm": None,
+                "position_mm": None if position is None else position.tolist(),
+                "distance_mm": None
+                if position is None
+                else float(np.linalg.norm(position - lights.reference_point_mm)),
                 "flags": list(lights.flags[i]),
             }
-            if lights.positions_mm is not None:
-                row["position_mm"] = lights.positions_mm[i].tolist()
-                row["distance_mm"] = float(np.linalg.norm(lights.positions_mm[i] - lights.reference_point_mm))
-            rows.append(row)
-        return {
-            "model": lights.model,
-            "count": len(rows),
-            "reference_point_mm": lights.reference_point_mm.tolist(),
-            "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
-            "intensity_sigma_median": _median(lights.intensity_sigma),
-            "zenith_max_deg": max((row["zenith_deg"] for row in rows), default=None),
-            "frames": rows,
-        }
-    return None
+        )
+    return {
+        "model": lights.model,
+        "count": len(rows),
+        "reference_point_mm": lights.reference_point_mm.tolist(),
+        "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
+        "intensity_sigma_median": _median(lights.intensity_sigma),
+        "zenith_max_deg": max((row["zenith_deg"] for row in rows), default=None),
+        "frames": rows,
+    }
 
 
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
@@ -100,16 +101,41 @@ def sphere_rows(store: Store) -> list[dict[str, Any]]:
     out = []
     for index, row in enumerate(rows):
         seen = highlights[index] if index < len(highlights) else None
+        counts = (None, None) if seen is None else (sum(pixel is not None for pixel in seen), len(seen))
         distance = None if row.get("center_mm") is None else float(np.linalg.norm(row["center_mm"]))
-        out.append(
-            {
-                **row,
-                "distance_mm": distance,
-                "highlights_seen": None if seen is None else sum(pixel is not None for pixel in seen),
-                "highlights_frames": None if seen is None else len(seen),
-            }
-        )
+        out.append({**row, "distance_mm": distance, "highlights_seen": counts[0], "highlights_frames": counts[1]})
     return out
+
+
+def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:
+    """Return every warning in the summary as (step, text), each once, wherever it was put."""
+    found: dict[tuple[str, str], None] = {}
+
+    def add(step: str, texts: Any) -> None:
+        for item in texts or ():
+            named, text = (item.get("step", step), item.get("text", "")) if isinstance(item, dict) else (step, item)
+            found.setdefault((str(named), str(text).removeprefix(f"{named}: ")))
+
+    add("", summary.get("warnings"))
+    for step, part in (("check", "capture"), *((step, step) for step in ("calibrate", "align", "twin", "compare"))):
+        add(step, (summary.get(part) or {}).get("warnings"))
+    for name, row in ((summary.get("solve") or {}).get("methods") or {}).items():
+        add(
+            "solve",
+            [text if text.startswith(name) else f"{name}: {text}" for text in (row or {}).get("warnings") or ()],
+        )
+    return list(found)
+
+
+def warned_of(summary: dict[str, Any], step: str) -> list[str]:
+    """Return the warnings of one step: check, calibrate, align, solve, twin or compare."""
+    return [text for named, text in all_warnings(summary) if named == step]
+
+
+def doubts_of(summary: dict[str, Any], method: str) -> list[str]:
+    """Return why a method says that its own result on the photographs should not be believed."""
+    row = ((summary.get("solve") or {}).get("methods") or {}).get(method) or {}
+    return [str(text).removeprefix(f"{method}: ") for text in row.get("warnings") or ()]
 
 
 def finite(value: Any) -> float | None:

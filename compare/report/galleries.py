@@ -2,125 +2,117 @@
 
 from contextlib import suppress
 from html import escape
+from itertools import zip_longest
 
 import numpy as np
 
 from compare.report import charts, pictures
 from compare.report.facts import read_optional
-from compare.report.page import absent, drawing, is_number, number, percent, picture, polyline, section, table
+from compare.report.page import (
+    absent,
+    drawing,
+    folded,
+    is_number,
+    number,
+    picture,
+    polyline,
+    say,
+    section,
+    table_of,
+    words,
+)
 from compare.report.pictures import Box
 from compare.report.shown_material import Material, Summary
 from scene.errors import SceneError
+from scene.spheres import Sphere
 
 BALL_WIDTH = 420
 
 
 def frames_section(material: Material, summary: Summary) -> str:
     """Return a contact sheet of all frames, one brightness scale for all."""
-    frames, capture = material.frames, summary.get("capture") or {}
+    frames, capture, title = material.frames, summary.get("capture") or {}, "The photographs"
     if frames is None:
-        return section("frames", "The photographs", absent("The decoded frames are not in this folder any more."))
+        return section("frames", title, absent("The decoded frames are not in this folder any more."))
     facts = {row.get("name"): row for row in capture.get("frames_table") or []}
     width = 200 if len(frames) <= 48 else 120
-    box = Box(0, 0, frames.width, frames.height)
-    sheet = []
+    box, sheet = Box(0, 0, frames.width, frames.height), ""
     for index, name in enumerate(frames.names):
         row = facts.get(name) or {}
         caption = f"<b>{index + 1}</b> {escape(name)}"
-        if is_number(row.get("brightness")):
-            caption += f"<br>brightness {number(row['brightness'], 3)}"
-        if is_number(row.get("saturated_share")):
-            caption += f", clipped {percent(row['saturated_share'], 1)}"
-        uri = pictures.data_uri(material.photograph(index, box, width), photograph=True)
-        sheet.append(picture(uri, f"photograph {index + 1}, {name}", caption))
-    size = f"{number(capture.get('width'))} × {number(capture.get('height'))} px, " if capture.get("width") else ""
-    count = f"{number(capture['frames'])} frames, " if is_number(capture.get("frames")) else ""
-    ambient = capture.get("ambient")
-    subtracted = "" if ambient is None else "ambient frame subtracted" if ambient else "no ambient frame"
-    lead = f"{count}{size}{subtracted}. One brightness scale for all, gamma-encoded for the eye; the data are linear."
-    return section("frames", "The photographs", f'<div class="sheet width-{width}">{"".join(sheet)}</div>', lead)
+        there = (key for key in ("brightness", "saturated_share") if is_number(row.get(key)))
+        caption += "".join(say("frames", key, **row) for key in there)
+        image = material.photograph(index, box, width)
+        sheet += picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
+    lead = say("frames", "count", **capture) if is_number(capture.get("frames")) else ""
+    lead += say("frames", "size", **capture) if capture.get("width") else ""
+    lead += say("frames", {None: "not told", False: "none"}.get(capture.get("ambient"), "ambient"))
+    lead += say("frames", "lead")
+    return section("frames", title, f'<div class="sheet width-{width}">{sheet}</div>', lead)
 
 
 def balls_section(material: Material) -> str:
     """Return each ball's crop with its fitted outline and highlights."""
+    title = "The calibration balls"
     if not material.spheres:
-        text = "No ball was found or asked for. The lights come from elsewhere (see Lights), or are not known."
-        return section("balls", "The calibration balls", absent(text))
+        return section("balls", title, absent(words("balls")["none"]))
     calibration = read_optional(material.store, "calibration.json") or {}
     highlights = calibration.get("highlights_px") or []
-    figures = [
-        _ball(material, index, row, highlights[index] if index < len(highlights) else None)
-        for index, row in enumerate(material.spheres)
-    ]
-    rejected = calibration.get("rejected") or []
-    body = f'<div class="gallery">{"".join(figures)}</div>'
-    if rejected:
-        rows = "".join(f"<li>{escape(_sentence(item))}</li>" for item in rejected)
-        body += f"<h3>Candidates that were refused</h3><ul>{rows}</ul>"
-    lead = (
-        "The line is the fitted ball's outline, drawn from its cone and the camera; it should run along the ball's "
-        "edge all the way round. Crosses are highlights, one a light; rest the pointer on one for its frame. White "
-        "balls are shown by the mean of all frames. So are chrome balls, in grey, their contrast stretched until the "
-        "edge shows against the table that they mirror, and with each frame's highlight laid over it. A dark disc "
-        "inside a chrome ball is the dark room in the mirror, not the ball's edge."
-    )
-    return section("balls", "The calibration balls", body, lead)
-
-
-def _ball(material: Material, index: int, row: Summary, seen: list | None) -> str:
-    title = f"<b>{escape(str(row.get('kind', '')))} ball {index + 1}</b>"
-    facts = [
-        f"radius {number(row.get('radius_px'), 1, 'px')}",
-        f"centre ± {number(row.get('sigma_px'), 2, 'px')}",
-        f"outline seen {percent(row.get('score'))}",
-    ]
-    if row.get("diameter_mm"):
-        facts.append(f"diameter {number(row['diameter_mm'], 1, 'mm')}")
-    if row.get("distance_mm"):
-        facts.append(f"distance {number(row['distance_mm'], 0, 'mm')}")
-    if row.get("kind") == "chrome" and is_number(row.get("highlights_seen")):
-        facts.append(f"highlight in {number(row['highlights_seen'])} of {number(row['highlights_frames'])} frames")
-    caption = f"{title}<br>{', '.join(facts)}."
-    camera, (frames, exposure) = material.camera, material.photographs_of_ball(index)
     spheres = []
     with suppress(SceneError):
         spheres = material.store.load_spheres()
-    if camera is None or index >= len(spheres):
+    rows = zip_longest(range(len(material.spheres)), spheres, highlights)
+    figures = "".join(_ball(material, *row) for row in rows if row[0] is not None)
+    body = f'<div class="gallery">{figures}</div>'
+    if rejected := calibration.get("rejected"):
+        rows = "".join(f"<li>{escape(_sentence(item))}</li>" for item in rejected)
+        body += f"<h3>Candidates that were refused</h3><ul>{rows}</ul>"
+    return section("balls", title, body, say("balls", "lead"))
+
+
+def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
+    row, camera = material.spheres[index], material.camera
+    frames, exposure = material.photographs_of_ball(index)
+    caption = _ball_caption(index, row)
+    if camera is None or sphere is None:
         reason = absent("Its camera or its place is not in this folder.")
         return f"<figure>{reason}<figcaption>{caption}</figcaption></figure>"
-    sphere = spheres[index]
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
     shapes = polyline(outline - corner, "outline-halo") + polyline(outline - corner, "outline")
     arm = max(box.width / 60, 1.0)
-    for number_, pixel in enumerate(seen or []):
+    for frame, pixel in enumerate(seen or []):
         if pixel is None:
             continue
         u, v = np.array(pixel, np.float64) - corner
-        name = frames.names[number_] if frames is not None and number_ < len(frames) else str(number_ + 1)
+        name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)
         cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
-        title_ = f"<title>{escape(f'{number_ + 1}: {name}')}</title>"
-        shapes += f'<g>{title_}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
+        title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
+        shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
     overlay = drawing(box.width, box.height, shapes, label="fitted outline and highlights")
     if row.get("apart"):
         caption += " Photographed apart."
-    fits = frames is not None and (frames.width, frames.height) == (camera.width, camera.height)
-    if not fits or exposure is None:
+    if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
         caption += " Its pictures are not kept here, so only the fit is drawn."
-        return (
-            f'<figure class="ball"><div class="stack blank">{overlay}</div><figcaption>{caption}</figcaption></figure>'
-        )
-    assert frames is not None
+        below = f"<figcaption>{caption}</figcaption>"
+        return f'<figure class="ball"><div class="stack blank">{overlay}</div>{below}</figure>'
     mean = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), BALL_WIDTH)
     image = exposure.develop(mean)
     if row.get("kind") == "chrome":
         brightest = pictures.ball_picture(frames, box, brightest=True)
         image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
-    uri = pictures.data_uri(image, photograph=True)
-    return picture(
-        uri, f"{row.get('kind')} ball {index + 1} with its fitted outline", caption, overlay=overlay, kind="ball"
-    )
+    words = f"{row.get('kind')} ball {index + 1} with its fitted outline"
+    return picture(image, words, caption, photograph=True, overlay=overlay, kind="ball")
+
+
+def _ball_caption(index: int, row: Summary) -> str:
+    text = say("balls", "fit", **{"kind": "", **row, "number": str(index + 1)})
+    text += say("balls", "diameter", **row) if row.get("diameter_mm") else ""
+    text += say("balls", "distance", **row) if row.get("distance_mm") else ""
+    if row.get("kind") == "chrome" and is_number(row.get("highlights_seen")):
+        text += say("balls", "highlights", **row)
+    return text + "."
 
 
 def lights_section(material: Material) -> str:
@@ -138,21 +130,15 @@ def lights_section(material: Material) -> str:
     else:
         body += absent("The lights are taken as distant: directions, no positions.")
     rows = [
-        (
-            f"{index + 1} {escape(row['name'])}",
-            number(row["zenith_deg"], 1, "°"),
-            number(row["azimuth_deg"], 1, "°"),
-            number(row["direction_sigma_deg"], 2, "°"),
-            number(row["intensity_mean"], 3),
-            percent(row["intensity_sigma"], 1),
-            number(row["distance_mm"], 0, "mm") if row.get("distance_mm") else "–",
-            escape("; ".join(row.get("flags") or [])) or "–",
-        )
+        {
+            **row,
+            "number": str(index + 1),
+            "distance": say("lights", "distance", **row) if row.get("distance_mm") else "–",
+            "flags": "; ".join(row.get("flags") or []) or "–",
+        }
         for index, row in enumerate(lights["frames"])
     ]
-    head = ("light", "from axis", "azimuth", "± direction", "intensity", "± intensity", "distance", "suspicious")
-    listed = table(head, rows, kind="numbers")
-    body += f"<details><summary>All lights as a table</summary>{listed}</details>"
+    body += folded("All lights as a table", table_of("lights", rows))
     lead = f"{number(lights['count'])} lights, {escape(str(lights['model']))}, seen from the object's centre."
     return section("lights", "The lights", body, lead)
 

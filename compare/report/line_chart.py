@@ -1,14 +1,96 @@
-"""A line chart as an SVG file: a few lines, with their spread where there is one, for pages and the documentation."""
+"""Charts as SVG files, for pages and the documentation: lines with their spread, and values with their sigma."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
+from typing import NamedTuple
 
 import numpy as np
 
 from compare.report.charts import COLOURS
 
-WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 720, 400, 64, 170, 20, 52
+SIGMAS = 2
 MOST_LETTERS = 12
+"""Longer names of ticks are written small, and on two rows in turn."""
+ROOM = 0.12
+"""Share of a logarithmic axis, and decades at least, that are left free at either end."""
+FEWEST_DECADES = 0.5
+INK, GRID = "#444", "#e3e7ea"
+
+
+class Frame(NamedTuple):
+    """Where a chart's axes cross the page, pixels; y runs down."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+
+@dataclass(frozen=True)
+class Axis:
+    """From values to places in pixels; `low` and `high` are logarithms where `log`. `ticks`: (value, its name)."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    log: bool
+    ticks: list[tuple[float, str]]
+
+    @classmethod
+    def over(cls, values: Iterable[Sequence[float]], start: float, end: float, *, log: bool, unit: str = "") -> "Axis":
+        """Return the axis that spans all values; from 0 on where it is linear and none is below."""
+        every = np.concatenate([np.asarray(each, float) for each in values])
+        every = every[np.isfinite(every)]
+        low, high = (every.min(), every.max()) if every.size else (0.0, 1.0)
+        if log:
+            low, high = np.log10(low), np.log10(high)
+            room = max(ROOM * (high - low), (FEWEST_DECADES - (high - low)) / 2, ROOM)
+            low, high = low - room, high + room
+            decades = range(int(np.floor(low)), int(np.ceil(high)) + 1)
+            digits = (1, 2, 5) if high - low < 3.2 else (1,)
+            ticks = [float(f"{digit}e{decade}") for decade in decades for digit in digits]
+            ticks = [tick for tick in ticks if low <= np.log10(tick) <= high]
+        else:
+            low = min(0.0, low)
+            high = max(high, low + 1e-9)
+            step = 10.0 ** np.floor(np.log10((high - low) / 2))
+            step = next(step * m for m in (0.5, 1, 2, 5) if (high - low) / (step * m) <= 7)
+            ticks = [float(f"{k * step:.6g}") for k in range(int(np.ceil(low / step)), int(high / step + 1e-9) + 1)]
+        return cls(float(low), float(high), start, end, log, [(tick, f"{tick:g}{unit}") for tick in ticks])
+
+    def at(self, value: float) -> float:
+        """Return a value's place."""
+        value = np.log10(value) if self.log else value
+        return float(self.start + (value - self.low) / (self.high - self.low) * (self.end - self.start))
+
+
+def svg(width: float, height: float, parts: Iterable[str], *, label: str = "chart") -> str:
+    """Return a drawing on white that scales to its place; `label` is for who cannot see it."""
+    head = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{escape(label)}" font-family="system-ui, \'DejaVu Sans\', sans-serif" font-size="13">'
+    )
+    return "\n".join([head, f'<rect width="{width}" height="{height}" fill="white"/>', *parts, "</svg>"]) + "\n"
+
+
+def axes(x: Axis, y: Axis, frame: Frame, *, x_title: str, y_title: str) -> list[str]:
+    """Return the grid, its numbers or names, and what the axes show."""
+    left, top, right, bottom = frame
+    long = max((len(name) for _, name in x.ticks), default=0) > MOST_LETTERS
+    parts = []
+    for number, (tick, name) in enumerate(x.ticks):
+        at, below = x.at(tick), bottom + 18 + (13 * (number % 2) - 2 if long else 0)
+        parts.append(f'<path d="M{at:.1f} {top}V{bottom}" stroke="{GRID}"/>')
+        parts.append(_text(at, below, name, "middle", f' font-size="9" fill="{INK}"' if long else f' fill="{INK}"'))
+    for tick, name in y.ticks:
+        parts.append(f'<path d="M{left} {y.at(tick):.1f}H{right}" stroke="{GRID}"/>')
+        parts.append(_text(left - 7, y.at(tick) + 4, name, "end", f' fill="{INK}"'))
+    parts.append(f'<path d="M{left} {top}V{bottom}H{right}" fill="none" stroke="#9aa5b0"/>')
+    parts.append(_text((left + right) / 2, bottom + (44 if long else 38), x_title, "middle"))
+    turn = f' transform="translate(15 {(top + bottom) / 2}) rotate(-90)"'
+    return [*parts, _text(0, 0, y_title, "middle", turn)]
 
 
 def line_chart(
@@ -35,72 +117,61 @@ def line_chart(
         Ticks of x = 0, 1, 2 ... by name, instead of numbers.
     """
     spreads = spreads or {}
-    x_of, x_ticks = _axis([x for x, _ in lines.values()], LEFT, WIDTH - RIGHT, log_x)
-    heights = [y for _, y in lines.values()] + [edge for spread in spreads.values() for edge in spread]
-    y_of, y_ticks = _axis(heights, HEIGHT - BOTTOM, TOP, log_y)
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" '
-        'font-family="system-ui, sans-serif" font-size="13">',
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
-    ]
-    x_named = list(enumerate(x_names)) or [(value, f"{value:g}") for value in x_ticks]
-    for number, (value, name) in enumerate(x_named):
-        x = x_of(value)
-        parts.append(f'<path d="M{x:.1f} {TOP}V{HEIGHT - BOTTOM}" stroke="#ddd"/>')
-        # Long names stand on two rows in turn.
-        down = 14 if max(map(len, x_names), default=0) <= MOST_LETTERS else 12 + 13 * (number % 2)
-        parts.append(f'<text x="{x:.1f}" y="{HEIGHT - BOTTOM + down + 4}" text-anchor="middle"')
-        parts[-1] += f"{_small(x_names)}>{escape(name)}</text>"
-    for value in y_ticks:
-        y = y_of(value)
-        parts.append(f'<path d="M{LEFT} {y:.1f}H{WIDTH - RIGHT}" stroke="#ddd"/>')
-        parts.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{value:g}</text>')
-    middle = (LEFT + WIDTH - RIGHT) / 2
-    parts.append(f'<text x="{middle}" y="{HEIGHT - 8}" text-anchor="middle">{escape(x_title)}</text>')
-    across = (TOP + HEIGHT - BOTTOM) / 2
-    parts.append(f'<text transform="translate(16 {across}) rotate(-90)" text-anchor="middle">{escape(y_title)}</text>')
-    for number, (name, (x, _)) in enumerate(lines.items()):
-        if name in spreads:
-            low, high = spreads[name]
-            known = [
-                (x_of(a), y_of(b), y_of(c)) for a, b, c in zip(x, low, high, strict=True) if np.isfinite([b, c]).all()
-            ]
-            outline = [(a, c) for a, _, c in known] + [(a, b) for a, b, _ in reversed(known)]
-            points = " ".join(f"{a:.1f},{b:.1f}" for a, b in outline)
-            parts.append(f'<polygon points="{points}" fill="{_colour(number)}" fill-opacity="0.13"/>')
-    for number, (name, (x, y)) in enumerate(lines.items()):
-        colour = _colour(number)
-        known = [(x_of(a), y_of(b)) for a, b in zip(x, y, strict=True) if np.isfinite(b)]
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in known)
-        parts.append(f'<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2.5"/>')
-        at = TOP + 14 + 22 * number
-        parts.append(f'<path d="M{WIDTH - RIGHT + 14} {at - 4}h22" stroke="{colour}" stroke-width="3"/>')
-        parts.append(f'<text x="{WIDTH - RIGHT + 42}" y="{at}">{escape(name)}</text>')
-    return "\n".join([*parts, "</svg>"]) + "\n"
+    frame = Frame(64, 20, 550, 348)
+    x = Axis.over([x for x, _ in lines.values()], frame.left, frame.right, log=log_x)
+    heights = [*(y for _, y in lines.values()), *(edge for spread in spreads.values() for edge in spread)]
+    y = Axis.over(heights, frame.bottom, frame.top, log=log_y)
+    if x_names:
+        x.ticks[:] = [(float(place), name) for place, name in enumerate(x_names)]
+
+    def points(places: Iterable[tuple[float, float]]) -> str:
+        return " ".join(f"{x.at(a):.1f},{y.at(b):.1f}" for a, b in places if np.isfinite(b))
+
+    colours = {name: COLOURS[number % len(COLOURS)] for number, name in enumerate(lines)}
+    parts = axes(x, y, frame, x_title=x_title, y_title=y_title)
+    for name, (low, high) in spreads.items():
+        at = lines[name][0]
+        outline = [*zip(at, high, strict=True), *reversed([*zip(at, low, strict=True)])]
+        parts.append(f'<polygon points="{points(outline)}" fill="{colours[name]}" fill-opacity="0.13"/>')
+    for name, pair in lines.items():
+        line = points(zip(*pair, strict=True))
+        parts.append(f'<polyline points="{line}" fill="none" stroke="{colours[name]}" stroke-width="2.5"/>')
+    return svg(720, 400, [*parts, *_legend(colours, frame)], label=f"{y_title} against {x_title}")
 
 
-def _colour(number: int) -> str:
-    return COLOURS[number % len(COLOURS)]
+def interval_chart(rows: Mapping[str, Mapping[str, tuple[float, float]]], *, x_title: str) -> str:
+    """Return the SVG of values with bars of `SIGMAS` sigma to either side, one row a method.
+
+    `rows`: by method, then by capture, (value, sigma); the captures' names are the legend's.
+    """
+    frame = Frame(120, 14, 600, 14 + 34 * len(rows))
+    colours = dict(zip(dict.fromkeys(kind for row in rows.values() for kind in row), COLOURS, strict=False))
+    ends = [value + SIGMAS * sigma for row in rows.values() for value, sigma in row.values()]
+    x = Axis.over([[1.05 * end for end in ends]], frame.left, frame.right, log=False)
+    names = [(line + 0.5, name) for line, name in enumerate(rows)]
+    y = Axis(0, len(rows), frame.top, frame.bottom, False, names)
+    parts = axes(x, y, frame, x_title=x_title, y_title="")
+    for line, row in enumerate(rows.values()):
+        for number, (kind, colour) in enumerate(colours.items()):
+            if kind not in row:
+                continue
+            value, sigma = row[kind]
+            middle = y.at(line + 0.5) + 9 * (number - (len(colours) - 1) / 2)
+            low, high = (x.at(max(value + sign * SIGMAS * sigma, 0.0)) for sign in (-1, 1))
+            parts.append(f'<path d="M{low:.1f} {middle:.1f}H{high:.1f}" stroke="{colour}" stroke-width="2.5"/>')
+            parts.append(f'<circle cx="{x.at(value):.1f}" cy="{middle:.1f}" r="4" fill="{colour}"/>')
+    return svg(720, frame.bottom + 46, [*parts, *_legend(colours, frame)], label=x_title)
 
 
-def _small(names: Sequence[str]) -> str:
-    return ' font-size="9"' if max(map(len, names), default=0) > MOST_LETTERS else ""
+def _legend(colours: Mapping[str, str], frame: Frame) -> list[str]:
+    """Return the names beside their colours, right of the frame."""
+    parts = []
+    for number, (name, colour) in enumerate(colours.items()):
+        at = frame.top + 14 + 22 * number
+        parts.append(f'<path d="M{frame.right + 14} {at - 4}h22" stroke="{colour}" stroke-width="3"/>')
+        parts.append(_text(frame.right + 42, at, name, "start"))
+    return parts
 
 
-def _axis(values: Sequence[Sequence[float]], start: float, end: float, log: bool):
-    """Return the function from a value to its place, and where ticks stand."""
-    every = np.concatenate([np.asarray(v, float) for v in values])
-    every = every[np.isfinite(every)]
-    if not every.size:
-        every = np.array([0.0, 1.0])
-    if log:
-        low, high = np.log10(every.min()), np.log10(every.max())
-        decades = np.arange(np.floor(low), np.ceil(high) + 1)
-        ticks = [float(f"{m * 10.0**d:.3g}") for d in decades for m in (1, 2, 5) if low <= np.log10(m) + d <= high]
-        return (lambda value: start + (np.log10(value) - low) / (high - low) * (end - start)), ticks
-    low, high = min(0.0, every.min()), every.max()
-    high = max(high, low + 1e-9)
-    step = 10.0 ** np.floor(np.log10((high - low) / 2))
-    step = next(step * m for m in (0.5, 1, 2, 5) if (high - low) / (step * m) <= 7)
-    ticks = [float(f"{v:.6g}") for v in np.arange(low, high + 1e-9 * step, step)]
-    return (lambda value: start + (value - low) / (high - low) * (end - start)), ticks
+def _text(x: float, y: float, words: str, anchor: str, more: str = "") -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"{more}>{escape(words)}</text>'

@@ -1,15 +1,52 @@
-"""The report's smallest pieces: numbers that can be traced, tables, figures, badges; everything escaped."""
+"""The report's smallest pieces: numbers that can be traced, tables, figures, badges, sections; everything escaped."""
 
+import functools
 import math
 import re
-from collections.abc import Iterable, Sequence
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape, unescape
+from pathlib import Path
+from string import Formatter, Template
 from typing import Any, TypeGuard
 
+from compare.report.pictures import Image, data_uri
+
+HERE = Path(__file__).parent
 UNKNOWN = '<span class="unknown">unknown</span>'
 
 LEVELS = {"good": "good", "care": "take care", "bad": "do not rely on it", "unknown": "not known"}
 """What a verdict's badge says. Words, not colours alone: the page is also printed."""
+
+
+@functools.cache
+def words(*part: str) -> dict[str, Any]:
+    """Return a part of report_words.toml by name."""
+    found = tomllib.loads((HERE / "report_words.toml").read_text("utf-8"))
+    for name in part:
+        found = found[name]
+    return found
+
+
+def say(part: str, name: str, /, **values: Any) -> str:
+    """Return a sentence of report_words.toml as HTML, its {names} filled in by `Sentence`."""
+    return Sentence().vformat(words(part)[name], (), values)
+
+
+class Sentence(Formatter):
+    """Fills in texts escaped, {x:2px} by `number`, {x:1%} by `percent`, {x:html} as it is; missing is unknown."""
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        try:
+            return super().get_field(field_name, args, kwargs)
+        except (LookupError, TypeError):
+            return None, field_name
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        decimals, unit = format_spec[:1], format_spec[1:]
+        if isinstance(value, str):
+            return value if format_spec == "html" else escape(value)
+        return percent(value, int(decimals)) if unit == "%" else number(value, int(decimals or 0), unit)
 
 
 def number(value: Any, decimals: int = 2, unit: str = "") -> str:
@@ -69,41 +106,41 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     return f'<div class="scroll">{"".join(lines)}</div>'
 
 
-def picture(uri: str, alt: str, caption: str = "", *, overlay: str = "", kind: str = "") -> str:
-    """Return a figure: an image, drawings that lie on it, and what is to be seen."""
+def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
+    """Return a table whose columns, (heading, sentence to be filled in), stand in report_words.toml."""
+    columns, sentence = words("tables")[name], Sentence()
+    lines = [[sentence.vformat(cell, (), row) for _, cell in columns] for row in rows]
+    return table([head for head, _ in columns], lines, caption=caption, kind=kind)
+
+
+def definitions(words: Iterable[tuple[str, str]]) -> str:
+    """Return terms, each with what it means; both are plain text."""
+    return f"<dl>{''.join(f'<dt>{escape(term)}</dt><dd>{escape(text)}</dd>' for term, text in words)}</dl>"
+
+
+def folded(title: str, body: str) -> str:
+    """Return what is shown when the reader asks for it."""
+    return f"<details><summary>{title}</summary>{body}</details>"
+
+
+def picture(
+    image: Image, alt: str, caption: str = "", *, photograph: bool = False, overlay: str = "", kind: str = ""
+) -> str:
+    """Return a figure: an image, drawings that lie on it, and what is to be seen (HTML)."""
     below = f"<figcaption>{caption}</figcaption>" if caption else ""
-    image = f'<img src="{uri}" alt="{escape(alt)}">'
-    return f'<figure class="{kind}"><div class="stack">{image}{overlay}</div>{below}</figure>'
+    shown = f'<img src="{data_uri(image, photograph=photograph)}" alt="{escape(alt)}">'
+    return f'<figure class="{kind}"><div class="stack">{shown}{overlay}</div>{below}</figure>'
 
 
 def wiper(left: tuple[str, str], right: tuple[str, str], caption: str) -> str:
-    """Return two pictures on each other, and a slider that wipes or fades between them.
+    """Return two pictures of one size on each other, and a slider that wipes or fades between them.
 
-    Parameters
-    ----------
-    left, right : (str, str)
-        The URI of a picture, and what it is. Both of one size.
-    caption : str
-        HTML.
+    `left`, `right`: the URI of a picture, and what it is. `caption` is HTML.
     """
-    (left_uri, left_words), (right_uri, right_words) = ((uri, escape(words)) for uri, words in (left, right))
-    ways = "".join(
-        f'<label><input type="radio" name="wiper" value="{way}"{" checked" if way == "wipe" else ""} '
-        f"onchange=\"this.closest('.wiper').dataset.way = this.value\"> {way}</label>"
-        for way in ("wipe", "fade")
+    values: dict[str, str] = dict(
+        zip(("left_uri", "left", "right_uri", "right"), map(escape, (*left, *right)), strict=True)
     )
-    # Wiping, a name stands on each side of the edge; fading, at each end of the slider.
-    return (
-        '<figure class="wiper" data-way="wipe" style="--share: 0.5"><div class="stack">'
-        f'<img src="{left_uri}" alt="{left_words}"><img class="over" src="{right_uri}" alt="{right_words}">'
-        f'<span class="side">{left_words}</span><span class="side right">{right_words}</span></div>'
-        f'<div class="keys"><span class="end">{left_words}</span>'
-        f'<input type="range" min="0" max="1" step="0.01" value="0.5" aria-label="{left_words} or {right_words}" '
-        "oninput=\"this.closest('.wiper').style.setProperty('--share', this.value)\">"
-        f'<span class="end">{right_words}</span></div>'
-        f'<div class="keys" role="radiogroup" aria-label="how the pictures change">{ways}</div>'
-        f"<figcaption>{caption}</figcaption></figure>"
-    )
+    return Template((HERE / "report_wiper.html").read_text("utf-8")).substitute(values, caption=caption)
 
 
 def drawing(width: int, height: int, shapes: str, *, label: str) -> str:
@@ -120,9 +157,9 @@ def polyline(points: Iterable[Sequence[float]], kind: str) -> str:
     return f'<polygon class="{kind}" points="{path}"/>'
 
 
-def badge(level: str) -> str:
-    """Return a verdict's level as a word in a coloured frame."""
-    return f'<span class="badge {level}">{LEVELS[level]}</span>'
+def badge(level: str, words: str = "") -> str:
+    """Return a verdict as a word in a coloured frame: the level's own, or another."""
+    return f'<span class="badge {level}">{words or LEVELS[level]}</span>'
 
 
 def absent(text: str) -> str:
@@ -134,3 +171,24 @@ def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     """Return a section; `body` and `lead` are HTML already."""
     lead = f'<p class="lead">{lead}</p>' if lead else ""
     return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'
+
+
+def verdict_section(title: str, lines: Iterable[tuple[str, str]], *, wide: str = "") -> str:
+    """Return the box on top: one line a topic, (heading, sentence), both HTML; `wide` stands after the first."""
+    first, *rest = (f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
+    rows = "".join([first, f'<li class="wide">{wide}</li>' if wide else "", *rest])
+    return f'<section id="verdict" class="verdict"><h2>{title}</h2><ul>{rows}</ul></section>'
+
+
+def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str], *, script: str = "") -> str:
+    """Return the page: `chapters` are sections by their names in the row of links; `subtitle` is HTML already."""
+    anchors = [(re.search(r'<section id="([\w-]+)"', html), words) for words, html in chapters.items()]
+    return Template((HERE / "report_template.html").read_text(encoding="utf-8")).substitute(
+        title=escape(title),
+        kind=kind,
+        subtitle=subtitle,
+        chapters="".join(f'<a href="#{found[1]}">{words}</a>' for found, words in anchors if found),
+        style=(HERE / "report_style.css").read_text(encoding="utf-8"),
+        plotly=script,
+        body="\n".join(chapters.values()),
+    )

@@ -2,6 +2,7 @@
 
 import base64
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +34,6 @@ class Box:
     def height(self) -> int:
         return self.bottom - self.top
 
-    def shown_width(self, largest: int, *, count: int = 1, total: int | None = None) -> int:
-        """Return the width at which `count` pictures of this box are shown.
-
-        Each has at most as many pixels as a square of side `largest`, all together at most `total`.
-        """
-        pixels = min(largest**2, (total or largest**2 * count) / count)
-        return max(16, min(largest, int((pixels * self.width / self.height) ** 0.5)))
-
     @property
     def rows(self) -> slice:
         return slice(self.top, self.bottom)
@@ -48,6 +41,18 @@ class Box:
     @property
     def columns(self) -> slice:
         return slice(self.left, self.right)
+
+    def of(self, image: NDArray) -> NDArray:
+        """Return the part of an image (H, W, ...) in the box."""
+        return image[self.rows, self.columns]
+
+    def shown_width(self, largest: int, *, count: int = 1, total: int | None = None) -> int:
+        """Return the width at which `count` pictures of this box are shown.
+
+        Each has at most as many pixels as a square of side `largest`, all together at most `total`.
+        """
+        pixels = min(largest**2, (total or largest**2 * count) / count)
+        return max(16, min(largest, int((pixels * self.width / self.height) ** 0.5)))
 
     @classmethod
     def around(cls, low: NDArray, high: NDArray, *, width: int, height: int, margin: float) -> "Box":
@@ -116,13 +121,16 @@ def shrink(image: NDArray, width: int) -> NDArray[np.float32]:
     if image.shape[1] <= width:
         return image
     size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
-    known = known_pixels(image if image.ndim == 3 else image[..., None])
-    weight = cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-    image = image.copy()
-    image[~known] = 0
-    total = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
-    weight = weight if image.ndim == 2 else weight[..., None]
+    known = np.isfinite(image) if image.ndim == 2 else known_pixels(image)[..., None]
+    weight = np.asarray(cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA))
+    total = np.asarray(cv2.resize(np.where(known, image, 0), size, interpolation=cv2.INTER_AREA), np.float32)
+    weight = weight.reshape(*weight.shape[:2], *[1] * (image.ndim - 2))
     return np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 1e-3)
+
+
+def enlarged(image: Image, times: int) -> Image:
+    """Return each pixel as a square: a browser smooths what it enlarges, and pixels are to be seen."""
+    return image.repeat(times, 0).repeat(times, 1)
 
 
 def known_pixels(image: NDArray) -> NDArray[np.bool_]:
@@ -175,20 +183,18 @@ def with_colour_scale(picture: Image, end_deg: float, caption: str) -> Image:
     import cv2
 
     width = max(picture.shape[1], 260)
-    size = width / 520
+    size, (left, right) = width / 520, (round(0.06 * width), round(0.94 * width))
+    bottom = 8 + round(16 * size)
     bar = np.full((round(62 * size) + 18, width, 3), 255, np.uint8)
-    left, right = round(0.06 * width), round(0.94 * width)
-    top, bottom = 4, 4 + round(16 * size) + 4
-    bar[top:bottom, left:right] = error_picture(np.linspace(0, end_deg, right - left)[None], end_deg)
-    ink = (40, 40, 40)
-    text = {"fontFace": cv2.FONT_HERSHEY_SIMPLEX, "fontScale": 0.42 * size + 0.1, "color": ink, "lineType": cv2.LINE_AA}
+    bar[4:bottom, left:right] = error_picture(np.linspace(0, end_deg, right - left)[None], end_deg)
+    font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.42 * size + 0.1
+    ink: Any = {"fontFace": font, "fontScale": scale, "color": (40, 40, 40), "lineType": cv2.LINE_AA}
     for part in range(5):
         label = f"{end_deg * part / 4:g}" + ("+ deg" if part == 4 else "")
-        (wide, high), _ = cv2.getTextSize(label, text["fontFace"], text["fontScale"], 1)
-        at = left + (right - left) * part // 4
-        place = (min(max(at - wide // 2, 1), width - wide - 1), bottom + high + 4)
-        bar = cv2.putText(bar, label, place, **text)
-    bar = cv2.putText(bar, caption, (left, bar.shape[0] - 5), **text)
+        (wide, high), _ = cv2.getTextSize(label, font, scale, 1)
+        middle = left + (right - left) * part // 4
+        cv2.putText(bar, label, (min(max(middle - wide // 2, 1), width - wide - 1), bottom + high + 4), **ink)
+    cv2.putText(bar, caption, (left, bar.shape[0] - 5), **ink)
     pad = np.full((picture.shape[0], width - picture.shape[1], 3), PAPER, np.uint8)
     return np.concatenate([np.concatenate([picture, pad], 1), bar])
 
@@ -205,15 +211,10 @@ def ball_picture(frames: Frames, box: Box, *, brightest: bool) -> NDArray[np.flo
 def mirror_picture(mean: NDArray, brightest: NDArray) -> Image:
     """Return a chrome ball's crop in grey, as one sees both its edge and its highlights.
 
-    A mirror shows the table around it, so that brightness hardly tells ball from background. Half of the grey is
-    each pixel's rank among the crop's means (histogram equalisation), which lifts small steps such as the edge;
-    half is the mean itself, which keeps noise in the dark dark. Highlights lie over it as bright as they were:
-    one of sixty frames would not show in a mean.
-
-    Parameters
-    ----------
-    mean, brightest : (h, w, 3) array
-        Each pixel over all frames, linear.
+    `mean`, `brightest` (h, w, 3): each pixel over all frames, linear. A mirror shows the table around it, so that
+    brightness hardly tells ball from background. Half of the grey is each pixel's rank among the crop's means
+    (histogram equalisation), which lifts small steps such as the edge; half is the mean itself, which keeps noise in
+    the dark dark. Highlights lie over it as bright as they were: one of sixty frames would not show in a mean.
     """
     grey, peak = np.nan_to_num(mean).mean(-1), np.nan_to_num(brightest).mean(-1)
     rank = np.interp(grey, np.sort(grey, axis=None), np.linspace(0, 1, grey.size))
@@ -246,7 +247,7 @@ def contours(mask: NDArray[np.bool_], box: Box) -> list[NDArray[np.float64]]:
     """
     import cv2
 
-    crop = np.ascontiguousarray(mask[box.rows, box.columns]).astype(np.uint8)
+    crop = np.ascontiguousarray(box.of(mask)).astype(np.uint8)
     found, _ = cv2.findContours(crop, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
     # A tenth of a percent of the crop is less than one pixel on the page.
     tolerance = max(0.4, box.width / 1500)
@@ -259,9 +260,10 @@ def data_uri(image: Image, *, photograph: bool) -> str:
     """Return the image (h, w, 3) RGB as a data URI: JPEG for photographs, PNG for maps."""
     import cv2
 
-    options = [cv2.IMWRITE_JPEG_QUALITY, 86] if photograph else [cv2.IMWRITE_PNG_COMPRESSION, 9]
-    done, buffer = cv2.imencode(".jpg" if photograph else ".png", np.ascontiguousarray(image[..., ::-1]), options)
+    kind, options = "png", [cv2.IMWRITE_PNG_COMPRESSION, 9]
+    if photograph:
+        kind, options = "jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86]
+    done, buffer = cv2.imencode(f".{kind}", np.ascontiguousarray(image[..., ::-1]), options)
     if not done:
         raise ValueError(f"{image.dtype} {image.shape} is not an image")
-    kind = "jpeg" if photograph else "png"
     return f"data:image/{kind};base64,{base64.b64encode(buffer.tobytes()).decode()}"

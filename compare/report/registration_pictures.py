@@ -1,7 +1,7 @@
 """Pictures that show whether a scan lies where the object is: outline, wipe, checkerboard, sigma."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,7 @@ SIDES = {"left": (-1.0, 0.0), "top": (0.0, -1.0), "right": (1.0, 0.0), "bottom":
 """Image axes (u, v)."""
 
 
-@dataclass(frozen=True)
-class Views:
+class Views(NamedTuple):
     """A photograph and the shaded scan, pixel by pixel alike."""
 
     photograph: Image
@@ -59,13 +58,8 @@ def views(
 ) -> Views:
     """Return one photograph, and the scan shaded by its light, through the same tone curve.
 
-    Parameters
-    ----------
-    shading : callable
-        Pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
+    `shading`: pixels (h, w, 2) -> what a white matte object would show there (h, w), NaN off the scan.
 
-    Notes
-    -----
     One albedo for the whole scan, the median over its lit pixels in each channel. Not the recovered albedo map: it
     was measured at the photographs' pixels, and would paint their edges onto the shading wherever the scan lies.
     Off the scan the shaded picture is the photograph.
@@ -95,28 +89,17 @@ def write_pictures(
 ) -> None:
     """Write the pictures of a registration to align/: photograph, shaded, outline, outline_zoom, checkerboard, sigma.
 
-    Parameters
-    ----------
-    store : Store
-    frames : Frames
-    lights : Lights
-    strokes : (K, 2, 2) float
-        The scan's outline: both ends of short strokes along it, pixels.
-    shading : callable
-        Frame, pixels (h, w, 2) -> shading (h, w); see `views`.
-    mask : (H, W) bool
-        The object.
-    sigma_deg : (H, W) float
-        Of the ground-truth normals, NaN where unknown.
+    `strokes` (K, 2, 2): both ends, pixels, of short strokes along the scan's outline. `shading`: frame, pixels
+    (h, w, 2) -> shading (h, w); see `views`. `mask` (H, W): the object. `sigma_deg` (H, W): of the ground-truth
+    normals, NaN where unknown.
     """
     exposure = Exposure.for_frames(frames, white_value=lights.white_value)
     box = Box.of_mask(mask, margin=0.12)
     index = raking_frame(lights.directions)
     both = views(frames, exposure, lights, index, box, lambda pixels: shading(index, pixels))
-    sigma = pictures.shrink(sigma_deg[box.rows, box.columns], box.shown_width(WIDTH))
+    sigma = pictures.shrink(box.of(sigma_deg), box.shown_width(WIDTH))
     end = sigma_scale_end(sigma_deg)
-    grow = growth(sigma.shape[1])
-    coloured = sigma_picture(sigma, mask[box.rows, box.columns], end).repeat(grow, 0).repeat(grow, 1)
+    coloured = pictures.enlarged(sigma_picture(sigma, box.of(mask), end), growth(sigma.shape[1]))
     images = {
         "photograph": both.photograph,
         "shaded": both.shaded,
@@ -150,27 +133,23 @@ def zoom_picture(frames: Frames, exposure: Exposure, directions: NDArray, stroke
     """
     import cv2
 
-    middles = strokes.mean(1)
-    columns = []
+    middles, columns = strokes.mean(1), []
     for name, side in SIDES.items():
         place = middles[np.argmax(middles @ side)]
         # Directions have y up, image axes v down.
-        score = directions[:, 0] * side[0] - directions[:, 1] * side[1] - 2 * (directions[:, 2] < 0.35)
-        index = int(np.argmax(score))
+        index = int(np.argmax(directions[:, :2] @ [side[0], -side[1]] - 2 * (directions[:, 2] < 0.35)))
         side_px = min(WINDOW_PX, frames.width, frames.height)
         left, top = np.clip(np.round(place - side_px / 2), 0, [frames.width - side_px, frames.height - side_px])
         box = Box(int(left), int(top), int(left) + side_px, int(top) + side_px)
         crop = frames.read(box.rows, [index], columns=box.columns)[0]
         white = max(float(np.quantile(crop / exposure.balance, 0.995)), 1e-6)
-        tile = Exposure(white, exposure.balance).develop(crop)
-        tile = np.repeat(np.repeat(tile, ZOOM, 0), ZOOM, 1)
+        tile = pictures.enlarged(Exposure(white, exposure.balance).develop(crop), ZOOM)
         drawn = draw_strokes(tile.copy(), strokes, [box.left, box.top], ZOOM)
-        label = np.full((26, tile.shape[1], 3), 255, np.uint8)
+        label, gap = (np.full((height, tile.shape[1], 3), 255, np.uint8) for height in (26, 4))
         words = f"{name}: {frames.names[index]}, {ZOOM} x"
         cv2.putText(label, words, (4, 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, (40, 40, 40), 1, cv2.LINE_AA)
-        gap = np.full((4, tile.shape[1], 3), 255, np.uint8)
-        columns += [np.concatenate([label, tile, gap, drawn]), np.full((30 + 2 * len(tile), 6, 3), 255, np.uint8)]
-    return np.concatenate(columns[:-1], 1)
+        columns.append(np.pad(np.concatenate([label, tile, gap, drawn]), ((0, 0), (0, 6), (0, 0)), constant_values=255))
+    return np.concatenate(columns, 1)[:, :-6]
 
 
 def draw_strokes(image: Image, strokes: NDArray, corner: list[int], scale: float) -> Image:

@@ -8,8 +8,20 @@ from numpy.typing import NDArray
 
 from compare.report import pictures
 from compare.report.maps import colour_scale
-from compare.report.page import absent, drawing, is_number, number, percent, picture, polyline, section, table, wiper
-from compare.report.pictures import Box
+from compare.report.page import (
+    Sentence,
+    absent,
+    drawing,
+    is_number,
+    picture,
+    polyline,
+    say,
+    section,
+    table,
+    wiper,
+    words,
+)
+from compare.report.pictures import Box, Image
 from compare.report.registration_pictures import (
     Views,
     growth,
@@ -28,8 +40,7 @@ PHOTOGRAPH_WIDTH = 1000
 
 def registration_section(material: Material, summary: Summary) -> str:
     """Return pictures that show whether the scan lies where the object is, and the numbers that say so."""
-    frames, mask = material.frames, material.mask
-    truth = material.map_of("normals", "truth")
+    frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     if frames is None or (mask is None and truth is None):
         return section("registration", TITLE, absent("No scan and no mask: nothing to lay over the photographs."))
     size = (frames.height, frames.width)
@@ -38,76 +49,55 @@ def registration_section(material: Material, summary: Summary) -> str:
     mask = mask if mask is not None and mask.shape == size else None
     shape = mask if mask is not None else known
     if shape is None:
-        text = "Mask and truth have another size than the photographs; they cannot be laid over them."
-        return section("registration", TITLE, absent(text))
+        return section("registration", TITLE, absent(words("registration")["sizes"]))
     box = Box.of_mask(shape, margin=0.12)
     registered = material.store.path("pose.json").exists()
     index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
+    drawn, zoom = (read_picture(material.store, name) if registered else None for name in ("outline", "outline_zoom"))
+    regions = [(mask, "mask", "the object's mask")]
+    if drawn is None:
+        # Where the outline itself is not there to a fraction of a pixel, the truth ends a pixel inside it. The dashed
+        # line last: where the two agree, the other shows between the dashes.
+        what = "the registered scan's ground truth" if registered else "the given ground truth"
+        regions.insert(0, (known, "scan", what))
+        drawn = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH))
+        legend = []
+    else:
+        legend = ['<span class="key scan"></span> the registered scan']
+    figures = _outlines(drawn, box, frames.names[index], regions, legend)
+    both, squares = _views(material, box, index, truth), ""
+    if both is not None:
+        left, right = (pictures.data_uri(image, photograph=True) for image in both)
+        shaded = "shaded scan" if registered else "shaded ground truth"
+        caption = say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
+        figures += wiper((left, "photograph"), (right, shaded), caption)
+        board = pictures.checkerboard(both.photograph, both.shaded)
+        alt = "checkerboard of photograph and shaded scan"
+        squares = picture(board, alt, say("registration", "squares"), photograph=True)
     body = "" if registered else absent("No scan was registered in this folder (there is no pose).")
-    figures = [_outlines(material, box, index, known, mask, registered=registered)]
-    both = _views(material, box, index, truth)
-    if both is not None:
-        uris = [pictures.data_uri(image, photograph=True) for image in (both.photograph, both.shaded)]
-        words = "shaded scan" if registered else "shaded ground truth"
-        still = "edges, folds and shadows" if registered else "edges and folds (cast shadows are not drawn)"
-        caption = (
-            f"{escape(frames.names[index])}, and one colour of the same shape under the same light. Drag, or use the "
-            f"arrow keys: {still} must stay where they are."
-        )
-        figures.append(wiper((uris[0], "photograph"), (uris[1], words), caption))
-    body += f'<div class="pair">{"".join(figures)}</div>'
-    zoom = read_picture(material.store, "outline_zoom") if registered else None
+    body += f'<div class="pair">{figures}</div>'
     if zoom is not None:
-        caption = (
-            "The outline's leftmost, top, rightmost and lowest stretch, 6 times enlarged, each in the frame that "
-            "lights it from that side; below with the scan's outline, which should run midway through the edge."
-        )
-        uri = pictures.data_uri(zoom, photograph=False)
-        body += f"<h3>The outline, enlarged</h3>{picture(uri, 'four stretches of the outline', caption)}"
-    figures = []
-    if both is not None:
-        board = pictures.data_uri(pictures.checkerboard(both.photograph, both.shaded), photograph=True)
-        words = (
-            "Squares of the two in turn: edges, folds and shadow borders should run on across them. Colour need not."
-        )
-        figures.append(picture(board, "checkerboard of photograph and shaded scan", words))
+        caption = say("registration", "zoom")
+        body += f"<h3>The outline, enlarged</h3>{picture(zoom, 'four stretches of the outline', caption)}"
     sigma = _sigma(material, box, mask)
-    figures += sigma
-    if figures:
+    if squares or sigma:
         title = "In squares, and how sure each normal is" if sigma else "In squares"
-        body += f'<h3>{title}</h3><div class="pair">{"".join(figures)}</div>'
+        body += f'<h3>{title}</h3><div class="pair">{squares}{sigma}</div>'
     return section("registration", TITLE, body + _facts(summary))
 
 
 def _outlines(
-    material: Material,
-    box: Box,
-    index: int,
-    known: NDArray[np.bool_] | None,
-    mask: NDArray[np.bool_] | None,
-    *,
-    registered: bool,
+    image: Image, box: Box, name: str, regions: list[tuple[NDArray[np.bool_] | None, str, str]], legend: list[str]
 ) -> str:
-    """Return a photograph with the outlines of truth and mask."""
-    assert material.frames is not None
-    drawn = read_picture(material.store, "outline") if registered else None
-    image = material.photograph(index, box, box.shown_width(PHOTOGRAPH_WIDTH)) if drawn is None else drawn
-    shapes, legend = "", []
-    if drawn is not None:
-        # The outline itself is there, to a fraction of a pixel; the truth ends a pixel inside it.
-        legend.append('<span class="key scan"></span> the registered scan')
-        known = None
-    # The dashed line last: where the two agree, the other shows between the dashes.
-    truth_words = "the registered scan's ground truth" if registered else "the given ground truth"
-    for region, kind, words in ((known, "scan", truth_words), (mask, "mask", "the object's mask")):
-        if region is None or not region.any():
-            continue
-        shapes += "".join(polyline(line, kind) for line in pictures.contours(region, box))
-        legend.append(f'<span class="key {kind}"></span> {words}')
+    """Return a photograph with the outlines of regions (mask, its class, its words) and its legend."""
+    shapes = ""
+    for region, kind, shown in regions:
+        if region is not None and region.any():
+            shapes += "".join(polyline(line, kind) for line in pictures.contours(region, box))
+            legend.append(f'<span class="key {kind}"></span> {shown}')
     overlay = drawing(box.width, box.height, shapes, label="outline of the object")
-    caption = f"{escape(material.frames.names[index])} with the outline of {'; '.join(legend)}."
-    uri = pictures.data_uri(image, photograph=True)
-    return picture(uri, "photograph with the object's outline", caption, overlay=overlay)
+    caption = f"{escape(name)} with the outline of {'; '.join(legend)}."
+    return picture(image, "photograph with the object's outline", caption, photograph=True, overlay=overlay)
 
 
 def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> Views | None:
@@ -120,46 +110,32 @@ def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> V
         lights = material.store.load_lights()
     if truth is None or lights is None or material.frames is None or material.exposure is None or index >= len(lights):
         return None
-    cosine = np.clip(truth[box.rows, box.columns] @ lights.directions[index].astype(np.float32), 0, None)
+    cosine = np.clip(box.of(truth) @ lights.directions[index].astype(np.float32), 0, None)
 
     def shading(pixels: NDArray) -> NDArray:
-        u, v = (np.round(pixels[..., axis]).astype(int) for axis in (0, 1))
-        height, width = cosine.shape
-        return cosine[np.clip(v - box.top, 0, height - 1), np.clip(u - box.left, 0, width - 1)]
+        u, v = np.round(pixels).astype(int).transpose(2, 0, 1)
+        return cosine[np.clip(v - box.top, 0, box.height - 1), np.clip(u - box.left, 0, box.width - 1)]
 
     return views(material.frames, material.exposure, lights, index, box, shading)
 
 
-def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> list[str]:
+def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> str:
     """Return the map of the ground truth's sigma, where it has one."""
     sigma = material.map_of("normals", "truth_sigma")
     if sigma is None or mask is None or sigma.shape != mask.shape or not np.isfinite(sigma).any():
-        return []
+        return ""
     end = sigma_scale_end(sigma)
-    small = pictures.shrink(sigma[box.rows, box.columns], box.shown_width(PHOTOGRAPH_WIDTH // 2))
-    image = sigma_picture(small, mask[box.rows, box.columns], end)
-    grow = max(1, growth(image.shape[1]) // 2)
-    uri = pictures.data_uri(image.repeat(grow, 0).repeat(grow, 1), photograph=False)
-    caption = (
-        "Expected error (1 sigma) of the ground truth, by its pose and by the scan's noise. Rose: on the object, but "
-        "without a normal (an edge, a grazing view, a hole)."
-    )
-    return [f"<div>{picture(uri, 'map of the ground truth’s sigma', caption, kind='map')}{colour_scale(end)}</div>"]
+    small = pictures.shrink(box.of(sigma), box.shown_width(PHOTOGRAPH_WIDTH // 2))
+    image = sigma_picture(small, box.of(mask), end)
+    image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
+    figure = picture(image, "map of the ground truth’s sigma", say("registration", "sigma"), kind="map")
+    return f"<div>{figure}{colour_scale(end)}</div>"
 
 
 def _facts(summary: Summary) -> str:
     """Return the registration's numbers as a table."""
     align = summary.get("align") or (summary.get("compare") or {}).get("pose") or {}
-    fit = align.get("fit") or {}
-    facts = [
-        ("outline residual", align.get("residual_px"), 2, "px"),
-        ("pose, position ± (1 sigma)", align.get("sigma_mm"), 3, "mm"),
-        ("of it by the focal length, which is not known", fit.get("focal_shift_mm"), 1, "mm"),
-        ("pose, rotation ± (1 sigma)", align.get("sigma_deg"), 3, "°"),
-        ("ground-truth normals ± (median)", align.get("truth_sigma_deg_median"), 2, "°"),
-        ("scan's normals to the photographs' (median)", fit.get("normals_deg"), 2, "°"),
-    ]
-    rows = [(words, number(value, decimals, unit)) for words, value, decimals, unit in facts if is_number(value)]
-    shares = [("silhouette's overlap with the mask", "overlap"), ("outline on an edge", "outline_share")]
-    rows += [(words, percent(fit[key], 1)) for words, key in shares if is_number(fit.get(key))]
+    values = {**(align.get("fit") or {}), **align}
+    facts = words("tables")["registration"]
+    rows = [(what, Sentence().format(text, values[key])) for what, key, text in facts if is_number(values.get(key))]
     return table(("registration", "found"), rows, kind="plain") if rows else ""

@@ -2,35 +2,20 @@
 
 from html import escape
 from pathlib import Path
-from string import Template
 from typing import Any
 
-from compare.report import charts, galleries, maps, registration_section, sections
-from compare.report.page import is_number, number
+from compare.report import charts, sections
+from compare.report.facts import all_warnings
+from compare.report.galleries import balls_section, frames_section, lights_section
+from compare.report.maps import errors_section, normals_section
+from compare.report.page import is_number, number, whole_page
+from compare.report.registration_section import registration_section
 from compare.report.shown_material import Material
-from compare.report.speed_section import time_section
-from compare.report.statistics_section import statistics_section
-from compare.report.verdict import verdict
-from compare.report.warned import all_warnings
-from compare.statistics.ranking import ranking_table
+from compare.report.statistics_section import statistics_section, time_section
+from compare.report.twin_section import twin_section
+from compare.report.verdict import verdict_box
 from scene.files import write_text
 from scene.store import Store
-
-CHAPTERS = (
-    ("verdict", "Verdict"),
-    ("warnings", "Warnings"),
-    ("frames", "Photographs"),
-    ("balls", "Balls"),
-    ("lights", "Lights"),
-    ("registration", "Registration"),
-    ("normals", "Normals"),
-    ("twin", "Twin"),
-    ("errors", "Errors"),
-    ("statistics", "Statistics"),
-    ("time", "Speed"),
-    ("provenance", "Provenance"),
-    ("how-to-read", "How to read"),
-)
 
 
 def write_report(store: Store, summary: dict[str, Any]) -> Path:
@@ -51,36 +36,25 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         The page. Its policy forbids the browser to load anything from outside it.
     """
     material = Material.load(store, summary)
-    compared = summary.get("compare") or {}
-    warnings = all_warnings(summary)
+    compared, warnings = summary.get("compare") or {}, all_warnings(summary)
+    chapters = {
+        "Verdict": verdict_box(summary, len(warnings)) + sections.truth_check_section(summary),
+        "Warnings": sections.warnings_section(warnings),
+        "Photographs": frames_section(material, summary),
+        "Balls": balls_section(material),
+        "Lights": lights_section(material),
+        "Registration": registration_section(material, summary),
+        "Normals": normals_section(material),
+        "Twin": twin_section(material, summary),
+        "Errors": errors_section(material, summary),
+        "Statistics": statistics_section(compared),
+        "Speed": time_section(summary),
+        "Provenance": sections.provenance_section(summary),
+        "How to read": sections.how_to_read_section(compared),
+    }
     name = str(summary.get("name") or store.folder.resolve().name)
-    body = [
-        sections.verdict_box(verdict(summary), len(warnings), ranking_table(summary)),
-        sections.truth_check_section(summary),
-        sections.warnings_section(warnings),
-        galleries.frames_section(material, summary),
-        galleries.balls_section(material),
-        galleries.lights_section(material),
-        registration_section.registration_section(material, summary),
-        maps.normals_section(material),
-        maps.twin_section(material, summary),
-        maps.errors_section(material, summary),
-        statistics_section(compared),
-        time_section(summary),
-        sections.provenance_section(summary),
-        sections.how_to_read_section(compared),
-    ]
-    here = Path(__file__).parent
-    page = Template((here / "report_template.html").read_text(encoding="utf-8")).substitute(
-        title=escape(name),
-        kind="Photometric stereo report",
-        subtitle=_subtitle(summary, compared),
-        chapters="".join(f'<a href="#{anchor}">{title}</a>' for anchor, title in CHAPTERS),
-        style=(here / "report_style.css").read_text(encoding="utf-8"),
-        plotly=charts.library(),
-        body="\n".join(body),
-    )
-    write_text(store.path("report.html"), page)
+    kind, subtitle = "Photometric stereo report", _subtitle(summary, compared)
+    write_text(store.path("report.html"), whole_page(name, kind, subtitle, chapters, script=charts.library()))
     return store.path("report.html")
 
 
@@ -94,7 +68,6 @@ def _subtitle(summary: dict[str, Any], compared: dict[str, Any]) -> str:
         parts.append("methods " + escape(", ".join(compared["methods"])))
     if summary.get("created"):
         parts.append(escape(str(summary["created"])))
-    version = (summary.get("versions") or {}).get("rgbn")
-    if version:
+    if version := (summary.get("versions") or {}).get("rgbn"):
         parts.append(f"rgbn {escape(str(version))}")
     return " · ".join(parts)

@@ -1,5 +1,6 @@
 """What the output folder holds to be shown; a part that is missing is None, and nothing breaks."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -34,18 +35,17 @@ class Material:
 
     @classmethod
     def load(cls, store: Store, summary: Summary) -> "Material":
-        compared = summary.get("compare") or {}
-        frames, camera, mask, lights = None, None, None, None
-        # A part that is missing or that a killed run left unreadable is reported absent, not as a failure.
-        with suppress(SceneError):
-            frames = store.load_frames()
-        with suppress(SceneError):
-            camera = store.load_camera()
-        with suppress(SceneError):
-            mask = store.load_mask() if store.path("mask.png").exists() else None
-        with suppress(SceneError):
-            lights = store.load_lights()
-        exposure = None
+        """Read what the report shows; `summary` may lack any part."""
+
+        def there(load: Callable[[], Any]) -> Any:
+            # A part that is missing or that a killed run left unreadable is reported absent, not as a failure.
+            with suppress(SceneError):
+                return load()
+            return None
+
+        compared, exposure = summary.get("compare") or {}, None
+        frames, camera, lights = there(store.load_frames), there(store.load_camera), there(store.load_lights)
+        mask = there(store.load_mask) if store.path("mask.png").exists() else None
         if frames is not None:
             exposure = Exposure.for_frames(frames, white_value=None if lights is None else lights.white_value)
         return cls(

@@ -7,22 +7,15 @@ from typing import Any
 from compare.report.facts import family
 from compare.report.page import is_number
 
+Summary = dict[str, Any]
+
 
 @dataclass(frozen=True)
 class SpeedPoint:
-    """One method on the photographs (`real`) or on their twin.
+    """One method on the photographs (`kind` real) or on their twin.
 
-    Parameters
-    ----------
-    method : str
-    family : str
-        `calibrated`, `uncalibrated` or `external`; see `compare.report.facts.family`.
-    kind : str
-        `real` or `twin`.
-    seconds : float
-        Wall seconds for a million pixels of one frame, of this kind's own solving.
-    median_deg : float
-        Median angular error against the ground truth.
+    `family`: of `facts.family`. `seconds`: wall seconds for a million pixels of one frame, of this kind's own solving.
+    `median_deg`: median angular error against the ground truth.
     """
 
     method: str
@@ -32,7 +25,7 @@ class SpeedPoint:
     median_deg: float
 
 
-def seconds_per_megapixel_image(row: dict[str, Any], kind: str) -> float | None:
+def seconds_per_megapixel_image(row: Summary, kind: str) -> float | None:
     """Return a method's seconds for a million pixels of one frame, real or twin; `row` of summary's solve.methods."""
     if kind == "real":
         seconds = row.get("seconds_per_megapixel_image")
@@ -43,13 +36,10 @@ def seconds_per_megapixel_image(row: dict[str, Any], kind: str) -> float | None:
     return None
 
 
-def speed_points(summary: dict[str, Any]) -> tuple[list[SpeedPoint], list[tuple[str, str]]]:
+def speed_points(summary: Summary) -> tuple[list[SpeedPoint], list[tuple[str, str]]]:
     """Return what can be charted, and what cannot: (method, why), every method in one of the two or in both.
 
-    Parameters
-    ----------
-    summary : dict
-        As in summary.json: solve.methods and compare.
+    `summary` is as in summary.json; of it solve.methods and compare.
     """
     compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
     errors = compared.get("methods") or {}

@@ -1,21 +1,28 @@
-"""Speed against accuracy as one SVG: for the report and for the documentation's pages alike."""
+"""Speed against accuracy as one SVG, each method's name beside its mark: for pages and the documentation alike."""
 
 from collections.abc import Sequence
 from html import escape
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from compare.report.label_places import place_labels
+from compare.report.line_chart import Axis, Frame, axes, svg
 from compare.report.speed import SpeedPoint, pareto_front
 
-WIDTH, HEIGHT = 760, 470
-LEFT, TOP, RIGHT, BOTTOM = 62.0, 14.0, 746.0, 372.0
-"""The axes' frame, pixels."""
+Array = NDArray[np.float64]
+
+FRAME = Frame(62.0, 14.0, 746.0, 372.0)
 RADIUS = 6.0
 FONT = 13
 COLOURS = {"calibrated": "#0072B2", "uncalibrated": "#D55E00", "external": "#00795a"}
 """A second sign beside the shape; after [Okabe2008], the green darkened for thin outlines."""
+DOTS = 'fill="none" stroke="#777" stroke-width="1.5" stroke-dasharray="2 4"'
+"""The Pareto front's line."""
+GAPS = (7.0, 16.0, 28.0, 42.0, 58.0, 78.0, 100.0, 130.0, 165.0)
+"""Distances, pixels, between a point and its name that are tried, in 24 directions."""
+MOST_ROUNDS = 12
+_OVERLAP, _OUTSIDE, _ON_MARK, _ON_LINE, _FOREIGN = 1e6, 1e6, 400.0, 40.0, 120.0
 
 
 def speed_chart(
@@ -48,85 +55,46 @@ def speed_chart(
         An <svg> that scales to its place. The dotted steps are the Pareto front of the real points (of all, if there is
         none): what no other method beats in both.
     """
-    x_of, x_ticks = _axis([p.seconds for p in points], LEFT, RIGHT)
-    y_of, y_ticks = _axis([p.median_deg for p in points], BOTTOM, TOP)
-    at = {(p.method, p.kind): (x_of(p.seconds), y_of(p.median_deg)) for p in points}
-    named = {p.method: p for p in sorted(points, key=lambda p: p.kind != "twin")}
+    x = Axis.over([[p.seconds for p in points]], FRAME.left, FRAME.right, log=True)
+    y = Axis.over([[p.median_deg for p in points]], FRAME.bottom, FRAME.top, log=True, unit="°")
+    at = {(p.method, p.kind): (x.at(p.seconds), y.at(p.median_deg)) for p in points}
+    named = {p.method: at[p.method, p.kind] for p in sorted(points, key=lambda p: p.kind != "twin")}
     ties = [(at[name, "real"], at[name, "twin"]) for name in named if (name, "real") in at and (name, "twin") in at]
     front = pareto_front([p for p in points if p.kind == "real" or is_twin_in_front] or points)
     steps = _steps([at[p.method, p.kind] for p in front])
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
-        f'aria-label="{escape(label)}" font-family="system-ui, \'DejaVu Sans\', sans-serif" font-size="{FONT}">',
-        f'<rect width="{WIDTH}" height="{HEIGHT}" fill="white"/>',
-        *_axes(x_of, x_ticks, y_of, y_ticks),
-    ]
-    path = "M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in steps)
-    parts.append(f'<path d="{path}" fill="none" stroke="#777" stroke-width="1.5" stroke-dasharray="2 4"/>')
-    for (x, y), (other_x, other_y) in ties:
-        parts.append(f'<path d="M{x:.1f} {y:.1f}L{other_x:.1f} {other_y:.1f}" stroke="#aaa"/>')
-    names = list(named)
-    places = [at[name, named[name].kind] for name in names]
-    sizes = [(_text_width(name) + 4, FONT + 3) for name in names]
-    middles = place_labels(
-        places,
-        sizes,
-        (LEFT + 2, TOP, RIGHT + 8, BOTTOM - 2),
-        marks=list(at.values()),
-        mark_radius=RADIUS,
-        lines=[*ties, *pairwise(steps)],
-    )
-    for (x, y), middle, size in zip(places, middles, sizes, strict=True):
-        parts += _leader(np.array([x, y]), middle, np.array(size) / 2)
+    parts = axes(x, y, FRAME, x_title="seconds per megapixel-image", y_title="median angular error (°)")
+    parts.append(f'<path d="M{"L".join(f"{u:.1f} {v:.1f}" for u, v in steps)}" {DOTS}/>')
+    parts += [f'<path d="M{u:.1f} {v:.1f}L{s:.1f} {t:.1f}" stroke="#aaa"/>' for (u, v), (s, t) in ties]
+    sizes = np.array([(_text_width(name) + 4, FONT + 3) for name in named])
+    room = (FRAME.left + 2, FRAME.top, FRAME.right + 8, FRAME.bottom - 2)
+    lines = [*ties, *pairwise(steps)]
+    middles = place_labels([*named.values()], sizes, room, marks=[*at.values()], mark_radius=RADIUS, lines=lines)
+    for place, middle, size in zip(named.values(), middles, sizes, strict=True):
+        # A line from the name to its point where the two are apart.
+        edge = np.clip(place, middle - size / 2, middle + size / 2)
+        if np.linalg.norm(edge - place) >= 1.6 * RADIUS:
+            line = f"M{edge[0]:.1f} {edge[1]:.1f}L{place[0]:.1f} {place[1]:.1f}"
+            parts.append(f'<path d="{line}" stroke="#555" stroke-width="0.8"/>')
     # Hollow marks first: where real and twin coincide the real one is to be seen.
     for point in sorted(points, key=lambda p: p.kind == "real"):
         words = f"{point.method}, {kinds[point.kind == 'twin']}: "
         words += f"{point.seconds:.3g} s per megapixel-image, median {point.median_deg:.2f}°"
         mark = _mark(*at[point.method, point.kind], point.family, hollow=point.kind == "twin")
         parts.append(f'<g class="{point.kind} {point.family}"><title>{escape(words)}</title>{mark}</g>')
-    for name, (x, y) in zip(names, middles, strict=True):
+    for name, (u, v) in zip(named, middles, strict=True):
         parts.append(
-            f'<text class="name" x="{x:.1f}" y="{y + 0.36 * FONT:.1f}" text-anchor="middle" fill="#1d2329" '
+            f'<text class="name" x="{u:.1f}" y="{v + 0.36 * FONT:.1f}" text-anchor="middle" fill="#1d2329" '
             f'stroke="white" stroke-width="3" paint-order="stroke" stroke-linejoin="round">{escape(name)}</text>'
         )
-    return "\n".join([*parts, *_legend(points, hollow), "</svg>"]) + "\n"
-
-
-def _axis(values: list[float], start: float, end: float):
-    """Return the function from a value to its place, at least half a decade wide with room around, and its ticks."""
-    low, high = np.log10(min(values)), np.log10(max(values))
-    room = max(0.12 * (high - low), (0.5 - (high - low)) / 2, 0.12)
-    low, high = low - room, high + room
-    digits = (1, 2, 5) if high - low < 3.2 else (1,)
-    decades = range(int(np.floor(low)), int(np.ceil(high)) + 1)
-    ticks = [float(f"{digit}e{decade}") for decade in decades for digit in digits]
-    ticks = [tick for tick in ticks if low <= np.log10(tick) <= high]
-    return (lambda value: float(start + (np.log10(value) - low) / (high - low) * (end - start))), ticks
-
-
-def _axes(x_of, x_ticks, y_of, y_ticks) -> list[str]:
-    parts = []
-    for tick in x_ticks:
-        parts.append(f'<path d="M{x_of(tick):.1f} {TOP}V{BOTTOM}" stroke="#e3e7ea"/>')
-        parts.append(f'<text x="{x_of(tick):.1f}" y="{BOTTOM + 18}" text-anchor="middle" fill="#444">{tick:g}</text>')
-    for tick in y_ticks:
-        parts.append(f'<path d="M{LEFT} {y_of(tick):.1f}H{RIGHT}" stroke="#e3e7ea"/>')
-        parts.append(f'<text x="{LEFT - 7}" y="{y_of(tick) + 4:.1f}" text-anchor="end" fill="#444">{tick:g}°</text>')
-    parts.append(f'<path d="M{LEFT} {TOP}V{BOTTOM}H{RIGHT}" fill="none" stroke="#9aa5b0"/>')
-    middle, across = (LEFT + RIGHT) / 2, (TOP + BOTTOM) / 2
-    parts.append(f'<text x="{middle}" y="{BOTTOM + 38}" text-anchor="middle">seconds per megapixel-image</text>')
-    parts.append(
-        f'<text transform="translate(15 {across}) rotate(-90)" text-anchor="middle">median angular error (°)</text>'
-    )
-    return parts
+    return svg(760, 470, [*parts, *_legend(points, hollow)], label=label)
 
 
 def _steps(front: list[tuple[float, float]]) -> list[tuple[float, float]]:
     """Return the corners of the front's steps: what a given time buys at best, up to the frame on both sides."""
-    corners = [(front[0][0], TOP)]
+    corners = [(front[0][0], FRAME.top)]
     for x, y in front:
         corners += [(x, corners[-1][1]), (x, y)]
-    return [*corners[1:], (RIGHT, front[-1][1])]
+    return [*corners[1:], (FRAME.right, front[-1][1])]
 
 
 def _mark(x: float, y: float, family: str, *, hollow: bool) -> str:
@@ -141,28 +109,17 @@ def _mark(x: float, y: float, family: str, *, hollow: bool) -> str:
     return f'<polygon points="{corners}" {paint}/>'
 
 
-def _leader(point: np.ndarray, middle: np.ndarray, half: np.ndarray) -> list[str]:
-    """Return a line from a name to its point where the two are apart."""
-    edge = np.clip(point, middle - half, middle + half)
-    if np.linalg.norm(edge - point) < 1.6 * RADIUS:
-        return []
-    return [f'<path d="M{edge[0]:.1f} {edge[1]:.1f}L{point[0]:.1f} {point[1]:.1f}" stroke="#555" stroke-width="0.8"/>']
-
-
 def _legend(points: Sequence[SpeedPoint], hollow: str) -> list[str]:
     """Return what the marks mean; only those that are there."""
-    items = [
-        (family, _mark(0, 0, family, hollow=False)) for family in COLOURS if any(p.family == family for p in points)
-    ]
+    families = [family for family in COLOURS if any(p.family == family for p in points)]
+    items = [(family, _mark(0, 0, family, hollow=False)) for family in families]
     if any(p.kind == "twin" for p in points):
-        family = items[0][0]
-        items.append((f"hollow: {hollow}", _mark(0, 0, family, hollow=True)))
-    dots = '<path d="M-10 0h20" stroke="#777" stroke-width="1.5" stroke-dasharray="2 4"/>'
-    items.append(("Pareto front: no other is both faster and more accurate", dots))
-    parts, x, y = [], LEFT + 8, BOTTOM + 64
+        items.append((f"hollow: {hollow}", _mark(0, 0, families[0], hollow=True)))
+    items.append(("Pareto front: no other is both faster and more accurate", f'<path d="M-10 0h20" {DOTS}/>'))
+    parts, x, y = [], FRAME.left + 8, FRAME.bottom + 64
     for words, mark in items:
-        if x + 18 + _text_width(words) > RIGHT:
-            x, y = LEFT + 8, y + 20
+        if x + 18 + _text_width(words) > FRAME.right:
+            x, y = FRAME.left + 8, y + 20
         parts.append(f'<g transform="translate({x:.0f} {y - 4})">{mark}</g>')
         parts.append(f'<text x="{x + 15:.0f}" y="{y}" fill="#444">{escape(words)}</text>')
         x += 15 + _text_width(words) + 22
@@ -173,3 +130,53 @@ def _text_width(text: str) -> float:
     """Return the width of a text in pixels, rather too wide: the reader's font is not known."""
     wide = sum(letter.isupper() or letter in "mwMW@%" for letter in text)
     return FONT * (0.56 * len(text) + 0.2 * wide)
+
+
+def place_labels(
+    points: ArrayLike,
+    sizes: ArrayLike,
+    room: tuple[float, float, float, float],
+    *,
+    marks: ArrayLike,
+    mark_radius: float,
+    lines: ArrayLike = (),
+) -> Array:
+    """Return the middles (N, 2) of the names, (N, 2) wide and high, of points (N, 2): none on another, all in `room`.
+
+    Names avoid all marks (M, 2) and, where they can, straight lines (K, 2, 2). Each in turn takes the cheapest of the
+    places around its point while the others stand, until none moves; only where the room (left, top, right, bottom)
+    is too full for them all does one lie on another.
+    """
+    points, sizes, marks = (np.asarray(each, float).reshape(-1, 2) for each in (points, sizes, marks))
+    # Points of a line close enough together that no name slips between them.
+    steps = np.linspace(0, 1, 80)[:, None]
+    dots = np.concatenate([np.empty((0, 2)), *(a + steps * (b - a) for a, b in np.asarray(lines, float))])
+    # Right and left first, as one reads.
+    angle = np.arange(24) * 2 * np.pi / 24
+    around, gap = np.tile(np.stack([np.cos(angle), -np.sin(angle)], -1), (len(GAPS), 1)), np.repeat(GAPS, 24)
+    places, costs = [], []
+    for point, half in zip(points, sizes / 2, strict=True):
+        place = point + around * (half + gap[:, None])
+        # From a name's box to each mark, and to its own point.
+        aside = np.linalg.norm(np.maximum(np.abs(place[:, None] - marks) - half, 0), axis=-1)
+        own = np.linalg.norm(np.maximum(np.abs(place - point) - half, 0), axis=-1)
+        foreign = np.linalg.norm(marks - point, axis=1) > 1e-6
+        outside = (place - half < room[:2]).any(1) | (place + half > room[2:]).any(1)
+        cost = gap + _OUTSIDE * outside + _ON_MARK * (aside < mark_radius + 1).sum(1)
+        # A name that stands nearer to another mark than to its own would be read as the other's.
+        cost += _FOREIGN * (aside[:, foreign] < own[:, None]).any(1)
+        costs.append(cost + _ON_LINE * (np.abs(place[:, None] - dots) < half).all(-1).any(1))
+        places.append(place)
+    # The most crowded choose first.
+    distances = np.linalg.norm(points[:, None] - points, axis=-1)
+    order = np.argsort(np.sort(distances, axis=1)[:, : min(len(points), 5)].sum(1), kind="stable")
+    middles = np.full_like(points, np.nan)
+    for _ in range(MOST_ROUNDS):
+        before = middles.copy()
+        for i in order:
+            others = np.isfinite(middles[:, 0]) & (np.arange(len(points)) != i)
+            over = (np.abs(places[i][:, None] - middles[others]) < (sizes[i] + sizes[others]) / 2).all(-1).sum(1)
+            middles[i] = places[i][np.argmin(costs[i] + _OVERLAP * over)]
+        if np.array_equal(before, middles):
+            break
+    return middles

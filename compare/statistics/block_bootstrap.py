@@ -4,6 +4,7 @@ Neighbouring pixels err together. A block keeps such neighbours together, so tha
 that of the statistic, not of so many independent pixels [Kunsch1989].
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,42 +28,41 @@ MOST_OF_THE_MEAN = 0.2
 
 @dataclass(frozen=True)
 class Draws:
-    """Blocks drawn with replacement: the same for all maps of one grid of pixels.
+    """Blocks drawn with replacement, the same for all maps of one grid of pixels.
 
-    Parameters
-    ----------
-    labels : tuple of GRIDS arrays (H, W) int
-        The block of each pixel, -1 where it does not count.
-    weights : tuple of GRIDS arrays (draws, blocks) float32
-        How often each block was drawn.
-    side_px : int
+    `labels`: of each grid, (H, W), the block of each pixel, -1 where it does not count. `weights`: of each grid,
+    (draws, blocks), how often each block was drawn.
     """
 
     labels: tuple[NDArray[np.intp], ...]
     weights: tuple[NDArray[np.float32], ...]
-    side_px: int
 
     @property
     def count(self) -> int:
         """How many draws there are."""
         return sum(len(weights) for weights in self.weights)
 
+    def sums(self, known: NDArray[np.bool_], sums_of: Callable[[NDArray[np.bool_], NDArray, int], NDArray]) -> Array:
+        """Return (draws, C), sums over the pixels of each draw.
+
+        `sums_of`: which of the P known pixels count (P,), the blocks of those, the number of blocks -> (blocks, C).
+        A draw that none of a sparse map's pixels is in is the map itself.
+        """
+        found = []
+        for labels, weights in zip(self.labels, self.weights, strict=True):
+            label, blocks = labels[known], weights.shape[1]
+            counted = label >= 0
+            label = label[counted]
+            filled = weights @ np.bincount(label, minlength=blocks) > 0
+            found.append(np.where(filled[:, None], weights, np.float32(1)) @ sums_of(counted, label, blocks))
+        return np.concatenate(found)
+
 
 def draw_blocks(known: NDArray[np.bool_], length_px: float, count: int, rng: np.random.Generator) -> Draws:
-    """Draw blocks of the pixels that count.
+    """Draw blocks of the pixels (H, W) that count, `count` times over all grids.
 
-    Parameters
-    ----------
-    known : (H, W) bool
-    length_px : float
-        How far neighbours err together, see `Memory.length_px`.
-    count : int
-        Draws in all, over the grids.
-    rng : numpy Generator
-
-    Notes
-    -----
-    A block is `LENGTHS_A_SIDE` lengths wide, but such that there are between `LEAST_BLOCKS` and `MOST_BLOCKS` of them.
+    A block is `LENGTHS_A_SIDE` lengths wide (`Memory.length_px`: how far neighbours err together), but such that there
+    are between `LEAST_BLOCKS` and `MOST_BLOCKS` of them.
     """
     pixels = np.count_nonzero(known)
     least, most = np.sqrt(pixels / MOST_BLOCKS), np.sqrt(pixels / LEAST_BLOCKS)
@@ -78,39 +78,32 @@ def draw_blocks(known: NDArray[np.bool_], length_px: float, count: int, rng: np.
         drawn = rng.multinomial(blocks, np.full(blocks, 1 / blocks), -(-count // GRIDS))
         labels.append(label)
         weights.append(drawn.astype(np.float32))
-    return Draws(tuple(labels), tuple(weights), side)
+    return Draws(tuple(labels), tuple(weights))
 
 
 def drawn_statistics(error_deg: NDArray, draws: Draws) -> Array:
     """Return (draws, 4), `KEYS` of an error map (H, W) over each draw; pixels that are NaN do not count.
 
-    Notes
-    -----
-    Quantiles are read off a histogram whose bins hold as many pixels each, linear within a bin. A draw that none of a
-    sparse map's pixels is in is the map itself.
+    Quantiles are read off a histogram whose bins hold as many pixels each, linear within a bin.
     """
     known = np.isfinite(error_deg)
     values = error_deg[known].astype(np.float64)
     edges = np.unique(np.quantile(values, np.linspace(0, 1, min(BINS, max(2, values.size)) + 1)))
     if edges.size < 2:
         edges = np.array([values[0], values[0] + 1e-9])
-    bins = np.clip(np.searchsorted(edges, values, "right") - 1, 0, edges.size - 2)
-    return np.concatenate([_of_grid(values, bins, edges, label[known], weights) for label, weights in _grids(draws)])
+    width = edges.size - 1
+    bins = np.clip(np.searchsorted(edges, values, "right") - 1, 0, width - 1)
 
+    def sums_of(counted: NDArray[np.bool_], label: NDArray, blocks: int) -> NDArray:
+        table = np.bincount(label * width + bins[counted], minlength=blocks * width).reshape(blocks, width)
+        return np.column_stack([table, np.bincount(label, values[counted], blocks)])
 
-def _of_grid(values: Array, bins: NDArray, edges: Array, label: NDArray, weights: NDArray[np.float32]) -> Array:
-    counted, blocks, width = label >= 0, weights.shape[1], edges.size - 1
-    values, bins, label = values[counted], bins[counted], label[counted]
-    weights = _none_empty(weights, np.bincount(label, minlength=blocks))
-    table = np.bincount(label * width + bins, minlength=blocks * width).reshape(blocks, width)
-    below = np.cumsum(weights @ table.astype(np.float32), axis=1, dtype=np.float64)
-    pixels = below[:, -1]
-    mean = weights @ np.bincount(label, values, blocks) / pixels
-    found = [mean]
+    sums = draws.sums(known, sums_of)
+    below, rows = np.cumsum(sums[:, :-1], axis=1), np.arange(len(sums))
+    found = [sums[:, -1] / below[:, -1]]
     for share in (0.5, 0.25, 0.75):
-        wanted = share * pixels
+        wanted = share * below[:, -1]
         at = np.minimum((below < wanted[:, None]).sum(1), width - 1)
-        rows = np.arange(len(below))
         before = np.where(at > 0, below[rows, at - 1], 0.0)
         within = (wanted - before) / np.maximum(below[rows, at] - before, 1e-12)
         found.append(edges[at] + within * (edges[at + 1] - edges[at]))
@@ -122,29 +115,21 @@ def drawn_correlation(a: NDArray, b: NDArray, draws: Draws) -> Array:
     known = np.isfinite(a) & np.isfinite(b)
     x, y = (each[known].astype(np.float64) for each in (a, b))
     x, y = x - x.mean(), y - y.mean()
-    found = []
-    for label, weights in _grids(draws):
-        place = label[known]
-        counted, blocks = place >= 0, weights.shape[1]
-        products = (np.ones_like(x), x, y, x * x, y * y, x * y)
-        sums = np.stack([np.bincount(place[counted], one[counted], blocks) for one in products], 1)
-        weights = _none_empty(weights, sums[:, 0])
-        n, sx, sy, sxx, syy, sxy = (weights @ sums).T
-        variance = np.maximum((sxx - sx**2 / n) * (syy - sy**2 / n), 1e-300)
-        found.append((sxy - sx * sy / n) / np.sqrt(variance))
-    return np.clip(np.concatenate(found), -1, 1)
+    products = (np.ones_like(x), x, y, x * x, y * y, x * y)
+
+    def sums_of(counted: NDArray[np.bool_], label: NDArray, blocks: int) -> NDArray:
+        return np.stack([np.bincount(label, one[counted], blocks) for one in products], 1)
+
+    n, sx, sy, sxx, syy, sxy = draws.sums(known, sums_of).T
+    variance = np.maximum((sxx - sx**2 / n) * (syy - sy**2 / n), 1e-300)
+    return np.clip((sxy - sx * sy / n) / np.sqrt(variance), -1, 1)
 
 
 @dataclass(frozen=True)
 class Memory:
-    """How far a map's pixels err together.
+    """How far a map's pixels err together; `pixels` of them count.
 
-    Parameters
-    ----------
-    rho : (L,) float64
-        Autocorrelation at 0, 1, 2 ... px, the mean of rows and columns; it ends where it has fallen to `LAG_SHARE`.
-    pixels : int
-        That count.
+    `rho` (L,): autocorrelation at 0, 1, 2 ... px, the mean of rows and columns, until it has fallen to `LAG_SHARE`.
     """
 
     rho: Array
@@ -163,8 +148,6 @@ class Memory:
     def inflation(self, draws: Draws) -> float:
         """Return what a standard deviation over draws is to be multiplied by: neighbours in other blocks err alike too.
 
-        Notes
-        -----
         In blocks of side b, the variance of a mean counts (1 - k / b) of rho(k), along rows and along columns.
         """
         # A block at the object's rim is smaller than it is wide.
@@ -176,8 +159,6 @@ class Memory:
 def memory_of(error_deg: NDArray) -> Memory:
     """Return how far a map (H, W) errs together; pixels that are NaN do not count.
 
-    Notes
-    -----
     Over P pixels the mean itself has the variance m = length^2 / P of one pixel's, and with it taken off covariances
     come out low: rho = rho_found (1 - m) + m, a few times over.
     """
@@ -192,12 +173,11 @@ def memory_of(error_deg: NDArray) -> Memory:
     variance = float((centred[known] ** 2).mean())
     if variance <= 0:
         return Memory(np.ones(1), pixels)
-    found = [1.0]
-    for lag in range(1, max(2, min(known.shape) // 2)):
-        found.append(float(np.mean([_covariance(centred, known, lag, axis) for axis in (0, 1)]) / variance))
-        if found[-1] < 0:
-            break
-    rho, share = np.array(found), 0.0
+    lags = max(2, min(known.shape) // 2)
+    rho = np.mean([_covariances(centred, known, axis, lags) for axis in (0, 1)], 0) / variance
+    rho[0], share = 1.0, 0.0
+    # To the first that is below 0.
+    rho = rho[: np.argmax(rho < 0) + 1 if (rho < 0).any() else None]
     for _ in range(4):
         raised = rho * (1 - share) + share
         ended = np.flatnonzero(raised < LAG_SHARE)
@@ -212,17 +192,11 @@ def structured_share(error_deg: NDArray) -> float:
     return float(rho[NOISE_PX]) if len(rho) > NOISE_PX else 0.0
 
 
-def _covariance(centred: Array, known: NDArray[np.bool_], lag: int, axis: int) -> float:
-    """Return the mean product of pixels a lag apart, 0 where there are none."""
-    here, there = (slice(None, -lag), slice(lag, None)) if axis == 0 else (np.s_[:, :-lag], np.s_[:, lag:])
-    pairs = int(np.count_nonzero(known[here] & known[there]))
-    return float(np.vdot(centred[here], centred[there]) / pairs) if pairs else 0.0
+def _covariances(centred: Array, known: NDArray[np.bool_], axis: int, lags: int) -> Array:
+    """Return (lags,), the mean product of known pixels 0, 1, 2 ... px apart along an axis; 0 where there are none."""
 
+    def products(image: NDArray) -> Array:
+        spectrum = np.fft.rfft(image, 2 * image.shape[axis], axis)
+        return np.fft.irfft((np.abs(spectrum) ** 2).sum(1 - axis))[:lags]
 
-def _none_empty(weights: NDArray[np.float32], pixels: NDArray) -> NDArray[np.float32]:
-    """Return the draws (draws, blocks), those that hold none of the pixels (blocks,) replaced by all blocks once."""
-    return np.where((weights @ pixels > 0)[:, None], weights, np.float32(1))
-
-
-def _grids(draws: Draws):
-    return zip(draws.labels, draws.weights, strict=True)
+    return products(centred) / np.maximum(np.round(products(known)), 1)

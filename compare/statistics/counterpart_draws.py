@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.statistics.block_bootstrap import KEYS, Draws, Memory, draw_blocks, drawn_statistics, memory_of
-from compare.statistics.statistics import angular_statistics
+from compare.statistics.block_bootstrap import KEYS, Draws, draw_blocks, drawn_statistics, memory_of
 
 Array = NDArray[np.float64]
 Map = NDArray[np.float32]
 Maps = dict[str, dict[str, Map]]
+"""By capture (real, twin), then by method."""
 
 PIXELS = 200_000
 """Of a capture at most so many are drawn from, every n-th: more tell nothing that their neighbours do not."""
@@ -47,84 +47,77 @@ class Capture:
 
 @dataclass(frozen=True)
 class Drawn:
-    """A method's errors on one capture: of the whole map `statistics` and, of them, point (4,); the thinned map and
-    what was drawn of it, draws (B, 4), shifts (B, 4).
+    """Statistics of M methods' errors on one capture, and what they might have been; (M, 4) are `KEYS`, (M,) medians.
+
+    `found` (M, 4) or (M,). `draws` (B, M, 4): over blocks of pixels. `inflation` (M, 1): what their standard deviation
+    is to be multiplied by, see `Memory`. `shifts` (B, M, 4): the part of each draw that comes from lights and
+    registration, which nothing inflates. `patches` (M,): independent patches of each method's map.
     """
 
-    statistics: dict[str, float | int]
-    error: Map
+    found: Array
     draws: Array
+    inflation: Array
     shifts: Array
-    memory: Memory
-    blocks: Draws
-
-    @property
-    def point(self) -> Array:
-        return np.array([self.statistics[key] for key in KEYS])
-
-    @property
-    def inflation(self) -> float:
-        return self.memory.inflation(self.blocks)
+    patches: Array
 
     @property
     def spread(self) -> Array:
+        """(B, M, 4) draws less their means, each method's with its own inflation."""
         return (self.draws - self.draws.mean(0)) * self.inflation + self.shifts - self.shifts.mean(0)
 
+    def medians(self) -> "Drawn":
+        """Return what holds for the median errors: without the last axis."""
+        at = KEYS.index("median_deg")
+        found, draws, shifts = (part[..., at] for part in (self.found, self.draws, self.shifts))
+        return Drawn(found, draws, self.inflation[:, 0], shifts, self.patches)
 
-def sides_of(real: Capture, twin: Capture) -> tuple[tuple[str, Capture], ...]:
-    """Return the two captures with their names in the numbers."""
-    return ("real", real), ("twin", twin)
 
-
-def thinned(real: Capture, twin: Capture, methods: tuple[str, ...]) -> tuple[Maps, bool]:
+def thinned(sides: Mapping[str, Capture], methods: tuple[str, ...]) -> tuple[Maps, bool]:
     """Return every n-th pixel of all maps, one n for a capture, and whether the two are laid over each other."""
-    sides = sides_of(real, twin)
-    seen = {kind: np.logical_or.reduce([np.isfinite(side.errors[name]) for name in methods]) for kind, side in sides}
-    laid_over = _laid_over(seen["real"], seen["twin"])
-    steps = {kind: int(np.ceil(np.sqrt(max(1.0, np.count_nonzero(known) / PIXELS)))) for kind, known in seen.items()}
+    seen = {kind: _seen([side.errors[name] for name in methods]) for kind, side in sides.items()}
+    counts = {kind: np.count_nonzero(known) for kind, known in seen.items()}
+    steps = {kind: int(np.ceil(np.sqrt(max(1.0, count / PIXELS)))) for kind, count in counts.items()}
+    a, b = seen.values()
+    laid_over = a.shape == b.shape and bool(np.count_nonzero(a & b) >= OVERLAP * min(counts.values()))
     if laid_over:
         steps = dict.fromkeys(steps, max(steps.values()))
     return {
         kind: {name: np.asarray(side.errors[name][:: steps[kind], :: steps[kind]], np.float32) for name in methods}
-        for kind, side in sides
+        for kind, side in sides.items()
     }, laid_over
 
 
-def _laid_over(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> bool:
-    if a.shape != b.shape:
-        return False
-    return bool(np.count_nonzero(a & b) >= OVERLAP * min(np.count_nonzero(a), np.count_nonzero(b)))
-
-
 def drawn_maps(
-    real: Capture,
-    twin: Capture,
-    thin: Maps,
-    methods: tuple[str, ...],
+    sides: Mapping[str, Capture],
+    maps: Maps,
+    found: Mapping[str, Array],
     laid_over: bool,
     count: int,
     rng: np.random.Generator,
-) -> dict[str, dict[str, Drawn]]:
-    """Return every method's draws on both captures."""
-    maps = {kind: {name: of[name] for name in methods} for kind, of in thin.items()}
+) -> tuple[dict[str, Drawn], dict[str, Draws]]:
+    """Return draws of all methods on both captures, and the blocks; `found` (M, 4): statistics of the whole maps."""
     # The methods' common length decides how wide blocks are; what is still cut is put back by each map's own.
-    memories = {kind: {name: memory_of(error) for name, error in of.items()} for kind, of in maps.items()}
-    seen = {kind: np.logical_or.reduce([np.isfinite(error) for error in of.values()]) for kind, of in maps.items()}
-    length = {kind: float(np.median([memory.length_px for memory in of.values()])) for kind, of in memories.items()}
+    memories = {kind: [memory_of(error) for error in of.values()] for kind, of in maps.items()}
+    seen = {kind: _seen(list(of.values())) for kind, of in maps.items()}
+    length = {kind: float(np.median([memory.length_px for memory in of])) for kind, of in memories.items()}
     if laid_over:
-        shared = draw_blocks(seen["real"] | seen["twin"], max(length.values()), count, rng)
-        blocks = {"real": shared, "twin": shared}
+        blocks = dict.fromkeys(maps, draw_blocks(seen["real"] | seen["twin"], max(length.values()), count, rng))
     else:
         blocks = {kind: draw_blocks(seen[kind], length[kind], count, rng) for kind in maps}
-    found: dict[str, dict[str, Drawn]] = {}
-    for kind, side in sides_of(real, twin):
-        total = blocks[kind].count
-        moves = rng.integers(1 << 30, size=total)
-        found[kind] = {}
-        for name, error in maps[kind].items():
-            shifts = side.shifts.get(name)
-            moved = np.zeros((total, len(KEYS))) if shifts is None else np.asarray(shifts)[moves % len(shifts)]
-            statistics = angular_statistics(side.errors[name])
-            drawn = drawn_statistics(error, blocks[kind])
-            found[kind][name] = Drawn(statistics, error, drawn, moved, memories[kind][name], blocks[kind])
-    return found
+    drawn = {}
+    for kind, of in maps.items():
+        moves = rng.integers(1 << 30, size=blocks[kind].count)
+        still = np.zeros((1, len(KEYS)))
+        shifts = [np.asarray(sides[kind].shifts.get(name, still)) for name in of]
+        drawn[kind] = Drawn(
+            found[kind],
+            np.stack([drawn_statistics(error, blocks[kind]) for error in of.values()], 1),
+            np.array([[memory.inflation(blocks[kind])] for memory in memories[kind]]),
+            np.stack([shift[moves % len(shift)] for shift in shifts], 1),
+            np.array([memory.patches for memory in memories[kind]]),
+        )
+    return drawn, blocks
+
+
+def _seen(maps: list[Map]) -> NDArray[np.bool_]:
+    return np.logical_or.reduce([np.isfinite(error) for error in maps])

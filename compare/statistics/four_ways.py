@@ -20,18 +20,10 @@ MOST_PIXELS = 4000
 class FourWays:
     """Mean angular errors, degrees, of one normal map; only `raw` may enter a table beside calibrated methods.
 
-    Parameters
-    ----------
-    raw_deg : float
-        With the method's own sign, 0 to 180.
-    best_sign_deg : float
-        Of (n1, n2, n3) and (-n1, -n2, n3), the better: convex and concave give the same pictures.
-    oracle_relief_deg : float
-        After the bas-relief transform that suits the truth best: what any choice of mu, nu, lambda could reach.
-    oracle_linear_deg : float
-        After the 3 x 3 matrix that suits the truth best: what is left is not the ambiguity's fault.
-    mirrored : bool
-        The better sign is not the method's.
+    `raw_deg`: with the method's own sign, 0 to 180. `best_sign_deg`: of (n1, n2, n3) and (-n1, -n2, n3), the better:
+    convex and concave give the same pictures. `oracle_relief_deg`: after the bas-relief transform that suits the truth
+    best: what any choice of mu, nu, lambda could reach. `oracle_linear_deg`: after the 3 x 3 matrix that suits the
+    truth best: what is left is not the ambiguity's fault. `mirrored`: the better sign is not the method's.
     """
 
     raw_deg: float
@@ -86,8 +78,9 @@ def four_ways(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_] | None) 
         [(min(raw, other), np.diag(MIRROR) if mirrored else np.eye(3))] + [(_mean(n @ g, t), g) for g in reliefs],
         key=lambda each: each[0],
     )
-    linear = [_fit(some, there, _square, start.ravel()) for start in (relief, _least_squares(some, there))]
-    least = min([best, *(_mean(n @ _square(each), t) for each in linear)])
+    linear = [relief, np.asarray(np.linalg.lstsq(some, there, rcond=None)[0], np.float64)]
+    linear = [_square(_fit(some, there, _square, start.ravel())) for start in linear]
+    least = min([best, *(_mean(n @ matrix, t) for matrix in linear)])
     return FourWays(raw, min(raw, other), best, least, mirrored)
 
 
@@ -103,11 +96,6 @@ def _relief(numbers: Array) -> Array:
 
 def _square(numbers: Array) -> Array:
     return numbers.reshape(3, 3)
-
-
-def _least_squares(n: Array, truth: Array) -> Array:
-    matrix: Array = np.asarray(np.linalg.lstsq(n, truth, rcond=None)[0], np.float64)
-    return matrix
 
 
 def _fit(n: Array, truth: Array, matrix, start: Array) -> Array:

@@ -3,7 +3,6 @@
 The truth lies beside the session as `truth.json` and `truth.npz`; no step reads it but this one.
 """
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -15,10 +14,37 @@ from scene.camera import Camera
 from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 from scene.pose import Pose
+from scene.reading import json_of, numbers, reading
 from scene.store import Store
 
 BARS = {"direction_median_deg": 1.0, "intensity_rms_percent": 3.0, "registration_rms_px": 1.0, "truth_median_deg": 1.0}
 """What a session with two chrome balls, a white one and a laser scan must reach."""
+
+
+Truth = dict[str, NDArray]
+"""The files' values by their names; `balls` (K, 3): centre and radius, pixels, of each kind that is in `kinds` (K,)."""
+SHAPES = {
+    "object_centre_mm": (3,),
+    "directions_at_object": (-1, 3),
+    "relative_intensity_rgb_at_object": (-1, 3),
+    "camera_from_scan": (4, 4),
+}
+
+
+def read_truth(folder: Path) -> Truth:
+    """Return what truth.json and truth.npz of the folder hold; SceneError where one is damaged."""
+    fault, path = "does not hold a session's truth", folder / "truth.npz"
+    values = json_of(folder / "truth.json")
+    with reading(folder / "truth.json", fault):
+        truth: Truth = {name: numbers(values[name], *shape) for name, shape in SHAPES.items()}
+        balls = [[*ball["centre_px"], ball["radius_px"]] for ball in values["spheres"]]
+        truth["balls"] = numbers(balls, -1, 3) if balls else np.empty((0, 3))
+        truth["kinds"] = np.array([str(ball["kind"]) for ball in values["spheres"]])
+    # numpy leaves a damaged file open that it opened itself.
+    with reading(path, fault), path.open("rb") as file, np.load(file) as arrays:
+        truth |= {name: arrays[name] for name in ("light_positions_mm", "mask")}
+        truth["normals"] = np.where(truth["mask"][..., None], arrays["normals"].astype(np.float64), np.nan)
+    return truth
 
 
 def known_truth(
@@ -41,9 +67,15 @@ def known_truth(
     -------
     dict
         One row a figure: {"value", "unit", "text"}, and "bar" where a value is asked for.
+
+    Raises
+    ------
+    SceneError
+        The truth cannot be read.
     """
-    truth = json.loads((truth_folder / "truth.json").read_text())
-    arrays = np.load(truth_folder / "truth.npz")
+    truth = read_truth(truth_folder)
+    center, positions = truth["object_centre_mm"], truth["light_positions_mm"]
+    true_pose = Pose(truth["camera_from_scan"])
     rows: dict[str, dict[str, Any]] = {}
 
     def row(key: str, value: float, unit: str, text: str) -> None:
@@ -51,56 +83,45 @@ def known_truth(
         if key in BARS:
             rows[key]["bar"] = BARS[key]
 
-    center = np.array(truth["object_centre_mm"])
     lights = store.load_lights().seen_from(center)
-    direction = angular_error_deg(lights.directions, np.array(truth["directions_at_object"]))
+    direction = angular_error_deg(lights.directions, truth["directions_at_object"])
     row("direction_median_deg", np.median(direction), "degrees", "light direction at the object, median")
     row("direction_max_deg", direction.max(), "degrees", "light direction at the object, worst")
     if lights.positions_mm is not None:
-        true = arrays["light_positions_mm"]
-        range_mm = np.linalg.norm(true - center, axis=1)
-        error = np.linalg.norm(lights.positions_mm - true, axis=1) / range_mm
+        error = np.linalg.norm(lights.positions_mm - positions, axis=1) / np.linalg.norm(positions - center, axis=1)
         row("position_median_percent", 100 * np.median(error), "%", "light position, median, of its distance")
-    expected = np.array(truth["relative_intensity_rgb_at_object"])
+    expected = truth["relative_intensity_rgb_at_object"]
     relative = lights.intensities / (expected / expected.mean(0)) - 1
     row("intensity_rms_percent", 100 * np.sqrt(np.mean(relative**2)), "%", "light intensity per channel, rms")
     row("intensity_max_percent", 100 * np.abs(relative).max(), "%", "light intensity per channel, worst")
     row("sphere_max_px", _sphere_error(store, truth), "px", "balls' centres and radii, worst")
-
-    true_normals = np.where(arrays["mask"][..., None], arrays["normals"].astype(np.float64), np.nan)
     if mesh is not None and store.path("pose.json").exists():
-        camera, pose = store.load_camera(), store.load_pose()
-        true_pose = Pose(np.array(truth["camera_from_scan"]))
-        row(
-            "registration_rms_px", _reprojection(mesh, camera, pose, true_pose), "px", "registration, rms over the scan"
-        )
+        pose = store.load_pose()
+        off_px = _reprojection(mesh, store.load_camera(), pose, true_pose)
+        row("registration_rms_px", off_px, "px", "registration, rms over the scan")
         row("registration_deg", (pose @ true_pose.inverse()).angle_deg(), "degrees", "registration, rotation")
-        error = angular_error_deg(store.load_normals("truth"), true_normals)
+        error = angular_error_deg(store.load_normals("truth"), truth["normals"])
         row("truth_median_deg", np.nanmedian(error), "degrees", "ground-truth normals, median")
         mask = store.load_mask()
-        union = np.count_nonzero(mask | arrays["mask"])
-        row("mask_overlap", np.count_nonzero(mask & arrays["mask"]) / union, "", "mask, intersection over union")
+        overlap = np.count_nonzero(mask & truth["mask"]) / np.count_nonzero(mask | truth["mask"])
+        row("mask_overlap", overlap, "", "mask, intersection over union")
     for method in methods:
-        error = angular_error_deg(store.load_normals(method), true_normals)
+        error = angular_error_deg(store.load_normals(method), truth["normals"])
         text = f"`{method}` against the true normals, median"
         row(f"{method}_median_deg", np.nanmedian(error), "degrees", text)
     return rows
 
 
-def _sphere_error(store: Store, truth: dict[str, Any]) -> float:
+def _sphere_error(store: Store, truth: Truth) -> float:
     """Return the largest error in pixels of centre or radius; infinite where a ball is missing or too many."""
-    found = store.load_spheres()
-    if len(found) != len(truth["spheres"]):
+    found, worst = store.load_spheres(), 0.0
+    kinds = {sphere.kind for sphere in found}
+    if len(found) != len(truth["kinds"]) or not kinds >= set(truth["kinds"].tolist()):
         return float("inf")
-    worst = 0.0
-    for ball in truth["spheres"]:
-        center: NDArray = np.array(ball["centre_px"])
-        same = [sphere for sphere in found if sphere.kind == ball["kind"]]
-        if not same:
-            return float("inf")
-        nearest = min(same, key=lambda sphere: np.linalg.norm(sphere.center_px - center))
-        off = np.linalg.norm(nearest.center_px - center)
-        worst = max(worst, float(off), abs(nearest.radius_px - ball["radius_px"]))
+    for kind, (u, v, radius_px) in zip(truth["kinds"], truth["balls"], strict=True):
+        same = [sphere for sphere in found if sphere.kind == kind]
+        off, nearest = min(((np.linalg.norm(s.center_px - [u, v]), s) for s in same), key=lambda pair: pair[0])
+        worst = max(worst, float(off), abs(nearest.radius_px - radius_px))
     return worst
 
 

@@ -3,18 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-STATISTICS = (
-    "min_deg",
-    "max_deg",
-    "mean_deg",
-    "median_deg",
-    "std_deg",
-    "q1_deg",
-    "q3_deg",
-    "under_5_deg",
-    "under_10_deg",
-)
-
 
 def angular_statistics(error_deg: NDArray, *, mask: NDArray[np.bool_] | None = None) -> dict[str, float | int]:
     """Return the statistics of an error map.
@@ -41,9 +29,11 @@ def angular_statistics(error_deg: NDArray, *, mask: NDArray[np.bool_] | None = N
     error = np.asarray(error_deg)
     known = np.isfinite(error) if mask is None else np.isfinite(error) & mask
     error = error[known].astype(np.float64)
-    if error.size == 0:
-        return {**dict.fromkeys(STATISTICS, float("nan")), "pixels": 0}
+    pixels = int(error.size)
+    if pixels == 0:
+        error = np.array([np.nan])
     q1, median, q3 = np.quantile(error, [0.25, 0.5, 0.75])
+    under_5, under_10 = (np.mean(error < bar) if pixels else np.nan for bar in (5, 10))
     return {
         "min_deg": float(error.min()),
         "max_deg": float(error.max()),
@@ -52,31 +42,19 @@ def angular_statistics(error_deg: NDArray, *, mask: NDArray[np.bool_] | None = N
         "std_deg": float(error.std()),
         "q1_deg": float(q1),
         "q3_deg": float(q3),
-        "under_5_deg": float(np.mean(error < 5)),
-        "under_10_deg": float(np.mean(error < 10)),
-        "pixels": int(error.size),
+        "under_5_deg": float(under_5),
+        "under_10_deg": float(under_10),
+        "pixels": pixels,
     }
 
 
 def error_correlation(real_error: NDArray, twin_error: NDArray) -> dict[str, float | int]:
-    """Return how alike two error maps are, pixel by pixel.
+    """Return how alike two error maps of one shape are, over the pixels that are not NaN in either.
 
-    Parameters
-    ----------
-    real_error, twin_error : same shape, float
-        Degrees, NaN where unknown. Only pixels known in both count.
-
-    Returns
-    -------
-    dict
-        pearson and spearman, -1 to 1: do the two fail at the same pixels, by value and by rank (ties share
-        their mean rank); NaN with fewer than three pixels or where a map is constant. median_difference_deg:
-        median of the real errors minus that of the twin's. pixels: how many counted.
-
-    Notes
-    -----
-    r = cov(a, b) / (std(a) std(b)); Spearman's is the same of the ranks [Spearman1904]. Neighbouring
-    pixels are not independent, so that no p-value follows from `pixels`.
+    pearson and spearman, -1 to 1: do the two fail at the same pixels, by value and by rank (ties share their mean
+    rank); NaN with fewer than three pixels or where a map is constant. median_difference_deg: median of the real errors
+    minus that of the twin's. pixels: how many counted. r = cov(a, b) / (std(a) std(b)); Spearman's is the same of the
+    ranks [Spearman1904]. Neighbouring pixels are not independent, so that no p-value follows from `pixels`.
     """
     from scipy.stats import rankdata
 

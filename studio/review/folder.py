@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.session.session import Session, load_session
-from compare.report.facts import read_optional
+from compare.report.facts import all_warnings, read_optional
 from compare.report.shown_material import Material
-from compare.report.warned import all_warnings
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights

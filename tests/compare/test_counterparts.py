@@ -13,9 +13,9 @@ from compare.statistics.block_bootstrap import (
     memory_of,
     structured_share,
 )
-from compare.statistics.counterpart_draws import Capture
+from compare.statistics.counterpart_draws import Capture, Drawn
 from compare.statistics.counterpart_verdict import compare_counterparts
-from compare.statistics.solver_order import Medians, kendall_tau, solver_order
+from compare.statistics.solver_order import kendall_tau, solver_order
 from scene.errors import SceneError
 
 SIDE, DRAWS = 64, 300
@@ -199,7 +199,7 @@ def test_methods_as_good_as_each_other_are_ranked_no_oftener_than_said():
     for _ in range(1000):
         found = rng.normal(2.0, 0.1, (2, 2))
         sides = [
-            Medians("x", one, one + rng.normal(0, 0.1, (400, 2)), np.ones(2), np.zeros((400, 2)), np.full(2, 1e4))
+            Drawn(one, one + rng.normal(0, 0.1, (400, 2)), np.ones(2), np.zeros((400, 2)), np.full(2, 1e4))
             for one in found
         ]
         order = solver_order(("a", "b"), sides[0], sides[1])

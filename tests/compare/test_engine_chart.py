@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 
-from compare.report.engine_chart import engine_chart
+from compare.report.twin_section import engine_chart
 
 FACTS = {
     "error": 0.01,

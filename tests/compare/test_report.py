@@ -370,7 +370,7 @@ def test_a_large_session_stays_below_fifteen_megabytes(tmp_path):
     """Noise everywhere: nothing compresses, no real session is larger."""
     rng, store = np.random.default_rng(3), Store(tmp_path / "large")
     height, width, count = 525, 700, 100
-    codes = rng.integers(2048, 62048, (count, height // 3, width // 3, 3), dtype=np.uint16)
+    codes = rng.integers(2048, 62048, (count, height, width, 3), dtype=np.uint16)
     names = tuple(f"flash_{i:03d}" for i in range(count))
     store.save_frames(Frames(names, codes, np.ones(count)))
     normals = unit(rng.normal(0, 1, (height, width, 3)) + [0, 0, 2])
@@ -383,7 +383,8 @@ def test_a_large_session_stays_below_fifteen_megabytes(tmp_path):
             path.parent.mkdir(parents=True, exist_ok=True)
             np.save(path, unit(rng.normal(0, 1, (height, width, 3)) + [0, 0, 2]).astype(np.float32))
     path = write_report(store, {"compare": compare(store)})
-    assert len(Page(path).all("img")) == count + 1 + 15 + 14
+    # The frames, the outline and sigma, key ball, truth and methods, errors.
+    assert len(Page(path).all("img")) == count + 2 + 1 + 15 + 14
     assert path.stat().st_size < 15e6
 
 

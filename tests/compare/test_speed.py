@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from compare.report.facts import family
-from compare.report.label_places import place_labels
 from compare.report.speed import SpeedPoint, pareto_front, speed_points
-from compare.report.speed_chart import speed_chart
+from compare.report.speed_chart import place_labels, speed_chart
 
 FRAME = (0.0, 0.0, 700.0, 360.0)
 

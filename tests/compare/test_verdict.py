@@ -5,10 +5,9 @@ from typing import Any
 
 import pytest
 
-from compare.report.method_words import WORDS
-from compare.report.page import number, percent, plain, round_number
+from compare.report.page import number, percent, plain, round_number, words
+from compare.report.ranking import ranking, ranking_table
 from compare.report.verdict import verdict
-from compare.statistics.ranking import ranking, ranking_table
 
 
 def statistics(median: float) -> dict[str, Any]:
@@ -169,7 +168,7 @@ def test_methods_without_an_error_come_last_in_their_order():
 def test_every_method_has_a_word_for_who_reads_the_page():
     from solve.solve import METHODS
 
-    assert set(WORDS) == set(METHODS)
+    assert set(words("methods")) == set(METHODS)
 
 
 def test_an_empty_summary_promises_nothing():

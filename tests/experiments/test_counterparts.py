@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compare.report.counterpart_words import badge_of
+from compare.report.counterpart_page import badge_of
 from experiments.counterparts.compare_folders import NUMBERS, PAGE, compare_folders
 from experiments.counterparts.compared_side import _moved_lights, _shifted, open_folder, shifts_of
 from scene.camera import Camera

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from compare.report.material_words import material_words
+from compare.report.twin_section import material_words
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.mesh import Mesh

@@ -1,0 +1,90 @@
+"""The report's section on the twin: beside the photograph, its material and what that leaves, why its engine."""
+
+from contextlib import suppress
+from html import escape
+from typing import Any
+
+from compare.report import pictures
+from compare.report.line_chart import line_chart
+from compare.report.page import absent, is_number, picture, say, section, table_of, words
+from compare.report.pictures import Box, Exposure
+from compare.report.registration_pictures import raking_frame
+from compare.report.shown_material import Material, Summary
+from scene.errors import SceneError
+from scene.store import Store
+
+WIDTH = 500
+TELLING_SIZE = ("direction", "intensity", "ambient", "normals")
+"""Causes of one number of one unit; the others are curves or poses."""
+
+
+def twin_section(material: Material, summary: Summary) -> str:
+    """Return one photograph beside the twin's frame of the same light."""
+    twin, frames = None, material.frames
+    with suppress(SceneError):
+        twin = Store(material.store.path("twin")).load_frames()
+    if twin is None or len(twin) == 0:
+        registered = material.map_of("normals", "truth") is not None and material.store.path("pose.json").exists()
+        reason = "No twin was rendered in this folder." if registered else ""
+        return section("twin", "The twin", absent(reason or "No twin was rendered: it needs the registered scan."))
+    index = 0 if material.directions is None else raking_frame(material.directions[: len(twin)])
+    box = Box(0, 0, twin.width, twin.height)
+    if material.mask is not None and material.mask.shape == (twin.height, twin.width):
+        box = Box.of_mask(material.mask, margin=0.12)
+    balance = None if material.exposure is None else material.exposure.balance
+    width, name = box.shown_width(WIDTH), twin.names[index]
+    image = Exposure.for_frames(twin, white_value=balance).develop(pictures.thumbnail(twin, index, width, box))
+    caption = f"twin, {escape(name)}; its brightness scaled by itself"
+    figures = picture(image, f"twin of {name}", caption, photograph=True)
+    if frames is not None and (twin.width, twin.height) == (frames.width, frames.height) and index < len(frames):
+        image, name = material.photograph(index, box, width), frames.names[index]
+        figures = picture(image, f"photograph {name}", f"photograph, {escape(name)}", photograph=True) + figures
+    facts = summary.get("twin") or {}
+    lead = say("material", "twin")
+    if facts.get("engine"):
+        reason = f": {facts['reason']}" if facts.get("reason") else ""
+        lead += say("material", "engine", seconds=facts.get("seconds"), engine=f"{facts['engine']}{reason}")
+    body = f'<div class="pair">{figures}</div>{material_words(facts)}{engine_chart(facts)}'
+    return section("twin", "The twin", body, lead)
+
+
+def material_words(twin: dict[str, Any]) -> str:
+    """Return HTML of the summary's `twin`: the sentence, what it leaves frame by frame, what would explain that."""
+    material = twin.get("material") or {}
+    if not material.get("sentence"):
+        return ""
+    text = "<h3>What the object is said to be made of</h3>"
+    if places := material.get("places"):
+        lines = "".join(say("material", "place", **{**one, "number": str(k + 1)}) for k, one in enumerate(places))
+        text += f"<p>The object is of two materials: {escape(str(material.get('why')))}.</p><ul>{lines}</ul>"
+    else:
+        text += f"<p>The object is {escape(str(material['sentence']))}.</p>"
+    if not is_number(material.get("relative_rmse")):
+        return text
+    text += say("material", "met", **material)
+    shares = [100 * value if is_number(value) else float("nan") for value in material["relative_rmse_per_frame"]]
+    lights = [float(k + 1) for k in range(len(shares))]
+    chart = line_chart({"a frame": (lights, shares)}, x_title="light", y_title="not explained, % (rms)")
+    rows = [
+        {**part, "cause": words("causes").get(name) or name, "amount": "–"}
+        | ({"amount": say("material", "amount", **{"unit": "", **part})} if name in TELLING_SIZE else {})
+        for name, part in sorted(material["explained_by"].items(), key=lambda item: -(item[1].get("explains") or 0))
+    ]
+    return text + f'<div class="pair"><figure>{chart}</figure>{table_of("causes", rows)}</div>'
+
+
+def engine_chart(twin: dict[str, Any]) -> str:
+    """Return the figure of each engine's seconds against error, by the twin's facts; empty if no pilot was run."""
+    lines = {
+        name: ([100 * error for error, _ in points], [seconds for _, seconds in points])
+        for name, points in (twin.get("time_and_error") or {}).items()
+        if len(points) > 1 and all(is_number(value) and value > 0 for point in points for value in point)
+    }
+    if not lines:
+        return ""
+    x_title, y_title = "error of the picture, % of its mean", "seconds, the whole stack"
+    told = say("material", "pilot")
+    if is_number(error := twin.get("error")):
+        told = say("material", "pilot asked", error=error)
+    chart = line_chart(lines, x_title=x_title, y_title=y_title, log_x=True, log_y=True)
+    return f'<figure class="speed">{chart}<figcaption>{told}</figcaption></figure>'
