@@ -1,27 +1,30 @@
 """The balls that a session asks for: given, or found, and each with its diameter."""
 
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.coarse import Coarse, shrink
-from calibrate.detection.detect import Found, Rejected, detect
-from calibrate.detection.hint import around_hint
+from calibrate.detection.coarse import Coarse, Progress, shrink
+from calibrate.detection.detect import Found, Rejected, around_hint, detect
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
+from calibrate.silhouette.outline import difference
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere, SphereRequest
 
 Array = NDArray[np.float64]
-HINT_REACH = 0.2
-"""Share of its radius by which a circle given by hand may be wrong, 3 px at least: the outline is sought so far."""
-HINT_SCORE = 0.6
-"""Share of its outline that a ball must show before it is moved off the circle given by hand."""
+HINT_REACH, HINT_REACH_PX = 0.2, 3.0
+"""Share of its radius by which a circle given by hand may be wrong, and at least: the outline is sought so far."""
+HINT_SEARCH = 0.04  # radii around the given circle itself in which its outline is sought, `HINT_REACH_PX` at least
+HINT_SCORE = 0.6  # share of its outline that a ball must show before it is moved off the circle given by hand,
+HINT_SURE = 0.9  # from which a matte ball's is taken, and of another's score that may still be as good
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
+LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
 
 
 @dataclass(frozen=True)
@@ -35,55 +38,41 @@ class Ball:
 
 
 def find_balls(
-    frames: Frames,
-    camera: Camera,
-    requests: Sequence[SphereRequest],
-    *,
-    progress: Callable[[int, int], None] | None = None,
+    frames: Frames, camera: Camera, requests: Sequence[SphereRequest], *, progress: Progress | None = None
 ) -> tuple[list[Ball], tuple[Rejected, ...], tuple[str, ...]]:
     """Return the balls, the circles that are none, and warnings.
 
-    Balls that stand in their own photographs are looked for there; without requests, whatever balls stand
-    in the session's frames are taken.
+    Balls that were shot in their own photographs are looked for there; without requests, whatever balls the session's
+    frames show are taken.
 
     Raises
     ------
     CalibrationError
         No ball was found, or a request cannot be met by its own photographs.
     """
-    groups: list[tuple[Frames, list[SphereRequest]]] = []
+    # Frames are told apart by identity: they hold arrays, which have no hash.
+    groups: dict[int, tuple[Frames, list[SphereRequest]]] = {}
     for request in requests:
         own = frames if request.frames is None else request.frames
         _check_own_frames(frames, own, camera)
-        for group_frames, group in groups:
-            if group_frames is own:
-                group.append(request)
-                break
-        else:
-            groups.append((own, [request]))
-    if not groups:
-        groups = [(frames, [])]
+        groups.setdefault(id(own), (own, []))[1].append(request)
     balls: list[Ball] = []
     rejected: tuple[Rejected, ...] = ()
     warnings: list[str] = []
-    for number, (own, group) in enumerate(groups):
+    stacks = list(groups.values()) or [(frames, [])]
+    for number, (own, group) in enumerate(stacks):
 
         def step(done: int, total: int, number: int = number) -> None:
             if progress:
-                progress(number * total + done, len(groups) * total)
+                progress(number * total + done, len(stacks) * total)
 
         coarse = shrink(own, camera, progress=step)
-        apart = own is not frames
         given = [r for r in group if r.mask is not None or r.center_px is not None]
         open_ = [r for r in group if r.mask is None and r.center_px is None]
         fits = [_given(own, camera, coarse, request, warnings) for request in given]
         diameters = [request.diameter_mm for request in given]
         if open_ or not group:
-            wanted: dict[Kind, int] | None = None
-            if group:
-                wanted = {}
-                for request in open_:
-                    wanted[request.kind] = wanted.get(request.kind, 0) + 1
+            wanted: dict[Kind, int] | None = Counter(r.kind for r in open_) if group else None
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
             for one, diameter in _match(found, open_, refused, warnings):
@@ -93,7 +82,7 @@ def find_balls(
         blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
             one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
-            sphere = replace(one.sphere, diameter_mm=diameter, apart=apart)
+            sphere = replace(one.sphere, diameter_mm=diameter, apart=own is not frames)
             balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:
         raise CalibrationError(_nothing(requests, rejected))
@@ -117,22 +106,7 @@ def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:
 def _given(frames: Frames, camera: Camera, coarse: Coarse, request: SphereRequest, warnings: list[str]) -> OutlineFit:
     """Fit a ball whose place the user gave, by mask or by circle."""
     if request.mask is not None:
-        if request.mask.shape != (frames.height, frames.width):
-            raise CalibrationError(
-                f"spheres.mask: {request.mask.shape[1]} x {request.mask.shape[0]} px, but the frames are "
-                f"{frames.width} x {frames.height}."
-            )
-        area = int(request.mask.sum())
-        if area < 200:
-            raise CalibrationError(
-                f"spheres.mask: only {area} px are set; a ball needs 200 at least. White is the ball."
-            )
-        rows, columns = np.nonzero(request.mask)
-        start = Sphere(request.kind, np.array([columns.mean(), rows.mean()]), float(np.sqrt(area / np.pi)))
-        fit = fit_mask(request.mask, camera, start)
-        if fit is None or fit.residual_px > 0.05 * start.radius_px:
-            raise CalibrationError("spheres.mask: its border is not the outline of a ball.")
-        return fit
+        return _fit_given_mask(frames, camera, request.kind, request.mask)
     if request.center_px is None or request.radius_px is None:
         raise CalibrationError("spheres: center_px needs radius_px too; give both, or neither to have the ball found.")
     start = Sphere(request.kind, np.array(request.center_px, np.float64), float(request.radius_px))
@@ -148,33 +122,50 @@ def _given(frames: Frames, camera: Camera, coarse: Coarse, request: SphereReques
     return OutlineFit(replace(start, sigma_px=sigma, score=0.0), np.eye(3) * sigma**2, sigma)
 
 
+def _fit_given_mask(frames: Frames, camera: Camera, kind: Kind, mask: NDArray[np.bool_]) -> OutlineFit:
+    if mask.shape != (frames.height, frames.width):
+        raise CalibrationError(
+            f"spheres.mask: {mask.shape[1]} x {mask.shape[0]} px, but the frames are {frames.width} x {frames.height}."
+        )
+    rows, columns = np.nonzero(mask)
+    if len(rows) < LEAST_MASK_PX:
+        raise CalibrationError(
+            f"spheres.mask: only {len(rows)} px are set; a ball needs {LEAST_MASK_PX} at least. White is the ball."
+        )
+    start = Sphere(kind, np.array([columns.mean(), rows.mean()]), float(np.sqrt(len(rows) / np.pi)))
+    fit = fit_mask(mask, camera, start)
+    if fit is None or fit.residual_px > MASK_ROUND * start.radius_px:
+        raise CalibrationError("spheres.mask: its border is not the outline of a ball.")
+    return fit
+
+
 def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> OutlineFit | None:
     """Return the best outline around a circle given by hand, or None: a hand slips by a tenth of the radius.
 
-    The standing circles around it come first: beside an outline there is always some weaker edge, and a search of a
+    The static circles around it come first: beside an outline there is always some weaker edge, and a search of a
     few pixels around the given circle would take it. A matte ball's own outline wins only where it shows clearly more.
-    A mirror's may stand clearer than what it mirrors and still be missed among the standing circles, where noise hides
+    A mirror's may be clearer than what it mirrors and still be missed among the static circles, where noise hides
     all but the rim of the mirrored dark: it is always looked at, and of equals the outermost wins.
     """
-    reach = max(3.0, HINT_REACH * hint.radius_px)
+    reach = max(HINT_REACH_PX, HINT_REACH * hint.radius_px)
 
     def fit(start: Sphere, search_px: float) -> list[OutlineFit]:
         one = fit_outline(frames, camera, start, search_px=search_px)
         if one is None or one.sphere.score < HINT_SCORE:
             return []
-        off = np.hypot(*(one.sphere.center_px - hint.center_px))
-        return [one] if max(off, abs(one.sphere.radius_px - hint.radius_px)) < reach else []
+        du, dv, larger = difference(one.sphere, hint)
+        return [one] if max(np.hypot(du, dv), abs(larger)) < reach else []
 
-    standing: list[OutlineFit] = []
+    static: list[OutlineFit] = []
     for start in around_hint(coarse, hint, reach_px=reach)[:2]:
-        standing += fit(start, 1.4 * coarse.factor + 0.6)
-    best = best_outline(standing, hint.kind) if standing else None
-    if best is not None and best.sphere.score >= 0.9 and hint.kind == "white":
+        static += fit(start, coarse.search_px)
+    best = best_outline(static, hint.kind) if static else None
+    if best is not None and best.sphere.score >= HINT_SURE and hint.kind == "white":
         return best
-    for own in fit(hint, max(3.0, 0.04 * hint.radius_px)):
+    for own in fit(hint, max(HINT_REACH_PX, HINT_SEARCH * hint.radius_px)):
         if hint.kind == "chrome":
-            best = best_outline([*standing, own], hint.kind)
-        elif best is None or 0.9 * own.sphere.score > best.sphere.score:
+            best = best_outline([*static, own], hint.kind)
+        elif best is None or HINT_SURE * own.sphere.score > best.sphere.score:
             best = own
     return best
 
@@ -190,37 +181,33 @@ def _match(
         asked = [request.diameter_mm for request in requests if request.kind == kind]
         mine = sorted((one for one in found if one.sphere.kind == kind), key=lambda one: -one.sphere.radius_px)
         if len(mine) < len(asked):
-            near = "; ".join(
-                f"({r.center_px[0]:.0f}, {r.center_px[1]:.0f}) px, radius {r.radius_px:.0f}: {r.reason}"
-                for r in rejected[:2]
-            )
-            warnings.append(
-                f"{len(asked)} {kind} balls were asked for, {len(mine)} found"
-                + (f" (refused: {near})." if near else ".")
-            )
+            near = "; ".join(_said(r) for r in rejected[:2])
+            refused = f" (refused: {near})." if near else "."
+            warnings.append(f"{len(asked)} {kind} balls were asked for, {len(mine)} found{refused}")
         known = sorted((d for d in asked if d is not None), reverse=True)
         if len(set(known)) > 1 or 0 < len(known) < len(asked):
             if len(known) == len(asked) == len(mine):
-                warnings.append(
-                    f"{kind} balls of {', '.join(f'{d:g}' for d in known)} mm were told apart by their size in the "
-                    "picture."
-                )
+                listed = ", ".join(f"{d:g}" for d in known)
+                warnings.append(f"{kind} balls of {listed} mm were told apart by their size in the picture.")
             else:
                 warnings.append(
                     f"{len(mine)} {kind} balls were found for diameters {known} mm and cannot be told apart: no "
                     "diameter is used. Give center_px and radius_px."
                 )
                 known = []
-        for i, one in enumerate(mine):
-            out.append((one, known[i] if i < len(known) else None))
+        out += zip(mine, known + [None] * len(mine), strict=False)
     return out
 
 
+def _said(one: Rejected) -> str:
+    u, v = one.center_px
+    return f"({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f}: {one.reason}"
+
+
 def _nothing(requests: Sequence[SphereRequest], rejected: tuple[Rejected, ...]) -> str:
-    asked = ", ".join(f"{sum(r.kind == k for r in requests)} {k}" for k in dict.fromkeys(r.kind for r in requests))
+    asked = ", ".join(f"{count} {kind}" for kind, count in Counter(r.kind for r in requests).items())
     text = f"spheres: no ball found (asked for: {asked or 'any'}); {len(rejected)} circles were looked at"
     if rejected:
-        best = rejected[0]
-        u, v = best.center_px
+        (u, v), best = rejected[0].center_px, rejected[0]
         text += f", the best at ({u:.0f}, {v:.0f}) px, radius {best.radius_px:.0f} px: {best.reason}"
     return text + ". Give center_px and radius_px in session.toml, or known lights (lights.file)."

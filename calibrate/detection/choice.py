@@ -1,24 +1,23 @@
 """Which of the circles that behave like balls are taken: those asked for, or those that are sure."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calibrate.detection.ball_kind import Behaviour
-from calibrate.detection.circles import alike, rank
+from calibrate.detection.ball_kind import Behaviour, alike
+from calibrate.detection.circles import rank
+from calibrate.silhouette.outline import inside_picture
 from scene.camera import Camera
 from scene.spheres import Kind, Sphere
 
-SURE_SCORE = 0.6
-"""What nobody asked for must show this much of its outline."""
-SURE_SHADING = 0.95
-"""What nobody asked for as a matte ball must follow n.l to this share."""
-SURE_FLATTER = 0.005
-"""Advantage of a flatter body's shading from which on it is not taken without being asked for."""
-SHADES = 0.975
-"""From here on its shading alone makes it a ball, whatever others say."""
-SAME_LIGHTS = 0.7
-"""Share of the frames in which two balls must see the lights alike."""
+SURE_SCORE = 0.6  # what nobody asked for must show this much of its outline,
+SURE_SHADING = 0.95  # follow n.l to this share of its variance if it is a matte ball,
+SURE_FLATTER = 0.005  # and no flatter body's shading may explain so much more of it
+SHADES = 0.975  # from here on its shading alone makes it a ball, whatever others say
+SAME_LIGHTS = 0.7  # share of the frames in which two balls must see the lights alike
+WHOLE = 0.95  # share of its outline in the picture under which a ball is cut by the border
+LONE_WORTH = 0.3  # what a circle is worth that agrees with no other on the lights, of one that agrees with all: 1.3
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Suspect:
 
     Parameters
     ----------
-    others : tuple of Sphere
+    others : sequence of Sphere
         Other circles that may be its outline instead, the likeliest first.
     doubtful : bool
         The first of them is about as good.
@@ -35,8 +34,13 @@ class Suspect:
 
     sphere: Sphere
     behaviour: Behaviour
-    others: tuple[Sphere, ...] = ()
+    others: Sequence[Sphere] = ()
     doubtful: bool = False
+
+    @property
+    def hidden(self) -> bool:
+        """Whether it shows too little of its outline to be taken without being asked for."""
+        return self.sphere.score < SURE_SCORE
 
 
 Reasons = list[tuple[Sphere, str]]
@@ -59,7 +63,7 @@ def asked_for(suspects: list[Suspect], wanted: dict[Kind, int]) -> tuple[list[Su
     def worth(suspect: Suspect) -> float:
         others = sorted((alike(suspect.behaviour, o.behaviour) for o in pool if o is not suspect), reverse=True)
         agreement = np.mean(others[: max(1, total - 1)]) if others else 1.0
-        return rank(suspect.sphere) * (0.3 + max(0.0, float(agreement)))
+        return rank(suspect.sphere) * (LONE_WORTH + max(0.0, float(agreement)))
 
     taken: list[Suspect] = []
     for suspect in sorted(pool, key=worth, reverse=True):
@@ -73,27 +77,9 @@ def asked_for(suspects: list[Suspect], wanted: dict[Kind, int]) -> tuple[list[Su
 
 def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], Reasons]:
     """Without requests: what shows most of its outline, behaves clearly, and agrees with the others."""
-    taken: list[Suspect] = []
-    left: Reasons = []
-    for suspect in suspects:
-        sphere = suspect.sphere
-        behaviour = suspect.behaviour
-        if sphere.kind == "white" and (behaviour.lambert < SURE_SHADING or behaviour.flatness > SURE_FLATTER):
-            left.append(
-                (
-                    sphere,
-                    f"shading follows n.l only to {behaviour.lambert:.0%}, a flatter body's {behaviour.flatness:+.1%}",
-                )
-            )
-            continue
-        if not poor(suspect):
-            taken.append(suspect)
-            continue
-        share = _in_picture(sphere, camera)
-        if share < 0.95:
-            left.append((sphere, f"it is cut by the border: {share:.0%} of its outline is in the picture"))
-        else:
-            left.append((sphere, f"only {sphere.score:.0%} of its outline stands still (expected {SURE_SCORE:.0%})"))
+    reasons = [_unsure(suspect, camera) for suspect in suspects]
+    left = [(one.sphere, reason) for one, reason in zip(suspects, reasons, strict=True) if reason]
+    taken = [one for one, reason in zip(suspects, reasons, strict=True) if not reason]
     agree = np.array([[alike(a.behaviour, b.behaviour) for b in taken] for a in taken])
     kept = list(range(len(taken)))
     while len(kept) > 1:
@@ -109,12 +95,14 @@ def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], R
     return [taken[i] for i in kept], left
 
 
-def poor(suspect: Suspect) -> bool:
-    """Return whether a suspect shows too little of its outline to be taken without being asked for."""
-    return suspect.sphere.score < SURE_SCORE
-
-
-def _in_picture(sphere: Sphere, camera: Camera) -> float:
-    """Return the share of the outline that is in the picture."""
-    points = sphere.outline(camera, 180)
-    return float(np.mean(np.all((points >= 0) & (points <= [camera.width - 1, camera.height - 1]), axis=1)))
+def _unsure(suspect: Suspect, camera: Camera) -> str | None:
+    """Say why a suspect is not taken without being asked for."""
+    sphere, seen = suspect.sphere, suspect.behaviour
+    if sphere.kind == "white" and (seen.lambert < SURE_SHADING or seen.flatness > SURE_FLATTER):
+        return f"shading follows n.l only to {seen.lambert:.0%}, a flatter body's {seen.flatness:+.1%}"
+    if not suspect.hidden:
+        return None
+    share = float(np.mean(inside_picture(camera, sphere.outline(camera, 180))))
+    if share < WHOLE:
+        return f"it is cut by the border: {share:.0%} of its outline is in the picture"
+    return f"only {sphere.score:.0%} of its outline stands still (expected {SURE_SCORE:.0%})"

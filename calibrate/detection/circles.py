@@ -1,26 +1,59 @@
-"""Circles of standing edges: which are one and the same, and which see the same lights."""
+"""Where a ball's outline may be: circles of edges that are there in frame after frame.
 
+A silhouette does not move while shadows and highlights do, so each pixel is asked in how many frames it lies on an
+edge, and in which orientation. A ring of that evidence is a candidate.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from typing import NamedTuple
+
+import cv2
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 
-from calibrate.detection.ball_kind import Behaviour
-from calibrate.detection.candidates import find_circles, static_edges, without_albedo
 from calibrate.detection.coarse import Coarse
-from calibrate.silhouette.mirror_outline import Candidate
-from calibrate.silhouette.outline import refine_on_edges
+from calibrate.silhouette.outline import (
+    across,
+    circles_apart,
+    moved,
+    offset_jacobian,
+    outline_with_normals,
+    sampled,
+)
+from calibrate.silhouette.static_circle import SINGULAR
+from scene.camera import Camera
 from scene.spheres import Sphere
 
-LEAST_SCORE = 0.5
-"""A circle that less of its outline supports is not looked into."""
+Array = NDArray[np.float64]
+Picture = NDArray[np.float32]
+EDGE_NOISES, EDGE_SHARE, EDGE_LEAST = 4.0, 0.03, 2e-4
+"""Gradient that counts half as an edge: in the neighbourhood's noise, in its brightness per pixel, at least."""
+NOISE_TILE_PX = 24  # neighbourhood in which the gradient's median is its noise
+ALBEDO_FLOOR = 0.02  # of the mean's 0.9 quantile, added to what the frames are divided by
+SMALLEST_PX, LARGEST_SHARE = 6.0, 0.42  # radii searched: from 6 coarse pixels to 0.42 of the image's shorter side
+RING_PX = 20.0, 40.0  # radii of an octave: each is searched in images that are shrunk until its rings are so large
+ENOUGH = 0.16  # mean evidence on the ring from which a circle is looked at: 1 is an edge all round in all frames
+SEEN = 0.5  # share of a ring that must lie in the picture
+MOST = 400  # circles handed on, the strongest first
+SAME_PX, SAME_SHARE = 2.0, 0.06  # px, and radii, within which two circles are the same one
+THREADS = 2
+WINDOWS, LEAST_WINDOW_PX = (0.045, 0.04, 0.03, 0.0, 0.0), 1.5
+"""Radii, and pixels, to both sides in which a circle's edge is looked for, turn by turn. Narrow: a mirror's outline and
+the rim of the table that it mirrors lie a tenth of the radius apart."""
+EDGE, FULL_EDGE = 0.1, 0.3  # evidence from which on a point lies on an edge, and wholly does
+LOST = 0.25  # radii by which a circle may move in a turn
+LEAST_SCORE = 0.5  # a circle that less of its outline supports is not looked into
 
-SAME_POINTS = 0.7
-"""Share of the frames in which circles of one mirror show the light at one place."""
-STRETCHES, BALLS_STRETCH = 0.6, 0.28
-"""Logarithms of the scales that are tried, and of those that two balls under near lights show."""
-CLEARLY = 0.6
-"""Share of the best ball's residual under which a stretched track fits clearly better."""
-ALIKE = 0.13
-"""How far, in radii, a highlight may lie from where another ball has it: lights at unequal distances do that."""
+
+class Circle(NamedTuple):
+    """A circle in coarse pixels and the share of its outline that edges support."""
+
+    u: float
+    v: float
+    radius: float
+    score: float
 
 
 def rank(sphere: Sphere) -> float:
@@ -31,9 +64,9 @@ def rank(sphere: Sphere) -> float:
 def distinct(spheres: list[Sphere]) -> list[Sphere]:
     """Return the circles that differ by more than a pixel, the best supported first."""
     kept: list[Sphere] = []
-    for s in sorted(spheres, key=rank, reverse=True):
-        if all(np.hypot(*(s.center_px - k.center_px)) + abs(s.radius_px - k.radius_px) > 1 for k in kept):
-            kept.append(s)
+    for one in sorted(spheres, key=rank, reverse=True):
+        if all(circles_apart(one, other) > 1 for other in kept):
+            kept.append(one)
     return kept
 
 
@@ -42,13 +75,16 @@ def overlap(a: Sphere, b: Sphere) -> bool:
     return float(np.hypot(*(a.center_px - b.center_px))) < 0.85 * (a.radius_px + b.radius_px)
 
 
-def standing_circles(coarse: Coarse) -> list[Sphere]:
-    """Return the circles of standing edges, in the photographs and in the same without their albedo, coarse pixels."""
+def static_circles(coarse: Coarse) -> list[Sphere]:
+    """Return the circles of static edges, in the photographs and in the same without their albedo, coarse pixels."""
+    # Over its mean a stack has no albedo: print, wood and tiles vanish, what has another normal stays.
+    mean = np.maximum(coarse.images.mean(0), 0)
+    even = coarse.images / (mean + max(1e-3, ALBEDO_FLOOR * float(np.quantile(mean, 0.9))))
     found = []
-    for images in (coarse.images, without_albedo(coarse.images)):
+    for images in (coarse.images, even):
         votes = static_edges(images)
         edges = np.stack([votes.real, votes.imag], -1)
-        for circle in find_circles(images, votes):
+        for circle in _circles(images, votes):
             start = Sphere("chrome", np.array([circle.u, circle.v]), circle.radius)
             sphere = refine_on_edges(edges, coarse.camera, start)
             if sphere.score >= LEAST_SCORE:
@@ -56,47 +92,175 @@ def standing_circles(coarse: Coarse) -> list[Sphere]:
     return found
 
 
-def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
-    """Return groups of circles that show the light at the same places: one mirror, its outline and what it mirrors."""
-    groups: list[list[Candidate]] = []
-    places: list[NDArray[np.float64]] = []
-    for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
-        here = sphere.center_px + sphere.radius_px * points.track
-        for group, there in zip(groups, places, strict=True):
-            if np.mean(np.hypot(*(here - there).T) < 2) >= SAME_POINTS:
-                group.append((sphere, points))
-                break
-        else:
-            groups.append([(sphere, points)])
-            places.append(here)
-    return groups
+def static_edges(images: Picture) -> NDArray[np.complex64]:
+    """Return (h, w) complex: magnitude = share of frames with an edge here, phase = twice its angle.
 
-
-def alike(a: Behaviour, b: Behaviour) -> float:
-    """Return the share of frames in which two balls see the lights alike, 0 to 1.
+    The angle is doubled so that edges from dark to bright and from bright to dark add up: a ball is
+    brighter than the table on its lit side and darker on the other.
 
     Notes
     -----
-    Where each frame's half-way normal lies on the one disc is predicted from where it lies on the other by a scale
-    and a shift: near lights move the track by some tenths of the radius and scale it a little. A circle that is not
-    the ball's outline, and a body that is no ball, stretch the track: a mirror half as high as it is wide by a half. So
-    where only such a scale fits, none of the frames counts. A shadow on a ball spoils single frames.
+    A frame's vote is s = g^2 / (g^2 + k^2), g the gradient, k four times the gradient that noise makes in
+    the neighbourhood, at least a few percent of the local brightness per pixel. So a strong shadow in one
+    of F frames weighs 1/F, however strong it is, and a faint outline that is always there weighs 1.
     """
-    first, second = _track(a), _track(b)
-    best: dict[bool, tuple[float, float]] = {True: (np.inf, 0.0), False: (np.inf, 0.0)}
-    for scale in np.exp(np.linspace(-STRETCHES, STRETCHES, 25)):
-        shift = second - scale * first
-        residual = np.hypot(*(shift - np.median(shift, axis=0)).T)
-        near = bool(abs(np.log(scale)) <= BALLS_STRETCH)
-        share = float(np.mean(residual < ALIKE * max(1.0, scale)))
-        best[near] = (min(best[near][0], float(np.median(residual))), max(best[near][1], share))
-    stretched = best[False][0] < CLEARLY * best[True][0] and best[False][1] >= best[True][1]
-    return 0.0 if stretched else best[True][1]
+    votes = np.zeros((2, *images.shape[1:]), np.float32)
+    for image in images:
+        smooth = cv2.GaussianBlur(image, (0, 0), 1.0)
+        du, dv = gradient(smooth)
+        square = du * du + dv * dv
+        level = cv2.blur(np.maximum(smooth, 0), (9, 9))
+        noise = _local_median(np.sqrt(square))
+        limit = np.maximum(np.maximum(EDGE_NOISES * noise, EDGE_SHARE * level), EDGE_LEAST) ** 2
+        # s exp(2 i angle) = s (du + i dv)^2 / |g|^2, and s / |g|^2 = 1 / (g^2 + k^2): no angle is ever computed.
+        share = 1 / (square + limit)
+        votes[0] += (du * du - dv * dv) * share
+        votes[1] += 2 * du * dv * share
+    return np.asarray((votes[0] + 1j * votes[1]) / len(images), np.complex64)
 
 
-def _track(behaviour: Behaviour) -> NDArray[np.float64]:
-    """Return where the light's half-way normal lies on the unit disc, (F, 2), v down."""
-    if behaviour.kind == "chrome":
-        return behaviour.points.track
-    half = behaviour.directions + [0.0, 0.0, 1.0]
-    return half[:, :2] * [1, -1] / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
+def gradient(image: Picture) -> tuple[Picture, Picture]:
+    """Return the slopes (h, w) of an image along u and v, per pixel, by Sobel's kernels."""
+    du, dv = (cv2.Sobel(image, cv2.CV_32F, *order, scale=1 / 8) for order in ((1, 0), (0, 1)))
+    return np.asarray(du, np.float32), np.asarray(dv, np.float32)
+
+
+def _local_median(values: Picture) -> Picture:
+    """Return the median of each tile, interpolated to the image's size."""
+    height, width = values.shape
+    rows, columns = max(1, height // NOISE_TILE_PX), max(1, width // NOISE_TILE_PX)
+    blocks = values[: rows * (height // rows), : columns * (width // columns)]
+    blocks = blocks.reshape(rows, height // rows, columns, width // columns)
+    medians = np.median(blocks.swapaxes(1, 2).reshape(rows, columns, -1), -1).astype(np.float32)
+    return np.asarray(cv2.resize(medians, (width, height), interpolation=cv2.INTER_LINEAR), np.float32)
+
+
+def _circles(images: Picture, edges: NDArray[np.complex64]) -> list[Circle]:
+    """Return circles of static edges in the stack (F, h, w), the best supported first; `edges`: its `static_edges`.
+
+    Each octave of radii is searched in images of half the size: the cost of all octaves is 4/3 of the first's.
+    """
+    largest = LARGEST_SHARE * min(images.shape[1:])
+    circles, scale = [], 1.0
+    low, step = SMALLEST_PX, 1.0
+    while low * scale < largest:
+        high = min(RING_PX[1], largest / scale)
+        for u, v, radius, score in _circles_of_octave(edges, np.arange(low, high + step, step)):
+            circles.append(Circle((u + 0.5) * scale - 0.5, (v + 0.5) * scale - 0.5, radius * scale, score))
+        scale *= 2
+        low, step = RING_PX[0], 0.5
+        if low * scale < largest:
+            images = np.stack([cv2.resize(i, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for i in images])
+            edges = static_edges(images)
+    return _strongest(circles)
+
+
+def _circles_of_octave(edges: NDArray[np.complex64], radii: Array) -> list[Circle]:
+    """Correlate the edges with rings of outward orientation, one radius after another."""
+    height, width = edges.shape
+    pad = int(radii[-1]) + 4
+    shape = (int(fft.next_fast_len(height + pad) or 0), int(fft.next_fast_len(width + pad) or 0))
+    spectrum = np.asarray(fft.fft2(edges, shape), np.complex64)
+    scores = np.zeros((len(radii), height, width), np.float32)
+    v, u = ((np.arange(n) + n // 2) % n - n // 2 for n in shape)
+    far = np.hypot(v[:, None], u[None]).astype(np.float32)
+    outward = ((u[None] + 1j * v[:, None]) ** 2 / np.maximum(far, 1) ** 2).astype(np.complex64)
+
+    def correlate(i: int) -> None:
+        radius, blur = radii[i], 0.5 + 0.025 * radii[i]
+        ring = np.zeros(shape, np.complex64)
+        near = np.abs(far - radius) < 4 * blur
+        weight = np.exp(-0.5 * ((far[near] - radius) / blur) ** 2)
+        ring[near] = outward[near] * (weight / weight.sum())
+        product = spectrum * np.conj(np.asarray(fft.fft2(ring, shape), np.complex64))
+        agree = np.real(np.asarray(fft.ifft2(product, overwrite_x=True)))[:height, :width]
+        # A ball cut by the border has less outline; under half of it is no evidence.
+        seen = 1 - _beyond(height, radius)[:, None] - _beyond(width, radius)[None]
+        np.divide(agree, seen, out=scores[i], where=seen > SEEN)
+
+    with ThreadPoolExecutor(THREADS) as threads:
+        list(threads.map(correlate, range(len(radii))))
+    found = []
+    # Nested rings share a centre: the weaker of them must not be lost, an outline may be fainter than what it mirrors.
+    for i in range(len(radii)):
+        peak = scores[i] > ENOUGH
+        for other in (i - 1, i + 1):
+            if 0 <= other < len(radii):
+                peak &= scores[i] >= scores[other]
+        if peak.any():
+            peak &= scores[i] >= cv2.dilate(scores[i], np.ones((5, 5), np.uint8))
+        for row, column in zip(*np.nonzero(peak), strict=True):
+            found.append(Circle(float(column), float(row), float(radii[i]), float(scores[i, row, column])))
+    return found
+
+
+def _beyond(side: int, radius: float) -> Picture:
+    """Return (side,), the share of a circle about each pixel that lies outside the two borders across one axis."""
+    place = np.arange(side)
+    shares = [np.arccos(np.clip(distance / radius, -1, 1)) / np.pi for distance in (place, side - 1 - place)]
+    return np.asarray(shares[0] + shares[1], np.float32)
+
+
+def _strongest(circles: list[Circle]) -> list[Circle]:
+    """Keep the best of circles that are the same one."""
+    kept: list[Circle] = []
+    table = np.empty((MOST, 3))
+    for circle in sorted(circles, key=lambda c: -c.score):
+        k = table[: len(kept)]
+        apart = np.hypot(circle.u - k[:, 0], circle.v - k[:, 1]) + np.abs(circle.radius - k[:, 2])
+        if np.any(apart < np.maximum(SAME_PX, SAME_SHARE * k[:, 2])):
+            continue
+        table[len(kept)] = circle[:3]
+        kept.append(circle)
+        if len(kept) == MOST:
+            break
+    return kept
+
+
+def refine_on_edges(edges: Picture, camera: Camera, sphere: Sphere) -> Sphere:
+    """Return the ball moved to the nearest circle of static edges, with its score.
+
+    `edges` (h, w, 2) is `static_edges` of the coarse stack, real and imaginary part: one map in place
+    of all frames, so that dozens of candidates are cheap.
+    """
+    jacobian = None
+    for window in np.maximum(LEAST_WINDOW_PX, np.array(WINDOWS) * sphere.radius_px):
+        points, normals = outline_with_normals(camera, sphere, 120)
+        if jacobian is None:
+            jacobian = offset_jacobian(camera, sphere, points, normals)  # hardly changes within a few pixels
+        offsets = np.arange(-window - 0.5, window + 0.75, 0.5)
+        evidence = _along_outline(edges, points, normals, offsets)
+        # The nearest edge, not the strongest: the rim of what a mirror shows outshines its own outline.
+        here = evidence[:, 1:-1]
+        peak = (here >= evidence[:, :-2]) & (here > evidence[:, 2:]) & (here > EDGE)
+        best = np.where(peak, np.abs(offsets[1:-1]), np.inf).argmin(1)
+        weight = np.where(peak.any(1), np.clip(here[np.arange(len(best)), best], 0, 0.4), 0)
+        shift = _robust_shift(jacobian, offsets[1:-1][best], weight)
+        if shift is None or np.abs(shift).max() > LOST * sphere.radius_px:
+            return replace(sphere, score=0.0)
+        sphere = moved(sphere, shift)
+    points, normals = outline_with_normals(camera, sphere, 240)
+    evidence = _along_outline(edges, points, normals, np.arange(-1.0, 1.1, 0.5)).max(1)
+    inside = np.all((points > 1) & (points < [camera.width - 2, camera.height - 2]), axis=1)
+    return replace(sphere, score=float(np.mean(np.clip(evidence / FULL_EDGE, 0, 1) * inside)))
+
+
+def _along_outline(edges: Picture, points: Array, normals: Array, offsets: Array) -> Picture:
+    """Return (N, M): how strongly static edges run along the outline, shifted by each offset."""
+    evidence = sampled(edges, across(points, normals, offsets))
+    # The real part of evidence times (n_u - i n_v)^2: edges across the outline count against it.
+    along = (normals[:, 0] ** 2 - normals[:, 1] ** 2)[:, None] * evidence[..., 0]
+    return np.asarray(along + (2 * normals[:, 0] * normals[:, 1])[:, None] * evidence[..., 1], np.float32)
+
+
+def _robust_shift(jacobian: Array, offset: Array, weight: Array) -> Array | None:
+    """Return the (3,) shift that best explains the offsets, by a fit with Cauchy's weights in two steps."""
+    shift = None
+    for scale in (4.0, 1.5):  # px
+        residual = offset if shift is None else offset - jacobian @ shift
+        w = weight / (1 + (residual / scale) ** 2)
+        normal = jacobian.T @ (w[:, None] * jacobian)
+        if np.trace(normal) <= 0 or np.linalg.cond(normal) > SINGULAR:
+            return None
+        shift = np.asarray(np.linalg.solve(normal, jacobian.T @ (w * offset)), np.float64)
+    return shift

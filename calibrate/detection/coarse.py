@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -15,11 +16,24 @@ from scene.spheres import Sphere
 LONGEST_SIDE_PX = 1200
 """Balls are looked for from a radius of 6 coarse pixels on, and found reliably from 15: 0.5 and 1.25 % of the longer
 side, in 24 megapixels (6000 px) 30 and 75 px. A smaller one needs `center_px` and `radius_px`."""
+READERS = 2  # threads that shrink frames: OpenCV and the page cache work beside Python
+SEARCHED = 20  # frames in which balls are looked for: more of them show no other edges
+BAND_BYTES = 32 << 20  # of a frame that is shrunk at a time
 
-READERS = 2
-"""Threads that shrink frames: OpenCV and the page cache work beside Python."""
-SEARCHED = 20
-"""Frames in which balls are looked for: more of them show no other edges."""
+Progress = Callable[[int, int], None]
+
+
+class Box(NamedTuple):
+    """Rows and columns around a ball, cut at the picture's border."""
+
+    rows: slice
+    columns: slice
+
+    @property
+    def grid(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Rows and columns (h, w) of its pixels."""
+        rows, columns = np.mgrid[self.rows, self.columns]
+        return rows, columns
 
 
 @dataclass(frozen=True)
@@ -32,16 +46,37 @@ class Coarse:
         Linear, mean of the channels, ambient subtracted; at most `SEARCHED` of the frames, evenly spread.
     camera : Camera
         The camera of the shrunken images.
-    factor : int
     """
 
     images: NDArray[np.float32]
     camera: Camera
     factor: int
 
-    def window(self, frames: Frames, rows: slice, columns: slice) -> NDArray[np.float32]:
+    def box(self, sphere: Sphere, reach: float = 1.0, step: int = 1) -> Box:
+        """Return the box of a ball in coarse pixels, `reach` radii to each side."""
+        (u, v), r = sphere.center_px, reach * sphere.radius_px
+        height, width = self.images.shape[1:]
+        return Box(
+            slice(max(int(v - r), 0), min(int(v + r) + 2, height), step),
+            slice(max(int(u - r), 0), min(int(u + r) + 2, width), step),
+        )
+
+    @property
+    def search_px(self) -> float:
+        """How far, in full-size pixels, an outline may lie from a circle of the shrunken images."""
+        return 1.4 * self.factor + 0.6
+
+    def crop(self, box: Box) -> "Coarse":
+        """Return a part of the pictures and the camera that took it."""
+        images = self.images[:, *box]
+        height, width = images.shape[1:]
+        camera, (top, left) = self.camera, (side.start for side in box)
+        camera = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
+        return replace(self, images=images, camera=camera)
+
+    def window(self, frames: Frames, box: Box) -> NDArray[np.float32]:
         """Return (F, rows, columns): a window of all frames, shrunk alike."""
-        return _shrunk(frames, np.arange(len(frames)), self.factor, rows, columns)
+        return _shrunk(frames, np.arange(len(frames)), self.factor, box)
 
     def to_full(self, pixels: NDArray) -> NDArray[np.float64]:
         """Return full-size pixels of coarse pixels (..., 2): pixel centres are integers at both sizes."""
@@ -59,27 +94,22 @@ class Coarse:
         return replace(sphere, center_px=center, radius_px=sphere.radius_px / self.factor)
 
 
-def shrink(frames: Frames, camera: Camera, *, progress: Callable[[int, int], None] | None = None) -> Coarse:
+def shrink(frames: Frames, camera: Camera, *, progress: Progress | None = None) -> Coarse:
     """Return the stack shrunk so that its longer side is at most `LONGEST_SIDE_PX`, and `SEARCHED` frames of it."""
     factor = max(1, -(-max(frames.width, frames.height) // LONGEST_SIDE_PX))
     height, width = frames.height // factor, frames.width // factor
     chosen = np.linspace(0, len(frames) - 1, min(SEARCHED, len(frames))).astype(int)
-    images = _shrunk(frames, chosen, factor, slice(0, height), slice(0, width), progress)
+    images = _shrunk(frames, chosen, factor, Box(slice(0, height), slice(0, width)), progress)
     return Coarse(images, camera.scaled(width, height, 1 / factor, 1 / factor), factor)
 
 
 def _shrunk(
-    frames: Frames,
-    chosen: NDArray[np.intp],
-    factor: int,
-    rows: slice,
-    columns: slice,
-    progress: Callable[[int, int], None] | None = None,
+    frames: Frames, chosen: NDArray[np.intp], factor: int, box: Box, progress: Progress | None = None
 ) -> NDArray[np.float32]:
     """Return a window, in coarse pixels, of some frames."""
-    window = tuple(slice(side.start * factor, side.stop * factor) for side in (rows, columns))
+    window = tuple(slice(side.start * factor, side.stop * factor) for side in box)
     ambient = None if frames.ambient is None else _small(frames.ambient[window], factor)
-    images = np.empty((len(chosen), rows.stop - rows.start, columns.stop - columns.start), np.float32)
+    images = np.empty((len(chosen), *(side.stop - side.start for side in box)), np.float32)
 
     def read(place: int) -> None:
         index = chosen[place]
@@ -97,7 +127,7 @@ def _small(codes: NDArray, factor: int) -> NDArray[np.float32]:
     """Average codes before they are decoded: decoding is linear, and a frame of floats is four times larger."""
     height, width = codes.shape[0] // factor, codes.shape[1] // factor
     out = np.empty((height, width), np.float32)
-    step = max(1, (32 << 20) // (codes.shape[1] * 12 * factor))
+    step = max(1, BAND_BYTES // (codes.shape[1] * 12 * factor))
     for row in range(0, height, step):
         band = np.asarray(codes[row * factor : min(row + step, height) * factor, : width * factor])
         if band.dtype == np.float16:

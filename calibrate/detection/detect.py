@@ -1,4 +1,4 @@
-"""Every ball in the frames, without clicks: standing circles, told apart by how their insides behave."""
+"""Every ball in the frames, without clicks: circles of static edges, judged by how their insides behave."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -7,20 +7,31 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.ball_kind import FLATTER, Behaviour, Points, bright_points, changes, observe
-from calibrate.detection.choice import Reasons, Suspect, asked_for, poor, sure_ones
-from calibrate.detection.circles import by_points, overlap, rank, standing_circles
-from calibrate.detection.coarse import Coarse
+from calibrate.detection.ball_kind import FLATTER, Behaviour, bright_points, changes, observe
+from calibrate.detection.choice import Reasons, Suspect, asked_for, sure_ones
+from calibrate.detection.circles import distinct, overlap, rank, static_circles
+from calibrate.detection.coarse import Box, Coarse
+from calibrate.detection.mirror_outline import (
+    LEAST_ENCLOSED,
+    Candidate,
+    by_points,
+    enclosing,
+    outline_of,
+    static_slopes,
+    wider_circles,
+)
 from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
-from calibrate.silhouette.mirror_outline import DOUBTED, LEAST_ENCLOSED, around, enclosing, outline_of, what_stands
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
-THREADS = 2
-"""Outlines that are fitted side by side."""
-OTHERS = 3
-"""Circles that are tried in a mirror's place where the likeliest does not show the table beside it."""
+THREADS = 2  # outlines that are fitted side by side
+OTHERS = 3  # circles that are tried in a mirror's place where the likeliest does not show the table beside it
+DOUBTED = 0.8  # worth of a mirror's outline below which wider circles are asked, too: found ones show 0.85 and more
+WIDER_BETTER = 0.03  # by which such a circle must enclose more
+HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
+HINT_LEAST_PX = 24
+MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
 
 
 @dataclass(frozen=True)
@@ -47,7 +58,7 @@ class Found:
 
     @property
     def warning(self) -> str | None:
-        """What to tell of a mirror whose outline is not sure."""
+        """The caution that belongs to a mirror whose outline is not sure."""
         if self.rival is None:
             return None
         (u, v), radius, other = self.sphere.center_px, self.sphere.radius_px, self.rival.radius_px
@@ -65,7 +76,7 @@ def detect(
     wanted: dict[Kind, int] | None = None,
     taken: tuple[Sphere, ...] = (),
 ) -> tuple[list[Found], tuple[Rejected, ...]]:
-    """Find the balls.
+    """Find the balls: the surest first, never more of a kind than were wanted; and the circles that are none.
 
     Parameters
     ----------
@@ -77,33 +88,22 @@ def detect(
         How many of each kind were asked for; None: whatever there is.
     taken : tuple of Sphere
         Balls that are known already; circles on them are left alone.
-
-    Returns
-    -------
-    found : list of Found
-        The surest first. Never more of a kind than were wanted.
-    rejected : tuple of Rejected
-        Circles that looked like balls and are none, with the reason.
     """
     suspects, rejected = _suspects(coarse, [coarse.from_full(s) for s in taken])
-    if wanted is not None:
-        suspects, surplus = asked_for(suspects, wanted)
-    else:
-        suspects, surplus = sure_ones(suspects, coarse.camera)
+    suspects, surplus = sure_ones(suspects, coarse.camera) if wanted is None else asked_for(suspects, wanted)
     rejected += surplus
     found = []
     places = [[coarse.sphere_to_full(s) for s in (suspect.sphere, *suspect.others)] for suspect in suspects]
     with ThreadPoolExecutor(THREADS) as threads:
-        fits = list(threads.map(partial(_outline, frames, camera, search_px=1.4 * coarse.factor + 0.6), places))
+        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px), places))
     for suspect, circles, fit in zip(suspects, places, fits, strict=True):
         if fit is None:
             rejected.append((suspect.sphere, "its outline cannot be followed at full size"))
         else:
             open_ = suspect.doubtful and not fit.by_table
             found.append(Found(fit, suspect.behaviour, circles[1] if open_ else None))
-    out = [
-        Rejected(coarse.to_full(s.center_px), s.radius_px * coarse.factor, s.score, reason) for s, reason in rejected
-    ]
+    full = ((coarse.sphere_to_full(sphere), reason) for sphere, reason in rejected)
+    out = [Rejected(sphere.center_px, sphere.radius_px, sphere.score, reason) for sphere, reason in full]
     return found, tuple(sorted(out, key=lambda r: -r.score))
 
 
@@ -122,41 +122,16 @@ def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px
 def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
     """Return the circles that behave like balls, one per place, and those that do not."""
     change = changes(coarse.images)
-    candidates: list[tuple[Sphere, Points]] = []
-    for sphere in standing_circles(coarse):
+    candidates: list[Candidate] = []
+    for sphere in static_circles(coarse):
         if not any(overlap(sphere, other) for other in taken):
-            points = bright_points(change, sphere)
+            points = bright_points(coarse, change, sphere)
             candidates += [] if points is None else [(sphere, points)]
-    suspects: list[Suspect] = []
-    rejected: Reasons = []
-    standing = what_stands(coarse)
-    for group in by_points([c for c in candidates if c[1].wander]):
-        circles, doubtful = outline_of(group, standing, coarse.camera)
-        sphere, points = circles[0]
-        if any(overlap(sphere, other.sphere) for other in suspects):
-            continue
-        share = enclosing(standing, coarse.camera, sphere)
-        if sphere.score * share < DOUBTED:
-            for wider in around(standing, coarse.camera, sphere):
-                seen = bright_points(change, wider)
-                better = enclosing(standing, coarse.camera, wider) > share + 0.03
-                group += [(wider, seen)] if better and seen is not None and seen.wander else []
-            circles, doubtful = outline_of(group, standing, coarse.camera)
-            sphere, points = circles[0]
-            share = enclosing(standing, coarse.camera, sphere)
-        if any(overlap(sphere, other.sphere) for other in suspects):
-            continue
-        if share < LEAST_ENCLOSED:
-            rejected.append((sphere, "nothing that a mirror would show stands along its inside"))
-            continue
-        behaviour = observe(coarse, sphere, points)
-        if behaviour.kind == "chrome":
-            others = tuple(replace(other, kind="chrome") for other, _ in circles[1:])
-            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others, doubtful))
+    suspects, rejected = _mirrors(coarse, change, [c for c in candidates if c[1].wander])
     flat: list[Suspect] = []
     for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
-        # A mirror that shows too little of its outline to be one leaves its place to what else stands there.
-        if any(overlap(sphere, o.sphere) and not (o.sphere.kind == "chrome" and poor(o)) for o in suspects):
+        # A mirror that shows too little of its outline to be one leaves its place to what else is there.
+        if any(overlap(sphere, o.sphere) and not (o.sphere.kind == "chrome" and o.hidden) for o in suspects):
             continue
         behaviour = observe(coarse, sphere, points)
         if behaviour.flatness > FLATTER:
@@ -168,3 +143,64 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
         elif not any(overlap(sphere, other) for other, _ in rejected):
             rejected.append((sphere, behaviour.reason))
     return suspects, [(s, r) for s, r in rejected if not any(overlap(s, other.sphere) for other in suspects)]
+
+
+def _mirrors(coarse: Coarse, change: NDArray[np.float32], candidates: list[Candidate]) -> tuple[list[Suspect], Reasons]:
+    """Return the mirrors among circles that show the light as a wandering point, and those that are none."""
+    suspects: list[Suspect] = []
+    rejected: Reasons = []
+    static, camera = static_slopes(coarse), coarse.camera
+    for group in by_points(candidates):
+        circles, doubtful = outline_of(group, static, camera)
+        sphere, points = circles[0]
+        if any(overlap(sphere, other.sphere) for other in suspects):
+            continue
+        share = enclosing(static, camera, sphere)
+        if sphere.score * share < DOUBTED:
+            for wider in wider_circles(static, camera, sphere):
+                seen = bright_points(coarse, change, wider)
+                better = enclosing(static, camera, wider) > share + WIDER_BETTER
+                group += [(wider, seen)] if better and seen is not None and seen.wander else []
+            circles, doubtful = outline_of(group, static, camera)
+            sphere, points = circles[0]
+            if any(overlap(sphere, other.sphere) for other in suspects):
+                continue
+            share = enclosing(static, camera, sphere)
+        if share < LEAST_ENCLOSED:
+            rejected.append((sphere, "nothing that a mirror would show stands along its inside"))
+            continue
+        behaviour = observe(coarse, sphere, points)
+        if behaviour.kind == "chrome":
+            others = tuple(replace(other, kind="chrome") for other, _ in circles[1:])
+            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others, doubtful))
+    return suspects, rejected
+
+
+def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:
+    """Return circles of static edges, full-size pixels, near a circle given by hand; the best supported first.
+
+    Centre and radius may lie `reach_px`, full-size, from the hint's.
+    """
+    small, reach = coarse.from_full(hint), reach_px / coarse.factor
+    side = HINT_SIDE * small.radius_px + 2 * reach + HINT_MARGIN_PX
+    left, top = corner = np.maximum(np.floor(small.center_px - side), 0).astype(int)
+    right, bottom = np.ceil(small.center_px + side).astype(int) + 1
+    box = Box(slice(top, bottom), slice(left, right))
+    if min(coarse.images[0][box].shape) < HINT_LEAST_PX:
+        return []
+    crop = coarse.crop(box)
+
+    def near(sphere: Sphere) -> bool:
+        off = np.hypot(*(sphere.center_px + corner - small.center_px))
+        return bool(max(off, abs(sphere.radius_px - small.radius_px)) < reach)
+
+    circles = [sphere for sphere in static_circles(crop) if near(sphere)]
+    found = distinct(circles)[:MOST_HINTED]
+    if hint.kind == "chrome":
+        change = changes(crop.images)
+        seen = [(sphere, bright_points(crop, change, sphere)) for sphere in circles]
+        groups = by_points([(sphere, points) for sphere, points in seen if points is not None and points.wander])
+        static = static_slopes(crop)
+        outlines = [outline_of(group, static, crop.camera)[0][0][0] for group in groups]
+        found = distinct(outlines[:2] + found[:1]) if groups else found
+    return [coarse.sphere_to_full(replace(s, kind=hint.kind, center_px=s.center_px + corner)) for s in found]

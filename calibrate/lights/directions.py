@@ -7,8 +7,15 @@ from scene.camera import Camera
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-USUAL_FOCAL = 1.4
-"""Focal length in widths of the picture that an unknown camera is taken to have: 50 mm on 36 mm."""
+USUAL_FOCAL = 1.4  # widths of the picture that an unknown camera is taken to have: 50 mm on 36 mm
+PARALLEL = 1e7  # condition from which on rays do not meet
+
+
+def toward_camera(camera: Camera, points: Array) -> Array:
+    """Return the unit vectors (..., 3) from points to the camera, NaN where they are."""
+    if camera.is_orthographic:
+        return np.broadcast_to([0.0, 0.0, 1.0], points.shape)
+    return -points / np.linalg.norm(points, axis=-1, keepdims=True)
 
 
 def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Array, Array]:
@@ -33,11 +40,17 @@ def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Arra
     perspective picture the error is twice the angle off axis.
     """
     normals, points = sphere.normals(camera, pixels)
-    if camera.is_orthographic:
-        view = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-    else:
-        view = -points / np.linalg.norm(points, axis=-1, keepdims=True)
+    view = toward_camera(camera, points)
     return points, 2 * np.sum(normals * view, -1, keepdims=True) * normals - view
+
+
+def ray_meeting(points: Array, directions: Array) -> Array:
+    """Return the point (3,) nearest to rays (K, 3), (K, 3) in the least-squares sense; NaN if they are parallel."""
+    across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
+    normal = across.sum(0)
+    if np.linalg.cond(normal) > PARALLEL:
+        return np.full(3, np.nan)
+    return np.linalg.solve(normal, np.einsum("kij,kj->i", across, points))
 
 
 def mean_directions(directions: Array) -> Array:

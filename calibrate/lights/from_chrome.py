@@ -1,21 +1,22 @@
 """What the chrome balls say together: one highlight a frame on each, and the lights that explain them."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Aim, Notes
 from calibrate.detection.balls import Ball
-from calibrate.lights.agreement import agreeing_spots
-from calibrate.lights.directions import mirrored_rays
-from calibrate.lights.highlight import find_spots, measure_spot
-from calibrate.lights.light_fit import LightFit
+from calibrate.lights.adjustment import Observed
+from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting
+from calibrate.lights.highlight import Spots, find_spots, measure_spot
 from calibrate.lights.light_model import choose_model
+from calibrate.lights.positions import LightFit
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
-from scene.normals import angular_error_deg
+from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -25,23 +26,24 @@ bearings of 80 mm are round to 3 (grade 100) to 25 micrometres (grade 1000) of t
 STRAY_DEG = 45.0
 """How much farther than usual a highlight must point beside the white ball's shading to be another thing's: flashes a
 metre away are up to 30 degrees elsewhere for a ball 500 mm beside the white one."""
-CONTRADICTION_DEG = 2.0
-"""How far the lights of two balls must point apart in one frame for it to be named."""
+CONTRADICTION_DEG = 2.0  # how far the lights of two balls must point apart in one frame for it to be named
+AGREE_DEG, USUAL_TIMES = 2.0, 4
+"""Miss between balls under which a frame's brightest points are the flash, and in that of the median frame."""
+BETTER, RANK_DEG = 0.4, 0.5  # share of the miss that other points may leave, and what each rank of brightness costs
+TRIED_BALLS, TRIED_SPOTS = 4, 3
+SHADED_SIGMA_DEG, GUESSED_RANGE = 2.0, 0.3  # of lights that no chrome ball shows: at least, and relative
+
+Shaded = tuple[Array, Array]
+"""Directions (F, 3) by a white ball's shading, and their sigma (F,), degrees."""
 
 
 def lights_from_chrome(
-    names: tuple[str, ...],
-    camera: Camera,
-    balls: list[Ball],
-    shaded: list[tuple[Array, Array]],
-    reference: Array,
-    notes: Notes,
+    names: tuple[str, ...], camera: Camera, balls: list[Ball], shaded: list[Shaded], reference: Array, notes: Notes
 ) -> tuple[LightFit, NDArray[np.bool_], Array]:
     """Fit the lights to the highlights; return the fit, the frames that it holds, and the chosen highlights."""
     spheres = [ball.sphere for ball in balls]
     spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
-    measurable = not camera.is_orthographic and len(balls) >= 2 and all(s.diameter_mm for s in spheres)
-    chosen, sigma, picks = agreeing_spots(camera, spheres, spots, measurable, notes.flags)
+    chosen, sigma, picks = _agreeing_spots(camera, spheres, spots, notes)
     extents = np.nan_to_num([spot.extent_px[:, 0] for spot in spots])
     for s, f in zip(*np.nonzero(picks), strict=True):
         spot = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f])
@@ -53,9 +55,8 @@ def lights_from_chrome(
     if not seen.any():
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
     covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
-    fit = choose_model(
-        camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, notes, extents_px=extents[:, seen]
-    )
+    shown = Observed(camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, extents[:, seen])
+    fit = choose_model(shown, notes)
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
@@ -65,6 +66,49 @@ def lights_from_chrome(
     for s, f in zip(*np.nonzero(np.isfinite(chosen[:, seen, 0]) & ~fit.used), strict=True):
         notes.flags[int(np.flatnonzero(seen)[f])].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
     return _with_contradictions(fit, chosen[:, seen], np.array(names)[seen], notes), seen, chosen
+
+
+def _agreeing_spots(
+    camera: Camera, spheres: list[Sphere], spots: list[Spots], notes: Notes
+) -> tuple[Array, Array, NDArray[np.intp]]:
+    """Choose one bright point per ball and frame: the brightest, unless others agree between balls much better.
+
+    Returns pixels (S, F, 2), their sigma (S, F), and which was chosen (S, F), 0 for the brightest.
+    """
+    pixels, sigma = np.stack([s.pixels[:, 0] for s in spots]), np.stack([s.sigma_px[:, 0] for s in spots])
+    picks = np.zeros(sigma.shape, np.intp)
+    if len(spheres) < 2:
+        return pixels, sigma, picks
+    measurable = not camera.is_orthographic and all(s.diameter_mm for s in spheres)
+    rays = [mirrored_rays(camera, sphere, s.pixels) for sphere, s in zip(spheres, spots, strict=True)]
+
+    def miss_deg(f: int, pick: tuple[int, ...]) -> float:
+        points, directions = (np.stack([rays[s][part][f, k] for s, k in enumerate(pick)]) for part in (0, 1))
+        good = np.isfinite(directions[:, 0])
+        if good.sum() < 2:
+            return 0.0
+        points, directions = points[good], directions[good]
+        target = np.broadcast_to(mean_directions(directions[:, None])[0], directions.shape)
+        if measurable:
+            toward = ray_meeting(points, directions) - points
+            if np.isfinite(toward).all() and np.sum(toward * directions) > 0:
+                target = unit(toward)
+        return float(angular_error_deg(directions, target).max())
+
+    first = (0,) * len(spheres)
+    plain = [miss_deg(f, first) for f in range(pixels.shape[1])]
+    suspicious = max(AGREE_DEG, USUAL_TIMES * float(np.median(plain)))
+    for f in (f for f, miss in enumerate(plain) if miss >= suspicious):
+        options = [range(max(1, int(np.isfinite(s.pixels[f, :TRIED_SPOTS, 0]).sum()))) for s in spots[:TRIED_BALLS]]
+        options += [range(1)] * (len(spots) - TRIED_BALLS)
+        pick = min(product(*options), key=lambda p: miss_deg(f, p) + RANK_DEG * sum(p))
+        if miss_deg(f, pick) < BETTER * plain[f]:
+            picks[:, f] = pick
+            for s, k in enumerate(pick):
+                pixels[s, f], sigma[s, f] = spots[s].pixels[f, k], spots[s].sigma_px[f, k]
+                if k:
+                    notes.flags[f].append(f"a brighter point on chrome ball {s + 1} is not the flash")
+    return pixels, sigma, picks
 
 
 def _leave_out_strays(camera: Camera, spheres: list[Sphere], chosen: Array, shaded: Array, notes: Notes) -> None:
@@ -102,33 +146,27 @@ def _with_contradictions(fit: LightFit, chosen: Array, names: NDArray[np.str_], 
         "frames; reshoot them, or list them under frames.skip."
     )
     covariance = fit.position_covariance_mm2
-    if covariance is not None and fit.positions_mm is not None:
-        distance = np.linalg.norm(fit.positions_mm - fit.reference, axis=1)
+    if covariance is not None:
         across = np.eye(3) - fit.directions[:, :, None] * fit.directions[:, None, :]
-        covariance = covariance + ((distance * np.deg2rad(doubt / 2)) ** 2)[:, None, None] * across
+        covariance = covariance + ((fit.distance_mm * np.deg2rad(doubt / 2)) ** 2)[:, None, None] * across
     sigma = np.hypot(fit.direction_sigma_deg, doubt / 2)
     return replace(fit, direction_sigma_deg=sigma, position_covariance_mm2=covariance)
 
 
 def spread_over_frames(
-    frames: Frames,
-    fit: LightFit,
-    seen: NDArray[np.bool_],
-    shaded: list[tuple[Array, Array]],
-    notes: Notes,
+    frames: Frames, fit: LightFit, seen: NDArray[np.bool_], shaded: list[Shaded], notes: Notes
 ) -> Aim:
     """Spread the fit over all frames; what no chrome ball saw comes from the white ball's shading."""
-    count = len(frames)
-    directions, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
-    range_sigma = np.full(count, np.nan)
-    reference = fit.reference
-    positions = None if fit.positions_mm is None else np.full((count, 3), np.nan)
-    covariance = None if fit.position_covariance_mm2 is None else np.full((count, 3, 3), np.nan)
-    directions[seen], sigma[seen], range_sigma[seen] = fit.directions, fit.direction_sigma_deg, fit.range_sigma
-    if positions is not None and fit.positions_mm is not None:
-        positions[seen] = fit.positions_mm
-    if covariance is not None and fit.position_covariance_mm2 is not None:
-        covariance[seen] = fit.position_covariance_mm2
+
+    def spread(values: Array) -> Array:
+        out = np.full((len(frames), *values.shape[1:]), np.nan)
+        out[seen] = values
+        return out
+
+    directions, sigma, range_sigma = map(spread, (fit.directions, fit.direction_sigma_deg, fit.range_sigma))
+    positions = covariance = None
+    if fit.positions_mm is not None and fit.position_covariance_mm2 is not None:
+        positions, covariance = spread(fit.positions_mm), spread(fit.position_covariance_mm2)
     lost = np.flatnonzero(~seen)
     for f in lost:
         if not shaded or not np.isfinite(shaded[0][0][f, 0]):
@@ -137,19 +175,18 @@ def spread_over_frames(
                 "fire? Reshoot, or list the frame under frames.skip."
             )
         directions[f] = shaded[0][0][f]
-        sigma[f] = max(2.0, shaded[0][1][f])
-        if positions is not None and fit.positions_mm is not None:
-            distance = np.median(np.linalg.norm(fit.positions_mm - reference, axis=1))
-            positions[f] = reference + distance * directions[f]
-            range_sigma[f] = 0.3
-            if covariance is not None:
-                across = (distance * np.deg2rad(sigma[f])) ** 2
-                along = np.outer(directions[f], directions[f])
-                covariance[f] = across * (np.eye(3) - along) + (range_sigma[f] * distance) ** 2 * along
+        sigma[f] = max(SHADED_SIGMA_DEG, shaded[0][1][f])
+        if positions is not None and covariance is not None:
+            distance = np.median(fit.distance_mm)
+            positions[f] = fit.reference + distance * directions[f]
+            range_sigma[f] = GUESSED_RANGE
+            across = (distance * np.deg2rad(sigma[f])) ** 2
+            along = np.outer(directions[f], directions[f])
+            covariance[f] = across * (np.eye(3) - along) + (range_sigma[f] * distance) ** 2 * along
         notes.flags[f].append("no highlight seen: direction from the white ball's shading")
     if len(lost):
         names = ", ".join(frames.names[f] for f in lost)
         notes.warnings.append(
             f"{names}: no chrome ball shows the flash; the direction is from the white ball's shading."
         )
-    return Aim(fit.camera, reference, directions, sigma, positions, range_sigma, covariance)
+    return Aim(fit.camera, fit.reference, directions, sigma, positions, range_sigma, covariance)

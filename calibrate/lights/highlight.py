@@ -73,14 +73,12 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
 
 def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
     """Return coarse pixels (F, K, 2) and strengths (F, K) of local maxima of the change over time."""
-    u, v, r = *sphere.center_px, sphere.radius_px
-    height, width = coarse.images.shape[1:]
-    top, left = max(int(v - r), 0), max(int(u - r), 0)
-    bottom, right = min(int(v + r) + 2, height), min(int(u + r) + 2, width)
-    rows, columns = np.mgrid[top:bottom, left:right]
+    (u, v), r = sphere.center_px, sphere.radius_px
+    box = coarse.box(sphere)
+    rows, columns = box.grid
     # Near the limb a mirror shows what stands behind it, never a flash that lights the object.
     inside = np.hypot(columns - u, rows - v) < 0.9 * r
-    values = coarse.window(frames, slice(top, bottom), slice(left, right))
+    values = coarse.window(frames, box)
     change = values - np.median(values, axis=0)
     pixels = np.full((len(values), MOST_SPOTS, 2), np.nan)
     strength = np.full((len(values), MOST_SPOTS), np.nan)
@@ -91,7 +89,7 @@ def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array
         y, x = np.nonzero(peak)
         order = np.argsort(-smooth[y, x])[:MOST_SPOTS]
         order = order[smooth[y, x][order] > 0.1 * smooth[y, x].max(initial=0)]
-        pixels[f, : len(order)] = np.stack([x[order] + left, y[order] + top], -1)
+        pixels[f, : len(order)] = np.stack([x[order] + box.columns.start, y[order] + box.rows.start], -1)
         strength[f, : len(order)] = smooth[y, x][order]
     return pixels, strength
 

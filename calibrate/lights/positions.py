@@ -1,97 +1,122 @@
-"""From highlights to lights, distant or near, robustly."""
+"""From highlights to lights, distant or near, robustly; with the covariance of all that was adjusted."""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from calibrate.lights.adjustment import Adjustment
-from calibrate.lights.blocks import at_rest
-from calibrate.lights.light_fit import LightFit, conclude
+from calibrate.lights.adjustment import STEP, Adjustment, Observed
 from scene.camera import Camera
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
+BENDS = 2.0, np.inf, np.inf, np.inf  # sigmas from which on residuals count in proportion, in each round
 INLIER_SIGMAS, INLIER_PX = 5.0, 0.25
 CONTRADICTION_PX = 1.0
 """Miss from which one of two balls is left out, which costs the light's range: a reflection of something else misses
 by pixels, an undersampled highlight by a third of one."""
-STATED = 3.0
-"""How many residuals' worth the highlights' stated sigmas are believed, against their scatter."""
+MEDIAN_SQUARE = 1.39  # median of the sum of two squared normal errors
+STATED = 3.0  # how many residuals' worth the highlights' stated sigmas are believed, against their scatter
 LEAST_SCALE = 0.3
+CAP = 30.0  # sigmas at which a highlight that was left out counts in the comparison of models
 
 
-def fit_lights(
-    camera: Camera,
-    spheres: list[Sphere],
-    covariances: list[Array],
-    highlights: Array,
-    sigma_px: Array,
-    reference: Array,
-    *,
-    near: bool,
-    diameter_sigma: Array | None = None,
-    extents_px: Array | None = None,
-) -> LightFit:
-    """Adjust lights, balls and camera to the highlights.
+@dataclass(frozen=True)
+class LightFit:
+    """Lights, balls and camera that explain the highlights.
 
     Parameters
     ----------
     camera : Camera
-        Its `focal_sigma` and `center_sigma_px` say how far it may move; 0: not at all.
-    spheres, covariances : S balls and the (3, 3) covariance of their (u, v, radius), px^2
-    highlights : (S, F, 2) float
-        Pixels, NaN where unseen. Each frame needs one ball at least.
-    sigma_px : (S, F) float
-    reference : (3,) float
-        Where the directions hold, mm.
-    near : bool
-        Fit a range per light too; needs diameters.
-    diameter_sigma : (S,) float or None
-        Relative standard deviation of the diameters; 0 or None: exact.
-    extents_px : (S, F) float or None
-        Half the size at which each ball shows the flash; None: flashes are points.
-
-    Notes
-    -----
-    A highlight's residual is, to first order, its distance in the picture from where the light would be
-    mirrored: the angle between the mirrored ray and the direction to the light, through the inverse of
-    d(direction) / d(pixel). Minimising it in the picture weights small and slanted mirrors rightly
-    [Ackermann2013]. The stated sigmas keep their proportions, but not their size: s^2 = (chi^2 + m) / (n + m), n the
-    highlights' degrees of freedom, m = `STATED`. With a wrong model s is large, and the balls stay on their outlines.
+        Adjusted within its sigmas, which are then what is left of them.
+    spheres : list of Sphere
+        Adjusted.
+    reference : (3,) float64
+        Where the directions hold; it moves with the camera as the balls do.
+    directions : (F, 3) float64
+        At the reference point.
+    positions_mm : (F, 3) float64 or None
+    direction_sigma_deg : (F,) float64
+        One tangent axis.
+    range_sigma : (F,) float64
+        Relative; NaN for distant lights.
+    position_covariance_mm2 : (F, 3, 3) float64 or None
+    residual_px : (S, F) float64
+        Distance between the highlight and where the model mirrors the light; NaN where unused.
+    used : (S, F) bool
+    chi2 : float
+        Sum of squared residuals in expected standard deviations.
+    chi2_all : float
+        The same with the highlights that were left out, each capped at `CAP` sigmas: to compare models.
+    scale : float
+        How many times larger the highlights' errors are than was stated, by their scatter.
+    unknowns, observations : int
     """
-    problem = Adjustment(
-        camera,
-        spheres,
-        covariances,
-        highlights,
-        sigma_px,
-        reference,
-        near=near,
-        diameter_sigma=diameter_sigma,
-        extents_px=extents_px,
-    )
+
+    camera: Camera
+    spheres: list[Sphere]
+    reference: Array
+    directions: Array
+    positions_mm: Array | None
+    direction_sigma_deg: Array
+    range_sigma: Array
+    position_covariance_mm2: Array | None
+    residual_px: Array
+    used: NDArray[np.bool_]
+    chi2: float
+    chi2_all: float
+    scale: float
+    unknowns: int
+    observations: int
+
+    @property
+    def misfit(self) -> float:
+        """Root of chi2 per degree of freedom: highlights, outlines, diameters against all that was stated of them."""
+        # The loose priors of the ranges are no observations: each range takes its own.
+        ranges = 0 if self.positions_mm is None else len(self.directions)
+        return float(np.sqrt(self.chi2 / max(self.observations - self.unknowns - ranges, 1)))
+
+    @property
+    def distance_mm(self) -> Array:
+        """(F,) of near lights from the reference point."""
+        assert self.positions_mm is not None
+        return np.linalg.norm(self.positions_mm - self.reference, axis=1)
+
+
+def fit_lights(seen: Observed, *, near: bool) -> LightFit:
+    """Adjust lights, balls and camera to the highlights; `near`: fit a range per light too, which needs diameters.
+
+    The stated sigmas keep their proportions, but not their size: s^2 = (chi^2 + m) / (n + m), n the highlights'
+    degrees of freedom, m = `STATED`. With a wrong model s is large, and the balls stay on their outlines.
+    """
+    problem = Adjustment(seen, near=near)
     x = problem.start()
-    seen = np.isfinite(highlights[..., 0])
-    for bend in (2.0, np.inf, np.inf, np.inf):
-        x = at_rest(problem.residuals, problem.slopes, x, bend=bend)
+    shown = np.isfinite(seen.highlights[..., 0])
+    for bend in BENDS:
+        x = problem.minimum(x, bend=bend)
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
-        scale = max(1.0, float(np.sqrt(np.nanmedian((size / sigma_px)[problem.used] ** 2) / 1.39)))
-        least = np.where(seen.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
-        good = np.isfinite(size) & (size < np.maximum(INLIER_SIGMAS * scale * sigma_px, least))
-        for f in np.flatnonzero((seen & ~good).any(0)):
-            good[:, f] = _agreeing(problem, x, int(f), np.flatnonzero(seen[:, f]))
-        problem.used = good & seen
+        square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE
+        least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
+        good = size < np.maximum(INLIER_SIGMAS * max(1.0, float(np.sqrt(square))) * seen.sigma_px, least)
+        for f in np.flatnonzero((shown & ~good).any(0)):
+            good[:, f] = _agreeing(problem, x, int(f), np.flatnonzero(shown[:, f]))
+        problem.used = good & shown
         problem.scale = _scale(problem, x)
-        problem.sigma = sigma_px * problem.scale
-    return conclude(problem, x)
+        problem.sigma = seen.sigma_px * problem.scale
+    return _conclude(problem, x)
+
+
+def _covariance(slopes: Array) -> Array:
+    return np.asarray(np.linalg.pinv(slopes.T @ slopes, hermitian=True), np.float64)
 
 
 def _scale(problem: Adjustment, x: Array) -> float:
     """Return by how much the highlights scatter more than stated."""
     rows = 2 * int(problem.used.sum())
     residual, slopes = problem.residuals(x)[:rows], problem.slopes(x)
-    # What the unknowns took of the highlights' freedom; the priors carry the rest of them.
-    taken = slopes.covariance().leverage(slopes)[:rows].sum()
+    # What the unknowns took of the highlights' freedom, their leverage; the priors carry the rest of them.
+    taken = np.sum((slopes @ _covariance(slopes) * slopes)[:rows])
     chi2 = float(residual @ residual) * problem.scale**2
     return max(LEAST_SCALE, float(np.sqrt((chi2 + STATED) / (max(rows - taken, 0.0) + STATED))))
 
@@ -103,7 +128,7 @@ def _agreeing(problem: Adjustment, x: Array, f: int, balls: NDArray[np.intp]) ->
     """
     keep = np.zeros(problem.balls, bool)
     if len(balls) < 3:
-        keep[balls[problem.stated[balls, f].argmin()]] = True
+        keep[balls[problem.seen.sigma_px[balls, f].argmin()]] = True
         return keep
     column = problem.first_light + problem.per_light * f + np.arange(problem.per_light)
     misses = []
@@ -119,3 +144,55 @@ def _agreeing(problem: Adjustment, x: Array, f: int, balls: NDArray[np.intp]) ->
     keep[balls] = True
     keep[balls[int(np.argmin(misses))]] = False
     return keep
+
+
+def _conclude(problem: Adjustment, x: Array) -> LightFit:
+    """Return what the solution `x` says, with the covariance (J^T J)^-1 of the whitened problem."""
+    camera, seen = problem.camera_at(x), problem.seen
+    directions, _ = problem.lights_at(x)
+    residual, covariance = problem.residuals(x), _covariance(problem.slopes(x))
+    variance = np.diag(covariance)
+    own = variance[problem.first_light :].reshape(problem.lights, problem.per_light)
+    of_balls = variance[problem.first_ball : problem.first_diameter].reshape(-1, 3)
+    sigmas = np.zeros(3)
+    sigmas[problem.free_camera] = np.sqrt(variance[: problem.first_ball])
+    center = float(np.hypot(sigmas[1], sigmas[2]) / np.sqrt(2))
+    size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
+    left_out = np.isfinite(seen.highlights[..., 0]) & ~problem.used
+    capped = np.minimum(np.nan_to_num(size / seen.sigma_px, nan=CAP), CAP)[left_out]
+    rows = 2 * int(problem.used.sum())
+    chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2 + float(np.sum(residual[rows:] ** 2))
+    return LightFit(
+        camera=replace(camera, focal_sigma=float(sigmas[0]), center_sigma_px=center),
+        spheres=[
+            replace(sphere, sigma_px=float(np.sqrt((v[0] + v[1]) / 2)))
+            for sphere, v in zip(problem.balls_at(x), of_balls, strict=True)
+        ],
+        reference=problem.reference_at(camera),
+        directions=directions,
+        positions_mm=problem.positions_at(x) if problem.near else None,
+        direction_sigma_deg=np.rad2deg(np.sqrt((own[:, 0] + own[:, 1]) / 2)),
+        range_sigma=np.sqrt(own[:, 2]) if problem.near else np.full(problem.lights, np.nan),
+        position_covariance_mm2=_of_positions(problem, x, covariance) if problem.near else None,
+        residual_px=np.where(problem.used, size, np.nan),
+        used=problem.used.copy(),
+        chi2=chi2,
+        chi2_all=chi2 + float(np.sum(capped**2)),
+        scale=problem.scale,
+        unknowns=len(x),
+        observations=len(residual),
+    )
+
+
+def _of_positions(problem: Adjustment, x: Array, covariance: Array) -> Array:
+    """Return the covariances (F, 3, 3) of the positions, mm^2: of the light's own unknowns and the camera's."""
+    cameras, lights = np.arange(problem.first_ball), np.arange(problem.lights)[:, None]
+    columns = np.concatenate(
+        [np.broadcast_to(cameras, (problem.lights, len(cameras))), problem.first_light + 3 * lights + np.arange(3)], 1
+    )
+    slopes = np.empty((problem.lights, 3, columns.shape[1]))
+    for i, column in enumerate(columns.T):
+        step = np.zeros(len(x))
+        step[column] = STEP
+        slopes[..., i] = (problem.positions_at(x + step) - problem.positions_at(x - step)) / (2 * STEP)
+    return slopes @ covariance[columns[:, :, None], columns[:, None]] @ slopes.swapaxes(1, 2)

@@ -6,38 +6,48 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.silhouette.cone_fit import Reader, Settled, settle
-from calibrate.silhouette.edge_profile import MATTE, MIRROR, MIRROR_CLOSE, STEP_PX, Limb
+from calibrate.silhouette.cone_fit import (
+    MATTE,
+    MIRROR,
+    MIRROR_CLOSE,
+    MIRROR_START,
+    STEP_PX,
+    ConeFit,
+    EdgeModel,
+    Reader,
+    fit_cone,
+)
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
-from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
-from calibrate.silhouette.static_circle import agree, find_edges, kernel_reach_px
-from calibrate.silhouette.strips import image_strips, read_strips
+from calibrate.silhouette.outline import (
+    difference,
+    image_strips,
+    moved,
+    offset_jacobian,
+    outline_with_normals,
+    read_strips,
+)
+from calibrate.silhouette.static_circle import KERNEL_REACH, agree, find_edges
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
-SOFTEST = 8
-"""Softness, in that of a sharp picture, up to which an outline is looked for."""
-READ = 12
-"""Frames in which an outline is read: it stands still, and more of them show the same again."""
-LEAST_SEEN = 0.25
-WIDE = 0.05
-"""Share of its radius by which a chrome ball's outline is searched around its coarse circle, at least."""
-TABLE_EXPLAINS = 0.99
-"""Share of a chrome limb's variance from which on the mirrored table is taken for its cause."""
-TABLE_FROM_PX = 22.0
-"""A smaller ball's limb is too few pixels for three more unknowns."""
-TABLE_FLOOR_PX = 0.01
-"""What shifts an outline that is fitted by the mirrored table, beyond its residuals' scatter."""
-EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35
-"""What shifts an outline that is fitted on the steepest places alone, beyond its edges' scatter."""
-LIMB_FLOOR_PX = 0.01
-"""The same of a limb's profile."""
-LIMB_SHARE = 0.5
-"""Share of what another profile would change of a mirror's outline."""
+SOFTEST = 8  # softness, in that of a sharp picture, up to which an outline is looked for,
+SOFT_RADII = 20  # and the ball's least radius for each
+READ = 12  # frames in which an outline is read: it does not move, and more of them show the same again
+LEAST_SEEN = 0.25  # share of the outline that must show an edge,
+WELL_SEEN = 0.6  # and from which no softer edge is looked for
+SOFTER_BETTER = 0.15  # by which a softer edge must be seen along more of the outline
+SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its coarse circle, at least
+SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
+TABLE_EXPLAINS = 0.99  # share of a chrome edge's variance from which on the mirrored table is taken for its cause
+TABLE_FROM_PX = 22.0  # a smaller ball's edge is too few pixels for three more unknowns
+FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
+EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
+PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
 BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
-"""Relative error of the blur: read at a mirror's limb of radius r, the first over r; read on a matte ball."""
+"""Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
+BLUR_AGREES = 0.15  # relative, up to which a mirror's blur and the matte balls' are the same
 
 
 @dataclass(frozen=True)
@@ -53,7 +63,7 @@ class OutlineFit:
     residual_px : float
         Robust spread of the edges about the outline.
     blur_px : float
-        Standard deviation of the blur under which the limb is seen; NaN where only its edge was fitted.
+        Standard deviation of the blur under which the edge is seen; NaN where only its steepest places were fitted.
     by_table : bool
         The table that a chrome ball mirrors was found and fits.
     """
@@ -64,40 +74,31 @@ class OutlineFit:
     blur_px: float = np.nan
     by_table: bool = False
 
+    @property
+    def clearness(self) -> float:
+        return self.sphere.score / max(self.residual_px, 0.15)
+
 
 def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
-    Parameters
-    ----------
-    frames : Frames
-    camera : Camera
-    sphere : Sphere
-        The start.
-    search_px : float
-        How far from the start the outline may lie.
-
-    Returns
-    -------
-    OutlineFit or None
-        None if less than a quarter of the outline shows an edge.
+    The outline may lie `search_px` from the start. None if less than a quarter of it shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
     best_softness = softness = 1
-    while softness <= SOFTEST and (softness == 1 or sphere.radius_px > 20 * softness):
+    while softness <= SOFTEST and (softness == 1 or sphere.radius_px > SOFT_RADII * softness):
         fits = _fit_edges(read, camera, sphere, max(search_px, 1.5 * softness), softness)
-        if fits and (not best or fits[0].sphere.score > best[0].sphere.score + 0.15):
+        if fits and (not best or fits[0].sphere.score > best[0].sphere.score + SOFTER_BETTER):
             best, best_softness = fits, softness
-        if best and best[0].sphere.score >= 0.6:
+        if best and best[0].sphere.score >= WELL_SEEN:
             break
         softness *= 2
     if not best:
         return None
-    edge, blur = best[0], float(best_softness)
     if sphere.kind == "white":
-        return _fit_matte(read, camera, best, sphere, blur) or edge
-    return _fit_chrome(frames, read, camera, edge, blur) or edge
+        return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
+    return _fit_chrome(frames, read, camera, best[0], float(best_softness)) or best[0]
 
 
 def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
@@ -105,11 +106,11 @@ def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -
 
     What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
     """
-    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < 0.15:
+    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < BLUR_AGREES:
         return fit
     read = _reader(frames)
-    limb = Limb(MIRROR, fit.sphere.radius_px, blur_px, 0.7)
-    first = settle(read, camera, fit.sphere, limb, free_blur=False)
+    model = EdgeModel(MIRROR, fit.sphere.radius_px, blur_px, MIRROR_START)
+    first = fit_cone(read, camera, fit.sphere, model, free_blur=False)
     if first is None:
         return fit
     again = _fit_mirror(read, camera, fit, first, BLUR_DOUBT)
@@ -123,7 +124,7 @@ def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> Outline
     def read(points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
         return image_strips(image, points, normals, offsets)
 
-    fits = _fit_edges(read, camera, sphere, max(3.0, 0.06 * sphere.radius_px), 1)
+    fits = _fit_edges(read, camera, sphere, max(3.0, SEARCH_MASK * sphere.radius_px), 1)
     return fits[0] if fits else None
 
 
@@ -134,7 +135,7 @@ def best_outline(fits: list[OutlineFit], kind: Kind) -> OutlineFit:
     it mirrors, all of them inside, and so of equals the outermost wins.
     """
     if kind == "white":
-        return max(fits, key=_clearness)
+        return max(fits, key=lambda fit: fit.clearness)
     best = max(fit.sphere.score for fit in fits)
     return max((fit for fit in fits if fit.sphere.score >= 0.9 * best), key=lambda fit: fit.sphere.radius_px)
 
@@ -149,29 +150,24 @@ def _reader(frames: Frames) -> Reader:
 
 
 def _fit_edges(read: Reader, camera: Camera, sphere: Sphere, search_px: float, softness: int) -> list[OutlineFit]:
-    """Fit the outline to the steepest places across it, from three radii; return the fits, the best first."""
+    """Fit the outline to the steepest places across it, from several radii; return the fits, the best first."""
     if sphere.kind == "chrome":
         # What a mirror shows along its rim draws the coarse circle inward, by some hundredths of its radius.
-        search_px = max(search_px, WIDE * sphere.radius_px)
+        search_px = max(search_px, SEARCH * sphere.radius_px)
         starts = [(share * search_px, reach * search_px) for reach in (1.0, 0.4) for share in (0.0, 0.4, 0.8)]
     else:
         starts = [(share * search_px, search_px) for share in (-0.5, 0.0, 0.5)]
     fits = _agreements(read, camera, sphere, starts, search_px, softness)
     if not fits:
         return []
-    best = max(fits, key=_clearness)
+    best = max(fits, key=lambda fit: fit.clearness)
     again = _agreements(read, camera, best.sphere, [(0.0, 2.0 * softness)], 2.0 * softness, softness)
-    return [_nearest(again, best.sphere) if again else best, *(fit for fit in fits if fit is not best)]
-
-
-def _clearness(fit: OutlineFit) -> float:
-    return fit.sphere.score / max(fit.residual_px, 0.15)
-
-
-def _nearest(fits: list[OutlineFit], start: Sphere) -> OutlineFit:
-    """Return the fit nearest to the start of those that show enough: a mirror's rims run beside its outline."""
-    enough = 0.8 * max(fit.sphere.score for fit in fits)
-    return min((fit for fit in fits if fit.sphere.score >= enough), key=lambda fit: _apart(fit.sphere, start))
+    others = [fit for fit in fits if fit is not best]
+    if again:
+        # The nearest of those that show enough: a mirror's rims run beside its outline.
+        enough, start = 0.8 * max(fit.sphere.score for fit in again), best.sphere
+        best = min((fit for fit in again if fit.sphere.score >= enough), key=lambda fit: _apart(fit.sphere, start))
+    return [best, *others]
 
 
 def _agreements(
@@ -181,7 +177,7 @@ def _agreements(
     count = int(np.clip(2 * np.pi * sphere.radius_px, 120, 720))
     points, normals = outline_with_normals(camera, sphere, count)
     jacobian = offset_jacobian(camera, sphere, points, normals)
-    reach = search_px + 1 + kernel_reach_px(softness)
+    reach = search_px + 1 + KERNEL_REACH * softness
     offsets = np.arange(-reach, reach + 0.01, STEP_PX)
     spacing = float(np.linalg.norm(np.roll(points, -1, 0) - points, axis=1).mean())
     strips = read(points, normals, offsets)
@@ -206,60 +202,55 @@ def _agreements(
 def _fit_matte(
     read: Reader, camera: Camera, edges: list[OutlineFit], start: Sphere, softness: float
 ) -> OutlineFit | None:
-    """Fit a matte ball's limb; None where it does not hold.
+    """Fit the profiles of a matte ball's edge; None where they do not hold.
 
     Where the ball is as bright as the table its edges are its terminators': the profiles decide among the starts.
     """
-    tried: list[Settled] = []
+    tried: list[ConeFit] = []
     for sphere in [*(fit.sphere for fit in edges), start]:
         if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
-            fit = settle(read, camera, sphere, Limb(MATTE, start.radius_px, softness), free_blur=True)
+            fit = fit_cone(read, camera, sphere, EdgeModel(MATTE, start.radius_px, softness), free_blur=True)
             tried += [fit] if fit else []
     if not tried:
         return None
-    best = min(tried, key=lambda fit: fit.doubt)
+    best = min(tried, key=lambda fit: fit.misfit)
     nearest = min(edges, key=lambda fit: _apart(fit.sphere, best.sphere))
-    return _finished(nearest, best.sphere, best.covariance + LIMB_FLOOR_PX**2 * np.eye(3), best.limb.blur_px)
+    return _finished(nearest, best.sphere, best.covariance, best.model.blur_px)
 
 
 def _fit_chrome(frames: Frames, read: Reader, camera: Camera, edge: OutlineFit, softness: float) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
-    sphere = edge.sphere
-    table = None
+    sphere, table = edge.sphere, None
     if sphere.radius_px > TABLE_FROM_PX:
         table = fit_mirrored_table(frames, camera, sphere, blur_px=softness)
-    if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, sphere) < softness + WIDE * sphere.radius_px:
-        covariance = table.covariance + TABLE_FLOOR_PX**2 * np.eye(3)
-        return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
-    first = settle(read, camera, sphere, Limb(MIRROR, sphere.radius_px, softness, 0.7), free_blur=True)
+    farthest = softness + SEARCH * sphere.radius_px
+    if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, sphere) < farthest:
+        return replace(_finished(edge, table.sphere, table.covariance, table.blur_px), by_table=True)
+    model = EdgeModel(MIRROR, sphere.radius_px, softness, MIRROR_START)
+    first = fit_cone(read, camera, sphere, model, free_blur=True)
     if first is None:
         return None
     fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
     return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
 
 
-def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: Settled, blur_doubt: float) -> OutlineFit:
-    """Fit a mirror's limb where its blur is known to `blur_doubt`, relative."""
-    last = settle(read, camera, first.sphere, replace(first.limb, terms=MIRROR_CLOSE), free_blur=False) or first
-    sharper = replace(last.limb, blur_px=(1 - blur_doubt) * last.limb.blur_px)
-    other = settle(read, camera, last.sphere, sharper, free_blur=False)
+def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit, blur_doubt: float) -> OutlineFit:
+    """Fit a mirror's profiles where its blur is known to `blur_doubt`, relative."""
+    last = fit_cone(read, camera, first.sphere, first.model._replace(terms=MIRROR_CLOSE), free_blur=False) or first
+    sharper = last.model._replace(blur_px=(1 - blur_doubt) * last.model.blur_px)
+    other = fit_cone(read, camera, last.sphere, sharper, free_blur=False)
     # What the model may err by: other profiles, another blur.
-    doubts = [LIMB_SHARE * _difference(first.sphere, last.sphere)]
-    doubts += [_difference(other.sphere, last.sphere)] if other else []
-    covariance = last.covariance + LIMB_FLOOR_PX**2 * np.eye(3) + sum(np.outer(d, d) for d in doubts)
-    return _finished(edge, last.sphere, covariance, last.limb.blur_px)
+    doubts = [PROFILE_SHARE * difference(first.sphere, last.sphere)]
+    doubts += [difference(other.sphere, last.sphere)] if other else []
+    covariance = last.covariance + sum(np.outer(d, d) for d in doubts)
+    return _finished(edge, last.sphere, covariance, last.model.blur_px)
 
 
 def _finished(edge: OutlineFit, sphere: Sphere, covariance: Array, blur_px: float) -> OutlineFit:
+    covariance = covariance + FLOOR_PX**2 * np.eye(3)
     sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
     return OutlineFit(replace(sphere, sigma_px=sigma, score=edge.sphere.score), covariance, edge.residual_px, blur_px)
 
 
-def _difference(a: Sphere, b: Sphere) -> Array:
-    """Return how far two outlines differ in u, v and radius, px."""
-    return np.array([*(a.center_px - b.center_px), a.radius_px - b.radius_px])
-
-
 def _apart(a: Sphere, b: Sphere) -> float:
-    """Return how far two outlines differ, px."""
-    return float(np.linalg.norm(_difference(a, b)))
+    return float(np.linalg.norm(difference(a, b)))

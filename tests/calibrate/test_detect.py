@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calibrate.detection.ball_kind import Behaviour, Points
+from calibrate.detection.ball_kind import Behaviour, Points, alike
 from calibrate.detection.balls import find_balls
-from calibrate.detection.circles import alike
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import Found, detect
+from calibrate.detection.mirror_outline import enclosing, outline_of
 from calibrate.silhouette.ball_silhouette import OutlineFit
-from calibrate.silhouette.mirror_outline import enclosing, outline_of
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera

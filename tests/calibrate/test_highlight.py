@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from calibrate.detection.coarse import shrink
+from calibrate.detection.coarse import Box, shrink
 from calibrate.lights.highlight import _sites, find_spots
 from calibrate.lights.reflected_disc import _image
 from scene.camera import Camera
@@ -147,7 +147,7 @@ def test_a_window_of_all_frames_is_cut_from_the_shrunken_stack():
     codes = np.random.default_rng(8).integers(0, 65536, (23, 60, 2405, 3), np.uint16)
     frames = Frames(tuple(map(str, range(23))), codes, np.linspace(1, 2, 23), ambient=codes[0] // 8)
     coarse = shrink(frames, Camera.orthographic(2405, 60))
-    window = coarse.window(frames, slice(4, 15), slice(100, 131))
+    window = coarse.window(frames, Box(slice(4, 15), slice(100, 131)))
     every = (codes.astype(float) - 2048) / 60000 * frames.gain[:, None, None, None]
     every -= (codes[0] // 8 - 2048.0) / 60000
     truth = every[:, :60, :2403].reshape(23, 20, 3, 801, 3, 3).mean((2, 4, 5))

@@ -7,9 +7,8 @@ import pytest
 from scipy.optimize import least_squares, minimize
 
 from calibrate.calibration import Notes
-from calibrate.lights.adjustment import Adjustment, ray_meeting
-from calibrate.lights.blocks import at_rest
-from calibrate.lights.directions import mirrored_rays
+from calibrate.lights.adjustment import Adjustment, Observed
+from calibrate.lights.directions import mirrored_rays, ray_meeting
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
@@ -58,11 +57,13 @@ def scene(tracer):
 REFERENCE = CENTERS.mean(0)
 
 
+def _fit(*observed, near):
+    return fit_lights(Observed(*observed), near=near)
+
+
 def test_exact_highlights_give_exact_lights(scene):
     lights, highlights = scene
-    fit = fit_lights(
-        CAMERA, _spheres(3), [0.05**2 * np.eye(3)] * 3, highlights, np.full((3, 8), 0.1), REFERENCE, near=True
-    )
+    fit = _fit(CAMERA, _spheres(3), [0.05**2 * np.eye(3)] * 3, highlights, np.full((3, 8), 0.1), REFERENCE, near=True)
     np.testing.assert_allclose(fit.positions_mm, lights, atol=0.5)
     assert np.nanmax(fit.residual_px) < 1e-3
 
@@ -82,7 +83,7 @@ def test_stated_sigmas_are_honest(scene, count, stated):
     for _ in range(25):
         noisy = highlights[:count] + 0.15 * rng.normal(size=highlights[:count].shape)
         spheres, covariances = _spheres(count, rng, 0.08), [0.08**2 * np.eye(3)] * count
-        fit = fit_lights(CAMERA, spheres, covariances, noisy, np.full((count, 8), stated), REFERENCE, near=True)
+        fit = _fit(CAMERA, spheres, covariances, noisy, np.full((count, 8), stated), REFERENCE, near=True)
         # Two tangent axes of one sigma each: chi2 with 2 degrees of freedom; three of position.
         direction = angular_error_deg(fit.directions, truth / distance[:, None]) < 2.448 * fit.direction_sigma_deg
         off = np.log(np.linalg.norm(fit.positions_mm - REFERENCE, axis=1) / distance)
@@ -121,7 +122,7 @@ def test_an_uncertain_camera_is_part_of_the_sigma_and_is_adjusted(scene):
         noisy = highlights + 0.05 * rng.normal(size=highlights.shape)
         middle = np.mean([s.center_mm(camera) for s in spheres], axis=0)
         args = (spheres, [0.03**2 * np.eye(3)] * 3, noisy, np.full((3, 8), 0.05), middle)
-        fit = fit_lights(camera, *args, near=True)
+        fit = _fit(camera, *args, near=True)
         miss = fit.positions_mm - lights
         square = np.einsum("fi,fij,fj->f", miss, np.linalg.inv(fit.position_covariance_mm2), miss)
         angle = angular_error_deg(
@@ -142,68 +143,45 @@ def test_derivatives(scene, near, exact):
     _, highlights = scene
     rng = np.random.default_rng(0)
     camera = CAMERA if exact else replace(CAMERA, focal_sigma=0.02, center_sigma_px=10.0)
-    problem = Adjustment(
+    seen = Observed(
         camera,
         _spheres(3, rng, 0.1),
         [0.08**2 * np.eye(3)] * 3,
         highlights + 0.1 * rng.normal(size=highlights.shape),
         np.full((3, 8), 0.1),
         REFERENCE,
-        near=near,
         diameter_sigma=None if exact else np.array([0.0, 0.1, 0.1]),
     )
+    problem = Adjustment(seen, near=near)
     problem.used[1, 3] = False
     x = problem.start()
     x = x + 0.01 * rng.normal(size=len(x))
     steps = 1e-4 * np.eye(len(x))
     difference = np.stack([(problem.residuals(x + s) - problem.residuals(x - s)) / 2e-4 for s in steps], 1)
-    jacobian = _dense(problem.slopes(x))
-    np.testing.assert_allclose(jacobian, difference, rtol=1e-6, atol=2e-7 * np.abs(difference).max())
-
-
-def _dense(slopes):
-    shared, width = slopes.shared.shape[1], slopes.own.shape[1]
-    out = np.zeros((len(slopes.own), shared + width * slopes.lights))
-    out[:, :shared] = slopes.shared
-    for row, light in enumerate(slopes.light):
-        out[row, shared + width * light : shared + width * (light + 1)] += slopes.own[row]
-    return out
+    np.testing.assert_allclose(problem.slopes(x), difference, rtol=1e-6, atol=2e-7 * np.abs(difference).max())
 
 
 @pytest.mark.parametrize(("near", "bend"), [(True, 2.0), (True, np.inf), (False, np.inf)])
-def test_lights_one_by_one_are_lights_all_at_once(scene, near, bend):
+def test_the_minimum_is_that_of_another_solver(scene, near, bend):
     _, highlights = scene
     rng = np.random.default_rng(5)
     noisy = highlights + 0.3 * rng.normal(size=highlights.shape)
     noisy[0, 2] += 2.0
     sigma, covariances = np.full((3, 8), 0.1), [0.08**2 * np.eye(3)] * 3
     camera = replace(CAMERA, focal_sigma=0.02)
-    problem = Adjustment(camera, _spheres(3, rng, 0.1), covariances, noisy, sigma, REFERENCE, near=near)
-    x = at_rest(problem.residuals, problem.slopes, problem.start(), bend=bend)
+    problem = Adjustment(Observed(camera, _spheres(3, rng, 0.1), covariances, noisy, sigma, REFERENCE), near=near)
+    x = problem.minimum(problem.start(), bend=bend)
     loss, size = ("linear", 1.0) if np.isinf(bend) else ("soft_l1", bend)
-    dense = least_squares(
-        problem.residuals, x, lambda x: _dense(problem.slopes(x)), loss=loss, f_scale=size, xtol=1e-12, ftol=1e-12
-    )
-    slopes = problem.slopes(x)
-    covariance, all_of_it = slopes.covariance(), np.linalg.inv(_dense(slopes).T @ _dense(slopes))
-    assert np.all(np.abs(x - dense.x) < 1e-3 * np.sqrt(np.diag(all_of_it)))
-    first, width = problem.first_light, problem.per_light
-    np.testing.assert_allclose(covariance.shared, all_of_it[:first, :first], rtol=1e-6, atol=1e-9)
-    for f in range(8):
-        mine = slice(first + width * f, first + width * (f + 1))
-        np.testing.assert_allclose(covariance.own[f], all_of_it[mine, mine], rtol=1e-6, atol=1e-12)
-        np.testing.assert_allclose(covariance.mixed[f], all_of_it[:first, mine], rtol=1e-6, atol=1e-10)
-    leverage = np.einsum("ri,ij,rj->r", _dense(slopes), all_of_it, _dense(slopes))
-    np.testing.assert_allclose(covariance.leverage(slopes), leverage, rtol=1e-6, atol=1e-9)
+    other = least_squares(problem.residuals, x, problem.slopes, loss=loss, f_scale=size, xtol=1e-12, ftol=1e-12)
+    sigmas = np.sqrt(np.diag(np.linalg.inv(problem.slopes(x).T @ problem.slopes(x))))
+    assert np.all(np.abs(x - other.x) < 1e-3 * sigmas)
 
 
 def test_lights_that_two_balls_contradict_do_not_run_away(scene):
     _, highlights = scene
     shifted = highlights[:2].copy()
     shifted[1] += [15.0, -20.0]
-    fit = fit_lights(
-        CAMERA, _spheres(2), [0.03**2 * np.eye(3)] * 2, shifted, np.full((2, 8), 0.02), REFERENCE, near=False
-    )
+    fit = _fit(CAMERA, _spheres(2), [0.03**2 * np.eye(3)] * 2, shifted, np.full((2, 8), 0.02), REFERENCE, near=False)
     rays = [mirrored_rays(CAMERA, s, h)[1] for s, h in zip(_spheres(2), shifted, strict=True)]
     apart = angular_error_deg(*rays)
     assert apart.min() > 10
@@ -221,7 +199,7 @@ def _chosen(highlights, spheres, camera=CAMERA):
     rng = np.random.default_rng(0)
     noisy = highlights[:count] + 0.02 * rng.normal(size=highlights[:count].shape)
     sigma = np.full(noisy.shape[:2], 0.02)
-    return choose_model(camera, spheres, [0.03**2 * np.eye(3)] * count, noisy, sigma, REFERENCE, notes), notes
+    return choose_model(Observed(camera, spheres, [0.03**2 * np.eye(3)] * count, noisy, sigma, REFERENCE), notes), notes
 
 
 @pytest.mark.parametrize("wrong", EACH_OF_THREE)
@@ -270,9 +248,7 @@ def test_one_wrong_highlight_is_left_out(scene):
     lights, highlights = scene
     spoiled = highlights.copy()
     spoiled[1, 4] += [9.0, -6.0]
-    fit = fit_lights(
-        CAMERA, _spheres(3), [0.05**2 * np.eye(3)] * 3, spoiled, np.full((3, 8), 0.1), REFERENCE, near=True
-    )
+    fit = _fit(CAMERA, _spheres(3), [0.05**2 * np.eye(3)] * 3, spoiled, np.full((3, 8), 0.1), REFERENCE, near=True)
     assert not fit.used[1, 4]
     assert fit.used.sum() == 23
     np.testing.assert_allclose(fit.positions_mm, lights, rtol=0.02, atol=3)
@@ -285,7 +261,7 @@ def test_distant_lights_need_no_ranges(scene):
     highlights = np.array([[fermat(c, c + 1e7 * d) for d in directions] for c in CENTERS[:2]])
     highlights += 0.1 * rng.normal(size=highlights.shape)
     args = (CAMERA, _spheres(2), [0.05**2 * np.eye(3)] * 2, highlights, np.full((2, 4), 0.1), REFERENCE)
-    distant, near = fit_lights(*args, near=False), fit_lights(*args, near=True)
+    distant, near = _fit(*args, near=False), _fit(*args, near=True)
     assert angular_error_deg(distant.directions, directions).max() < 0.6
     # The smaller model must win by BIC.
     assert distant.chi2_all - near.chi2_all < (near.unknowns - distant.unknowns) * np.log(near.observations) + 10
@@ -315,7 +291,7 @@ def test_flat_flash_heads_are_no_nearer_than_they_are(scene):
             # A mirror shows half the angle, on its radius.
             extents[s, f] = half / np.linalg.norm(light - center) / 2 * _spheres(3)[s].radius_px
     args = (CAMERA, _spheres(3), [1e-8 * np.eye(3)] * 3, centroids, np.full((3, len(lights)), 0.02), REFERENCE)
-    point, head = fit_lights(*args, near=True), fit_lights(*args, near=True, extents_px=extents)
+    point, head = _fit(*args, near=True), _fit(*args, extents, near=True)
     off = [np.linalg.norm(fit.positions_mm - lights, axis=1).max() for fit in (point, head)]
     assert off[1] < 0.5 * off[0]
     assert off[1] < 0.4
