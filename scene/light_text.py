@@ -1,9 +1,14 @@
-"""Lights as lines of text: the two formats that everybody reads."""
+"""Lights as lines of text: the two formats that everybody reads, DiLiGenT's tables and `.lp`, and their names."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+
+from scene.lights import Lights
+
+FILENAMES, DIRECTIONS, INTENSITIES = "filenames.txt", "light_directions.txt", "light_intensities.txt"
+LP = "lights.lp"
 
 
 def number_rows(rows: NDArray[np.float64]) -> str:
@@ -11,7 +16,17 @@ def number_rows(rows: NDArray[np.float64]) -> str:
     return "".join(" ".join(f"{value:.8f}" for value in row) + "\n" for row in rows)
 
 
-def lp_rows(files: Iterable[str], directions: NDArray[np.float64]) -> str:
-    """Return the text of an `.lp` file: the count, then file name and direction (N, 3) a line."""
-    lines = [f"{name} {x:.8f} {y:.8f} {z:.8f}\n" for name, (x, y, z) in zip(files, directions, strict=True)]
-    return f"{len(lines)}\n{''.join(lines)}"
+def light_tables(files: Sequence[str], lights: Lights) -> dict[str, str]:
+    """Return DiLiGenT's three files, {name: text}; `files` are those of the photographs."""
+    return {
+        DIRECTIONS: number_rows(lights.directions),
+        INTENSITIES: number_rows(lights.intensities),
+        FILENAMES: "".join(f"{file}\n" for file in files),
+    }
+
+
+def lp_file(files: Sequence[str], lights: Lights) -> dict[str, str]:
+    """Return the `.lp` file, {name: text}: the count, then the photograph's file and the direction a line."""
+    rows = zip(files, lights.directions, strict=True)
+    lines = [f"{file} {x:.8f} {y:.8f} {z:.8f}\n" for file, (x, y, z) in rows]
+    return {LP: f"{len(lines)}\n{''.join(lines)}"}

@@ -17,7 +17,7 @@ from scene.estimate import Estimate
 from scene.files import write_json, write_npy, write_png, write_text
 from scene.frames import Frames
 from scene.image_files import read_pixels
-from scene.light_text import lp_rows, number_rows
+from scene.light_text import light_tables, lp_file
 from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.pose import Pose
@@ -150,10 +150,8 @@ class Store:
             The photographs' file names, for the formats that name files. Default: the frames' names.
         """
         files = lights.names if files is None else files
-        write_text(self.path("light_directions.txt"), number_rows(lights.directions))
-        write_text(self.path("light_intensities.txt"), number_rows(lights.intensities))
-        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in files))
-        write_text(self.path("lights.lp"), lp_rows(files, lights.directions))
+        for name, text in (light_tables(files, lights) | lp_file(files, lights)).items():
+            write_text(self.path(name), text)
         self.save_lights_json(lights)
 
     def save_lights_json(self, lights: Lights) -> None:

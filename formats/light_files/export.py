@@ -9,7 +9,7 @@ from formats.light_files.light_mat import camera_mat, light_mat
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.files import write_json, write_text, write_whole
-from scene.light_text import lp_rows, number_rows
+from scene.light_text import light_tables, lp_file
 from scene.lights import Lights
 
 FORMATS = ("alicevision", "diligent", "dome", "lp", "mat")
@@ -89,11 +89,7 @@ def _alicevision(lights: Lights, camera: Camera, files: tuple[str, ...], sfm: Pa
 
 
 def _diligent(lights: Lights, camera: Camera, files: tuple[str, ...], sfm: Path | None) -> _Contents:
-    return {
-        "light_directions.txt": number_rows(lights.directions),
-        "light_intensities.txt": number_rows(lights.intensities),
-        "filenames.txt": "".join(f"{file}\n" for file in files),
-    }, []
+    return dict(light_tables(files, lights)), []
 
 
 def _dome(lights: Lights, camera: Camera, files: tuple[str, ...], sfm: Path | None) -> _Contents:
@@ -104,7 +100,7 @@ def _dome(lights: Lights, camera: Camera, files: tuple[str, ...], sfm: Path | No
 
 
 def _lp(lights: Lights, camera: Camera, files: tuple[str, ...], sfm: Path | None) -> _Contents:
-    return {"lights.lp": lp_rows(files, lights.directions)}, ["lp has no intensities."]
+    return dict(lp_file(files, lights)), ["lp has no intensities."]
 
 
 def _mat(lights: Lights, camera: Camera, files: tuple[str, ...], sfm: Path | None) -> _Contents:

@@ -8,10 +8,10 @@ import numpy as np
 
 from formats.light_files.light_frames import from_opencv, matlab_matrix, to_opencv
 from formats.light_files.light_tables import nameless
+from formats.mat_files import arrays_of_mat
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.mat_files import arrays_of_mat
 from scene.reading import numbers, reading
 
 USUAL_DEPTH_MM = 700.0

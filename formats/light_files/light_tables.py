@@ -3,13 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.diligent_layout import FILENAMES, names_in, table_in
 from scene.errors import CalibrationError
 from scene.lights import Lights
 from scene.reading import shortened, text_of
-
-Array = NDArray[np.float64]
 
 
 def read_lp(path: Path) -> Lights:
@@ -33,18 +31,17 @@ def read_lp(path: Path) -> Lights:
 
 def read_diligent(path: Path) -> Lights:
     """Read DiLiGenT's directions, one a line, with light_intensities.txt and filenames.txt beside them if there."""
-    directions = _table(path)
+    directions = table_in(path, CalibrationError)
     intensities = np.full_like(directions, np.nan)
     beside = path.with_name(path.name.replace("directions", "intensities"))
     if beside != path and beside.is_file():
-        intensities = _table(beside)
+        intensities = table_in(beside, CalibrationError)
         if len(intensities) != len(directions):
             raise CalibrationError(
                 f"{beside}: {len(intensities)} intensities, but {path.name} has {len(directions)} lights."
             )
-    listed = path.with_name("filenames.txt")
-    lines = text_of(listed, error=CalibrationError).splitlines() if listed.is_file() else []
-    names = tuple(stem(line) for line in lines if line.strip())
+    listed = path.with_name(FILENAMES)
+    names = tuple(map(stem, names_in(listed, CalibrationError))) if listed.is_file() else ()
     return Lights(names if len(names) == len(directions) else nameless(len(directions)), directions, intensities)
 
 
@@ -59,16 +56,6 @@ def nameless(count: int) -> tuple[str, ...]:
     Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
     """
     return tuple(f"(row {i + 1})" for i in range(count))
-
-
-def _table(path: Path) -> Array:
-    lines = text_of(path, error=CalibrationError).splitlines()
-    rows = [line.split() for line in lines if line.strip()]
-    bad = next((i for i, row in enumerate(rows) if len(row) != 3), None)
-    if bad is not None or not rows:
-        found = f"line {bad + 1} has {len(rows[bad])}" if bad is not None else "the file is empty"
-        raise CalibrationError(f"{path}: expected three numbers a line, one light each; {found}.")
-    return np.array([[_number(path, word) for word in row] for row in rows])
 
 
 def _number(path: Path, word: str) -> float:
