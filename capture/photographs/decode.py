@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.audit import audit
-from capture.audit.exposure import exposure_by_room, reference_exposure
+from capture.audit.camera_settings import exposure_by_room, reference_exposure
 from capture.audit.frame_facts import FrameFacts, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
 from capture.photographs.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.photographs.photograph import SATURATION
-from capture.session.session import Session
+from capture.session.session_types import Session
 from scene.camera import Camera
 from scene.fan_out import fan_out
 from scene.files import create_array, remove, write_npy
@@ -37,7 +37,6 @@ class CaptureReport:
 
     Parameters
     ----------
-    names : tuple of F str
     width, height : int
         Pixels, after `half`.
     brightness : (F,) float64
@@ -46,7 +45,6 @@ class CaptureReport:
         Share of each frame's pixels that are clipped, small highlights included.
     gain : (F,) float64
         Brings each frame to the reference exposure.
-    exif : tuple of F Exif
     ambient_count : int
         Ambient frames that were averaged.
     seconds : float
@@ -88,7 +86,6 @@ def decode(
 
     Parameters
     ----------
-    session : Session
     store : Store
         Gets frames/codes.npy, frames/ambient.npy and, last, frames/frames.json: all of them or none.
     executor : Executor or None
@@ -193,11 +190,8 @@ def _with_corrections(session: Session, recipe: Recipe, scratch: dict[str, Path]
     if session.flat:
         flat = _mean(session.flat, [1.0] * len(session.flat), recipe, steps)
         write_npy(scratch["flat"], flat_field(flat, dark, session.flat[0].name))
-    return replace(
-        recipe,
-        dark=scratch["dark"] if session.dark else None,
-        flat=scratch["flat"] if session.flat else None,
-    )
+    there = {key: scratch[key] for key in scratch if getattr(session, key)}
+    return replace(recipe, **there)
 
 
 def _mean(files: Sequence[Path], gain: Sequence[float], recipe: Recipe, steps: _Steps) -> NDArray[np.float32]:

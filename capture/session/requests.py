@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session.session import Session, SphereSpec
+from capture.session.session_types import Session, SphereSpec
 from scene.camera import Camera
 from scene.errors import CaptureError, SceneError, SessionError
 from scene.files import write_json

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of
-from capture.session.session import Charuco, Session, SphereSpec
+from capture.session.session_types import Charuco, Session, SphereSpec
 from scene.camera import Camera
 from scene.reading import shortened
 
