@@ -9,16 +9,16 @@ import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of
 from capture.session.session_types import Charuco, Session, SphereSpec
+from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
+from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
 from scene.camera import Camera
 from scene.reading import shortened
 
 if TYPE_CHECKING:
     from capture.session.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
 
-# What the rooms behind can read; a test holds these against theirs.
-LIGHTS_SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
+# What align can read; a test holds it against that.
 SCAN_SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
-NORMALS_SUFFIXES = (".mat", ".txt", ".npy", ".png")
 
 
 class Resolver:
