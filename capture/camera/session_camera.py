@@ -134,8 +134,8 @@ def _camera_of_corners(
     calibrate: Any = cv2.calibrateCameraExtended
     rms, matrix, distortion, _, _, sigma, _, _ = calibrate(objects, images, (size[1], size[0]), None, None)
     fx, fy, cx, cy = (float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    k1, k2, p1, p2, k3 = (float(k) for k in np.ravel(distortion)[:5])
-    sigma_fx, sigma_fy, sigma_cx, sigma_cy = (float(value) for value in np.ravel(sigma)[:4])
+    k1, k2, p1, p2, k3 = map(float, np.ravel(distortion)[:5])
+    sigma_fx, sigma_fy, sigma_cx, sigma_cy = map(float, np.ravel(sigma)[:4])
     camera = Camera(
         size[1],
         size[0],
