@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.normal_maps import read_normal_map
 from scene.errors import AlignError, SceneError
-from scene.normal_files import read_normal_map
 
 
 def read_normals(path: Path, height: int, width: int) -> NDArray[np.float32]:

@@ -266,7 +266,7 @@ def bunny(scratch: Path) -> Bunny:
     positions = np.load(folder / "truth.npz")["light_positions_mm"]
     session, store = load_session(folder), Store(scratch)
     frames, report = decode(session, store)
-    camera, _ = camera_of(session, report, frames.width, frames.height)
+    camera, _ = camera_of(session, report.exif, frames.width, frames.height)
     found = calibrate(frames, camera, sphere_requests(session, store)[0])
     center = np.array(truth["object_centre_mm"])
     lights = found.lights.seen_from(center)

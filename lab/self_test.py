@@ -63,7 +63,7 @@ def _photographed(
 ) -> tuple[Frames, list[SphereRequest]]:
     """Return the rendering's frames, decoded from files as photographs are, and what balls to look for in them."""
     from capture.photographs.decode import decode
-    from capture.session.session import Session
+    from capture.session.session_types import Session
     from twin.camera.grain import expose_colour, sensor_like
     from twin.camera.virtual_camera import expose, write_dng
     from twin.virtual_balls import render_balls

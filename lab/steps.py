@@ -24,7 +24,7 @@ def check(job: Job) -> Outcome:
 
     with progress_bar("decode") as progress:
         frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
-    camera, camera_warnings = camera_of(job.session, report, frames.width, frames.height)
+    camera, camera_warnings = camera_of(job.session, report.exif, frames.width, frames.height)
     if job.session.scan and not job.session.normals and camera.source == "assumed":
         raise SessionError(
             f"{job.session.scan.name}: a scan in millimetres cannot be registered to frames of an unknown camera (no "

@@ -185,7 +185,7 @@ def export(
         paths, notes = export_scene(session, out)
         _tell_export(paths[:1], notes)
         return
-    from formats.light_files.export import export_lights
+    from formats.light_files.light_formats import export_lights
     from lab.plan import EXPORTED, STEPS
 
     with open_job(session, out=out) as job:

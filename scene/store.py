@@ -17,7 +17,7 @@ from scene.estimate import Estimate
 from scene.files import write_json, write_npy, write_png, write_text
 from scene.frames import Frames
 from scene.image_files import read_pixels
-from scene.light_text import lp_rows, number_rows
+from scene.light_text import light_tables, lights_json, lights_of_json, lp_file
 from scene.lights import Lights
 from scene.normals import encode_normals
 from scene.pose import Pose
@@ -150,60 +150,23 @@ class Store:
             The photographs' file names, for the formats that name files. Default: the frames' names.
         """
         files = lights.names if files is None else files
-        write_text(self.path("light_directions.txt"), number_rows(lights.directions))
-        write_text(self.path("light_intensities.txt"), number_rows(lights.intensities))
-        write_text(self.path("filenames.txt"), "".join(f"{name}\n" for name in files))
-        write_text(self.path("lights.lp"), lp_rows(files, lights.directions))
+        for name, text in (light_tables(files, lights) | lp_file(files, lights)).items():
+            write_text(self.path(name), text)
         self.save_lights_json(lights)
 
     def save_lights_json(self, lights: Lights) -> None:
         """Write lights.json alone."""
-        frames = [
-            {
-                "name": lights.names[i],
-                "direction": lights.directions[i],
-                "position_mm": None if lights.positions_mm is None else lights.positions_mm[i],
-                "intensity": lights.intensities[i],
-                "direction_sigma_deg": lights.direction_sigma_deg[i],
-                "intensity_sigma": lights.intensity_sigma[i],
-                "flags": lights.flags[i],
-            }
-            for i in range(len(lights))
-        ]
-        data = {
-            "frames": frames,
-            "reference_point_mm": lights.reference_point_mm,
-            "ambient": lights.ambient,
-            "white_value": lights.white_value,
-            "model": lights.model,
-        }
-        write_json(self.path("lights.json"), data)
+        write_json(self.path("lights.json"), lights_json(lights))
 
     def load_lights(self) -> Lights:
         data = self.read_json("lights.json")
         with self._door("lights.json"):
-            rows, shape = data["frames"], self._stack_shape()
-            if shape is not None and len(rows) != shape[0]:
-                raise ValueError(f"{len(rows)} lights for {shape[0]} frames")
-
-            def sigma(name: str) -> NDArray[np.float64]:
-                return np.array([np.nan if row[name] is None else row[name] for row in rows], np.float64)
-
-            def column(name: str) -> NDArray[np.float64]:
-                return numbers([row[name] for row in rows], -1, 3, what=name)
-
-            return Lights(
-                tuple(str(row["name"]) for row in rows),
-                column("direction"),
-                column("intensity"),
-                column("position_mm") if data["model"] == "near" else None,
-                numbers(data["reference_point_mm"], 3, what="reference_point_mm"),
-                sigma("direction_sigma_deg"),
-                sigma("intensity_sigma"),
-                None if data["ambient"] is None else numbers(data["ambient"], 3, what="ambient"),
-                None if data["white_value"] is None else numbers(data["white_value"], 3, what="white_value"),
-                tuple(tuple(map(str, row["flags"])) for row in rows),
-            )
+            lights, shape = lights_of_json(data), self._stack_shape()
+            if shape is not None and len(lights) != shape[0]:
+                raise ValueError(f"{len(lights)} lights for {shape[0]} frames")
+            for what in ("directions", "intensities"):
+                numbers(getattr(lights, what), -1, 3, what=what)
+            return lights
 
     def save_pose(
         self, pose: Pose, *, residual_px: float, sigma_mm: float, sigma_deg: float, mm_per_unit: float | None = None

@@ -16,12 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.diligent_layout import write_diligent
+from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
-from scene.files import write_png, write_text
 from scene.frames import Frames
-from scene.light_text import number_rows
 from scene.lights import Lights
-from scene.normal_files import read_normal_map
 
 RESULTS = (".npy", ".mat", ".png")
 _MARGIN = 0.05
@@ -132,25 +131,6 @@ def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray
     normals[box] = found
     shutil.rmtree(data)
     return normals
-
-
-def write_diligent(
-    folder: Path, frames: Frames, lights: Lights, mask: NDArray[np.bool_], box: tuple[slice, slice]
-) -> None:
-    """Write a window of the frames in the layout of the DiLiGenT benchmark [Shi2019].
-
-    001.png ... (16 bits, linear, ambient light subtracted, all by one factor), filenames.txt,
-    light_directions.txt, light_intensities.txt, mask.png. No truth.
-    """
-    factor = 65535 / max(float(frames.gain.max()), 1e-12)
-    files = [f"{index + 1:03d}.png" for index in range(len(frames))]
-    for index, file in enumerate(files):
-        image = frames.read(box[0], [index], columns=box[1])[0]
-        write_png(folder / file, np.clip(np.round(image * factor), 0, 65535).astype(np.uint16))
-    write_png(folder / "mask.png", mask[box])
-    write_text(folder / "filenames.txt", "".join(f"{file}\n" for file in files))
-    write_text(folder / "light_directions.txt", number_rows(lights.directions))
-    write_text(folder / "light_intensities.txt", number_rows(lights.intensities))
 
 
 def _square(mask: NDArray[np.bool_]) -> tuple[slice, slice]:

@@ -46,6 +46,30 @@ def test_a_file_keeps_the_rules(path):
             assert ast.get_docstring(node), f"{node.name} is public and has no docstring"
 
 
+def import_circles():
+    """Return the sets of files that import each other, directly or through others, inside functions too."""
+    modules = {".".join(path.relative_to(ROOT).with_suffix("").parts): path for path in SOURCES}
+    modules = {name.removesuffix(".__init__"): path for name, path in modules.items()}
+    reached = {}
+    for name, path in modules.items():
+        found = set()
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                # Of a package either a file or a name is imported.
+                found |= {f"{node.module}.{alias.name}" for alias in node.names} | {node.module}
+        reached[name] = found & set(modules) - {name}
+    for _ in range(len(modules).bit_length()):
+        reached = {name: found.union(*(reached[other] for other in found)) for name, found in reached.items()}
+    circles = {frozenset(other for other in found if name in reached[other]) for name, found in reached.items()}
+    return circles - {frozenset()}
+
+
+def test_no_file_imports_itself_through_others():
+    assert not import_circles()
+
+
 def test_every_citation_is_in_the_bibliography():
     keys = set(re.findall(r"^@\w+\{(\w+),", (ROOT / "BIBLIOGRAPHY.bib").read_text(), re.MULTILINE))
     cited = {}

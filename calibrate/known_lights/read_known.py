@@ -6,16 +6,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.light_files.light_dome import read_dome
-from formats.light_files.light_json import read_json
-from formats.light_files.light_mat import read_mat
-from formats.light_files.light_tables import read_diligent, read_lp
+from formats.light_files.light_formats import read_light_file
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
 
 Array = NDArray[np.float64]
-SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
 LARGEST = 1e9
 """Of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others."""
 NO_INTENSITIES = "has no intensities"
@@ -68,20 +64,7 @@ def read_lights(
     """
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file. Correct lights.file in session.toml.")
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise CalibrationError(
-            f"{path}: lights in {path.suffix or 'a file without suffix'} are not known; expected one of "
-            f"{', '.join(SUFFIXES)} (.txt: DiLiGenT's light_directions.txt)."
-        )
-    lights = _read(path, suffix, camera)
-    return _in_order(path, _checked(path, lights), names, skipped).normalised()
-
-
-def _read(path: Path, suffix: str, camera: Camera | None) -> Lights:
-    if suffix == ".dome":
-        return read_dome(path, camera)
-    return {".mat": read_mat, ".lp": read_lp, ".json": read_json, ".txt": read_diligent}[suffix](path)
+    return _in_order(path, _checked(path, read_light_file(path, camera)), names, skipped).normalised()
 
 
 def _checked(path: Path, lights: Lights) -> Lights:

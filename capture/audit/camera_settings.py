@@ -1,44 +1,101 @@
-"""The cameras' settings and the files' numbers: what differs from frame to frame, and what is not there."""
+"""Exposure and settings: what EXIF says, what the room's light says where EXIF is silent, and the files' numbering."""
 
 import itertools
 import re
 from collections import Counter
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from capture.camera.exif import Exif
-from capture.session.session import Session
+from capture.session.session_types import Session
+
+ROOM = 0.01
+"""Of white: where the frame without flash is brighter, its noise does not matter."""
+ENOUGH = 0.01
+"""Share of the picture that must be so bright."""
+DARKER = 0.85
+"""Share of the room's light under which a frame is another exposure."""
+ALIKE = 0.92
+"""The same that the middle frame must reach: else the room's light, or the frame without flash, is what changed."""
+SHADOW = 0.02
+"""Share of the room-lit picture that a flash leaves in shadow."""
+
+_SETTINGS = (
+    ("exposure_s", "exposure time {:g} s", "the shutter"),
+    ("iso", "ISO {:g}", "the sensitivity"),
+    ("aperture", "aperture f/{:g}", "the aperture"),
+    ("focal_mm", "focal length {:g} mm", "the zoom"),
+    ("camera", "camera {}", "the camera"),
+)
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return the first six names, and how many more there are."""
+    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+
+
+def reference_exposure(exif: Sequence[Exif]) -> tuple[float | None, NDArray[np.float64]]:
+    """Return the session's exposure (the middle one of time x ISO / aperture^2) and each frame's gain to it.
+
+    Frames without EXIF, and those within 1 % (cameras round), keep gain 1.
+    """
+    known = sorted(e.exposure for e in exif if e.exposure is not None)
+    if not known:
+        return None, np.ones(len(exif))
+    reference = known[len(known) // 2]
+    gain = [reference / e.exposure if e.exposure else 1.0 for e in exif]
+    return reference, np.array([1.0 if abs(factor - 1) < 0.01 else factor for factor in gain])
+
+
+def exposure_by_room(
+    names: tuple[str, ...], pictures: NDArray, ambient: NDArray | None
+) -> tuple[NDArray[np.float64], list[str]]:
+    """Return the gains (F,) of frames that are darker than the frame without flash, and a warning for each.
+
+    `pictures` (F, h, w) are reduced, with the room's light, at EXIF's exposure; `ambient` (h, w) alike. Light only
+    adds: in a flash's shadows a frame is as bright as the one without flash, and nowhere darker.
+    """
+    gain = np.ones(len(pictures))
+    lit = ambient is not None and ambient > ROOM
+    if ambient is None or np.mean(lit) < ENOUGH:
+        return gain, []
+    least, share = np.quantile(pictures[:, lit] / ambient[lit], (SHADOW / 4, SHADOW), axis=1)
+    if np.median(share) < ALIKE:
+        return gain, []
+    # Of another exposure all shadows are darker alike; of a picture that moved, here and there, by any amount.
+    odd = np.flatnonzero((share < DARKER) & (least > 0.7 * share) & (share > 0.02))
+    gain[odd] = 1 / share[odd]
+    return gain, [
+        f"{names[i]}: in the flash's shadows it is {share[i]:.0%} as bright as the frame without flash, and light only "
+        f"adds: another exposure, which its EXIF does not tell. It was scaled by {gain[i]:.2f}. Lock the shutter, the "
+        "aperture and the sensitivity; reshoot it, or list it under frames.skip."
+        for i in odd
+    ]
 
 
 def mixed_settings(session: Session, exif: Sequence[Exif], ambient_exif: Sequence[Exif]) -> list[str]:
     """Name frames whose settings differ from what most frames have."""
     names = [*session.names, *(path.stem for path in session.ambient)]
-    everyone = [*exif, *ambient_exif]
+    everyone = list(zip(names, [*exif, *ambient_exif], strict=False))
     warnings = []
-    for field, label, what in (
-        ("exposure_s", "exposure time {:g} s", "the shutter"),
-        ("iso", "ISO {:g}", "the sensitivity"),
-        ("aperture", "aperture f/{:g}", "the aperture"),
-        ("focal_mm", "focal length {:g} mm", "the zoom"),
-        ("camera", "camera {}", "the camera"),
-    ):
-        known = [(name, getattr(e, field)) for name, e in zip(names, everyone, strict=False) if getattr(e, field)]
+    for field, label, what in _SETTINGS:
+        known = [(name, value) for name, e in everyone if (value := getattr(e, field))]
         usual = Counter(value for _, value in known).most_common(1)
-        odd = [(name, value) for name, value in known if value != usual[0][0]]
+        odd = [f"{name} ({label.format(value)})" for name, value in known if value != usual[0][0]]
         if odd:
-            shown = ", ".join(f"{name} ({label.format(value)})" for name, value in odd[:6])
-            more = f" and {len(odd) - 6} more" if len(odd) > 6 else ""
-            scaled = field in ("exposure_s", "iso", "aperture")
             remedy = (
                 "They were scaled to the others' exposure, which holds for steady lamps; a flash is over before the "
                 "shutter closes, so that time scales the ambient light only."
-                if scaled
+                if field in ("exposure_s", "iso", "aperture")
                 else "The frames do not fit together."
             )
             warnings.append(
-                f"{shown}{more}: the others have {label.format(usual[0][0])}. {remedy} Lock {what}, reshoot."
+                f"{listed(odd)}: the others have {label.format(usual[0][0])}. {remedy} Lock {what}, reshoot."
             )
-    without = [name for name, e in zip(names, everyone, strict=False) if e.exposure is None]
-    if without and len(without) < len(everyone):
+    without = [name for name, e in everyone if e.exposure is None]
+    if 0 < len(without) < len(everyone):
         warnings.append(
             f"{', '.join(without[:6])}: no exposure in EXIF, unlike the other {len(everyone) - len(without)} frames; "
             "taken as the same exposure."
@@ -56,20 +113,17 @@ def gaps_in_numbering(session: Session) -> list[str]:
     warnings = []
     for (before, after), numbers in series.items():
         ordered = sorted(numbers)
-        steps = Counter(b - a for a, b in itertools.pairwise(ordered))
-        if not steps:
-            continue
-        step, times = steps.most_common(1)[0]
-        missing = [n for a, b in itertools.pairwise(ordered) for n in range(a + step, b, step)]
+        pairs = list(itertools.pairwise(ordered))
+        steps = Counter(b - a for a, b in pairs)
+        step, times = steps.most_common(1)[0] if steps else (1, 0)
+        missing = [n for a, b in pairs for n in range(a + step, b, step)]
         # Numbers that are no count (times of day, a random choice) leave far more out.
-        if times < 2 or any(difference % step for difference in steps) or len(missing) > len(ordered) / 2:
-            continue
-        if missing:
+        is_count = times >= 2 and not any(difference % step for difference in steps)
+        if missing and is_count and len(missing) <= len(ordered) / 2:
             digits = numbers[ordered[0]] if str(ordered[0]).zfill(numbers[ordered[0]])[0] == "0" else 1
-            shown = ", ".join(f"{before}{n:0{digits}d}{after}" for n in missing[:6])
-            more = f" and {len(missing) - 6} more" if len(missing) > 6 else ""
             warnings.append(
-                f"{shown}{more}: missing from the numbering. If a photograph was lost, copy it from the camera; "
-                "a lights file that goes by order would be off by one from there."
+                f"{listed([f'{before}{n:0{digits}d}{after}' for n in missing])}: missing from the numbering. If a "
+                "photograph was lost, copy it from the camera; a lights file that goes by order would be off by one "
+                "from there."
             )
     return warnings

@@ -21,8 +21,7 @@ class FrameFacts:
     Parameters
     ----------
     small : (h, w) float32
-        Mean of the channels, averaged over boxes, at most SMALL_PX long.
-    mean : float
+        Mean of the channels, averaged over boxes, at most SMALL_PX long; `mean` is its mean.
     clipped_share : float
         Share of pixels with a clipped channel.
     blown_share : float
@@ -31,7 +30,6 @@ class FrameFacts:
         Codes by channel, of a regular sample of the pixels; empty for float frames.
     white : float
         Linear value at which this file's header says that the sensor clips.
-    is_mosaic : bool
     """
 
     small: NDArray[np.float32]

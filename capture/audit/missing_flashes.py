@@ -15,38 +15,16 @@ SAME_LIGHT = 0.003
 
 
 def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) -> list[str]:
-    """Raise for frames without light of their own; name those that are dark everywhere.
+    """Raise CaptureError for frames without light of their own; name those that are dark everywhere.
 
-    Parameters
-    ----------
-    names : tuple of F str
-    light : (F, h, w) float32
-        Reduced pictures at the reference exposure, ambient taken off.
-    ambient : (h, w) float32 or None
-
-    Raises
-    ------
-    CaptureError
-        A flash did not fire, or it fired in the ambient frame.
+    `light` (F, h, w): reduced pictures at the reference exposure, `ambient` (h, w) taken off.
     """
     brightest = light.max(axis=0)
     lit = brightest > 0.1 * np.quantile(brightest, 0.99)
     level = light[:, lit].mean(axis=1)
     usual = float(np.median(level))
-    if ambient is not None and usual <= 0.02 * float(ambient[lit].mean()):
-        raise CaptureError(
-            f"frames.ambient: is as bright as the flash frames (mean {ambient.mean():.4f} of white, flash adds "
-            f"{usual:.4f}). The flash fired there, or nowhere: shoot the ambient frame again without flash."
-        )
     if ambient is not None:
-        # Light only adds: where the frame without flash is brighter, it had a light that the others had not.
-        over = np.array([np.mean(one < -OUTSHINES * ambient - 0.02 * usual) for one in light])
-        if np.median(over) > LARGE:
-            raise CaptureError(
-                f"frames.ambient: is brighter than the frames with flash in {np.median(over):.1%} of the picture "
-                "(median frame; expected 0 %): the flash fired there, or the room was lit otherwise. Shoot the ambient "
-                "frame again without flash, or leave it out."
-            )
+        _check_ambient(light, ambient, usual, lit)
     share = level / max(usual, 1e-9)
     dead = np.flatnonzero(share < MISFIRE)
     if len(dead):
@@ -56,10 +34,10 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
         ]
         raise CaptureError("\n".join([*lines, "Reshoot, or list it under frames.skip."]))
     warnings = []
-    least = np.sort(light, axis=0)
+    least = light.min(axis=0)
     for i in np.flatnonzero(share < 0.5):
         # A misfire in a bright room has the room's light, and no more: darker than all others, everywhere.
-        darker = np.mean(light[i][lit] <= least[0][lit] + 0.02 * usual)
+        darker = np.mean(light[i][lit] <= least[lit] + 0.02 * usual)
         if len(names) >= 4 and darker > 0.98 and share[i] < 0.6 * np.partition(share, 1)[1]:
             warnings.append(
                 f"{names[i]}: darker than every other frame all over the picture ({share[i]:.0%} of their light). "
@@ -71,6 +49,22 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
             "rule: open the aperture or move the flash closer."
         )
     return warnings
+
+
+def _check_ambient(light: NDArray, ambient: NDArray, usual: float, lit: NDArray[np.bool_]) -> None:
+    if usual <= 0.02 * float(ambient[lit].mean()):
+        raise CaptureError(
+            f"frames.ambient: is as bright as the flash frames (mean {ambient.mean():.4f} of white, flash adds "
+            f"{usual:.4f}). The flash fired there, or nowhere: shoot the ambient frame again without flash."
+        )
+    # Light only adds: where the frame without flash is brighter, it had a light that the others had not.
+    over = np.median([np.mean(one < -OUTSHINES * ambient - 0.02 * usual) for one in light])
+    if over > LARGE:
+        raise CaptureError(
+            f"frames.ambient: is brighter than the frames with flash in {over:.1%} of the picture (median frame; "
+            "expected 0 %): the flash fired there, or the room was lit otherwise. Shoot the ambient frame again "
+            "without flash, or leave it out."
+        )
 
 
 def doubles(names: tuple[str, ...], facts: list[FrameFacts], light: NDArray) -> list[str]:
@@ -97,9 +91,9 @@ def doubles(names: tuple[str, ...], facts: list[FrameFacts], light: NDArray) -> 
         same = [b for b in range(a + 1, len(unique)) if difference[a, b] < SAME_LIGHT and b not in grouped]
         if same and a not in grouped:
             grouped.update(same)
-            listed = ", ".join(names[unique[b]] for b in (a, *same))
+            together = ", ".join(names[unique[b]] for b in (a, *same))
             warnings.append(
-                f"{listed}: lit from the same place (the pictures differ by {difference[a, same].max():.2%} after "
+                f"{together}: lit from the same place (the pictures differ by {difference[a, same].max():.2%} after "
                 "scaling). They count as one light."
             )
     return warnings

@@ -1,4 +1,4 @@
-"""Did the camera stand still? Each frame's static edges against those of all the others, tile by tile."""
+"""Did the camera stand still? One frame's static edges against the others', frames before against frames after."""
 
 from dataclasses import dataclass, replace
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts
-from capture.audit.moved_midway import Step, find_step, step_votes, tiles_of_either_half
 from capture.audit.static_edges import correlations, edge_share, edge_tiles, orientation, peak, sharpness
 from scene.frames import Frames
 
@@ -18,6 +17,21 @@ MOST_TILES = 32
 TILE_PX = 96
 REACH_PX = 20
 REACH = (REACH_PX, REACH_PX)
+FEWEST_BESIDE = 2
+"""Frames before and after a step: one alone is a frame that moved."""
+GAIN = 0.17
+"""By how much more of the tiles' votes a step must have than standing still: sound captures stay under 0.12."""
+LEAST_PX = 1.0
+"""Of a step: below, the drift of the shading with a flash that is carried around looks the same."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """From frame `first` on the picture lies `shift_px` (u, v) elsewhere, and is turned about its middle."""
+
+    first: int
+    shift_px: NDArray[np.float64]
+    turn_deg: float
 
 
 @dataclass(frozen=True)
@@ -30,7 +44,8 @@ class Movement:
         (u, v), full-size pixels; NaN where too few tiles could tell.
     moved : (F,) bool
     step : Step or None
-        All frames from one on lie elsewhere; full-size pixels. The frames' own shifts then tell nothing.
+        All frames from one on lie elsewhere; full-size pixels. Where half of the frames moved none is odd among the
+        others: their own shifts then tell nothing.
     """
 
     shift_px: NDArray[np.float64]
@@ -51,52 +66,55 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     """
     count = len(frames)
     unknown = np.full((count, 2), np.nan)
+    still = Movement(unknown, np.zeros(count, bool))
     if count < FEWEST_FRAMES:
-        return Movement(unknown, np.zeros(count, bool))
+        return still
     small = [np.asarray(fact.small) for fact in facts]
-    step = frames.height / small[0].shape[0]
+    scale = frames.height / small[0].shape[0]
     floor = np.array([0.02 * np.quantile(picture, 0.99) + 1e-6 for picture in small])
-    units = np.stack([orientation(picture, offset) for picture, offset in zip(small, floor, strict=True)])
+    units = _orientations(small, floor)
     jolt, jolted = _jolts(small, floor)
     middle = np.array([small[0].shape[1], small[0].shape[0]]) / 2
-    corners = tiles_of_either_half(units[~jolted], TILE_PX, MOST_TILES)
+    corners = _tiles_of_either_half(units[~jolted])
     if len(corners) >= FEWEST_TILES:
-        votes = [step_votes(units[~jolted, y : y + TILE_PX, x : x + TILE_PX], REACH_PX) for y, x in corners]
-        found = find_step(votes, np.array(corners)[:, ::-1] + TILE_PX / 2 - middle)
+        votes = [_step_votes(units[~jolted, y : y + TILE_PX, x : x + TILE_PX]) for y, x in corners]
+        found = _find_step(votes, np.array(corners)[:, ::-1] + TILE_PX / 2 - middle)
         if found is not None:
-            return Movement(unknown, np.zeros(count, bool), _among(found, ~jolted, step))
+            return replace(still, step=_among(found, ~jolted, scale))
     corners = edge_tiles(sharpness(units[~jolted]), int(np.sum(~jolted)), TILE_PX, MOST_TILES)
     if len(corners) < FEWEST_TILES:
-        return Movement(np.where(jolted[:, None], jolt * step, unknown), jolted)
-    shift, moved = _vote(
-        [_correlations(units[:, y : y + TILE_PX, x : x + TILE_PX], ~jolted, REACH) for y, x in corners], ~jolted
-    )
-    shift, moved = np.where(jolted[:, None], jolt, shift) * step, moved | jolted
+        return Movement(np.where(jolted[:, None], jolt * scale, unknown), jolted)
+    planes = [_correlations(units[:, y : y + TILE_PX, x : x + TILE_PX], ~jolted, REACH) for y, x in corners]
+    shift, moved = _vote(planes, ~jolted)
+    shift, moved = np.where(jolted[:, None], jolt, shift) * scale, moved | jolted
     steady = ~moved
-    tile = round(TILE_PX / step)
-    corners = edge_tiles(sharpness(units[steady]), int(steady.sum()), tile, 3 * MOST_TILES) if step > 1.5 else []
+    tile, wanted = round(TILE_PX / scale), 3 * MOST_TILES
+    corners = edge_tiles(sharpness(units[steady]), int(steady.sum()), tile, wanted) if scale > 1.5 else []
     if len(corners) < FEWEST_TILES:
         return Movement(shift, moved)
     candidates = []
     for y, x in corners:
-        top = int(np.clip(round(y * step), 0, frames.height - TILE_PX))
-        left = int(np.clip(round(x * step), 0, frames.width - TILE_PX))
+        top = int(np.clip(round(y * scale), 0, frames.height - TILE_PX))
+        left = int(np.clip(round(x * scale), 0, frames.width - TILE_PX))
         rows, columns = slice(top, top + TILE_PX), slice(left, left + TILE_PX)
         pixels = frames.read(rows, columns=columns, subtract_ambient=False).mean(axis=-1)
-        pixels /= frames.gain.astype(np.float32)[:, None, None]
-        units = np.stack([orientation(p, offset) for p, offset in zip(pixels, floor, strict=True)])
+        units = _orientations(pixels / frames.gain.astype(np.float32)[:, None, None], floor)
         half = int(steady.sum()) // 2
         clear = sharpness(units[steady][:half]).sum() + sharpness(units[steady][half:]).sum()
-        planes, votes = _correlations(units, steady, REACH), step_votes(units[steady], REACH_PX)
-        candidates.append((clear, planes, votes, np.array([left, top]) + TILE_PX / 2 - middle * step))
+        place = np.array([left, top]) + TILE_PX / 2 - middle * scale
+        candidates.append((clear, _correlations(units, steady, REACH), _step_votes(units[steady]), place))
     # What looked sharp when reduced may be a soft limb, whose edge shifts with the light.
     candidates.sort(key=lambda candidate: -candidate[0])
-    _, planes, votes, middles = zip(*candidates[:MOST_TILES], strict=True)
-    found = find_step(list(votes), np.array(middles))
+    _, planes, votes, places = zip(*candidates[:MOST_TILES], strict=True)
+    found = _find_step(votes, np.array(places))
     if found is not None:
-        return Movement(unknown, np.zeros(count, bool), _among(found, steady, 1.0))
-    fine, fine_moved = _vote(list(planes), steady)
+        return replace(still, step=_among(found, steady, 1.0))
+    fine, fine_moved = _vote(planes, steady)
     return Movement(np.where(moved[:, None], shift, fine), moved | fine_moved)
+
+
+def _orientations(pictures, floor: NDArray) -> NDArray[np.complex64]:
+    return np.stack([orientation(picture, offset) for picture, offset in zip(pictures, floor, strict=True)])
 
 
 def _among(found: Step, looked_at: NDArray[np.bool_], scale: float) -> Step:
@@ -112,16 +130,13 @@ def _jolts(small: list[NDArray], floor: NDArray) -> tuple[NDArray, NDArray[np.bo
     import cv2
 
     pictures = [cv2.resize(picture, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA) for picture in small]
-    units = np.stack([orientation(picture, offset) for picture, offset in zip(pictures, floor, strict=True)])
+    units = _orientations(pictures, floor)
+    shift, jolted = np.zeros((len(units), 2)), np.zeros(len(units), bool)
     if np.mean(sharpness(units) > 0) < edge_share(len(units)):
-        return np.zeros((len(units), 2)), np.zeros(len(units), bool)
-    height, width = units.shape[1:]
-    reach = (height // 2 - 1, width // 2 - 1)
-    planes = _correlations(units, np.ones(len(units), bool), reach)
-    shift = np.zeros((len(units), 2))
-    jolted = np.zeros(len(units), bool)
+        return shift, jolted
+    reach = (units.shape[1] // 2 - 1, units.shape[2] // 2 - 1)
     near = REACH_PX // 2
-    for i, plane in enumerate(planes):
+    for i, plane in enumerate(_correlations(units, np.ones(len(units), bool), reach)):
         row, column, _, _ = peak(plane)
         shift[i] = 2 * (column - reach[1]), 2 * (row - reach[0])
         middle = plane[max(reach[0] - near, 0) : reach[0] + near + 1, max(reach[1] - near, 0) : reach[1] + near + 1]
@@ -131,30 +146,86 @@ def _jolts(small: list[NDArray], floor: NDArray) -> tuple[NDArray, NDArray[np.bo
     return shift, jolted & (jolted.mean() < 0.4)
 
 
-def _vote(tiles: list[NDArray[np.float32]], steady: NDArray[np.bool_]) -> tuple[NDArray, NDArray[np.bool_]]:
-    """Return shifts (F, 2), and which frames moved; the reference is made of the `steady` frames.
-
-    A tile with a single edge cannot tell how far it slid along it: its correlation is a ridge. The ridges of tiles
-    with different edges cross at the true shift.
-    """
-    planes = np.stack(tiles)
-    total = planes.sum(axis=0)
-    shift = np.zeros((len(steady), 2))
-    preferring = np.zeros(len(steady))
-    for i, plane in enumerate(total):
-        row, column, down, right = peak(plane)
-        shift[i] = column + right, row + down
-        preferring[i] = np.mean(planes[:, i, row, column] > planes[:, i, REACH_PX, REACH_PX])
-    shift -= REACH_PX
-    length = np.linalg.norm(shift, axis=1)
-    # A session whose shading stirs every frame's vote needs more than one that is quiet.
-    limit = np.clip(4 * np.median(length[steady]), MOVED_PX, 3.0)
-    return shift, (length > limit) & (preferring > 0.6)
-
-
 def _correlations(units: NDArray[np.complex64], steady: NDArray[np.bool_], reach: tuple[int, int]) -> NDArray:
     """Return each frame's tile (F, h, w) against the mean of the other steady frames'."""
     # A frame is not held against itself: its own edges would pull the peak to zero.
     others = units[steady].sum(axis=0) - units * steady[:, None, None]
     others /= np.maximum(steady.sum() - steady, 1)[:, None, None]
     return correlations(units, others, reach)
+
+
+def _vote(tiles, steady: NDArray[np.bool_]) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Return shifts (F, 2), and which frames moved; the reference is made of the `steady` frames.
+
+    A tile with a single edge cannot tell how far it slid along it: its correlation is a ridge. The ridges of tiles
+    with different edges cross at the true shift.
+    """
+    planes = np.stack(tiles)
+    shift, preferring = np.zeros((len(steady), 2)), np.zeros(len(steady))
+    for i, plane in enumerate(planes.sum(axis=0)):
+        row, column, down, right = peak(plane)
+        shift[i] = column + right - REACH_PX, row + down - REACH_PX
+        preferring[i] = np.mean(planes[:, i, row, column] > planes[:, i, REACH_PX, REACH_PX])
+    length = np.linalg.norm(shift, axis=1)
+    # A session whose shading stirs every frame's vote needs more than one that is quiet.
+    limit = np.clip(4 * np.median(length[steady]), MOVED_PX, 3.0)
+    return shift, (length > limit) & (preferring > 0.6)
+
+
+def _tiles_of_either_half(units: NDArray[np.complex64]) -> list[tuple[int, int]]:
+    """Return (row, column) of tiles with edges that stand in the first half of the frames, or in the second."""
+    half = len(units) // 2
+    return edge_tiles((sharpness(units[:half]) + sharpness(units[half:])) / 2, half, TILE_PX, MOST_TILES)
+
+
+def _step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
+    """Return a tile's (F, h, w) votes (K, rows, columns): before each frame, the frames after against those before."""
+    count = len(units)
+    places = np.arange(FEWEST_BESIDE, count - FEWEST_BESIDE + 1)
+    if not len(places):
+        return np.zeros((0, 2 * REACH_PX + 1, 2 * REACH_PX + 1), np.float32)
+    sums = np.cumsum(units, 0)
+    before = sums[places - 1] / places[:, None, None]
+    after = (sums[-1] - sums[places - 1]) / (count - places)[:, None, None]
+    return correlations(after * np.abs(after) ** 2, before, REACH)
+
+
+def _find_step(votes, middles: NDArray[np.float64]) -> Step | None:
+    """Return the movement that stays, if there is one: tiles vote for a shift and a turn in common [Ballard1981].
+
+    `votes` are the tiles', see `_step_votes`; `middles` (T, 2) their (u, v) from the picture's middle.
+    """
+    planes = np.stack(votes)
+    if not planes.shape[1]:
+        return None
+    still = planes[:, :, REACH_PX, REACH_PX].mean(0)
+    farthest = max(float(np.linalg.norm(middles, axis=1).max()), 1.0)
+    best = (GAIN, -1, 0.0, np.zeros((1, 1)))
+    for turn in np.arange(-REACH_PX // 2, REACH_PX // 2 + 1) / farthest:
+        total = _turned(planes, middles, turn)
+        gains = total.max((1, 2)) - still
+        k = int(np.argmax(gains))
+        if gains[k] > best[0]:
+            best = (float(gains[k]), k, float(turn), total[k])
+    _, k, turn, plane = best
+    if k < 0:
+        return None
+    row, column, down, right = peak(plane)
+    shift = np.array([column + right - REACH_PX, row + down - REACH_PX])
+    moved = shift + turn * middles[:, ::-1] * [-1, 1]
+    if np.sqrt(np.mean(np.sum(moved**2, 1))) < LEAST_PX:
+        return None
+    return Step(k + FEWEST_BESIDE, shift, float(np.degrees(turn)))
+
+
+def _turned(planes: NDArray, middles: NDArray, turn: float) -> NDArray:
+    """Return the mean over tiles of planes (T, K, h, w), each moved by what a turn (radians) moves its tile."""
+    total = np.zeros(planes.shape[1:])
+    height, width = planes.shape[2:]
+    for plane, (u, v) in zip(planes, middles, strict=True):
+        # A turn moves the tile by (-turn v, turn u): its vote for the shift lies so far from its peak.
+        right, down = round(-turn * v), round(turn * u)
+        rows = slice(max(down, 0), min(height + down, height)), slice(max(-down, 0), min(height - down, height))
+        columns = slice(max(right, 0), min(width + right, width)), slice(max(-right, 0), min(width - right, width))
+        total[:, rows[1], columns[1]] += plane[:, rows[0], columns[0]]
+    return total / len(planes)

@@ -41,10 +41,7 @@ def edge_share(count: int) -> float:
 def edge_tiles(edges: NDArray[np.float64], count: int, tile: int, most: int) -> list[tuple[int, int]]:
     """Return (row, column) of the tiles with the most static edges, overlapping by half.
 
-    Parameters
-    ----------
-    edges : (h, w) float64
-        `sharpness` of so many frames.
+    `edges` (h, w) is the `sharpness` of `count` frames.
     """
     import cv2
 

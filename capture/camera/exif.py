@@ -16,16 +16,14 @@ class Exif:
 
     Parameters
     ----------
-    exposure_s, iso, aperture : float or None
-        Shutter time, sensitivity, f-number.
+    aperture : float or None
+        f-number.
     focal_mm, focal_35mm : float or None
         The lens' focal length, and what it would be on 36 x 24 mm.
     pixels_per_mm : (x, y) or None
-        Focal-plane resolution.
+        Focal-plane resolution, of a picture `width_px` wide.
     subject_mm : float or None
         What the lens is focused at.
-    width_px : int or None
-        Image width that `pixels_per_mm` refers to.
     taken : str or None
         "2026-11-21 09:30:12.34", with the fraction when the camera gives one.
     camera : str or None
@@ -64,18 +62,14 @@ def read_exif(path: Path) -> Exif:
     except Exception:
         # A maker's malformed block breaks the parser in many ways; the picture is what counts.
         tags = {}
-    return exif_of_tags(tags)
+    return _exif_of_tags(tags)
 
 
-def exif_of_tags(tags: Mapping[str, Any]) -> Exif:
-    """Return the fields of exifread's tags."""
-    resolution = None
+def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
     unit_mm = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}.get(int(_number(tags, "EXIF FocalPlaneResolutionUnit") or 2))
     x, y = _number(tags, "EXIF FocalPlaneXResolution"), _number(tags, "EXIF FocalPlaneYResolution")
-    if x and unit_mm:
-        resolution = (x / unit_mm, (y or x) / unit_mm)
     distance = _number(tags, "EXIF SubjectDistance")
-    width = _number(tags, "EXIF ExifImageWidth") or _number(tags, "Image ImageWidth")
+    width = _number(tags, "EXIF ExifImageWidth", "Image ImageWidth")
     orientation = _number(tags, "Image Orientation")
     return Exif(
         exposure_s=_number(tags, "EXIF ExposureTime", "Image ExposureTime"),
@@ -83,7 +77,7 @@ def exif_of_tags(tags: Mapping[str, Any]) -> Exif:
         aperture=_number(tags, "EXIF FNumber", "Image FNumber"),
         focal_mm=_number(tags, "EXIF FocalLength", "Image FocalLength"),
         focal_35mm=_number(tags, "EXIF FocalLengthIn35mmFilm"),
-        pixels_per_mm=resolution,
+        pixels_per_mm=(x / unit_mm, (y or x) / unit_mm) if x and unit_mm else None,
         width_px=int(width) if width else None,
         # All bits set: infinity.
         subject_mm=1000 * distance if distance and distance < 4e6 else None,

@@ -24,43 +24,28 @@ def camera_from_exif(
 ) -> tuple[Camera, tuple[str, ...]]:
     """Return the camera by the middle frame's focal length: focal-plane resolution, else the 35 mm equivalent.
 
-    Parameters
-    ----------
-    exif : sequence of Exif
-        Of the flash frames.
-    width, height : int
-        Of the decoded frames.
-    half : bool
-        They are 2 x 2 superpixels.
-
-    Returns
-    -------
-    camera : Camera
-        With `focal_sigma` and `center_sigma_px`. Orthographic where EXIF says nothing.
-    warnings : tuple of str
-
-    Notes
-    -----
-    A thin lens at magnification m has its image at f (1 + m), and m = f / (distance - f): 5 % at a metre with 50 mm.
-    Lenses that focus by moving inner groups get shorter instead, so half of it is added, and half of it is doubt.
-    Where EXIF does not tell the distance nothing is added, and all of it at a metre is doubt.
+    `exif` is the flash frames', `width` and `height` the decoded frames', which are 2 x 2 superpixels if `half`. The
+    camera has `focal_sigma` and `center_sigma_px`; it is orthographic where EXIF says nothing. With it come warnings.
     """
-    measured = [e for e in exif if e.focal_mm and e.pixels_per_mm]
-    equivalent = [e for e in exif if e.focal_35mm]
+    measured = sorted((e for e in exif if e.focal_mm and e.pixels_per_mm), key=lambda e: e.focal_mm or 0)
+    equivalent = sorted((e for e in exif if e.focal_35mm), key=lambda e: e.focal_35mm or 0)
+    convention = 0.0
     if measured:
-        e = sorted(measured, key=lambda e: e.focal_mm or 0)[len(measured) // 2]
-        fx, fy = _by_resolution(e, width, half)
-        convention = 0.0
+        e = measured[len(measured) // 2]
+        assert e.focal_mm
         assert e.pixels_per_mm
+        stated_mm = e.focal_mm
+        fx, fy = (_by_resolution(e, per_mm, width, half) for per_mm in e.pixels_per_mm)
         what = f"{e.focal_mm:g} mm at {e.pixels_per_mm[0]:.1f} px/mm (focal-plane resolution)"
     elif equivalent:
-        e = sorted(equivalent, key=lambda e: e.focal_35mm or 0)[len(equivalent) // 2]
+        e = equivalent[len(equivalent) // 2]
         assert e.focal_35mm
+        stated_mm = e.focal_35mm
         diagonal = float(np.hypot(width, height))
-        fx = fy = e.focal_35mm * diagonal / DIAGONAL_35MM
+        fx = fy = stated_mm * diagonal / DIAGONAL_35MM
         # Not every maker measures by the diagonal: on 3:2 it makes no difference, on 4:3 the width gives 4 % less.
         convention = abs(36 * diagonal / (DIAGONAL_35MM * max(width, height)) - 1) / 2
-        what = f"{e.focal_35mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
+        what = f"{stated_mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
     else:
         return Camera.orthographic(width, height), (
             "camera: unknown (no [camera] in session.toml, no focal length in EXIF): taken as orthographic. Then no "
@@ -68,18 +53,11 @@ def camera_from_exif(
             "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera], or shots of a ChArUco board.",
         )
     longer, breathing = _breathing(e)
-    stated_mm = e.focal_mm if measured else e.focal_35mm
-    assert stated_mm
     sigma = float(np.hypot(np.hypot(ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm), np.hypot(breathing, convention)))
     if e.subject_mm:
         what += f", focused at {e.subject_mm:.0f} mm"
     camera = Camera(
-        width,
-        height,
-        fx * longer,
-        fy * longer,
-        (width - 1) / 2,
-        (height - 1) / 2,
+        *(width, height, fx * longer, fy * longer, (width - 1) / 2, (height - 1) / 2),
         source="EXIF",
         focal_sigma=sigma,
         center_sigma_px=CENTER_SIGMA * width,
@@ -91,23 +69,22 @@ def camera_from_exif(
     )
 
 
-def _by_resolution(e: Exif, width: int, half: bool) -> tuple[float, float]:
+def _by_resolution(e: Exif, per_mm: float, width: int, half: bool) -> float:
     scale = 2 if half else 1
-    assert e.focal_mm
-    assert e.pixels_per_mm
     # A picture that was scaled after it was taken still states the resolution of the sensor. RAW files show a few more
     # pixels than EXIF's width, of the same pitch.
     shrunk = width * scale / e.width_px if e.width_px else 1.0
-    shrunk = 1.0 if 0.9 < shrunk < 1.1 else shrunk
-    x, y = e.pixels_per_mm
-    return e.focal_mm * x * shrunk / scale, e.focal_mm * y * shrunk / scale
+    return (e.focal_mm or 0.0) * per_mm * (1.0 if 0.9 < shrunk < 1.1 else shrunk) / scale
 
 
 def _breathing(e: Exif) -> tuple[float, float]:
-    """Return by what the focal length is multiplied for its focus, and the relative sigma of that."""
+    """Return by what the focal length is multiplied for its focus, and the relative sigma of that.
+
+    A thin lens at magnification m has its image at f (1 + m), and m = f / (distance - f): 5 % at a metre with 50 mm.
+    Lenses that focus by moving inner groups get shorter instead, so half of it is added, and half of it is doubt.
+    Where EXIF does not tell the distance nothing is added, and all of it at a metre is doubt.
+    """
     focal = e.focal_mm or e.focal_35mm or 0.0
     distance = e.subject_mm or USUAL_DISTANCE_MM
     magnification = min(focal / max(distance - focal, 1e-9), 1.0) if distance > focal else 1.0
-    if e.subject_mm:
-        return 1 + magnification / 2, magnification / 2
-    return 1.0, magnification
+    return (1 + magnification / 2, magnification / 2) if e.subject_mm else (1.0, magnification)

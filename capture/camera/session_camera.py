@@ -1,35 +1,30 @@
 """The camera of a session: what `session.toml` says, else a board's photographs, else EXIF, else orthographic."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.camera.exif import Exif
 from capture.camera.focal_length import camera_from_exif
-from capture.session.session import Charuco, Session
+from capture.photographs.develop import Recipe, read_photograph
+from capture.session.session_types import Charuco, Session
 from scene.camera import Camera
 from scene.errors import SessionError
+from scene.frames import decode
 from scene.reading import reading
-
-if TYPE_CHECKING:
-    from capture.photographs.decode import CaptureReport
-
 
 OFF_MIDDLE = 0.1
 """Share of the picture's side by which a principal point may lie off its middle without a word."""
 
 
-def camera_of(
-    session: Session, report: "CaptureReport | Sequence[Exif]", width: int, height: int
-) -> tuple[Camera, tuple[str, ...]]:
+def camera_of(session: Session, exif: Sequence[Exif], width: int, height: int) -> tuple[Camera, tuple[str, ...]]:
     """Return the camera of frames of the given size.
 
     Parameters
     ----------
-    session : Session
-    report : CaptureReport or sequence of Exif
+    exif : sequence of Exif
         Of the flash frames.
     width, height : int
         Of the decoded frames (halved, if `frames.half`).
@@ -45,7 +40,6 @@ def camera_of(
     SessionError
         [camera] is of another size than the frames, or the board was not found.
     """
-    exif = report if isinstance(report, Sequence) else report.exif
     if isinstance(session.camera, Camera):
         camera = fitted(session.camera, session, width, height)
         return camera, _off_middle(camera)
@@ -71,13 +65,7 @@ def _off_middle(camera: Camera) -> tuple[str, ...]:
 
 
 def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
-    """Return the camera at the frames' size: as it is, or halved with the superpixels.
-
-    Raises
-    ------
-    SessionError
-        It is of another size than the frames.
-    """
+    """Return the camera at the frames' size, as it is or halved with the superpixels; SessionError for another size."""
     if (camera.width, camera.height) == (width, height):
         return camera
     if session.half and (camera.width // 2, camera.height // 2) == (width, height):
@@ -94,24 +82,11 @@ def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
 
 
 def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
-    """Calibrate from photographs of a ChArUco board.
+    """Return the camera, full size, with distortion, by photographs of a ChArUco board; and a note on its errors.
 
-    Returns
-    -------
-    camera : Camera
-        Full size, with distortion.
-    note : str
-        Shots used, reprojection error, sigma of the focal length.
-
-    Raises
-    ------
-    SessionError
-        Unknown dictionary, or fewer than 3 shots in which the board was found.
-
-    Notes
-    -----
     Zhang's method [Zhang2000] on the corners of a ChArUco board [GarridoJurado2014]. The sigmas are those of the
     least squares: what the corners' scatter about the fit leaves open. A board that is not flat is not in them.
+    SessionError for an unknown dictionary, or fewer than 3 shots in which the board was found.
     """
     import cv2
 
@@ -159,8 +134,8 @@ def _camera_of_corners(
     calibrate: Any = cv2.calibrateCameraExtended
     rms, matrix, distortion, _, _, sigma, _, _ = calibrate(objects, images, (size[1], size[0]), None, None)
     fx, fy, cx, cy = (float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    k1, k2, p1, p2, k3 = (float(k) for k in np.ravel(distortion)[:5])
-    sigma_fx, sigma_fy, sigma_cx, sigma_cy = (float(value) for value in np.ravel(sigma)[:4])
+    k1, k2, p1, p2, k3 = map(float, np.ravel(distortion)[:5])
+    sigma_fx, sigma_fy, sigma_cx, sigma_cy = map(float, np.ravel(sigma)[:4])
     camera = Camera(
         size[1],
         size[0],
@@ -188,9 +163,6 @@ def _camera_of_corners(
 
 def _board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
     """Return an 8-bit gray picture for the marker detector, full size, gamma-encoded, bright."""
-    from capture.photographs.develop import Recipe, read_photograph
-    from scene.frames import decode
-
     linear = decode(read_photograph(file, Recipe(session.encoding, False, file)).codes).mean(axis=-1)
     white = max(float(np.quantile(linear, 0.99)), 1e-6)
     return (255 * np.clip(linear / white, 0, 1) ** (1 / 2.2)).astype(np.uint8)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.audit import audit
-from capture.audit.exposure import exposure_by_room, reference_exposure
+from capture.audit.camera_settings import exposure_by_room, reference_exposure
 from capture.audit.frame_facts import FrameFacts, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
 from capture.photographs.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.photographs.photograph import SATURATION
-from capture.session.session import Session
+from capture.session.session_types import Session
 from scene.camera import Camera
 from scene.fan_out import fan_out
 from scene.files import create_array, remove, write_npy
@@ -37,7 +37,6 @@ class CaptureReport:
 
     Parameters
     ----------
-    names : tuple of F str
     width, height : int
         Pixels, after `half`.
     brightness : (F,) float64
@@ -46,7 +45,6 @@ class CaptureReport:
         Share of each frame's pixels that are clipped, small highlights included.
     gain : (F,) float64
         Brings each frame to the reference exposure.
-    exif : tuple of F Exif
     ambient_count : int
         Ambient frames that were averaged.
     seconds : float
@@ -88,7 +86,6 @@ def decode(
 
     Parameters
     ----------
-    session : Session
     store : Store
         Gets frames/codes.npy, frames/ambient.npy and, last, frames/frames.json: all of them or none.
     executor : Executor or None
@@ -137,20 +134,20 @@ def decode(
             # A unit holds its file, its codes, and the decoder's own copies.
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
             facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
-            saturation, ceiling_warnings = _saturation(facts, first.codes.dtype)
-            if ceiling_warnings and recipe.is_corrected:
+            saturation, told = _saturation(facts, first.codes.dtype)
+            if told and recipe.is_corrected:
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 steps.total += len(jobs)
-                recipe = replace(recipe, saturation=saturation)
-                jobs = [replace(job, recipe=recipe) for job in jobs]
+                jobs = [replace(job, recipe=replace(recipe, saturation=saturation)) for job in jobs]
                 facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
             is_mosaic = any(fact.is_mosaic for fact in facts)
             pictures = np.stack([fact.small * factor for fact, factor in zip(facts, gain, strict=True)])
-            by_room, told = exposure_by_room(session.names, pictures, None if ambient is None else reduced(ambient))
+            small = None if ambient is None else reduced(ambient)
+            by_room, of_room = exposure_by_room(session.names, pictures, small)
             gain = gain * by_room
             frames = Frames(session.names, codes, gain, ambient, saturation, is_mosaic)
-            told = (*ceiling_warnings, *told)
-            warnings = told + audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
+            found = audit(session, frames, exif, facts=facts, ambient_exif=ambient_exif)
+            warnings = (*told, *of_room, *found)
             del frames, codes
         saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
@@ -161,13 +158,13 @@ def decode(
         session.names,
         width,
         height,
-        np.array([fact.mean for fact in facts]) * gain,
-        np.array([fact.clipped_share for fact in facts]),
-        gain,
-        tuple(exif),
-        len(session.ambient),
-        time.perf_counter() - begin,
-        warnings,
+        brightness=np.array([fact.mean for fact in facts]) * gain,
+        saturated_share=np.array([fact.clipped_share for fact in facts]),
+        gain=gain,
+        exif=tuple(exif),
+        ambient_count=len(session.ambient),
+        seconds=time.perf_counter() - begin,
+        warnings=warnings,
     )
     return store.load_frames(), report
 
@@ -188,20 +185,15 @@ def _with_corrections(session: Session, recipe: Recipe, scratch: dict[str, Path]
     """Return the recipe with the dark frame and the flat field, if there are any, as files for every worker."""
     dark = None
     if session.dark:
-        dark = _mean(session.dark, [1.0] * len(session.dark), recipe, steps)
+        dark = _mean(session.dark, None, recipe, steps)
         write_npy(scratch["dark"], dark)
     if session.flat:
-        flat = _mean(session.flat, [1.0] * len(session.flat), recipe, steps)
-        write_npy(scratch["flat"], flat_field(flat, dark, session.flat[0].name))
-    return replace(
-        recipe,
-        dark=scratch["dark"] if session.dark else None,
-        flat=scratch["flat"] if session.flat else None,
-    )
+        write_npy(scratch["flat"], flat_field(_mean(session.flat, None, recipe, steps), dark, session.flat[0].name))
+    return replace(recipe, **{key: path for key, path in scratch.items() if getattr(session, key)})
 
 
-def _mean(files: Sequence[Path], gain: Sequence[float], recipe: Recipe, steps: _Steps) -> NDArray[np.float32]:
-    mean = mean_photograph(files, gain, recipe)
+def _mean(files: Sequence[Path], gain: Sequence[float] | None, recipe: Recipe, steps: _Steps) -> NDArray[np.float32]:
+    mean = mean_photograph(files, gain or [1.0] * len(files), recipe)
     for _ in files:
         steps.done()
     return mean

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts, facts_of, reduced
-from capture.photographs.images import FLOAT16_MAX, Encoding, read_image
+from capture.photographs.images import FLOAT16_MAX, read_image
 from capture.photographs.photograph import SATURATION, Photograph
 from capture.photographs.raw import read_raw
 from capture.session.globs import kind_of
+from capture.session.session_types import Encoding
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE
 from scene.frames import decode as linear_of
@@ -23,8 +24,6 @@ class Recipe:
 
     Parameters
     ----------
-    encoding, half
-        As in `Session`.
     like : Path
         The photograph whose size and kind all others must have.
     shape : (H, W) or None
@@ -66,13 +65,7 @@ class Job:
 
 
 def read_photograph(file: Path, recipe: Recipe) -> Photograph:
-    """Read one file, uncorrected.
-
-    Raises
-    ------
-    CaptureError
-        Unreadable, or of another size or kind than `recipe.like`.
-    """
+    """Read one file, uncorrected; CaptureError if unreadable, or of another size or kind than `recipe.like`."""
     if kind_of(file) == "raw":
         photograph = read_raw(file, sensor_range=recipe.sensor_range, half=recipe.half)
     else:
@@ -157,12 +150,8 @@ def flat_field(mean: NDArray[np.float32], dark: NDArray | None, name: str) -> ND
     """Return the divisor that evens out lens and sensor: the flat frame less dark, each channel by its own mean.
 
     All of it is scaled so that its darkest place (the 0.1 % quantile) is 1. A divisor below 1 would lift good samples
-    above white, where neither a code nor `Frames.saturation` could tell them from clipped ones.
-
-    Raises
-    ------
-    CaptureError
-        The flat frame is too dark somewhere, or clipped.
+    above white, where neither a code nor `Frames.saturation` could tell them from clipped ones. CaptureError for a
+    flat frame that is too dark somewhere, or clipped.
     """
     flat = mean if dark is None else mean - dark
     level = flat.mean(axis=(0, 1))

@@ -7,19 +7,18 @@ import io
 import threading
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.photographs.photograph import Photograph, halve
 from capture.session.globs import kind_of
+from capture.session.session_types import Encoding
 from scene.errors import CaptureError
 from scene.frames import encode
 from scene.image_files import check_header, pixels_of
 from scene.reading import reading
-
-Encoding = Literal["linear", "srgb"] | float
 
 FLOAT16_MAX = 65504.0
 
@@ -27,22 +26,10 @@ _THREADS = threading.Lock()
 
 
 def read_image(path: Path, encoding: Encoding, *, half: bool = False) -> Photograph:
-    """Read a picture.
+    """Read a picture, 8 or 16-bit PNG, TIFF, JPEG, TGA, PGM, PPM, BMP, OpenEXR or float TIFF.
 
-    Parameters
-    ----------
-    path : Path
-        8 or 16-bit PNG, TIFF, JPEG, TGA, PGM, PPM, BMP; OpenEXR; float TIFF. Gray is copied to three channels,
-        alpha is dropped.
-    encoding : "linear", "srgb" or float
-        How 8 and 16-bit values are coded. A number is a gamma: linear = value ** gamma.
-    half : bool
-        Average 2 x 2 pixels.
-
-    Raises
-    ------
-    CaptureError
-        The file cannot be read, or is cut short.
+    Gray is copied to three channels, alpha is dropped; `half` averages 2 x 2 pixels. CaptureError for a file that
+    cannot be read, or is cut short.
     """
     values: NDArray
     values, white = _read_exr(path) if kind_of(path) == "exr" else _read_pixels(path)
@@ -62,8 +49,6 @@ def read_image(path: Path, encoding: Encoding, *, half: bool = False) -> Photogr
 def linear_of_values(values: NDArray, encoding: Encoding) -> NDArray[np.float64]:
     """Return linear light of coded values, both 0 to 1.
 
-    Notes
-    -----
     sRGB: v / 12.92 below 0.04045, ((v + 0.055) / 1.055) ** 2.4 above (IEC 61966-2-1).
     """
     values = np.asarray(values, np.float64)

@@ -22,31 +22,12 @@ BAND_ROWS = 512
 
 
 def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = False) -> Photograph:
-    """Decode a RAW file.
+    """Decode a RAW file of any kind that LibRaw reads: the sensor's own colours, no white balance, not turned.
 
-    Parameters
-    ----------
-    path : Path
-        Anything that LibRaw reads.
-    sensor_range : float or None
-        DN between black and 1.0. None: this file's own white level less its black level.
-    half : bool
-        2 x 2 superpixels (R, the mean of both G, B) instead of interpolated colours.
-
-    Returns
-    -------
-    photograph : Photograph
-        Colours of the sensor, no white balance, not turned.
-
-    Raises
-    ------
-    CaptureError
-        The file is corrupt, cut short, or no RAW file.
-
-    Notes
-    -----
-    linear = (DN - black of the channel) / sensor_range; negative noise is kept. Missing colours of a Bayer mosaic
-    are the means of the nearest neighbours (bilinear): an edge-adaptive method would bend radiometry.
+    linear = (DN - black of the channel) / sensor_range; negative noise is kept. `sensor_range` is the DN between black
+    and 1.0, this file's own white level less its black level if None. Missing colours of a Bayer mosaic are the means
+    of the nearest neighbours (bilinear): an edge-adaptive method would bend radiometry. `half`: 2 x 2 superpixels (R,
+    the mean of both G, B) instead. CaptureError for a file that is corrupt, cut short, or no RAW file.
     """
     import rawpy
 
@@ -66,9 +47,8 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
         scale = sensor_range or own_range
         pattern = raw.raw_pattern
         if raw.raw_type == rawpy.RawType.Stack:
-            codes = _codes_of_stack(raw.raw_image_visible, black, scale)
+            codes, is_mosaic = _codes_of_stack(raw.raw_image_visible, black, scale), False
             codes = halve(codes) if half else codes
-            is_mosaic = False
         elif pattern is not None and pattern.shape == (2, 2) and raw.color_desc == b"RGBG":
             mosaic, site_black = raw.raw_image_visible, np.asarray(black)[pattern]
             letters = "".join("RGBG"[i] for i in pattern.ravel())
@@ -77,8 +57,8 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
             decode = _superpixels if half else _bilinear
             codes, is_mosaic = decode(mosaic, site_black, letters, scale), not half
         else:
-            codes = _codes_by_libraw(raw, black, white, scale)
-            codes, is_mosaic = (halve(codes) if half else codes), not half
+            codes, is_mosaic = _codes_by_libraw(raw, black, white, scale), not half
+            codes = halve(codes) if half else codes
     return Photograph(codes, min(own_range / scale, 1.0), scale, is_mosaic)
 
 

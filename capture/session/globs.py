@@ -18,12 +18,8 @@ MOST_FOLDERS = 10_000
 
 def kind_of(path: Path) -> str | None:
     """Return "raw", "image" or "exr" by the file's suffix; None if no reader knows it."""
-    suffix = path.suffix.lower()
-    if suffix in RAW_SUFFIXES:
-        return "raw"
-    if suffix in IMAGE_SUFFIXES:
-        return "image"
-    return "exr" if suffix == ".exr" else None
+    kinds = {"raw": RAW_SUFFIXES, "image": IMAGE_SUFFIXES, "exr": (".exr",)}
+    return next((kind for kind, suffixes in kinds.items() if path.suffix.lower() in suffixes), None)
 
 
 def natural_key(path: Path) -> tuple:
@@ -33,16 +29,10 @@ def natural_key(path: Path) -> tuple:
 
 
 def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
-    """Return the files that globs match, and what is wrong with the globs.
+    """Return the files, absolute, that globs match, and what is wrong with the globs.
 
-    Each glob's files come in natural order, the globs in the order given.
-
-    Returns
-    -------
-    files : list of Path
-        Absolute.
-    faults : list of str
-        A glob that matches nothing, a file that is matched twice.
+    Each glob's files come in natural order, the globs in the order given. A fault is a glob that matches nothing, or a
+    file that is matched twice.
     """
     files: dict[Path, None] = {}
     faults: list[str] = []
@@ -67,10 +57,7 @@ def expand(patterns: list[str], folder: Path) -> tuple[list[Path], list[str]]:
 def matches(pattern: str, folder: Path) -> list[Path]:
     """Return what a glob matches; each real folder once, whatever links lead to it.
 
-    Raises
-    ------
-    ValueError
-        `**` leads through more folders than a session has.
+    ValueError where `**` leads through more folders than a session has.
     """
     parts = pattern.split("/")
     if "**" not in parts:

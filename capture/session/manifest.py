@@ -5,8 +5,7 @@ The models hold what is written; `capture/session/resolve.py` resolves it agains
 
 import copy
 import difflib
-import types
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     AfterValidator,
@@ -131,15 +130,21 @@ class Manifest(Table):
     object: ObjectTable = ObjectTable()
 
 
-def parse(data: dict[str, Any]) -> tuple[Manifest | None, list[str]]:
-    """Return what can be understood of a manifest, and what is wrong with it.
+TABLES: dict[str, type[Table]] = {
+    "": Manifest,
+    "frames": FramesTable,
+    "camera": CameraTable,
+    "camera.board": BoardTable,
+    "spheres": SphereTable,
+    "lights": LightsTable,
+    "object": ObjectTable,
+}
 
-    Returns
-    -------
-    manifest : Manifest or None
-        Without the tables at fault, so that the files that the others name can be checked in the same run.
-    faults : list of str
-        One line each: "key.path: what was found, what to do".
+
+def parse(data: dict[str, Any]) -> tuple[Manifest | None, list[str]]:
+    """Return what can be understood of a manifest, and a line of "key.path: what was found, what to do" a fault.
+
+    The manifest is without the tables at fault, so that the files that the others name can be checked in the same run.
     """
     try:
         return Manifest.model_validate(data), []
@@ -199,36 +204,13 @@ def _path(location: list) -> str:
 
 def _suggestion(location: list) -> str:
     """Say which key may have been meant: a like one in the same table, else the same one elsewhere."""
-    table = _table_at(location[:-1])
+    own = ".".join(part for part in location[:-1] if isinstance(part, str))
     key = str(location[-1])
-    known = list(table.model_fields) if table else []
+    known = list(TABLES[own].model_fields) if own in TABLES else []
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
     if close:
         return f"Did you mean {close[0]}?"
-    for name, field in Manifest.model_fields.items():
-        model = _model_in(field.annotation)
-        if model and model is not table and key in model.model_fields:
-            bracket = f"[[{name}]]" if name == "spheres" else f"[{name}]"
-            return f"It belongs under {bracket}."
+    for name, table in TABLES.items():
+        if name not in ("", own, "camera.board") and key in table.model_fields:
+            return f"It belongs under {'[[spheres]]' if name == 'spheres' else f'[{name}]'}."
     return f"Known here: {', '.join(known)}."
-
-
-def _table_at(location: list) -> type[Table] | None:
-    model: type[Table] | None = Manifest
-    for part in location:
-        if isinstance(part, str) and model is not None:
-            field = model.model_fields.get(part)
-            model = _model_in(field.annotation) if field else None
-    return model
-
-
-def _model_in(annotation: Any) -> type[Table] | None:
-    """Return the table that an annotation such as `list[SphereTable]` or `CameraTable | None` holds."""
-    if isinstance(annotation, type) and issubclass(annotation, Table):
-        return annotation
-    if get_origin(annotation) in (list, Union, types.UnionType):
-        for inner in get_args(annotation):
-            model = _model_in(inner)
-            if model:
-                return model
-    return None

@@ -7,7 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session.session import Session, SphereSpec
+from capture.photographs.decode import decode
+from capture.photographs.images import read_image
+from capture.session.session_types import Session, SphereSpec
 from scene.camera import Camera
 from scene.errors import CaptureError, SceneError, SessionError
 from scene.files import write_json
@@ -19,22 +21,11 @@ from scene.store import Store
 def sphere_requests(
     session: Session, store: Store, *, executor: Executor | None = None
 ) -> tuple[list[SphereRequest], tuple[str, ...]]:
-    """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded.
+    """Return the session's `[[spheres]]`, with masks read and balls' own photographs decoded, and warnings.
 
-    Parameters
-    ----------
-    session : Session
-    store : Store
-        Holds the session's frames already. A ball that was shot apart gets frames of its own in
-        spheres/<n>/frames; they are used again while neither its photographs nor the session's frames change.
-    executor : Executor or None
-        Where balls' photographs are decoded; see `capture.photographs.decode.decode`.
-
-    Returns
-    -------
-    requests : list of SphereRequest
-    warnings : tuple of str
-        What the audit says of balls' own photographs, each after the ball's key.
+    The store holds the session's frames already. A ball that was shot apart gets frames of its own in
+    spheres/<n>/frames, decoded by `executor`; they are used again while neither its photographs nor the session's
+    frames change. What the audit says of them comes after the ball's key.
 
     Raises
     ------
@@ -49,13 +40,7 @@ def sphere_requests(
     for i, spec in enumerate(session.spheres):
         key = f"spheres[{i}]"
         if spec.frames and spec.frames not in decoded:
-            decoded[spec.frames], found = _frames_apart(
-                session,
-                spec,
-                Store(store.path("spheres", str(i))),
-                store.path("frames", "frames.json"),
-                executor=executor,
-            )
+            decoded[spec.frames], found = _frames_apart(session, spec, i, store, executor)
             warnings += [f"{key}: {text}" for text in found]
         frames = decoded.get(spec.frames)
         if frames is not None and (frames.height, frames.width) != (header.height, header.width):
@@ -87,14 +72,13 @@ def hint_scale(session: Session, width: int) -> int:
 
 
 def _frames_apart(
-    session: Session, spec: SphereSpec, store: Store, session_header: Path, *, executor: Executor | None
+    session: Session, spec: SphereSpec, place: int, whole: Store, executor: Executor | None
 ) -> tuple[Frames, list[str]]:
     """Return the photographs of a ball that was shot apart, decoded as the session's own, and the audit's warnings."""
-    from capture.photographs.decode import decode
-
     # The session's own frames are decoded again whenever a setting changes; these follow. Compared as equal or not:
     # a photograph that replaces another may well be the older file.
-    stamps = [_stamp(path) for path in (*spec.frames, session_header)]
+    stamps = [_stamp(path) for path in (*spec.frames, whole.path("frames", "frames.json"))]
+    store = Store(whole.path("spheres", str(place)))
     source = store.path("source.json")
     if store.path("frames", "frames.json").exists() and source.exists():
         known = store.read_json("source.json")
@@ -118,15 +102,9 @@ def _stamp(path: Path) -> list[str | int]:
 def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:
     """Return a mask image as (height, width) bool: True where it is brighter than half of its white.
 
-    A mask of twice the size fits frames that were halved: a superpixel belongs if all four pixels do.
-
-    Raises
-    ------
-    SessionError
-        Unreadable, of another size, or empty.
+    A mask of twice the size fits frames that were halved: a superpixel belongs if all four pixels do. SessionError if
+    it is unreadable, of another size, or empty.
     """
-    from capture.photographs.images import read_image
-
     try:
         codes = read_image(path, "linear").codes
     except SceneError as error:

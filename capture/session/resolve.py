@@ -1,24 +1,25 @@
 """From the manifest's strings to files that exist, and to plain values that fit together."""
 
 import difflib
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from capture.session.globs import expand, frame_names, kind_of
-from capture.session.session import Charuco, Session, SphereSpec
+from capture.session.session_types import Charuco, Encoding, Session, SphereSpec
+from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
+from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
 from scene.camera import Camera
 from scene.reading import shortened
 
 if TYPE_CHECKING:
     from capture.session.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
 
-# What the rooms behind can read; a test holds these against theirs.
-LIGHTS_SUFFIXES = (".lp", ".json", ".txt", ".dome", ".mat")
-NORMALS_SUFFIXES = (".mat", ".txt", ".npy", ".png")
+_CAMERA = ("width", "height", "fx", "fy", "cx", "cy")
 
 
 class Resolver:
@@ -28,26 +29,26 @@ class Resolver:
         self.folder = folder
         self.faults = faults
 
+    def fault(self, key: str, text: str) -> None:
+        self.faults.append(f"{key}: {text}")
+
     def session(self, manifest: "Manifest") -> Session | None:
+        """Return the session that is meant; None where there are faults."""
         frames, known = manifest.frames, manifest.object
         self.check_name(manifest.name)
         flash = self.photographs("frames.flash", frames.flash)
         others = {
-            key: self.photographs(f"frames.{key}", getattr(frames, key) or [], like=flash)
+            key: tuple(self.photographs(f"frames.{key}", getattr(frames, key) or [], like=flash))
             for key in ("ambient", "dark", "flat")
         }
         for key, files in others.items():
-            for file in files:
-                if file in flash:
-                    self.faults.append(
-                        f"frames.{key}: {file.name} is also among frames.flash. Narrow frames.flash, "
-                        'as in "flash_*.dng".'
-                    )
+            for file in (file for file in files if file in flash):
+                text = f'{file.name} is also among frames.flash. Narrow frames.flash, as in "flash_*.dng".'
+                self.fault(f"frames.{key}", text)
         kept, names = self.kept(flash, frames.skip), frame_names(flash)
         if known.picks and not known.scan:
-            self.faults.append(
-                'object.picks: picks are points of a scan, and there is none. Add scan = "...", or drop it.'
-            )
+            text = 'picks are points of a scan, and there is none. Add scan = "...", or drop it.'
+            self.fault("object.picks", text)
         lights = manifest.lights and self.file("lights.file", manifest.lights.file, LIGHTS_SUFFIXES)
         session = Session(
             name=manifest.name or self.folder.name,
@@ -55,9 +56,9 @@ class Resolver:
             flash=tuple(flash[i] for i in kept),
             names=tuple(names[i] for i in kept),
             kept=tuple(kept),
-            ambient=tuple(others["ambient"]),
-            dark=tuple(others["dark"]),
-            flat=tuple(others["flat"]),
+            ambient=others["ambient"],
+            dark=others["dark"],
+            flat=others["flat"],
             encoding=self.encoding(frames, flash),
             encoding_stated=frames.linear is not None or frames.gamma is not None,
             half=frames.half,
@@ -80,9 +81,10 @@ class Resolver:
         if name is not None and (
             not name.strip(" .") or len(name) > 100 or not name.isprintable() or set(name) & set("/\\:")
         ):
-            self.faults.append(
-                f'name: found "{shortened(name)}". It becomes a folder\'s name: give a short word without / \\ : that '
-                "is not only dots."
+            self.fault(
+                "name",
+                f'found "{shortened(name)}". It becomes a folder\'s name: give a short word without / \\ : that is not '
+                "only dots.",
             )
 
     @staticmethod
@@ -97,16 +99,11 @@ class Resolver:
             return None
         path = self.folder / name
         if not path.is_file():
-            near = path.parent.is_dir() and difflib.get_close_matches(
-                path.name, [other.name for other in path.parent.iterdir()], n=1
-            )
-            self.faults.append(
-                f"{key}: there is no file {path}. " + (f"Did you mean {near[0]}?" if near else "Correct the name.")
-            )
+            names = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
+            self.fault(key, f"there is no file {path}. {_meant(path.name, names) or 'Correct the name.'}")
         elif suffixes and path.suffix.lower() not in suffixes:
-            self.faults.append(
-                f"{key}: {path.name} cannot be read, its kind is unknown. Give one of {', '.join(suffixes)}."
-            )
+            text = f"{path.name} cannot be read, its kind is unknown. Give one of {', '.join(suffixes)}."
+            self.fault(key, text)
         return path
 
     def photographs(self, key: str, patterns: list[str], *, like: list[Path] | None = None) -> list[Path]:
@@ -117,49 +114,44 @@ class Resolver:
         for file in files:
             kinds.setdefault(kind_of(file), []).append(file)
         for file in kinds.pop(None, []):
-            self.faults.append(f"{key}: {file.name} is no photograph that can be read. Narrow the glob.")
+            self.fault(key, f"{file.name} is no photograph that can be read. Narrow the glob.")
         if len(kinds) > 1:
             counts = " and ".join(f"{len(found)} {found[0].suffix}" for found in kinds.values())
-            self.faults.append(f"{key}: matches {counts} files. Name files of one kind, the RAW ones if there are any.")
-        elif kinds and like:
-            kind = next(iter(kinds))
-            if kind != kind_of(like[0]):
-                self.faults.append(
-                    f"{key}: {files[0].name} is of another kind than the flash frames ({like[0].name}). "
-                    "Their values cannot be compared: give files of the same kind."
-                )
+            self.fault(key, f"matches {counts} files. Name files of one kind, the RAW ones if there are any.")
+        elif kinds and like and next(iter(kinds)) != kind_of(like[0]):
+            self.fault(
+                key,
+                f"{files[0].name} is of another kind than the flash frames ({like[0].name}). Their values cannot be "
+                "compared: give files of the same kind.",
+            )
         return files
 
     def kept(self, flash: list[Path], skip: list[str]) -> list[int]:
-        if not flash:
-            return []
-        names = frame_names(flash)
-        dropped = set()
-        for entry in skip:
+        """Return the places of the flash frames that are not skipped."""
+        names, dropped = frame_names(flash), set()
+        for entry in skip if flash else ():
             found = [i for i, path in enumerate(flash) if entry in (names[i], path.stem, path.name)]
             dropped.update(found)
             if not found:
-                near = difflib.get_close_matches(entry, names, n=1)
-                self.faults.append(
-                    f'frames.skip: "{entry}" is none of the {len(flash)} flash frames. '
-                    + (f"Did you mean {near[0]}?" if near else "Drop it from the list.")
-                )
-        if len(dropped) == len(flash):
-            self.faults.append(f"frames.skip: leaves none of the {len(flash)} flash frames.")
+                do = _meant(entry, names) or "Drop it from the list."
+                self.fault("frames.skip", f'"{entry}" is none of the {len(flash)} flash frames. {do}')
+        if flash and len(dropped) == len(flash):
+            self.fault("frames.skip", f"leaves none of the {len(flash)} flash frames.")
         return [i for i in range(len(flash)) if i not in dropped]
 
-    def encoding(self, frames: "FramesTable", flash: list[Path]) -> Literal["linear", "srgb"] | float:
+    def encoding(self, frames: "FramesTable", flash: list[Path]) -> Encoding:
         if frames.linear is True and frames.gamma not in (None, 1.0):
-            self.faults.append(f"frames.gamma: found {frames.gamma} beside linear = true. Keep one of them.")
+            self.fault("frames.gamma", f"found {frames.gamma} beside linear = true. Keep one of them.")
         coded = frames.linear is False or frames.gamma not in (None, 1.0)
         if coded and flash and kind_of(flash[0]) in ("raw", "exr"):
             key = "frames.gamma" if frames.gamma else "frames.linear"
-            self.faults.append(f"{key}: {flash[0].suffix} files are linear by themselves. Drop the key.")
+            self.fault(key, f"{flash[0].suffix} files are linear by themselves. Drop the key.")
         if flash and flash[0].suffix.lower() in (".jpg", ".jpeg") and frames.linear is None and frames.gamma is None:
             # Taken as linear by default they would cost some ten degrees; nearly all of them are not.
-            self.faults.append(
-                f"frames.linear: missing, and {flash[0].name} is a JPEG. Write linear = false (as cameras write them: "
-                "sRGB), gamma = 2.2, or linear = true if they really are."
+            self.fault(
+                "frames.linear",
+                f"missing, and {flash[0].name} is a JPEG. Write linear = false (as cameras write them: sRGB), "
+                "gamma = 2.2, or linear = true if they really are.",
             )
         if frames.gamma is not None:
             return "linear" if frames.gamma == 1.0 else frames.gamma
@@ -168,81 +160,79 @@ class Resolver:
     def camera(self, table: "CameraTable | None") -> Camera | Charuco | None:
         if table is None:
             return None
-        numbers = ("width", "height", "fx", "fy", "cx", "cy")
-        given = [name for name in numbers if getattr(table, name) is not None]
+        given = [name for name in _CAMERA if getattr(table, name) is not None]
         if table.charuco is not None or table.board is not None:
             return self.charuco(table, given)
-        if len(given) < len(numbers):
-            missing = [name for name in numbers if name not in given]
-            self.faults.append(
-                f"camera: incomplete, without {', '.join(missing)}. Give all of {', '.join(numbers)}, "
-                "or charuco and board, or drop [camera]: it is then read from EXIF."
+        if len(given) < len(_CAMERA):
+            self.fault(
+                "camera",
+                f"incomplete, without {', '.join(name for name in _CAMERA if name not in given)}. Give all of "
+                f"{', '.join(_CAMERA)}, or charuco and board, or drop [camera]: it is then read from EXIF.",
             )
             return None
-        width, height, fx, fy, cx, cy = (getattr(table, name) for name in numbers)
+        width, height, fx, fy, cx, cy = (getattr(table, name) for name in _CAMERA)
         if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
-            self.faults.append(
-                f"camera.cx, camera.cy: found {cx}, {cy}, outside of the image of {width} x {height} px. "
-                "They are pixels from the centre of the upper left pixel."
+            self.fault(
+                "camera.cx, camera.cy",
+                f"found {cx}, {cy}, outside of the image of {width} x {height} px. They are pixels from the centre of "
+                "the upper left pixel.",
             )
         for key, focal, size in (("fx", fx, width), ("fy", fy, height)):
             if not 0.1 <= focal / size <= 1000:
-                self.faults.append(
-                    f"camera.{key}: found {focal:g} px for a picture of {size} px; lenses have 0.1 to 1000 times the "
-                    "picture. Give the focal length in pixels, not in millimetres."
+                self.fault(
+                    f"camera.{key}",
+                    f"found {focal:g} px for a picture of {size} px; lenses have 0.1 to 1000 times the picture. Give "
+                    "the focal length in pixels, not in millimetres.",
                 )
                 return None
         camera = Camera(width, height, fx, fy, cx, cy, tuple(table.distortion or [0.0] * 5))
         corners = [[u, v] for u in (0, width - 1) for v in (0, height - 1)]
         moved = np.abs(camera.project(replace(camera, distortion=(0.0,) * 5).rays(corners)[1]) - corners).max()
         if not moved <= max(width, height):
-            self.faults.append(
-                f"camera.distortion: found {list(camera.distortion)}, which moves a corner of the picture by "
-                f"{moved:.3g} px, beyond its size. Give OpenCV's k1 k2 p1 p2 k3."
+            self.fault(
+                "camera.distortion",
+                f"found {list(camera.distortion)}, which moves a corner of the picture by {moved:.3g} px, beyond its "
+                "size. Give OpenCV's k1 k2 p1 p2 k3.",
             )
         return camera
 
     def charuco(self, table: "CameraTable", given: list[str]) -> Charuco | None:
         if given or table.distortion is not None:
-            self.faults.append(
-                f"camera: found {', '.join(given) or 'distortion'} beside charuco. The board's shots give the whole "
-                "camera: keep one of them."
-            )
-        if table.charuco is None or table.board is None:
-            absent = "charuco" if table.charuco is None else "board"
-            self.faults.append(
-                f'camera.{absent}: missing. Give charuco = "charuco/*.dng" and board = {{ squares = [11, 8], '
-                'square_mm = 15, marker_mm = 11, dictionary = "DICT_4X4_100" }.'
+            what = ", ".join(given) or "distortion"
+            text = f"found {what} beside charuco. The board's shots give the whole camera: keep one of them."
+            self.fault("camera", text)
+        board = table.board
+        if table.charuco is None or board is None:
+            self.fault(
+                "camera.charuco" if table.charuco is None else "camera.board",
+                'missing. Give charuco = "charuco/*.dng" and board = { squares = [11, 8], square_mm = 15, '
+                'marker_mm = 11, dictionary = "DICT_4X4_100" }.',
             )
             return None
         files = self.photographs("camera.charuco", table.charuco)
-        board = table.board
         if board.marker_mm >= board.square_mm:
-            self.faults.append(
-                f"camera.board: marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}."
-            )
-        return Charuco(
-            tuple(files), (board.squares[0], board.squares[1]), board.square_mm, board.marker_mm, board.dictionary
-        )
+            text = f"marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}."
+            self.fault("camera.board", text)
+        squares = (board.squares[0], board.squares[1])
+        return Charuco(tuple(files), squares, board.square_mm, board.marker_mm, board.dictionary)
 
     def sphere(self, key: str, table: "SphereTable", flash: list[Path], kept: list[int]) -> SphereSpec:
         if (table.center_px is None) != (table.radius_px is None):
             absent = "center_px" if table.center_px is None else "radius_px"
-            self.faults.append(f"{key}.{absent}: missing. center_px and radius_px go together.")
-        files: list[Path] = []
-        if table.frames is not None:
-            files = self.photographs(f"{key}.frames", table.frames, like=flash)
-            if files and len(files) != len(flash):
-                self.faults.append(
-                    f"{key}.frames: matches {len(files)} files, frames.flash {len(flash)}. A ball that was shot apart "
-                    "needs one frame for each flash frame, in the same order."
-                )
-                files = []
-        return SphereSpec(
-            table.kind,
-            table.diameter_mm,
-            None if table.center_px is None else (table.center_px[0], table.center_px[1]),
-            table.radius_px,
-            self.file(f"{key}.mask", table.mask),
-            tuple(files[i] for i in kept) if files else (),
-        )
+            self.fault(f"{key}.{absent}", "missing. center_px and radius_px go together.")
+        files = [] if table.frames is None else self.photographs(f"{key}.frames", table.frames, like=flash)
+        if files and len(files) != len(flash):
+            self.fault(
+                f"{key}.frames",
+                f"matches {len(files)} files, frames.flash {len(flash)}. A ball that was shot apart needs one frame "
+                "for each flash frame, in the same order.",
+            )
+            files = []
+        center = None if table.center_px is None else (table.center_px[0], table.center_px[1])
+        mask, own = self.file(f"{key}.mask", table.mask), tuple(files[i] for i in kept) if files else ()
+        return SphereSpec(table.kind, table.diameter_mm, center, table.radius_px, mask, own)
+
+
+def _meant(name: str, names: Iterable[str]) -> str:
+    near = difflib.get_close_matches(name, list(names), n=1)
+    return f"Did you mean {near[0]}?" if near else ""

@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 from experiments.datasets.axes_message import lights_fault, normals_fault
 from experiments.datasets.checked_photographs import CLIPPED, Samples, read_samples
 from experiments.datasets.convention import Evidence, arrangements, fitted_intensities
-from experiments.datasets.layout import DISAGREES, TABLES, Layout, mask_faults, read_layout
+from formats.diligent_layout import TABLES, Layout, read_layout
 from solve.axes import AXES
 from solve.axes_test import axes_by_themselves
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3
+DISAGREES = 0.02
+"""Share of the mask that may lack normals, at its border."""
 _BETTER, _HALF = 0.05, 0.5
 """Another convention is taken when it agrees by so much more, and leaves at most this share of the disagreement."""
 _ALIKE = 0.02
@@ -68,6 +70,20 @@ def check_dataset(folder: Path) -> Verdict:
     elif len(directions) >= LEAST_LIGHTS:
         facts |= _judge(found, samples, mask, normals, directions, intensities)
     return Verdict(folder, tuple(found.faults), tuple(found.notes), facts)
+
+
+def mask_faults(found: Layout, normals: Array) -> list[str]:
+    """Return what the mask and normals (H, W, 3), laid as the photographs lie, contradict each other in."""
+    assert found.mask is not None
+    mask, known, name = found.mask, np.isfinite(normals[..., 0]), found.normals_name
+    missing, beyond = (mask & ~known).sum() / mask.sum(), (known & ~mask).sum() / mask.sum()
+    if missing <= DISAGREES:
+        if beyond > DISAGREES:
+            found.notes.append(f"{name}: normals also outside mask.png, {beyond:.0%} of its size: not judged.")
+        return []
+    inverted = (~mask & ~known).sum() / max((~mask).sum(), 1) < DISAGREES
+    do = "mask.png seems inverted: white is the object" if inverted else "Draw the mask where normals are known"
+    return [f"mask.png: {missing:.1%} of its pixels have no normal in {name}, expected none. {do}."]
 
 
 def _judge(

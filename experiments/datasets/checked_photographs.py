@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets.layout import MOST_PIXELS, Layout
+from formats.diligent_layout import Layout
 from scene.errors import SceneError
 from scene.image_files import read_pixels
 
 CLIPPED = 0.98
+MOST_PIXELS = 1600
 _MUCH_CLIPPED = 0.3
 _DARKER = 1.0
 

@@ -1,6 +1,5 @@
 """One dataset as a folder: the DiLiGenT layout, the true maps, pictures for people; the same bytes every time."""
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,6 @@ from experiments.datasets.describe import readme, session_toml
 from scene.current import code_fingerprint, fingerprint
 
 RECIPE = "recipe.json"
-_MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
 
 
 def mark_of(dataset: Dataset) -> str:
@@ -39,21 +37,20 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
         The scene cannot be rendered here.
     """
     from experiments.datasets.overview_picture import preview
-    from scene.files import write_json, write_png, write_text, write_whole
+    from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
+    from scene.files import write_json, write_png, write_text
     from scene.normals import encode_normals
     from scene.store import Store
-    from solve.external import write_diligent
     from twin.description.picture_files import write_exr
     from twin.ground_truth import save_ground_truth
 
     stack = stack_of(dataset)
-    truth, everything = stack.truth, (slice(None), slice(None))
-    write_diligent(folder, stack.frames, stack.lights, truth.mask, everything)
+    truth = stack.truth
+    write_diligent(folder, stack.frames, stack.lights, truth.mask)
     files = tuple(f"{name}.png" for name in stack.frames.names)
     Store(folder).save_lights(stack.lights, files=files)
-    with write_whole(folder / "Normal_gt.mat") as file:
-        file.write(_normal_mat(truth.normals))
-    write_png(folder / "Normal_gt.png", encode_normals(truth.normals))
+    write_normal_mat(folder / NORMALS[0], truth.normals)
+    write_png(folder / NORMALS[2], encode_normals(truth.normals))
     save_ground_truth(truth, folder / "truth")
     for name in ("normals", "z_mm", "albedo"):
         values = getattr(truth, name)
@@ -66,16 +63,6 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     write_text(folder / "README.md", readme(dataset, stack, _facts(stack)))
     write_json(folder / RECIPE, dataset)
     write_checksums(folder)
-
-
-def _normal_mat(normals: NDArray[np.float32]) -> bytes:
-    """Return a .mat file of `Normal_gt`, as DiLiGenT has it: float64, zero where there is no object."""
-    from scipy.io import savemat
-
-    stream = io.BytesIO()
-    savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
-    # Its first 116 bytes are text for people, with the hour in it.
-    return _MAT_HEADER.ljust(116) + stream.getvalue()[116:]
 
 
 def _share_of_lights(bits: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:

@@ -6,9 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.light_files.light_frames import dome_depth_mm, dome_image_width_mm, dome_origin
+from formats.light_files.light_frames import Photographs, dome_depth_mm, dome_image_width_mm, dome_origin, nameless
 from formats.light_files.light_json import parsed
-from formats.light_files.light_tables import nameless
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
@@ -71,8 +70,11 @@ def read_dome(path: Path, camera: Camera | None) -> Lights:
     return Lights(names, directions, intensities, positions + origin, origin)
 
 
-def dome_json(lights: Lights, camera: Camera) -> dict[str, Any]:
+def write_dome(lights: Lights, shot: Photographs) -> tuple[dict[str, Any], list[str]]:
     """Return a `.dome` of lights: positions where they and the camera are known, else directions."""
+    camera, notes = shot.camera, []
+    if lights.model == "near" and camera.is_orthographic:
+        notes.append("nothing is known of the camera: the dome has directions only.")
     origin, width_mm = np.zeros(3), 0.0
     near = lights.positions_mm is not None and not camera.is_orthographic
     if near:
@@ -82,7 +84,7 @@ def dome_json(lights: Lights, camera: Camera) -> dict[str, Any]:
     positions = lights.positions_mm - origin if near and lights.positions_mm is not None else np.zeros((0, 3))
     distance = np.linalg.norm(positions, axis=1, keepdims=True) if near else np.ones((len(lights), 1))
     power = lights.intensities * distance**2
-    return {
+    data = {
         "label": "rgbn",
         "notes": "x right, y up, z to the camera; millimetres about the object at the middle of the picture",
         "imageWidth": width_mm,
@@ -95,6 +97,7 @@ def dome_json(lights: Lights, camera: Camera) -> dict[str, Any]:
         "ledAdjust": _objects(power.mean(0) / power, "rgb"),
         "names": lights.names,
     }
+    return {"lights.dome": data}, notes
 
 
 def _vectors(rows: list[dict[str, float]], keys: str) -> Array:

@@ -1,4 +1,4 @@
-"""Others' frames of reference: the one file of the light formats that knows an axis, an origin or a unit.
+"""Others' frames of reference and names: the one file of the light formats that knows an axis, an origin, a unit.
 
 | file | axes | origin | lengths |
 |---|---|---|---|
@@ -7,12 +7,36 @@
 | RelightLab `.dome` | x right, y up, z to the viewer | the object, at the middle of the picture | mm |
 """
 
+from pathlib import Path
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.camera import FROM_OPENCV, Camera
 
 Array = NDArray[np.float64]
+
+
+class Photographs(NamedTuple):
+    """What a format may say beside the lights: camera, the photographs' file names, AliceVision's .sfm of them."""
+
+    camera: Camera
+    files: tuple[str, ...]
+    sfm: Path | None = None
+
+
+def stem(name: str) -> str:
+    """`folder/flash_000.dng` -> `flash_000`; light files are written on Windows too."""
+    return Path(name.strip().replace("\\", "/")).stem
+
+
+def nameless(count: int) -> tuple[str, ...]:
+    """Return names for the lights of a file that has none.
+
+    Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
+    """
+    return tuple(f"(row {i + 1})" for i in range(count))
 
 
 def to_opencv(vectors: ArrayLike) -> Array:

@@ -4,15 +4,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from formats.light_files.light_frames import from_opencv, to_opencv
-from formats.light_files.light_tables import nameless, stem
+from formats.light_files.light_frames import Photographs, from_opencv, nameless, stem, to_opencv
+from scene.camera import Camera
 from scene.errors import CalibrationError
+from scene.light_text import lights_of_json
 from scene.lights import Lights
-from scene.reading import json_of, numbers, reading, shortened
-
-Array = NDArray[np.float64]
+from scene.reading import json_of, reading, shortened
 
 
 def parsed(path: Path) -> dict[str, Any]:
@@ -23,7 +21,7 @@ def parsed(path: Path) -> dict[str, Any]:
     return data
 
 
-def read_json(path: Path) -> Lights:
+def read_json(path: Path, camera: Camera | None = None) -> Lights:
     """Read a lights.json: ours if it has `frames`, AliceVision's if it has `lights`."""
     data = parsed(path)
     if "frames" not in data and "lights" not in data:
@@ -31,35 +29,13 @@ def read_json(path: Path) -> Lights:
             f"{path}: not a lights.json (its keys are {shortened(', '.join(sorted(data))) or 'none'}). Expected "
             "frames[] (this program's) or lights[] (AliceVision's)."
         )
-    reader, what = (_ours, OURS) if "frames" in data else (_alicevision, ALICEVISION)
-    with reading(path, "not a lights.json", CalibrationError, do=f"Expected {what}."):
-        return reader(path, data)
+    ours = "frames" in data
+    with reading(path, "not a lights.json", CalibrationError, do=f"Expected {OURS if ours else ALICEVISION}."):
+        return lights_of_json(data) if ours else _alicevision(path, data)
 
 
 OURS = "frames[] with name, direction, intensity and, for near lights, position_mm"
 ALICEVISION = "lights[] with viewId or lightId, type, direction[3] and intensity[3]"
-
-
-def _ours(path: Path, data: dict[str, Any]) -> Lights:
-    rows = data["frames"]
-    near = data.get("model") == "near"
-    white, ambient = data.get("white_value"), data.get("ambient")
-
-    def column(name: str) -> Array:
-        return np.array([np.nan if row.get(name) is None else row[name] for row in rows], np.float64)
-
-    return Lights(
-        tuple(str(row["name"]) for row in rows),
-        np.array([row["direction"] for row in rows], np.float64).reshape(-1, 3),
-        np.array([row["intensity"] for row in rows], np.float64).reshape(-1, 3),
-        numbers([row["position_mm"] for row in rows], -1, 3, what="position_mm") if near else None,
-        numbers(data.get("reference_point_mm") or [0.0, 0.0, 0.0], 3, what="reference_point_mm"),
-        column("direction_sigma_deg"),
-        column("intensity_sigma"),
-        None if ambient is None else numbers(ambient, 3, what="ambient"),
-        None if white is None else numbers(white, 3, what="white_value"),
-        tuple(tuple(map(str, row.get("flags", ()))) for row in rows),
-    )
 
 
 def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
@@ -98,37 +74,34 @@ def view_paths(path: Path) -> dict[str, str]:
         return {str(view["path"]): str(view["viewId"]) for view in parsed(path)["views"]}
 
 
-def alicevision_json(lights: Lights, views: dict[str, str] | None) -> dict[str, Any]:
+def write_alicevision(lights: Lights, shot: Photographs) -> tuple[dict[str, Any], list[str]]:
     """Return what AliceVision's PhotometricStereo reads: distant lights, its camera frame.
 
-    Parameters
-    ----------
-    lights : Lights
-        Near lights as they are seen from `reference_point_mm`: the format has no positions.
-    views : dict of str to str, or None
-        Of `view_paths`. None: `lightId` instead of `viewId`, which AliceVision takes in the order of its view ids.
-
-    Raises
-    ------
-    CalibrationError
-        A frame is not among the views.
+    Without an .sfm `lightId` instead of `viewId`, which AliceVision takes in the order of its view ids.
     """
-    ids = None if views is None else {stem(file): view for file, view in views.items()}
+    ids, notes = None, []
+    if shot.sfm is None:
+        notes.append(
+            "lights_alicevision.json numbers its lights, and AliceVision takes them in the order of its own view ids: "
+            "give its cameraInit.sfm with --sfm, or use the .lp file, which it matches by file name."
+        )
+    else:
+        ids = {stem(file): view for file, view in view_paths(shot.sfm).items()}
     missing = [name for name in lights.names if ids is not None and name not in ids]
     if missing:
         raise CalibrationError(
             f"the .sfm has no view for the frame {missing[0]!r} ({len(missing)} of {len(lights)} missing). Give the "
             ".sfm of the same photographs."
         )
-    rows = []
-    for i, name in enumerate(lights.names):
-        rows.append(
-            {
-                **({"lightId": i} if ids is None else {"viewId": int(ids[name])}),
-                "type": "directional",
-                "direction": to_opencv(lights.directions[i]),
-                "intensity": lights.intensities[i],
-                "name": name,
-            }
-        )
-    return {"lights": rows}
+    rows = [
+        {
+            **({"lightId": i} if ids is None else {"viewId": int(ids[name])}),
+            "type": "directional",
+            "direction": to_opencv(lights.directions[i]),
+            "intensity": lights.intensities[i],
+            "name": name,
+        }
+        for i, name in enumerate(lights.names)
+    ]
+    # Not lights.json: beside ours it would be taken for it.
+    return {"lights_alicevision.json": {"lights": rows}}, notes

@@ -6,19 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from formats.light_files.light_frames import from_opencv, matlab_matrix, to_opencv
-from formats.light_files.light_tables import nameless
+from formats.light_files.light_frames import Photographs, from_opencv, matlab_matrix, nameless, to_opencv
+from formats.mat_files import arrays_of_mat
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.mat_files import arrays_of_mat
 from scene.reading import numbers, reading
 
 USUAL_DEPTH_MM = 700.0
 """Where near_ps takes the object to stand when it is not told."""
 
 
-def read_mat(path: Path) -> Lights:
+def read_mat(path: Path, camera: Camera | None = None) -> Lights:
     """Read `light.mat`: S (n, 3), mm, and where there Phi (n, 3) or (n, 1), mu (n, 1), Dir (n, 3).
 
     Notes
@@ -57,26 +56,28 @@ def read_mat(path: Path) -> Lights:
     )
 
 
-def light_mat(lights: Lights) -> bytes:
-    """Return `light.mat` of near lights."""
-    assert lights.positions_mm is not None
+def write_mat(lights: Lights, shot: Photographs) -> tuple[dict[str, bytes], list[str]]:
+    """Return `light.mat` of near lights, and `camera.mat`: K, whose pixels count from 1."""
+    camera = shot.camera
+    if lights.positions_mm is None or camera.is_orthographic:
+        raise CalibrationError(
+            "--format mat: near_ps wants positions in mm and a perspective camera, but these lights are "
+            f"{lights.model} and the camera is {camera.projection}. Give two chrome balls of known diameter_mm, and "
+            "[camera]; or export lp or diligent."
+        )
     square = np.sum((lights.positions_mm - lights.reference_point_mm) ** 2, axis=1, keepdims=True)
     white = np.ones(3) if lights.white_value is None else lights.white_value
-    return _mat(
-        {
-            "S": to_opencv(lights.positions_mm),
-            "Phi": lights.intensities * white * square,
-            "mu": np.zeros((len(lights), 1)),
-            "Dir": np.tile([0.0, 0.0, 1.0], (len(lights), 1)),
-            "reference": to_opencv(lights.reference_point_mm)[None],
-            "names": np.array(lights.names, dtype=object)[:, None],
-        }
-    )
-
-
-def camera_mat(camera: Camera) -> bytes:
-    """Return `camera.mat`: K, whose pixels count from 1."""
-    return _mat({"K": matlab_matrix(camera)})
+    light = {
+        "S": to_opencv(lights.positions_mm),
+        "Phi": lights.intensities * white * square,
+        "mu": np.zeros((len(lights), 1)),
+        "Dir": np.tile([0.0, 0.0, 1.0], (len(lights), 1)),
+        "reference": to_opencv(lights.reference_point_mm)[None],
+        "names": np.array(lights.names, dtype=object)[:, None],
+    }
+    notes = ["camera.mat has no lens distortion: undistort the photographs before near_ps."]
+    files = {"light.mat": _mat(light), "camera.mat": _mat({"K": matlab_matrix(camera)})}
+    return files, notes if any(camera.distortion) else []
 
 
 def _mat(variables: dict[str, Any]) -> bytes:

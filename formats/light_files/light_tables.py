@@ -1,18 +1,19 @@
-"""Lights from lines of text: `.lp` of the RTI programs, and DiLiGenT's tables."""
+"""Lights from lines of text and to them: `.lp` of the RTI programs, and DiLiGenT's tables."""
 
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from formats.diligent_layout import FILENAMES, names_in, table_in
+from formats.light_files.light_frames import Photographs, nameless, stem
+from scene.camera import Camera
 from scene.errors import CalibrationError
+from scene.light_text import light_tables, lp_file
 from scene.lights import Lights
 from scene.reading import shortened, text_of
 
-Array = NDArray[np.float64]
 
-
-def read_lp(path: Path) -> Lights:
+def read_lp(path: Path, camera: Camera | None = None) -> Lights:
     """Read `.lp`: first line the count, then `name x y z`; the name may hold spaces. It has no intensities."""
     text = text_of(path, error=CalibrationError)
     lines = [line.split() for line in text.splitlines() if line.strip()]
@@ -23,52 +24,12 @@ def read_lp(path: Path) -> Lights:
     rows = lines[1:]
     if len(rows) != count:
         raise CalibrationError(f"{path}: line 1 says {count} lights, but {len(rows)} follow.")
-    if any(len(row) < 4 for row in rows):
-        bad = next(i for i, row in enumerate(rows) if len(row) < 4)
+    bad = next((i for i, row in enumerate(rows) if len(row) < 4), None)
+    if bad is not None:
         raise CalibrationError(f"{path}: light {bad + 1} is {shortened(' '.join(rows[bad]))!r}; expected: name x y z.")
     directions = np.array([[_number(path, word) for word in row[-3:]] for row in rows]).reshape(-1, 3)
     names = tuple(stem(" ".join(row[:-3])) for row in rows)
     return Lights(names, directions, np.full_like(directions, np.nan))
-
-
-def read_diligent(path: Path) -> Lights:
-    """Read DiLiGenT's directions, one a line, with light_intensities.txt and filenames.txt beside them if there."""
-    directions = _table(path)
-    intensities = np.full_like(directions, np.nan)
-    beside = path.with_name(path.name.replace("directions", "intensities"))
-    if beside != path and beside.is_file():
-        intensities = _table(beside)
-        if len(intensities) != len(directions):
-            raise CalibrationError(
-                f"{beside}: {len(intensities)} intensities, but {path.name} has {len(directions)} lights."
-            )
-    listed = path.with_name("filenames.txt")
-    lines = text_of(listed, error=CalibrationError).splitlines() if listed.is_file() else []
-    names = tuple(stem(line) for line in lines if line.strip())
-    return Lights(names if len(names) == len(directions) else nameless(len(directions)), directions, intensities)
-
-
-def stem(name: str) -> str:
-    """`folder/flash_000.dng` -> `flash_000`; light files are written on Windows too."""
-    return Path(name.strip().replace("\\", "/")).stem
-
-
-def nameless(count: int) -> tuple[str, ...]:
-    """Return names for the lights of a file that has none.
-
-    Never a frame's name: frames are often named by number, and row 1 need not be frame "1".
-    """
-    return tuple(f"(row {i + 1})" for i in range(count))
-
-
-def _table(path: Path) -> Array:
-    lines = text_of(path, error=CalibrationError).splitlines()
-    rows = [line.split() for line in lines if line.strip()]
-    bad = next((i for i, row in enumerate(rows) if len(row) != 3), None)
-    if bad is not None or not rows:
-        found = f"line {bad + 1} has {len(rows[bad])}" if bad is not None else "the file is empty"
-        raise CalibrationError(f"{path}: expected three numbers a line, one light each; {found}.")
-    return np.array([[_number(path, word) for word in row] for row in rows])
 
 
 def _number(path: Path, word: str) -> float:
@@ -76,3 +37,29 @@ def _number(path: Path, word: str) -> float:
         return float(word)
     except ValueError:
         raise CalibrationError(f"{path}: {shortened(word)!r} is not a number.") from None
+
+
+def write_lp(lights: Lights, shot: Photographs) -> tuple[dict[str, str], list[str]]:
+    """Return lights.lp."""
+    return lp_file(shot.files, lights), ["lp has no intensities."]
+
+
+def read_diligent(path: Path, camera: Camera | None = None) -> Lights:
+    """Read DiLiGenT's directions, one a line, with light_intensities.txt and filenames.txt beside them if there."""
+    directions = table_in(path, CalibrationError)
+    intensities = np.full_like(directions, np.nan)
+    beside = path.with_name(path.name.replace("directions", "intensities"))
+    if beside != path and beside.is_file():
+        intensities = table_in(beside, CalibrationError)
+        if len(intensities) != len(directions):
+            raise CalibrationError(
+                f"{beside}: {len(intensities)} intensities, but {path.name} has {len(directions)} lights."
+            )
+    listed = path.with_name(FILENAMES)
+    names = tuple(map(stem, names_in(listed, CalibrationError))) if listed.is_file() else ()
+    return Lights(names if len(names) == len(directions) else nameless(len(directions)), directions, intensities)
+
+
+def write_tables(lights: Lights, shot: Photographs) -> tuple[dict[str, str], list[str]]:
+    """Return DiLiGenT's three tables."""
+    return light_tables(shot.files, lights), []

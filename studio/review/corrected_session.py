@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from capture.session.session import SphereSpec
+from capture.session.session_types import SphereSpec
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.reading import reading, text_of

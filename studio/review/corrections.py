@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session.session import Session, SphereSpec
+from capture.session.session_types import Session, SphereSpec
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.spheres import Kind, Sphere

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.session.session import Session, load_session
+from capture.session.session import load_session
+from capture.session.session_types import Session
 from compare.report.facts import all_warnings, read_optional
 from compare.report.shown_material import Material
 from scene.errors import SceneError

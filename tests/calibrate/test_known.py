@@ -102,7 +102,7 @@ def test_own_json_comes_back_whole(tmp_path, near):
         ("l.lp", "3\na 0 x 1\nb 0 1 1\nc 1 0 1\n", "'x' is not a number"),
         ("l.lp", "3\na 0 nan 1\nb 0 1 1\nc 1 0 1\n", "not a finite number"),
         ("l.lp", "3\nflash_000 0 0 1\nflash_001 0 1 1\nother 1 0 1\n", "no light for the frame 'flash_002'"),
-        ("l.txt", "0 0 1\n0 1\n1 0 1\n", "line 2 has 2"),
+        ("l.txt", "0 0 1\n0 1\n1 0 1\n", "line 2 is '0 1'"),
         ("l.txt", "", "empty"),
         ("l.json", json.dumps({"lights": []}), "holds no lights"),
         ("l.json", "{", "not JSON"),

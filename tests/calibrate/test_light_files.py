@@ -8,7 +8,7 @@ import pytest
 import scipy.io
 
 from calibrate.known_lights.read_known import lacks_intensities, read_lights
-from formats.light_files.export import FORMATS, export_lights
+from formats.light_files.light_formats import FORMATS, export_lights
 from formats.light_files.light_frames import matlab_matrix
 from scene.camera import Camera
 from scene.errors import CalibrationError

@@ -12,10 +12,10 @@ def test_what_is_accepted_is_what_can_be_read(tmp_path):
     """A file or unit that passes here must not be refused after minutes of decoding; nor the other way round."""
     from align.scan.mended_scan import SUFFIXES as SCAN
     from align.scan.mended_scan import UNITS_MM
-    from calibrate.known_lights.read_known import SUFFIXES as LIGHTS
     from calibrate.known_lights.read_known import read_lights
+    from formats.light_files.light_formats import SUFFIXES as LIGHTS
+    from formats.normal_maps import SUFFIXES as NORMALS
     from scene.errors import CalibrationError
-    from scene.normal_files import SUFFIXES as NORMALS
 
     assert set(get_args(ObjectTable.model_fields["scan_unit"].annotation)) == set(UNITS_MM)
     assert (set(SCAN_SUFFIXES), set(NORMALS_SUFFIXES)) == (set(SCAN), set(NORMALS))

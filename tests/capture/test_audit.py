@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.audit.encoding_check import noise_slope, speaks_for_gamma
 from capture.audit.frame_facts import facts_of
-from capture.audit.gamma import noise_slope, speaks_for_gamma
 from capture.audit.movement import movement
 from capture.photographs.decode import decode
 from capture.session.session import load_session

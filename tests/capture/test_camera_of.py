@@ -8,7 +8,8 @@ import pytest
 
 from capture.camera.exif import Exif
 from capture.camera.session_camera import _camera_of_corners, camera_of
-from capture.session.session import Charuco, Session, load_session
+from capture.session.session import load_session
+from capture.session.session_types import Charuco, Session
 from scene.camera import Camera
 from scene.errors import SessionError
 

@@ -9,7 +9,8 @@ import pytest
 
 from capture.photographs.decode import decode
 from capture.session.requests import read_mask, sphere_requests
-from capture.session.session import SphereSpec, load_session
+from capture.session.session import load_session
+from capture.session.session_types import SphereSpec
 from scene.errors import SessionError
 from scene.files import write_png
 from scene.store import Store

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from capture.session.globs import natural_key
-from capture.session.session import Charuco, load_session
+from capture.session.session import load_session
+from capture.session.session_types import Charuco
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.files import write_png

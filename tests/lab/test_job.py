@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from capture.session.session import Session, SphereSpec
+from capture.session.session_types import Session, SphereSpec
 from lab.job import Job, Outcome, Step
 from lab.plan import STEPS
 from scene.camera import Camera

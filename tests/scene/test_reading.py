@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 import scipy.io
 
+from formats.mat_files import arrays_of_mat
 from scene.errors import AlignError, CalibrationError, CaptureError, SceneError
 from scene.image_files import MOST_PIXELS, claimed_size, pixels_of, read_pixels
-from scene.mat_files import arrays_of_mat
 from scene.reading import array_of, json_of, numbers, positive, reading, text_of
 
 

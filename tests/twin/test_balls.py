@@ -104,7 +104,7 @@ def test_nothing_to_render():
 @pytest.mark.parametrize("mosaic", [True, False])
 def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, mosaic):
     from capture.photographs.decode import decode
-    from capture.session.session import Session
+    from capture.session.session_types import Session
 
     sensor = Sensor(full_well_e=full_well_e, read_noise_e=read_noise_e, blur_px=0.6, neutral=(1.0, 1.0, 1.0))
     rng = np.random.default_rng(10001)

@@ -31,11 +31,11 @@ def arrays_of_mat(
         As in `scene.reading.reading`.
     """
     root = str(Path(__file__).resolve().parents[1])
-    command = [sys.executable, "-c", f"import sys; sys.path.insert(0, {root!r}); import scene.mat_files as m; m.send()"]
+    script = f"import sys; sys.path.insert(0, {root!r}); import formats.mat_files as m; m.send()"
     with reading(path, fault, error, do="Save it again, with MATLAB or SciPy."):
         try:
             done = subprocess.run(
-                [*command, os.fspath(path)],
+                [sys.executable, "-c", script, os.fspath(path)],
                 capture_output=True,
                 timeout=LONGEST_S,
                 # A pool of threads would take more of the address space than the file.

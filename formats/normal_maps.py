@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.mat_files import arrays_of_mat
 from scene.errors import SceneError
 from scene.image_files import read_pixels
-from scene.mat_files import arrays_of_mat
 from scene.reading import array_of, reading
 
 SUFFIXES = (".mat", ".txt", ".npy", ".png")

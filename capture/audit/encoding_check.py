@@ -1,0 +1,184 @@
+"""Are values that are said to be linear really linear, and whole? What the files and their noise say against it."""
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.session.globs import kind_of
+from capture.session.session_types import Session
+from scene.frames import PEDESTAL, WHITE, Frames
+
+SLOPE = -0.1
+"""Captures known to be linear lie above 0.15, the same ones sRGB-encoded below -0.12 (tests/capture)."""
+STEEPEST = -3.5
+"""No encoding makes the slope steeper: then it is something else than noise."""
+GOOD_JPEG = 70
+"""Quality, as libjpeg counts it, from which compression is not worth a word."""
+CUT = 0.01
+"""Share of what is lit in some frame that may be black to the last bit in the median frame: sound files have 0.0005."""
+WINDOW_PX = 1024
+"""Side of the middle part that is looked at."""
+
+
+def encoding_warnings(session: Session, frames: Frames) -> list[str]:
+    """Name what speaks against values being linear."""
+    if session.encoding != "linear" or not _is_of_codes(session, frames):
+        return []
+    evidence = stated_encoding(session.flash[0])
+    # At most 256 different codes: an 8-bit file.
+    few = not session.half and np.unique(frames.codes[0, ::3, ::3]).size <= 256
+    noise = noise_slope(frames, step=1 / 255 if few else 0.0)
+    reasons = [evidence] if evidence else []
+    if noise and speaks_for_gamma(*noise):
+        reasons.append(f"noise that falls with brightness (slope {noise[0]:.2f}; 0 to 1 in linear values)")
+    if reasons:
+        verb = "speaks" if len(reasons) == 1 else "speak"
+        return [
+            f"frames.linear: taken as linear, but {' and '.join(reasons)} {verb} for gamma encoding, which "
+            "costs some 14 degrees in the normals. Set linear = false (sRGB) or gamma = 2.2, or give the RAW files."
+        ]
+    if few and not session.encoding_stated:
+        return [
+            "frames.linear: not stated, and the files have 8 bits: taken as linear. Write linear = true if they are, "
+            "linear = false if they are sRGB-encoded, as cameras' JPEG and most 8-bit pictures are."
+        ]
+    return []
+
+
+def compression_warnings(session: Session) -> list[str]:
+    """Name JPEG files whose compression bends more than 8 bits do."""
+    quality = jpeg_quality(session.flash[0])
+    if quality is None or quality >= GOOD_JPEG:
+        return []
+    return [
+        f"{session.flash[0].name}: a JPEG file of quality {quality:.0f} (of 100): blocks and smeared edges move balls "
+        "and highlights, and dark parts are lost. Give the RAW files, or export 16-bit TIFF or PNG."
+    ]
+
+
+def black_warnings(session: Session, frames: Frames) -> list[str]:
+    """Name files in which too much was taken off as black: shadows without noise, and without bounced light."""
+    import cv2
+
+    if not _is_of_codes(session, frames):
+        return []
+    codes = frames.codes[(slice(None), *_middle(frames))]
+    # Of 8 bits the lowest step alone is so wide.
+    if np.unique(codes[0]).size <= 256:
+        return []
+    lit = np.max([picture.max(-1) for picture in codes], 0) > PEDESTAL + 0.02 * (WHITE - PEDESTAL)
+    if not lit.any():
+        return []
+    around = np.ones((3, 3), np.uint8)
+    black = [cv2.erode((picture.max(-1) <= PEDESTAL).astype(np.uint8), around)[lit].mean() for picture in codes]
+    share = float(np.median(black))
+    if share < CUT:
+        return []
+    return [
+        f"frames: {share:.0%} of what other frames show lit is zero to the last bit, without noise (median frame; "
+        f"expected under {CUT:.0%}). Unless these are renderings without bounced light, the black level that was "
+        "subtracted is too high, and the dark side of every shading is cut off. Export again with the camera's own "
+        "black level, or give the RAW files."
+    ]
+
+
+def _is_of_codes(session: Session, frames: Frames) -> bool:
+    """Whether the photographs are integers that some program wrote."""
+    return kind_of(session.flash[0]) == "image" and frames.codes.dtype == np.uint16
+
+
+def _middle(frames: Frames) -> tuple[slice, slice]:
+    sizes = [(size, min(size, WINDOW_PX)) for size in (frames.height, frames.width)]
+    rows, columns = (slice((size - part) // 2, (size - part) // 2 + part) for size, part in sizes)
+    return rows, columns
+
+
+def stated_encoding(path: Path) -> str | None:
+    """Return what a file itself says of its encoding, in words; None if it says nothing, or says linear."""
+    from PIL import Image
+
+    if path.suffix.lower() in (".jpg", ".jpeg"):
+        return "a JPEG file, which is sRGB-encoded by standard"
+    try:
+        with Image.open(path) as image:
+            info, color_space = dict(image.info), image.getexif().get(40961)
+    except Exception:
+        # What it says beside its pixels may be damaged: then it says nothing.
+        return None
+    if "srgb" in info:
+        return "the file's sRGB chunk"
+    gamma = info.get("gamma")
+    if isinstance(gamma, float) and 0.2 < gamma < 0.9:
+        return f"the file's gAMA chunk ({gamma})"
+    return "EXIF's color space sRGB" if color_space == 1 else None
+
+
+def jpeg_quality(path: Path) -> float | None:
+    """Return a JPEG file's quality, 1 to 100, by its table of the luminance; None of another file.
+
+    libjpeg scales the standard's table, whose mean is 57.6, by 2 - quality / 50 above 50, and by 50 / quality below.
+    """
+    from PIL import Image
+
+    if path.suffix.lower() not in (".jpg", ".jpeg"):
+        return None
+    try:
+        with Image.open(path) as image:
+            table = getattr(image, "quantization", {}).get(0)
+    except (OSError, ValueError, SyntaxError):
+        return None
+    if not table:
+        return None
+    scale = float(np.mean(table)) / 57.6
+    return 100 - 50 * scale if scale < 1 else 50 / scale
+
+
+def speaks_for_gamma(slope: float, sigma: float) -> bool:
+    """Tell whether a noise slope is negative for sure, and not more than an encoding can make it."""
+    return slope > STEEPEST and slope + 2 * sigma < SLOPE
+
+
+def noise_slope(frames: Frames, *, step: float = 0.0) -> tuple[float, float] | None:
+    """Return the slope of log noise variance against log brightness, and its sigma; None if it cannot be seen.
+
+    `step` is the least difference of two values, 1/255 for 8 bits: noise below it is rounding.
+
+    A sensor's noise grows with light: variance = read^2 + k * mean, a slope from 0 to 1 on linear values; texture
+    only adds to it. Encoding by v^(1/2.2) makes it -0.2 where photons rule, -2.4 where read noise does. Noise is
+    the response to the second difference in both directions [Immerkaer1996]; in each class of brightness the quiet
+    tenth counts.
+    """
+    import cv2
+
+    kernel = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float32) / 6
+    rows, columns = _middle(frames)
+    levels, variances = [], []
+    for i in range(0, len(frames), max(1, len(frames) // 8)):
+        picture = frames.read(rows, [i], columns=columns, subtract_ambient=False)[0].mean(axis=-1)
+        noise = cv2.blur(cv2.filter2D(picture, -1, kernel) ** 2, (7, 7))
+        level = cv2.blur(picture, (7, 7))
+        # Clipped noise is no noise.
+        usable = (cv2.dilate(picture, np.ones((9, 9), np.uint8)) < 0.9) & (level > 1e-4)
+        levels.append(level[usable][::3])
+        variances.append(noise[usable][::3])
+    return _slope(np.concatenate(levels), np.concatenate(variances), step**2 / 12)
+
+
+def _slope(level: NDArray, variance: NDArray, rounding: float) -> tuple[float, float] | None:
+    if len(level) < 2000:
+        return None
+    points = []
+    for low, high in itertools.pairwise(np.quantile(level, np.linspace(0.05, 0.98, 17))):
+        inside = (level >= low) & (level < high)
+        if inside.sum() >= 100 and high > low:
+            quiet = np.quantile(variance[inside], 0.1)
+            if quiet > rounding:
+                points.append((np.log((low + high) / 2), np.log(quiet)))
+    x, y = np.array(points).reshape(-1, 2).T
+    # Over less than a factor of 1.8 in brightness, four before encoding, there is no lever for a slope.
+    if len(points) < 8 or np.ptp(x) < np.log(1.8):
+        return None
+    (slope, _), covariance = np.polyfit(x, y, 1, cov=True)
+    return float(slope), float(np.sqrt(covariance[0, 0]))

@@ -1,0 +1,87 @@
+"""What a session folder says, as values: which file is what, and what is known of them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from scene.camera import Camera
+
+Encoding = Literal["linear", "srgb"] | float
+"""How 8 and 16-bit values are coded. A number is a gamma: linear = value ** gamma."""
+
+
+@dataclass(frozen=True)
+class Charuco:
+    """Photographs of a ChArUco board, to calibrate the camera from."""
+
+    files: tuple[Path, ...]
+    squares: tuple[int, int]
+    square_mm: float
+    marker_mm: float
+    dictionary: str
+
+
+@dataclass(frozen=True)
+class SphereSpec:
+    """One `[[spheres]]` entry, resolved. `frames`: the ball's own photographs, one for each of `Session.flash`."""
+
+    kind: Literal["chrome", "white"]
+    diameter_mm: float | None = None
+    center_px: tuple[float, float] | None = None
+    radius_px: float | None = None
+    mask: Path | None = None
+    frames: tuple[Path, ...] = ()
+
+
+@dataclass(frozen=True)
+class Session:
+    """What a session folder says; every path absolute and there.
+
+    Parameters
+    ----------
+    flash : tuple of Path
+        One light per frame, those under `frames.skip` left out.
+    names : tuple of str
+        The flash frames' names, unique.
+    kept : tuple of int
+        Place of each flash frame among all that `frames.flash` matches: a lights file counts those of the
+        skipped frames too.
+    encoding_stated : bool
+        False: nothing was said of the encoding, and linear is assumed.
+    half : bool
+        2 x 2 superpixels.
+    lights_file : Path or None
+        Known lights instead of balls. DiLiGenT: light_directions.txt, its intensities beside it.
+    mask, scan, normals : Path or None
+        The object's mask, its laser scan, its ground truth that is already registered.
+    picks : Path or None
+        Points of the scan whose pixels are known: a start for its registration.
+    scan_ball_diameter_mm : float or None
+        Of a calibration ball that was scanned beside the object.
+    photographed : int
+        How many files `frames.flash` matches, those of skipped frames included.
+    """
+
+    name: str
+    folder: Path
+    flash: tuple[Path, ...]
+    names: tuple[str, ...]
+    kept: tuple[int, ...]
+    ambient: tuple[Path, ...] = ()
+    dark: tuple[Path, ...] = ()
+    flat: tuple[Path, ...] = ()
+    encoding: Encoding = "linear"
+    encoding_stated: bool = True
+    half: bool = False
+    skip: tuple[str, ...] = ()
+    camera: Camera | Charuco | None = None
+    spheres: tuple[SphereSpec, ...] = ()
+    lights_file: Path | None = None
+    mask: Path | None = None
+    scan: Path | None = None
+    scan_unit: str = "mm"
+    scan_ball_diameter_mm: float | None = None
+    normals: Path | None = None
+    picks: Path | None = None
+    layout: Literal["toml", "diligent"] = "toml"
+    photographed: int = 0

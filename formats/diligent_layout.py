@@ -1,0 +1,300 @@
+"""A folder in the layout of the DiLiGenT benchmark [Shi2019]: names, reading with every fault, writing.
+
+001.png ... (16 bits, linear), filenames.txt, light_directions.txt, light_intensities.txt (three numbers a line, one
+line a photograph), mask.png, and the true normals. What every output folder has of it is in `scene.light_text`.
+"""
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.normal_maps import read_normal_map
+from scene.errors import SceneError
+from scene.files import write_png, write_text, write_whole
+from scene.frames import Frames
+from scene.image_files import read_pixels
+from scene.light_text import DIRECTIONS, FILENAMES, INTENSITIES, light_tables
+from scene.lights import Lights
+from scene.reading import text_of
+
+Array = NDArray[np.float64]
+TABLES = (DIRECTIONS, INTENSITIES)
+MASK = "mask.png"
+NORMALS = ("Normal_gt.mat", "normal.txt", "Normal_gt.png")
+"""The first of them that is there counts."""
+_UNIT = 0.01
+_WRONG_LENGTHS = 0.001
+_MAT_HEADER = b"MATLAB 5.0 MAT-file, rgbn"
+
+
+@dataclass
+class Layout:
+    """What was found; None where it is missing or at fault.
+
+    Parameters
+    ----------
+    faults, notes : list of str
+        What must be mended; what is suspicious but usable.
+    listed, files : list of str
+        What filenames.txt says; the same where all of it is there, once, else empty.
+    directions, intensities : (N, 3) float64 or None
+    mask : (H, W) bool or None
+    normals : (H, W, 3) float64 or None
+        As they stand in the file; NaN where there is none.
+    """
+
+    folder: Path
+    faults: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    listed: list[str] = field(default_factory=list)
+    files: list[str] = field(default_factory=list)
+    directions: Array | None = None
+    intensities: Array | None = None
+    mask: NDArray[np.bool_] | None = None
+    normals: Array | None = None
+
+    @property
+    def normals_name(self) -> str:
+        """Name of the file of the normals; empty where there is none."""
+        return next((name for name in NORMALS if (self.folder / name).is_file()), "")
+
+    def read(self, reader: Callable[..., Any], name: str, *more: Any) -> Any:
+        """Return what a reader makes of a file; None, and one fault more, where it cannot."""
+        try:
+            return reader(self.folder / name, *more)
+        except SceneError as error:
+            self.faults.append(str(error).removeprefix(f"{self.folder}/"))
+            return None
+
+
+def read_tables(folder: Path) -> Layout:
+    """Read what a session needs: the list of the photographs, and their lights as they are written."""
+    found = Layout(folder)
+    _read_names(found)
+    found.directions, found.intensities = _read_table(found, DIRECTIONS), _read_table(found, INTENSITIES)
+    return found
+
+
+def read_layout(folder: Path) -> Layout:
+    """Read all but the photographs' pixels; unit directions.
+
+    Raises
+    ------
+    SceneError
+        There is no such folder.
+    """
+    if not folder.is_dir():
+        raise SceneError(f"{folder}: there is no such folder. Give one in the DiLiGenT layout (docs/datasets.md).")
+    found = read_tables(folder)
+    _check_directions(found)
+    _check_intensities(found)
+    _read_mask(found)
+    _read_normals(found)
+    return found
+
+
+def names_in(path: Path, error: type[SceneError] = SceneError) -> list[str]:
+    """Return the photographs that a filenames.txt lists."""
+    return [name for line in text_of(path, error=error).splitlines() if (name := line.strip())]
+
+
+def table_in(path: Path, error: type[SceneError] = SceneError) -> Array:
+    """Return a table of lights (N, 3), NaN and infinity as they are written; numbers between blanks or commas.
+
+    Raises
+    ------
+    SceneError
+        Of the type `error`: unreadable, empty, or a line that is not three numbers.
+    """
+    lines = text_of(path, error=error).splitlines()
+    rows = [row for line in lines if (row := line.replace(",", " ").split())]
+    table, where = [], "it is empty"
+    for number, row in enumerate(rows, 1):
+        try:
+            x, y, z = map(float, row)
+        except ValueError:
+            table, where = [], f"line {number} is {' '.join(row)[:60]!r}"
+            break
+        table.append((x, y, z))
+    if not table:
+        raise error(f"{path}: {where}; expected three numbers a line, one line a photograph.")
+    return np.array(table)
+
+
+def write_diligent(
+    folder: Path, frames: Frames, lights: Lights, mask: NDArray[np.bool_], box: tuple[slice, slice] = np.s_[:, :]
+) -> None:
+    """Write a window of the frames, ambient light subtracted, all by one factor. No truth."""
+    factor = 65535 / max(float(frames.gain.max()), 1e-12)
+    files = [f"{index + 1:03d}.png" for index in range(len(frames))]
+    for index, file in enumerate(files):
+        image = frames.read(box[0], [index], columns=box[1])[0]
+        write_png(folder / file, np.clip(np.round(image * factor), 0, 65535).astype(np.uint16))
+    write_png(folder / MASK, mask[box])
+    for name, text in light_tables(files, lights).items():
+        write_text(folder / name, text)
+
+
+def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
+    """Write `Normal_gt` as DiLiGenT has it, float64, zero where there is no object; the same bytes every time."""
+    from scipy.io import savemat
+
+    stream = io.BytesIO()
+    savemat(stream, {"Normal_gt": np.nan_to_num(normals.astype(np.float64))}, do_compression=True)
+    with write_whole(path) as file:
+        # Its first 116 bytes are text for people, with the hour in it.
+        file.write(_MAT_HEADER.ljust(116) + stream.getvalue()[116:])
+
+
+def _read_names(found: Layout) -> None:
+    path = found.folder / FILENAMES
+    if not path.is_file():
+        pictures = sorted(one.name for one in found.folder.glob("[0-9]*.png"))
+        there = f"the folder has {len(pictures)} numbered PNGs" if pictures else "the folder has no numbered PNG"
+        found.faults.append(f"{FILENAMES}: missing; {there}. List the photographs there, one a line.")
+        return
+    names = found.listed = found.read(names_in, FILENAMES) or []
+    absent = [name for name in names if not (found.folder / name).is_file()]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if not names and not found.faults:
+        found.faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
+    if absent:
+        found.faults.append(
+            f"{FILENAMES}: {_some(absent)} {_are(absent)} not in the folder. Add, or take off the list."
+        )
+    if twice:
+        found.faults.append(f"{FILENAMES}: names {_some(twice)} more than once. One line a photograph.")
+    found.files = [] if absent or twice else names
+    listed = {Path(name).name for name in names}
+    spare = [one.name for one in sorted(found.folder.glob("[0-9][0-9][0-9].png")) if one.name not in listed]
+    if names and spare:
+        found.notes.append(f"{FILENAMES}: {_some(spare)} {_are(spare)} in the folder but not on the list: left out.")
+
+
+def _read_table(found: Layout, name: str) -> Array | None:
+    if not (found.folder / name).is_file():
+        found.faults.append(f"{name}: missing. Write three numbers a line, one line a photograph.")
+        return None
+    table = found.read(table_in, name)
+    if table is not None and found.listed and len(table) != len(found.listed):
+        found.faults.append(
+            f"{name}: found {len(table)} rows, expected {len(found.listed)}, one for each line of {FILENAMES}. Add or "
+            "remove rows; their order is that of the list."
+        )
+        return None
+    wrong = [] if table is None else np.flatnonzero(~np.isfinite(table).all(1)) + 1
+    if len(wrong):
+        found.faults.append(f"{name}: row {_some(wrong)} {_are(wrong)} not finite. Give every light its numbers.")
+        return None
+    return table
+
+
+def _check_directions(found: Layout) -> None:
+    name, table = DIRECTIONS, found.directions
+    if table is None:
+        return
+    length = np.linalg.norm(table, axis=1)
+    if length.min() < 1e-6:
+        found.faults.append(f"{name}: row {_some(np.flatnonzero(length < 1e-6) + 1)} is zero. Give a direction.")
+        found.directions = None
+        return
+    off = np.flatnonzero(np.abs(length - 1) > _UNIT) + 1
+    if len(off):
+        places = " They look like positions: this layout holds directions." if np.median(length) > 3 else ""
+        found.faults.append(
+            f"{name}: row {_some(off)} {'has' if len(off) == 1 else 'have'} the length {length[off[0] - 1]:.4g}"
+            f"{' (the first)' if len(off) > 1 else ''}, expected 1: unit vectors toward the lights.{places} Divide "
+            "each row by its length."
+        )
+    table = found.directions = table / length[:, None]
+    singular = np.linalg.svd(table, compute_uv=False)
+    if len(table) < 3 or singular[2] < 0.02 * singular[0]:
+        found.faults.append(
+            f"{name}: {len(table)} lights whose directions span no space (smallest to largest singular value "
+            f"{singular[-1] / singular[0]:.4f}, expected above 0.02). Three that are not in one plane are the least."
+        )
+
+
+def _check_intensities(found: Layout) -> None:
+    low = [] if found.intensities is None else np.flatnonzero((found.intensities <= 0).any(1)) + 1
+    if len(low):
+        found.faults.append(f"{INTENSITIES}: row {_some(low)} {_are(low)} not above 0. Give R G B of each light.")
+        found.intensities = None
+
+
+def _read_mask(found: Layout) -> None:
+    if not (found.folder / MASK).is_file():
+        found.faults.append("mask.png: missing. White where the object is, black elsewhere, of the photographs' size.")
+        return
+    import cv2
+
+    image = found.read(read_pixels, MASK, cv2.IMREAD_UNCHANGED)
+    if image is None:
+        return
+    values = image.reshape(*image.shape[:2], -1)[..., :3].max(-1)
+    low, high = int(values.min()), int(values.max())
+    if low < high:
+        found.mask = values > (low + high) / 2
+        return
+    kind = "white" if high else "black"
+    found.faults.append(f"mask.png: all {kind}. Expected white where the object is, black elsewhere.")
+
+
+def _read_normals(found: Layout) -> None:
+    name = found.normals_name
+    if not name:
+        found.faults.append(
+            "Normal_gt.mat: missing, and so are normal.txt and Normal_gt.png. Without true normals nothing can be "
+            "judged; give one of them."
+        )
+        return
+    if found.mask is None:
+        return
+    height, width = found.mask.shape
+    values = found.read(read_normal_map, name, height, width)
+    if values is None:
+        found.faults[-1] += _is_turned(found, name, height, width)
+        return
+    values = values.astype(np.float64)
+    bad = np.asarray(~np.isfinite(values).all(-1))
+    length: Array = np.asarray(np.linalg.norm(np.where(bad[..., None], 0, values), axis=-1))
+    known = length > 0.1
+    if not known.any():
+        found.faults.append(f"{name}: no pixel has a normal (all are zero or no numbers).")
+        return
+    tolerance = 0.05 if name.endswith(".png") else _UNIT
+    off = np.abs(length[known] - 1) > tolerance
+    if off.mean() > _WRONG_LENGTHS:
+        found.faults.append(
+            f"{name}: {off.mean():.1%} of the vectors are not of length 1 (median length "
+            f"{np.median(length[known]):.4g}). Divide each by its length; where there is none, write 0 0 0."
+        )
+    holes = int((bad & found.mask).sum())
+    if holes and not name.endswith(".png"):
+        found.notes.append(f"{name}: {holes} pixels under the mask are NaN or infinite: no normal.")
+    found.normals = np.where(known[..., None], values / np.maximum(length, 1e-9)[..., None], np.nan)
+
+
+def _is_turned(found: Layout, name: str, height: int, width: int) -> str:
+    """Return a hint where a map has the size of one that is transposed."""
+    if height == width or name == "normal.txt":
+        return ""
+    try:
+        read_normal_map(found.folder / name, width, height)
+    except SceneError:
+        return ""
+    return f" It has the size of a transposed map: store {height} rows of {width} pixels."
+
+
+def _are(things) -> str:
+    return "is" if len(things) == 1 else "are"
+
+
+def _some(things) -> str:
+    words = [str(one) for one in things]
+    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")
