@@ -30,14 +30,6 @@ class Panel(Protocol):
 class BrowserDesk:
     """A browser's desk, whatever is worked on there. Nothing of it is shared with another's.
 
-    Parameters
-    ----------
-    client : viser.ClientHandle
-    workspace : Workspace
-    preview : Preview
-
-    Notes
-    -----
     What the browser says is done in the desk's one thread, in the order in which it was said. A rendering, a run of the
     steps and a calibration have threads or processes of their own, which come back by `post`.
     """

@@ -64,15 +64,7 @@ LOG.addHandler(_Rationed())
 class FrontDoor:
     """Makes viser's server, and stands before it.
 
-    Parameters
-    ----------
-    host : str
-    port : int
-        0: one that is free.
-
-    Attributes
-    ----------
-    server : viser.ViserServer
+    port: 0: one that is free.
     """
 
     def __init__(self, host: str, port: int, **options: Any) -> None:
@@ -143,10 +135,7 @@ class FrontDoor:
     def checked(self, sender: "Connection", sent: bytes | str) -> bytes | None:
         """Return a message as viser may have it; None: a part of a file that was not let in.
 
-        Raises
-        ------
-        Unfit, msgspec.MsgspecError
-            It is none, or does not fit.
+        Raises Unfit, msgspec.MsgspecError: it is none, or does not fit.
         """
         if isinstance(sent, str):
             raise Unfit("text instead of a message")
@@ -197,10 +186,8 @@ class Connection(ServerConnection):
     def takes_part(self, part: Any) -> bool:
         """Count a part of a file; return whether the file was let in.
 
-        Raises
-        ------
-        Unfit
-            It is not the next one, or more or less than was announced. The window is closed, which clears the rest.
+        Raises Unfit: it is not the next one, or more or less than was announced. The window is closed, which clears the
+        rest.
         """
         if part.transfer_uuid not in self.uploads:
             return False  # The page sends all parts of a file, whatever it is told.

@@ -35,26 +35,11 @@ MOST_LEFT = 8
 class Studio:
     """A server that runs until it is closed.
 
-    Parameters
-    ----------
-    workspace : Workspace
-    host : str
-    port : int
-        0: one that is free.
-    scene : TwinScene or None
-        What each browser begins with; None: a new scene.
-    folder : Path or None
-        Of that scene.
-    review : tuple of Path and Path or None, or None
-        An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
-
-    Raises
-    ------
-    SceneError
-        The port is taken, or the address is none of this machine's.
-
-    Notes
-    -----
+    port: 0: one that is free.
+    scene: What each browser begins with; None: a new scene.
+    folder: Of that scene.
+    review: An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
+    Raises SceneError: the port is taken, or the address is none of this machine's.
     Who may speak to it, and what may be said, is `front_door`'s matter.
     """
 

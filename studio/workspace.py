@@ -31,14 +31,9 @@ _FILE_KEYS = {"mesh", "pose", "file", "map"}
 class Listing:
     """What a workspace holds, by the names that the browser calls it by, each sorted.
 
-    Parameters
-    ----------
-    models, pictures, scenes : tuple of str
-        Files.
-    sessions : tuple of str
-        Folders with lights.
-    is_cut : bool
-        There is more than is listed.
+    models, pictures, scenes: Files.
+    sessions: Folders with lights.
+    is_cut: There is more than is listed.
     """
 
     models: tuple[str, ...] = ()
@@ -52,10 +47,7 @@ class Listing:
 class Workspace:
     """A folder, and paths in it as the browser says them: relative, with slashes.
 
-    Parameters
-    ----------
-    root : Path
-        Resolved.
+    root: Resolved.
     """
 
     root: Path
@@ -64,10 +56,7 @@ class Workspace:
     def at(cls, folder: Path) -> "Workspace":
         """Return the workspace of a folder that is there.
 
-        Raises
-        ------
-        SceneError
-            It is none.
+        Raises SceneError: it is none.
         """
         if not folder.is_dir():
             raise SceneError(f"--workspace {folder}: not a folder. Make it first, or name another.")
@@ -76,10 +65,7 @@ class Workspace:
     def path(self, name: str | Path) -> Path:
         """Return the path of a name, links followed.
 
-        Raises
-        ------
-        SceneError
-            The name is empty, or leads out of the workspace.
+        Raises SceneError: the name is empty, or leads out of the workspace.
         """
         is_name = bool(str(name).strip()) and "\0" not in str(name)
         found = (self.root / name).resolve() if is_name else self.root
@@ -106,10 +92,7 @@ class Workspace:
     def closed(self, folder: Path) -> Path:
         """Return a folder in which no link leads out of the workspace: what is written below it stays there.
 
-        Raises
-        ------
-        SceneError
-            One does.
+        Raises SceneError: one does.
         """
         for place, folders, files in os.walk(folder):
             for path in (Path(place, name) for name in (*folders, *files)):
@@ -144,10 +127,8 @@ class Workspace:
 
         Another file of that name stays: this one gets a number.
 
-        Raises
-        ------
-        SceneError
-            Its kind is none that the studio reads, or it came without content, as those that are too large do.
+        Raises SceneError: its kind is none that the studio reads, or it came without content, as those that are too
+        large do.
         """
         stem, suffix = re.sub(r"[^\w.-]+", "_", Path(name).stem).strip("."), Path(name).suffix.lower()
         if suffix not in (*MESHES, *PICTURES) or not stem:
@@ -171,10 +152,7 @@ class Workspace:
     def description(self, name: str) -> Path:
         """Return the path of a scene description, all of whose files lie in the workspace too.
 
-        Raises
-        ------
-        SceneError
-            It, or a file that it names, lies outside. Other faults are left to its reader.
+        Raises SceneError: it, or a file that it names, lies outside. Other faults are left to its reader.
         """
         path = self.path(name)
         try:

@@ -24,13 +24,7 @@ def begun(workspace: Workspace, scene: TwinScene | None, folder: Path | None) ->
 class Desk(BrowserDesk):
     """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed.
 
-    Parameters
-    ----------
-    client : viser.ClientHandle
-    workspace : Workspace
-    preview : Preview
-    history : History
-        The scene, and what was done to it.
+    history: The scene, and what was done to it.
     """
 
     def __init__(self, client: Any, workspace: Workspace, preview: Preview, history: History) -> None:

@@ -84,10 +84,7 @@ def centred(scene: TwinScene) -> TwinScene:
 def removed(scene: TwinScene, index: int) -> TwinScene:
     """Return the scene without an object.
 
-    Raises
-    ------
-    RenderError
-        It is the only one.
+    Raises RenderError: it is the only one.
     """
     if len(scene.objects) == 1:
         raise RenderError(f"objects: {scene.objects[0].name!r} is the only one; a scene has at least one.")
@@ -97,10 +94,7 @@ def removed(scene: TwinScene, index: int) -> TwinScene:
 def placed(scene: TwinScene, index: int, placement: Placement) -> TwinScene:
     """Return the scene with an object where numbers say.
 
-    Raises
-    ------
-    RenderError
-        A factor is 0, or a number is not finite.
+    Raises RenderError: a factor is 0, or a number is not finite.
     """
     numbers = np.concatenate([placement.middle_mm, placement.rotate_deg, placement.scale])
     if not np.isfinite(numbers).all() or not placement.scale.all():
@@ -140,10 +134,7 @@ def assigned(scene: TwinScene, index: int, material: str) -> TwinScene:
 def with_material(scene: TwinScene, name: str, material: Material) -> TwinScene:
     """Return the scene with a material, new or in the place of the one of this name.
 
-    Raises
-    ------
-    RenderError
-        The name is empty.
+    Raises RenderError: the name is empty.
     """
     if not name.strip():
         raise RenderError("materials: expected a name that is not empty.")
@@ -153,10 +144,7 @@ def with_material(scene: TwinScene, name: str, material: Material) -> TwinScene:
 def without_material(scene: TwinScene, name: str) -> TwinScene:
     """Return the scene without a material.
 
-    Raises
-    ------
-    RenderError
-        An object is made of it.
+    Raises RenderError: an object is made of it.
     """
     users = [one.name for one in scene.objects if one.material == name]
     if users:

@@ -18,18 +18,8 @@ Array = NDArray[np.float64]
 def with_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Path) -> TwinScene:
     """Return the scene in these lights alone.
 
-    Parameters
-    ----------
-    scene : TwinScene
-    groups : sequence of tables
-        Of `twin.description.description_tables`, as a description's [[lights]].
-    folder : Path
-        What a session's file is relative to.
-
-    Raises
-    ------
-    RenderError
-        As in `twin.description.light_groups.expand`.
+    groups: Of `twin.description.description_tables`, as a description's [[lights]]. folder: What a session's file is
+    relative to. Raises RenderError: as in `twin.description.light_groups.expand`.
     """
     lights, radii = expand(groups, folder, scene.lights.reference_point_mm)
     return replace(scene, lights=lights, radii_mm=radii)
@@ -38,10 +28,7 @@ def with_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Path) ->
 def with_more_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Path) -> TwinScene:
     """Return the scene with these lights beside those that it has; names that are taken are numbered on.
 
-    Raises
-    ------
-    RenderError
-        As in `expand`; or some are near and the others distant.
+    Raises RenderError: as in `expand`; or some are near and the others distant.
     """
     was = scene.lights
     more, radii = expand(groups, folder, was.reference_point_mm)
@@ -75,10 +62,7 @@ def with_more_lights(scene: TwinScene, groups: Sequence[LightGroup], folder: Pat
 def moved_light(scene: TwinScene, index: int, place_mm: ArrayLike) -> TwinScene:
     """Return the scene with a light at a place (3,): a near one stands there, a distant one shines from that way.
 
-    Raises
-    ------
-    RenderError
-        The place is the reference point, where the light's intensity is to hold.
+    Raises RenderError: the place is the reference point, where the light's intensity is to hold.
     """
     lights, place = scene.lights, np.asarray(place_mm, float)
     away = place - lights.reference_point_mm
@@ -93,10 +77,7 @@ def moved_light(scene: TwinScene, index: int, place_mm: ArrayLike) -> TwinScene:
 def with_intensity(scene: TwinScene, index: int, intensity: ArrayLike) -> TwinScene:
     """Return the scene with a light of another intensity (3,).
 
-    Raises
-    ------
-    RenderError
-        It is negative or not finite.
+    Raises RenderError: it is negative or not finite.
     """
     value = np.asarray(intensity, float)
     if not np.isfinite(value).all() or (value < 0).any():
@@ -108,10 +89,7 @@ def with_intensity(scene: TwinScene, index: int, intensity: ArrayLike) -> TwinSc
 def without_light(scene: TwinScene, index: int) -> TwinScene:
     """Return the scene without a light.
 
-    Raises
-    ------
-    RenderError
-        It is the only one.
+    Raises RenderError: it is the only one.
     """
     if len(scene.lights) == 1:
         raise RenderError("lights: this is the only one; a scene has at least one.")

@@ -29,10 +29,7 @@ ROUGH_ERROR = 100.0
 class LiveScene:
     """What is loaded of one scene after the other.
 
-    Attributes
-    ----------
-    loads : int
-        How often everything had to be loaded: the first time, and when objects come and go.
+    loads: How often everything had to be loaded: the first time, and when objects come and go.
     """
 
     def __init__(self) -> None:
@@ -44,20 +41,9 @@ class LiveScene:
     def picture(self, scene: TwinScene, light: int, *, width: int, height: int, error: float = ROUGH_ERROR) -> Picture:
         """Return the light of one flash that meets one surface, (h, w, 3) linear, at most `width` x `height`.
 
-        Parameters
-        ----------
-        scene : TwinScene
-        light : int
-            A disc is taken for a point, and of a mirror nothing is seen: `refined` shows them.
-        width, height : int
-            The picture has the shape of the camera's.
-        error : float
-            As in `twin.engines.direct.Direct`.
-
-        Raises
-        ------
-        RenderError
-            The camera sees nothing, or the vectorised variant does not run here.
+        light: A disc is taken for a point, and of a mirror nothing is seen: `refined` shows them. width, height: The
+        picture has the shape of the camera's. error: As in `twin.engines.direct.Direct`. Raises RenderError: the camera
+        sees nothing, or the vectorised variant does not run here.
         """
         from twin.engines.direct import Direct
 
@@ -180,19 +166,8 @@ def _placed(image: Picture, film: Film) -> Picture:
 def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Iterator[Picture | None]:
     """Render everything under one light in slices: interreflection, environment, mirrors, discs, wax.
 
-    Parameters
-    ----------
-    samples : int
-        Paths a pixel, where any are needed.
-
-    Yields
-    ------
-    None after each slice, and the picture in the end. What stock Mitsuba must render is one slice.
-
-    Raises
-    ------
-    RenderError
-        The scene is at fault, all faults told.
+    samples: Paths a pixel, where any are needed. Yields None after each slice, and the picture in the end. What stock
+    Mitsuba must render is one slice. Raises RenderError: the scene is at fault, all faults told.
     """
     from twin.description.description_check import check_scene
     from twin.engines.engine_choice import Choice, choose_engine

@@ -15,16 +15,11 @@ Array = NDArray[np.float64]
 class Placement:
     """An object's matrix in numbers.
 
-    Parameters
-    ----------
-    middle_mm : (3,) float64
-        Of the object's bounding box in its own frame, where it is now: what gizmos turn it about.
-    rotate_deg : (3,) float64
-        About x, then y, then z, the axes standing still.
-    scale : (3,) float64
-        Factors along the object's own axes, before it is turned. The first is negative where the matrix mirrors.
-    is_exact : bool
-        False: the matrix shears as well, and these numbers are the nearest without.
+    middle_mm (3,): Of the object's bounding box in its own frame, where it is now: what gizmos turn it about.
+    rotate_deg (3,): About x, then y, then z, the axes standing still.
+    scale (3,): Factors along the object's own axes, before it is turned. The first is negative where the matrix
+    mirrors.
+    is_exact: False: the matrix shears as well, and these numbers are the nearest without.
     """
 
     middle_mm: Array
@@ -48,8 +43,6 @@ def own_middle(one: TwinObject) -> Array:
 def placement_of(one: TwinObject) -> Placement:
     """Return an object's placement.
 
-    Notes
-    -----
     The matrix' linear part is R diag(s) if its columns are at right angles: s their lengths, R the rest. Else R is the
     rotation nearest to it (its polar part), and s the lengths.
     """
@@ -76,8 +69,6 @@ def matrix_of(one: TwinObject, placement: Placement) -> Array:
 def angles_deg(rotation: Array) -> Array:
     """Return the angles (3,) about x, y, z of a rotation (3, 3) = Rz Ry Rx.
 
-    Notes
-    -----
     R[2, 0] = -sin y; at y = +-90 degrees x and z turn about one axis, and z is taken as 0.
     """
     y = np.arcsin(np.clip(-rotation[2, 0], -1, 1))

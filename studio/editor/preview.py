@@ -19,17 +19,10 @@ STILL_S = 0.4
 class Drawn:
     """A picture, or why there is none.
 
-    Parameters
-    ----------
-    picture : (h, w, 3) float32 or None
-        Linear.
-    is_refined : bool
-    seconds : float
-        From the wish to the picture.
-    light : str
-        Name of the light that shines in it.
-    fault : str
-        Empty where there is a picture.
+    picture (h, w, 3): Linear.
+    seconds: From the wish to the picture.
+    light: Name of the light that shines in it.
+    fault: Empty where there is a picture.
     """
 
     picture: Picture | None
@@ -77,14 +70,7 @@ class Preview:
     def wish(self, desk: int, scene: TwinScene, light: int, show: Callable[[Drawn], None]) -> None:
         """Ask for a picture; a wish of the same desk that is not yet met is forgotten.
 
-        Parameters
-        ----------
-        desk : int
-            Whose wish.
-        scene : TwinScene
-        light : int
-        show : callable
-            Called in the preview's thread with each `Drawn`: the rough one, then the refined one.
+        desk: Whose wish. show: Called in the preview's thread with each `Drawn`: the rough one, then the refined one.
         """
         with self._change:
             self._desks.setdefault(desk, _Desk()).wish = _Wish(scene, light, show, time.monotonic())

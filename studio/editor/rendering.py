@@ -21,12 +21,8 @@ from scene.rooms import ROOT
 class Progress:
     """How far a rendering is.
 
-    Parameters
-    ----------
-    label : str
-        What is at work: `twin`, `write`; or a line that the renderer says.
-    done, total : int
-        Pieces; 0 of 0 where only something is said.
+    label: What is at work: `twin`, `write`; or a line that the renderer says.
+    done, total: Pieces; 0 of 0 where only something is said.
     """
 
     label: str
@@ -37,14 +33,8 @@ class Progress:
 class Rendering:
     """A rendering that runs.
 
-    Parameters
-    ----------
-    description : Path
-    out : Path
-    tell : callable
-        Called with each `Progress`, from a thread of this.
-    ended : callable
-        Called at the end with an empty text, or with what was at fault; not after `stop`.
+    tell: Called with each `Progress`, from a thread of this.
+    ended: Called at the end with an empty text, or with what was at fault; not after `stop`.
     """
 
     def __init__(

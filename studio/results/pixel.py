@@ -19,13 +19,8 @@ Array = NDArray[np.float64]
 class Numbers:
     """A solver's answer at a pixel; NaN where it gave none.
 
-    Parameters
-    ----------
-    source : Source
-    normal, albedo : (3,) float64
-    error_deg : float
-        Of the normal against the ground truth; NaN off the mask.
-    sigma_deg : float
+    normal, albedo (3,).
+    error_deg: Of the normal against the ground truth; NaN off the mask.
     """
 
     source: Source
@@ -39,15 +34,9 @@ class Numbers:
 class Fit:
     """What a solver's answer means for every light; NaN where it gave none.
 
-    Parameters
-    ----------
-    source : Source
-    shade : (F,) float64
-        n . l, times a near light's fall-off.
-    gray : (F,) float64
-        albedo max(0, shade), gray and divided by the light's intensity as `Pixel.gray` is.
-    note : str
-        Why this is not quite the solver's own prediction; empty where it is.
+    shade (F,): n . l, times a near light's fall-off.
+    gray (F,): albedo max(0, shade), gray and divided by the light's intensity as `Pixel.gray` is.
+    note: Why this is not quite the solver's own prediction; empty where it is.
     """
 
     source: Source
@@ -60,18 +49,10 @@ class Fit:
 class Pixel:
     """One pixel's samples.
 
-    Parameters
-    ----------
-    u, v : int
-    side : str
-    names : tuple of F str
-    gray : (F,) float64
-        Each sample divided by its light's intensity, channel by channel, then gray as the solvers see it.
-    clipped, shadowed : (F,) bool
-        At the sensor's white; under the share of the stack's 99th percentile from which solvers call a sample lit.
-    true_shade : (F,) float64
-        n . l of the ground truth, NaN where there is none.
-    fits : tuple of Fit
+    gray (F,): Each sample divided by its light's intensity, channel by channel, then gray as the solvers see it.
+    clipped, shadowed (F,): At the sensor's white; under the share of the stack's 99th percentile from which solvers
+    call a sample lit.
+    true_shade (F,): n . l of the ground truth, NaN where there is none.
     """
 
     u: int
@@ -88,10 +69,7 @@ class Pixel:
 def lit_from(results: Results, side: Side) -> float:
     """Return the gray value under which a sample of a side is called shadowed; NaN without a mask.
 
-    Raises
-    ------
-    SceneError
-        The frames or the lights are not there.
+    Raises SceneError: the frames or the lights are not there.
     """
     from solve.assess import DARK
     from solve.samples import scale_of
@@ -104,19 +82,8 @@ def lit_from(results: Results, side: Side) -> float:
 def read_pixel(results: Results, side: Side, u: int, v: int, *, lit_from: float) -> Pixel:
     """Return a pixel's samples and every solver's fit.
 
-    Parameters
-    ----------
-    results : Results
-    side : str
-        Whose frames, and whose maps.
-    u, v : int
-    lit_from : float
-        See the function of that name.
-
-    Raises
-    ------
-    SceneError
-        The frames or the lights are not there.
+    side: Whose frames, and whose maps. lit_from: See the function of that name. Raises SceneError: the frames or the
+    lights are not there.
     """
     from solve.samples import GRAY
 
@@ -151,8 +118,6 @@ def _samples(frames: Frames, u: int, v: int) -> tuple[Array, NDArray[np.bool_]]:
 def _fit(results: Results, lights: Lights, source: Source, u: int, v: int) -> Fit:
     """Return a solver's fit.
 
-    Notes
-    -----
     Its albedo is the pixel's value under its own lights of intensity 1. Where it found intensities I' of its own, the
     pixel's value is albedo I' max(0, n . l); divided by the calibrated I it stands beside the samples.
     """
@@ -205,10 +170,7 @@ def _own_intensities(results: Results, lights: Lights, source: Source) -> tuple[
 def shade_of(pixel: Pixel, reference: str) -> Array:
     """Return n . l (F,) by the normal of a method or of the ground truth, which its `method` names.
 
-    Raises
-    ------
-    SceneError
-        There is none at this pixel.
+    Raises SceneError: there is none at this pixel.
     """
     found = {fit.source.method: fit.shade for fit in pixel.fits} | {TRUTH.method: pixel.true_shade}
     shade = found.get(reference, np.full(len(pixel.gray), np.nan))

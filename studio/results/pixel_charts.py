@@ -22,16 +22,8 @@ SAMPLES = (
 def pixel_chart(pixel: Pixel, reference: str | None = None) -> Any:
     """Return a pixel's samples and the solvers' fits as a plotly figure.
 
-    Parameters
-    ----------
-    pixel : Pixel
-    reference : str or None
-        Whose n . l is the x axis: a method's, or `truth`; None: the light's number, from 1.
-
-    Raises
-    ------
-    SceneError
-        The reference has no normal here.
+    reference: Whose n . l is the x axis: a method's, or `truth`; None: the light's number, from 1. Raises SceneError:
+    the reference has no normal here.
     """
     x = np.arange(1.0, len(pixel.gray) + 1) if reference is None else shade_of(pixel, reference)
     figure, order = _figure(), np.argsort(x, kind="stable")

@@ -41,10 +41,7 @@ TRUTH = Source("truth")
 class Results:
     """What the solvers left in an output folder; maps are read when they are first asked for.
 
-    Parameters
-    ----------
-    review : Review
-        The folder's frames, camera, lights, mask, truth and twin.
+    review: The folder's frames, camera, lights, mask, truth and twin.
     """
 
     review: Review
@@ -74,10 +71,7 @@ class Results:
     def size(self) -> tuple[int, int]:
         """Width and height, px: those of the frames, else of the first map that is there.
 
-        Raises
-        ------
-        SceneError
-            There is neither.
+        Raises SceneError: there is neither.
         """
         if self.review.material.frames is not None:
             return self.review.material.frames.width, self.review.material.frames.height
@@ -94,16 +88,8 @@ class Results:
     def map(self, place: str, source: Source) -> NDArray:
         """Return a map (H, W) or (H, W, 3), memory-mapped.
 
-        Parameters
-        ----------
-        place : str
-            `normals`, `albedo`, `sigma` or `depth`.
-        source : Source
-
-        Raises
-        ------
-        SceneError
-            It is not there, cannot be read, or has another size than the frames.
+        place: `normals`, `albedo`, `sigma` or `depth`. Raises SceneError: it is not there, cannot be read, or has
+        another size than the frames.
         """
         found = self._open(place, source)
         width, height = self.size
@@ -124,15 +110,7 @@ class Results:
     def errors(self, source: Source, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the angle between normals and truth, degrees, at pixels; NaN where unknown and off the mask.
 
-        Parameters
-        ----------
-        source : Source
-        rows, columns : int arrays of one shape
-
-        Raises
-        ------
-        SceneError
-            The normals or the truth are not there.
+        Raises SceneError: the normals or the truth are not there.
         """
         if self.review.truth is None:
             raise SceneError(f"no ground truth: {self.review.missing['scan']}")
@@ -172,10 +150,7 @@ class Results:
     def frames(self, side: Side) -> tuple[Frames, Lights]:
         """Return the frames of a side, and the lights of each.
 
-        Raises
-        ------
-        SceneError
-            Frames or lights are not there, or do not belong together.
+        Raises SceneError: frames or lights are not there, or do not belong together.
         """
         part = "frames" if side == "photographs" else "twin"
         frames = self.review.material.frames if side == "photographs" else self.review.twin

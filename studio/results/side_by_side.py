@@ -22,17 +22,10 @@ EMPTY = (pictures.PAPER,) * 3
 class Choice:
     """What is looked at.
 
-    Parameters
-    ----------
-    what : str
-        One of `WHATS`.
-    left, right : Source
-    zoom : int
-        1: the whole object.
-    centre : (u, v) or None
-        The pixel in the middle; None: the object's middle.
-    cursor : (u, v) or None
-        The pixel that is pointed at.
+    what: One of `WHATS`.
+    zoom: 1: the whole object.
+    centre (u, v): The pixel in the middle; None: the object's middle.
+    cursor (u, v): The pixel that is pointed at.
     """
 
     what: What

@@ -14,10 +14,7 @@ ZOOMS = (1, 2, 4, 8, 16, 32, 64)
 class Window:
     """A rectangle of a picture, whose pixel (u, v) covers u..u + 1 across and v..v + 1 down.
 
-    Parameters
-    ----------
-    left, top, width, height : float
-        Pixels, from the picture's upper left corner.
+    left, top, width, height: Pixels, from the picture's upper left corner.
     """
 
     left: float
@@ -29,15 +26,7 @@ class Window:
     def of(cls, box: Box, zoom: float, centre: tuple[float, float], size: tuple[int, int]) -> "Window":
         """Return the part of a box's shape that is `zoom` times smaller, about a pixel, moved into the picture.
 
-        Parameters
-        ----------
-        box : Box
-            What zoom 1 shows.
-        zoom : float
-        centre : (u, v)
-            A pixel's centre.
-        size : (width, height)
-            Of the picture, px.
+        box: What zoom 1 shows. centre (u, v): A pixel's centre. size (width, height): Of the picture, px.
         """
         width, height = box.width / zoom, box.height / zoom
         left = np.clip(centre[0] + 0.5 - width / 2, 0, size[0] - width)
@@ -70,10 +59,7 @@ def _under(start: float, length: float, count: int) -> NDArray[np.int64]:
 class Layout:
     """Two pictures of one size side by side, a line of words above them and a key below.
 
-    Parameters
-    ----------
-    wide, high : int
-        Of each picture, points of the screen picture.
+    wide, high: Of each picture, points of the screen picture.
     """
 
     wide: int

@@ -25,10 +25,7 @@ Array = NDArray[np.float64]
 def calibrate_again(review: Review, balls: Outlines, *, progress: Callable[[int, int], None] | None = None) -> Any:
     """Return the `Calibration` that the step `calibrate` makes of the session with these balls.
 
-    Raises
-    ------
-    SceneError
-        There is no session or no frames, or the balls do not give lights.
+    Raises SceneError: there is no session or no frames, or the balls do not give lights.
     """
     from calibrate.calibrate import calibrate
     from capture.session.requests import sphere_requests
@@ -49,17 +46,11 @@ def calibrate_again(review: Review, balls: Outlines, *, progress: Callable[[int,
 class Change:
     """What calibrating again changed.
 
-    Parameters
-    ----------
-    turned_deg : (F,) float64 or None
-        Of each light's direction at the reference point of the old ones; None where there were no lights before.
-    sigma_deg : tuple of 2 float
-        Median of the directions', before and after; NaN where nothing is known of it.
-    rms_px : tuple of 2 float
-        Of the chrome balls' highlights beside where they must be, before and after.
-    spheres : tuple of Sphere
-        As fitted from the corrected outlines.
-    warnings : tuple of str
+    turned_deg (F,): Of each light's direction at the reference point of the old ones; None where there were no lights
+    before.
+    sigma_deg: Median of the directions', before and after; NaN where nothing is known of it.
+    rms_px: Of the chrome balls' highlights beside where they must be, before and after.
+    spheres: As fitted from the corrected outlines.
     """
 
     turned_deg: Array | None

@@ -23,21 +23,9 @@ FILES = (("object", "mask"), ("object", "scan"), ("object", "normals"), ("object
 def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Path | None = None) -> Path:
     """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
 
-    Parameters
-    ----------
-    review : Review
-    spheres : tuple of SphereSpec or None
-        Instead of the session's `[[spheres]]`. None: those of an earlier correction, else the session's.
-    picks : Path or None
-        For `object.picks`, likewise.
-
-    Raises
-    ------
-    SceneError
-        There is no session.toml to correct, or a file that is not the studio's stands in the way.
-
-    Notes
-    -----
+    spheres: Instead of the session's `[[spheres]]`. None: those of an earlier correction, else the session's. picks:
+    For `object.picks`, likewise. Raises SceneError: there is no session.toml to correct, or a file that is not the
+    studio's stands in the way.
     The user's own session.toml is read and never written. Its relative paths are written out in full.
     """
     path, source = review.store.path(KEPT, "session.toml"), _source(review)
@@ -61,10 +49,7 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
 def forget_kept(review: Review) -> None:
     """Remove what was kept in OUT/review: the session is then as its own session.toml says.
 
-    Raises
-    ------
-    SceneError
-        Where that lies is not known, or is gone; or what was kept was changed by somebody else.
+    Raises SceneError: where that lies is not known, or is gone; or what was kept was changed by somebody else.
     """
     path = review.store.path(KEPT)
     if review.session_path is None or review.session_path == path.resolve():

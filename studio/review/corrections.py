@@ -21,17 +21,9 @@ SMALLEST_PX = 4.0
 class Outline:
     """A ball as it is to be calibrated with.
 
-    Parameters
-    ----------
-    kind : "chrome" or "white"
-    center_px : tuple of 2 float
-        Projection of its centre, pixels of the frames.
-    radius_px : float
-    diameter_mm : float or None
-    is_moved : bool
-        By hand.
-    apart : bool
-        Photographed apart.
+    center_px: Projection of its centre, pixels of the frames.
+    is_moved: By hand.
+    apart: Photographed apart.
     """
 
     kind: Kind
@@ -102,10 +94,7 @@ def removed(balls: Outlines, index: int) -> Outlines:
 def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
     """Return `[[spheres]]` entries that say these outlines, in the pixels that the session counts in.
 
-    Raises
-    ------
-    SceneError
-        The session's balls cannot be said by circles: their lights are given, or a ball has a mask.
+    Raises SceneError: the session's balls cannot be said by circles: their lights are given, or a ball has a mask.
     """
     if session.lights_file is not None:
         raise SceneError(

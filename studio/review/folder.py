@@ -37,31 +37,15 @@ UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
 class Review:
     """An output folder as it was when it was read; a part that is not there is None.
 
-    Parameters
-    ----------
-    store : Store
-    session_path : Path or None
-        The session's folder, or its .toml file.
-    session : Session or None
-    why_no_session : str
-        Empty where there is one.
-    material : compare.report.shown_material.Material
-        Frames, camera, mask, and what the report shows of balls and lights.
-    lights : Lights or None
-    spheres : tuple of Sphere
-    highlights_px : (S, F, 2) float64 or None
-        Where each ball mirrors each flash, NaN where nothing was seen or believed.
-    position_covariance_mm2 : (F, 3, 3) float64 or None
-        Of near lights; None of distant ones, and where the folder does not say.
-    truth : (H, W, 3) float32 or None
-        Normals of the registered scan, NaN where unknown.
-    twin : Frames or None
-        The rendered frames.
-    warnings : tuple of Warned
-    done : frozenset of str
-        The steps that ended.
-    clipped_share : (F,) float64 or None
-        Of each frame's pixels, as the audit counted them.
+    session_path: The session's folder, or its .toml file.
+    why_no_session: Empty where there is one.
+    material: Frames, camera, mask, and what the report shows of balls and lights.
+    highlights_px (S, F, 2): Where each ball mirrors each flash, NaN where nothing was seen or believed.
+    position_covariance_mm2 (F, 3, 3): Of near lights; None of distant ones, and where the folder does not say.
+    truth (H, W, 3): Normals of the registered scan, NaN where unknown.
+    twin: The rendered frames.
+    done: The steps that ended.
+    clipped_share (F,): Of each frame's pixels, as the audit counted them.
     """
 
     store: Store
@@ -83,11 +67,7 @@ class Review:
     def read(cls, folder: Path, session_path: Path | None = None) -> "Review":
         """Read an output folder.
 
-        Parameters
-        ----------
-        folder : Path
-        session_path : Path or None
-            None: the one that summary.json names.
+        session_path: None: the one that summary.json names.
         """
         store = Store(folder)
         summary = read_optional(store, "summary.json") or {}
@@ -163,17 +143,8 @@ def is_session(folder: Path) -> bool:
 def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
     """Return the output folder, and the session's place or None, that a command line means.
 
-    Parameters
-    ----------
-    source : Path
-        An output folder, or a session's.
-    out : Path or None
-        The output folder of a session; None: out/NAME.
-
-    Raises
-    ------
-    SceneError
-        It is neither, or --out goes with an output folder.
+    source: An output folder, or a session's. out: The output folder of a session; None: out/NAME. Raises SceneError: it
+    is neither, or --out goes with an output folder.
     """
     if is_output(source):
         if out is not None:

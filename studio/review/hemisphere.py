@@ -26,10 +26,8 @@ def directions_deg(lights: Lights) -> Array:
 def direction_covariance(lights: Lights, position_covariance_mm2: Array | None) -> Array:
     """Return (N, 2, 2), degrees squared, along (away from the axis, around it); NaN where nothing is known.
 
-    Notes
-    -----
-    A near light's direction d = (q - x) / r moves by (I - d d^T) / r dq. Where the positions' covariance is not
-    known, the stated sigma holds along both.
+    A near light's direction d = (q - x) / r moves by (I - d d^T) / r dq. Where the positions' covariance is not known,
+    the stated sigma holds along both.
     """
     across = np.stack(_tangents(lights), 1)
     if position_covariance_mm2 is None or lights.positions_mm is None:
@@ -98,11 +96,8 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
 class Ellipsoid:
     """Where a light may be: one standard deviation along each of its own axes.
 
-    Parameters
-    ----------
-    half_axes_mm : (3,) float64
-    rotation : (3, 3) float64
-        Columns are the axes, right-handed.
+    half_axes_mm (3,).
+    rotation (3, 3): Columns are the axes, right-handed.
     """
 
     half_axes_mm: Array

@@ -13,11 +13,9 @@ Array = NDArray[np.float64]
 def mirrored_px(camera: Camera, sphere: Sphere, lights: Lights) -> Array:
     """Return (N, 2), the pixels at which a mirror ball shows each light.
 
-    Notes
-    -----
-    At the point p = c + R n the normal halves the angle between the way to the camera and the way to the light,
-    n = (v + l) / |v + l|. Solved by repetition: p moves by R at most, which turns v and l by little where both are
-    many radii away, and each round shrinks the error by that factor.
+    At the point p = c + R n the normal halves the angle between the way to the camera and the way to the light, n = (v
+    + l) / |v + l|. Solved by repetition: p moves by R at most, which turns v and l by little where both are many radii
+    away, and each round shrinks the error by that factor.
     """
     center, radius = sphere.center_mm(camera), sphere.radius_mm
     near = lights.positions_mm is not None and sphere.diameter_mm and not camera.is_orthographic

@@ -25,14 +25,8 @@ CLIPPED_COLOUR = (255, 0, 60)
 class Look:
     """How a photograph is shown.
 
-    Parameters
-    ----------
-    overlay : str
-        One of `OVERLAYS`.
-    opacity : float
-        Of what lies over it; 0 to 1.
-    brightness : float
-    marks_clipped : bool
+    overlay: One of `OVERLAYS`.
+    opacity: Of what lies over it; 0 to 1.
     """
 
     overlay: Overlay = "nothing"
@@ -44,10 +38,7 @@ class Look:
 def photograph(review: Review, index: int, look: Look) -> Image:
     """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
 
-    Raises
-    ------
-    SceneError
-        There are no frames, or what is to lie over them is not in the folder.
+    Raises SceneError: there are no frames, or what is to lie over them is not in the folder.
     """
     frames, exposure, camera = review.material.frames, review.material.exposure, review.material.camera
     if frames is None or exposure is None:
@@ -79,20 +70,9 @@ def photograph(review: Review, index: int, look: Look) -> Image:
 def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
     """Return what a white matte object with these normals would show under one light, without cast shadows.
 
-    Parameters
-    ----------
-    truth : (H, W, 3) float
-        Unit normals of the registered scan, NaN where unknown.
-    camera : Camera
-    lights : Lights
-    index : int
-        Which of them; a near one is taken at the depth of the reference point.
-    pixels : (h, w, 2) float
-
-    Returns
-    -------
-    shading : (h, w) float32
-        max(0, vector . normal); NaN off the scan.
+    truth (H, W, 3): Unit normals of the registered scan, NaN where unknown. index: Which of them; a near one is taken
+    at the depth of the reference point. pixels (h, w, 2). Returns shading (h, w): max(0, vector . normal); NaN off the
+    scan.
     """
     normals = _sampled(truth, pixels)
     if lights.positions_mm is None:

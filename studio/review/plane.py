@@ -18,10 +18,7 @@ UPRIGHT = (0.0, 1.0, 0.0, 0.0)
 class Plane:
     """A picture that stands upright in the plane z = 0, its middle at x = 0, y = 0.
 
-    Parameters
-    ----------
-    width, height : int
-        Pixels of the photograph.
+    width, height: Pixels of the photograph.
     """
 
     width: int

@@ -20,17 +20,8 @@ Array = NDArray[np.float64]
 def twin_picture(review: Review, index: int, exposure: Exposure) -> tuple[Image, float]:
     """Return the twin's frame in the photograph's tones, and how far the two differ on the object.
 
-    Returns
-    -------
-    picture : (h, w, 3) uint8
-    difference : float
-        Median over the mask's pixels of abs(photograph - twin), in units of the photograph's median there; NaN
-        without a mask.
-
-    Raises
-    ------
-    SceneError
-        There is no twin, or it has no such frame.
+    Returns picture (h, w, 3). Returns difference: Median over the mask's pixels of abs(photograph - twin), in units of
+    the photograph's median there; NaN without a mask. Raises SceneError: there is no twin, or it has no such frame.
     """
     frames, twin = review.material.frames, review.twin
     if twin is None or frames is None:
@@ -86,10 +77,7 @@ def one_light(lights: Lights, direction: Array) -> Lights:
 def relit_scene(review: Review) -> Any:
     """Return the registered scan with measured albedo as a scene, its lights to be replaced by `one_light`.
 
-    Raises
-    ------
-    SceneError
-        The session, the pose, the lights or a method's albedo is not there.
+    Raises SceneError: the session, the pose, the lights or a method's albedo is not there.
     """
     from lab.job import Job
     from twin.description.description import Sampling

@@ -33,18 +33,8 @@ class Beside:
 class ReviewDesk(BrowserDesk):
     """What a browser reviews. Its panels call `show`, `choose` and `correct`; then all panels are refreshed.
 
-    Parameters
-    ----------
-    client : viser.ClientHandle
-    workspace : Workspace
-    preview : Preview
-    folder : Path
-        The output folder.
-    session_path : Path or None
-        None: the session that the folder names.
-
-    Notes
-    -----
+    folder: The output folder.
+    session_path: None: the session that the folder names.
     `read` is to be called before anything is shown.
     """
 

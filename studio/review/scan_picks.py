@@ -25,12 +25,8 @@ Array = NDArray[np.float64]
 class Picks:
     """Pixels and points as they were clicked; the first pixel belongs to the first point.
 
-    Parameters
-    ----------
-    pixels : tuple of (u, v)
-        Of the frames.
-    points : tuple of (x, y, z)
-        Of the scan, in millimetres, or in its own unit where that is unknown.
+    pixels: Of the frames.
+    points: Of the scan, in millimetres, or in its own unit where that is unknown.
     """
 
     pixels: tuple[tuple[float, float], ...] = ()
@@ -59,10 +55,7 @@ class Picks:
 def load_scan(review: Review) -> Mesh:
     """Return the session's scan.
 
-    Raises
-    ------
-    SceneError
-        There is no session, or it has no scan.
+    Raises SceneError: there is no session, or it has no scan.
     """
     from align.scan.mended_scan import load_scan
 
@@ -82,10 +75,7 @@ def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
 def write_picks(review: Review, picks: Picks) -> Path:
     """Write OUT/review/picks.csv, as `object.picks` is read, and return its path.
 
-    Raises
-    ------
-    SceneError
-        There is no session or no camera, or a file that is not the studio's stands in the way.
+    Raises SceneError: there is no session or no camera, or a file that is not the studio's stands in the way.
     """
     path, text = review.store.path(KEPT, PICKS), _table(review, picks)
     put_own(review.store.folder, lambda place: write_text(place / KEPT / PICKS, text))
@@ -110,10 +100,7 @@ def _table(review: Review, picks: Picks) -> str:
 def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
     """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
 
-    Raises
-    ------
-    SceneError
-        Too few picks, on one line, or contradicting each other.
+    Raises SceneError: too few picks, on one line, or contradicting each other.
     """
     from align.pose.picks import read_picks
     from capture.session.requests import hint_scale

@@ -14,13 +14,7 @@ class Shown:
     def once(self, name: str, key: Any, add: Callable[[], list[Any]]) -> None:
         """Put a part in place of what it was, unless it has this key already.
 
-        Parameters
-        ----------
-        name : str
-        key : Any
-            Compared by equality.
-        add : callable
-            Adds the part; returns the handles of all that it added.
+        key: Compared by equality. add: Adds the part; returns the handles of all that it added.
         """
         if name in self._keys and self._keys[name] == key:
             return

@@ -14,15 +14,8 @@ from scene.rooms import ROOT
 def options_of(summary: dict[str, Any]) -> list[str]:
     """Return the options of `rgbn process` with which a folder was made, so that what is current stays.
 
-    Parameters
-    ----------
-    summary : dict
-        Of summary.json; empty: the command line's own options.
-
-    Raises
-    ------
-    SceneError
-        The results were judged by a known truth, which `rgbn process` is not given.
+    summary: Of summary.json; empty: the command line's own options. Raises SceneError: the results were judged by a
+    known truth, which `rgbn process` is not given.
     """
     if summary.get("truth_check"):
         raise SceneError(
@@ -40,15 +33,9 @@ def options_of(summary: dict[str, Any]) -> list[str]:
 class StepsRun:
     """`rgbn process SESSION --out OUT` that runs.
 
-    Parameters
-    ----------
-    session, out : Path
-    tell : callable
-        Called with each line that it says, from a thread of this.
-    ended : callable
-        Called at the end with an empty text, or with what stopped it; not after `stop`.
-    options : sequence of str
-        More of the command line.
+    tell: Called with each line that it says, from a thread of this.
+    ended: Called at the end with an empty text, or with what stopped it; not after `stop`.
+    options: More of the command line.
     """
 
     def __init__(

@@ -22,7 +22,7 @@ from studio.review.run_panel import RunPanel
 from studio.review.steps_run import StepsRun, options_of
 from studio.workspace import Workspace
 
-FIXTURE = Path(__file__).parents[4] / "fixtures" / "bumpy"
+FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 def test_what_stops_the_steps_is_told(made):
