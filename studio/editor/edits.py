@@ -162,19 +162,27 @@ def without_map(scene: TwinScene) -> TwinScene:
     return replace(scene, environment=Environment(ambient=scene.environment.ambient))
 
 
-def with_camera(scene: TwinScene, *, width: int, height: int, focal_px: float, orthographic: bool) -> TwinScene:
-    """Return the scene before another camera; a change of size scales the principal point and keeps the distortion."""
+def with_camera(
+    scene: TwinScene,
+    *,
+    width: int | None = None,
+    height: int | None = None,
+    focal_px: float | None = None,
+    orthographic: bool | None = None,
+) -> TwinScene:
+    """Return the scene before another camera; a change of size scales the principal point and keeps the distortion.
+
+    None: as it was. Raises RenderError: no pixel is left.
+    """
     was = scene.camera
+    width, height = was.width if width is None else width, was.height if height is None else height
     if width < 1 or height < 1:
         raise RenderError(f"camera: size {width} x {height} px; expected at least 1 x 1.")
+    focal = float(was.fx) if focal_px is None else focal_px
+    is_parallel = was.is_orthographic if orthographic is None else orthographic
+    projection = "orthographic" if is_parallel else "perspective"
     sized = was.scaled(width, height, width / was.width, height / was.height)
-    camera = replace(
-        sized,
-        fx=focal_px,
-        fy=focal_px * was.fy / was.fx,
-        projection="orthographic" if orthographic else "perspective",
-    )
-    return replace(scene, camera=camera)
+    return replace(scene, camera=replace(sized, fx=focal, fy=focal * was.fy / was.fx, projection=projection))
 
 
 def with_sampling(scene: TwinScene, sampling: Sampling) -> TwinScene:

@@ -10,7 +10,7 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from studio.results.shown_maps import TRUTH, Results, Side, Source
+from studio.results.result_maps import TRUTH, Results, Side, Source
 
 Array = NDArray[np.float64]
 

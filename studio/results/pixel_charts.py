@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.charts import COLOURS
-from studio.markdown import plain
 from studio.results.pixel import Numbers, Pixel, shade_of
-from studio.results.shown_maps import Results, Source
+from studio.results.result_maps import Results, Source
+from studio.widgets import plain
 
 BINS = 60
 SAMPLES = (

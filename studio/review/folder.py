@@ -105,11 +105,11 @@ class Review:
         )
 
     @cached_property
-    def missing(self) -> dict[str, str]:
-        """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
+    def _parts(self) -> dict[str, tuple[Any, str, str]]:
+        """What is there by its name, the step that leaves it, and why that may leave none."""
         material, has_scan = self.material, self.session is None or self.session.scan is not None
         no_scan = "the session names no scan ([object] scan), so nothing was registered."
-        parts = {
+        return {
             "frames": (material.frames, "check", ""),
             "camera": (material.camera, "check", ""),
             "balls": (self.spheres or None, "calibrate", "no ball was found or asked for."),
@@ -118,11 +118,24 @@ class Review:
             "scan": (self.truth, "align", "" if has_scan else no_scan),
             "twin": (self.twin, "twin", "there is no registered scan to render."),
         }
+
+    @cached_property
+    def missing(self) -> dict[str, str]:
+        """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
         return {
             name: why if step in self.done and why else self._unfinished(step)
-            for name, (part, step, why) in parts.items()
+            for name, (part, step, why) in self._parts.items()
             if part is None
         }
+
+    def need(self, *names: str) -> list[Any]:
+        """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""
+        for name in names:
+            if name == "session" and self.session is None:
+                raise SceneError(self.why_no_session)
+            if name in self.missing:
+                raise SceneError(f"{name}: {self.missing[name]}")
+        return [self.session if name == "session" else self._parts[name][0] for name in names]
 
     def _unfinished(self, step: str) -> str:
         if step in self.done:

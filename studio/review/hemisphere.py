@@ -1,4 +1,4 @@
-"""The lights' directions and how well they are known: as a picture of the hemisphere, and as ellipsoids in space."""
+"""The lights' directions and how well they are known: the panel with the hemisphere, and ellipsoids in space."""
 
 from dataclasses import dataclass
 from html import escape
@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+from studio.review.review_window import ReviewWindow
+from studio.widgets import plain
 
 Array = NDArray[np.float64]
 FACTORS = (1, 3, 10, 30, 100)
@@ -142,3 +144,59 @@ def _ellipse(covariance_deg2: Array, zenith_deg: float, azimuth_deg: float) -> t
     values, axes = np.linalg.eigh(stretch @ covariance_deg2 @ stretch)
     wide, high = np.sqrt(np.maximum(values[::-1], 0))
     return float(wide), float(high), float(-(azimuth_deg + np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))))
+
+
+class HemispherePanel:
+    """The directions with their sigmas, as seen by the camera."""
+
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._picture = gui.add_html("")
+        self._factor = gui.add_dropdown("sigma drawn", tuple(f"{factor} times" for factor in FACTORS))
+        self._facts = gui.add_markdown("")
+        window.on_click(gui.add_button("Show in 3-D"), lambda: window.choose(view="Lights in 3-D"))
+        window.on_input(self._factor, lambda value: window.enlarge(int(value.split()[0])))
+        if window.review.lights is not None:
+            window.factor = fitting_factor(window.review.lights)
+
+    def refresh(self) -> None:
+        """Follow the window."""
+        window = self._window
+        lights = window.review.lights
+        self._factor.value = f"{window.factor} times"
+        if lights is None:
+            self._picture.content, self._facts.content = "", f"**No lights**: {window.review.missing['lights']}"
+            return
+        covariance = window.review.position_covariance_mm2
+        self._picture.content = hemisphere_picture(lights, covariance, chosen=window.frame, factor=window.factor)
+        self._facts.content = self._text()
+
+    def _text(self) -> str:
+        review, index = self._window.review, self._window.frame
+        lights = review.lights
+        assert lights is not None
+        zenith, azimuth = directions_deg(lights)[index]
+        sigma = lights.direction_sigma_deg[index]
+        lines = [
+            f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
+            f"- {zenith:.1f}° from the camera's axis, azimuth {azimuth % 360:.1f}° (0° right, 90° up)",
+            f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
+            f"- intensity {lights.intensities[index].mean():.3f}" + _percent(lights.intensity_sigma[index]),
+        ]
+        if lights.positions_mm is not None:
+            away = float(np.linalg.norm(lights.positions_mm[index] - lights.reference_point_mm))
+            lines.append(f"- {away:.0f} mm from the object" + self._range_sigma(index))
+        lines += [f"- **{plain(flag)}**" for flag in lights.flags[index]]
+        return "\n".join(lines)
+
+    def _range_sigma(self, index: int) -> str:
+        covariance, lights = self._window.review.position_covariance_mm2, self._window.review.lights
+        assert lights is not None
+        if covariance is None or not np.isfinite(covariance[index]).all():
+            return "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
+        along = lights.directions[index]
+        return f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
+
+
+def _percent(sigma: float) -> str:
+    return f" ± {sigma:.1%}" if np.isfinite(sigma) else ""

@@ -100,13 +100,13 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told():
             return add
 
         for _ in range(5):
-            preview.wish(1, small, 0, show("first"))
-        preview.wish(1, broken, 0, show("broken"))
+            preview.request(1, small, 0, show("first"))
+        preview.request(1, broken, 0, show("broken"))
         assert done.wait(120)
         assert [name for name, drawn in shown if drawn.is_refined] == ["broken"]
         assert "has no texture coordinates" in shown[-1][1].fault
         done.clear()
-        preview.wish(1, small, 0, show("mended"))
+        preview.request(1, small, 0, show("mended"))
         assert done.wait(120)
         assert shown[-1][0] == "mended"
         assert shown[-1][1].picture.max() > 0.1

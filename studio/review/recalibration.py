@@ -1,4 +1,7 @@
-"""What calibrating again with corrected balls gives, and what that changes. Nothing is written into the folder."""
+"""Calibrating again with corrected balls, and what that changes; where a ball must mirror each flash.
+
+Nothing is written into the folder.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,16 +13,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.errors import SceneError
 from scene.lights import Lights
-from scene.normals import angular_error_deg
+from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
 from scene.store import Store
 from studio.review.corrections import Outlines, specs_of
 from studio.review.folder import Review
-from studio.review.mirror import residuals_px, rms_px
 
 Array = NDArray[np.float64]
+
+
+def mirrored_px(camera: Camera, sphere: Sphere, lights: Lights) -> Array:
+    """Return (N, 2), the pixels at which a mirror ball shows each light.
+
+    At the point p = c + R n the normal halves the angle between the way to the camera and the way to the light, n = (v
+    + l) / |v + l|. Solved by repetition: p moves by R at most, which turns v and l by little where both are many radii
+    away, and each round shrinks the error by that factor.
+    """
+    center, radius = sphere.center_mm(camera), sphere.radius_mm
+    near = lights.positions_mm is not None and sphere.diameter_mm and not camera.is_orthographic
+    normals = np.tile([0.0, 0.0, 1.0], (len(lights), 1))
+    for _ in range(60):
+        points = center + radius * normals
+        view = np.array([[0.0, 0.0, 1.0]]) if camera.is_orthographic else unit(-points)
+        toward = unit(lights.positions_mm - points) if near and lights.positions_mm is not None else lights.directions
+        normals, before = unit(view + toward), normals
+        if np.abs(normals - before).max() < 1e-12:
+            break
+    if camera.is_orthographic:
+        return sphere.center_px + sphere.radius_px * normals[:, :2] * [1.0, -1.0]
+    return camera.project(center + radius * normals)
+
+
+def residuals_px(camera: Camera, sphere: Sphere, lights: Lights, highlights_px: Array) -> Array:
+    """Return (N, 2): highlights as seen (N, 2) less where they must be; NaN where none was seen or believed."""
+    return highlights_px - mirrored_px(camera, sphere, lights)
+
+
+def rms_px(residuals: Array) -> float:
+    """Return the root mean square length of residuals (..., 2), NaN left out; NaN where there are none."""
+    lengths = np.linalg.norm(residuals, axis=-1)
+    return float(np.sqrt(np.nanmean(lengths**2))) if np.isfinite(lengths).any() else float("nan")
 
 
 def calibrate_again(review: Review, balls: Outlines, *, progress: Callable[[int, int], None] | None = None) -> Any:
@@ -30,11 +64,10 @@ def calibrate_again(review: Review, balls: Outlines, *, progress: Callable[[int,
     from calibrate.calibrate import calibrate
     from capture.session.requests import sphere_requests
 
-    frames, store = review.material.frames, review.store
-    if review.session is None or frames is None:
-        raise SceneError(review.why_no_session or f"frames: {review.missing['frames']}")
+    store = review.store
+    session, frames = review.need("session", "frames")
     camera = Store(store.path("frames")).load_camera()
-    session = replace(review.session, spheres=specs_of(review.session, balls, camera))
+    session = replace(session, spheres=specs_of(session, balls, camera))
     with TemporaryDirectory() as folder:
         # Photographs of balls that were shot apart are decoded beside the frames, whose place this is not.
         (Path(folder) / "frames").symlink_to(store.path("frames").resolve())

@@ -61,7 +61,7 @@ LOG.propagate = False
 LOG.addHandler(_Rationed())
 
 
-class FrontDoor:
+class GuardedServer:
     """Makes viser's server, and stands before it.
 
     port: 0: one that is free.
@@ -158,7 +158,7 @@ class FrontDoor:
 
     def _begun(self, sender: "Connection", message: Any) -> Any:
         """Return the begin of an upload: one without content where it is larger than may be."""
-        left = MOST_UPLOAD - sum(one.on_their_way for one in self._connections)
+        left = MOST_UPLOAD - sum(one.incoming for one in self._connections)
         if 0 <= message.size_bytes <= left and 0 <= message.part_count <= 1 + message.size_bytes // 1024:
             sender.uploads[message.transfer_uuid] = message.size_bytes, message.part_count, 0
             return message
@@ -171,15 +171,15 @@ class FrontDoor:
 
 
 class Connection(ServerConnection):
-    """A connection to a `FrontDoor`."""
+    """A connection to a `GuardedServer`."""
 
-    def __init__(self, door: FrontDoor, *arguments: Any, **options: Any) -> None:
+    def __init__(self, guard: GuardedServer, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._door, self._faults, self.is_window = door, 0, False
+        self._guard, self._faults, self.is_window = guard, 0, False
         self.uploads: dict[str, tuple[int, int, int]] = {}
 
     @property
-    def on_their_way(self) -> int:
+    def incoming(self) -> int:
         """Bytes of the files that this window has announced and not yet sent whole."""
         return sum(size for size, *_ in self.uploads.values())
 
@@ -204,11 +204,11 @@ class Connection(ServerConnection):
     def connection_made(self, transport: Any) -> None:
         """Begin."""
         super().connection_made(transport)
-        self._door.enter(self)
+        self._guard.enter(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End."""
-        self._door.leave(self)
+        self._guard.leave(self)
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
@@ -216,7 +216,7 @@ class Connection(ServerConnection):
         while True:
             sent = await super().recv(decode)
             try:
-                message = self._door.checked(self, sent)
+                message = self._guard.checked(self, sent)
                 if message is not None:
                     return message
             except (Unfit, msgspec.MsgspecError, RecursionError, ValueError) as fault:
