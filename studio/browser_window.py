@@ -7,7 +7,7 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,14 +22,6 @@ MOST_WAITING = 1000
 """Things that a browser has said and that are not done yet. A person cannot be that far ahead."""
 
 
-class Panel(Protocol):
-    """What shows a window's work."""
-
-    def refresh(self) -> None:
-        """Show it as it is now."""
-        ...
-
-
 class BrowserWindow:
     """A browser's window, whatever is worked on there. Nothing of it is shared with another's.
 
@@ -39,7 +31,8 @@ class BrowserWindow:
 
     def __init__(self, client: Any, workspace: Workspace, preview: Preview) -> None:
         self.client, self.workspace, self.preview = client, workspace, preview
-        self.panels: list[Panel] = []
+        self.panels: list[Any] = []
+        """What is shown: each has a `refresh`."""
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"window {client.client_id}")
         self._closers: list[Callable[[], None]] = []
         self._waiting: deque[Callable[[], Any]] = deque()

@@ -62,10 +62,7 @@ LOG.addHandler(_Rationed())
 
 
 class GuardedServer:
-    """Makes viser's server, and stands before it.
-
-    port: 0: one that is free.
-    """
+    """Makes viser's server, `server`, on a port (0: one that is free), and stands before it."""
 
     def __init__(self, host: str, port: int, **options: Any) -> None:
         import viser
@@ -85,18 +82,9 @@ class GuardedServer:
 
     def _serve(self, handler: Any, host: str, port: int, **options: Any) -> Any:
         self._answer = options["process_request"]
-        return serve(
-            handler,
-            host,
-            port,
-            **options
-            | {
-                "process_request": self._admit,
-                "max_size": MOST_MESSAGE,
-                "logger": LOG,
-                "create_connection": partial(Connection, self),
-            },
-        )
+        own: dict[str, Any] = {"process_request": self._admit, "max_size": MOST_MESSAGE, "logger": LOG}
+        own["create_connection"] = partial(Connection, self)
+        return serve(handler, host, port, **(options | own))
 
     def enter(self, connection: "Connection") -> None:
         """Count a connection. Where there are too many, the one that has waited longest to ask goes."""

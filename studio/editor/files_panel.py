@@ -27,7 +27,9 @@ class FilesPanel:
             self._redo = window.on_click(gui.add_button("Redo"), window.redo)
             self._document = window.history.document
             self._name = gui.add_text("name", self._document.name, hint="Folder in the workspace")
-            window.on_click(gui.add_button("Save scene"), self._save_aloud)
+            window.on_click(
+                gui.add_button("Save scene"), lambda: window.notify("Saved", window.workspace.name(self._save()))
+            )
             self._file = gui.add_dropdown("scene", (NONE,))
             window.on_click(gui.add_button("Open scene"), self._open)
             window.on_click(gui.add_button("New scene"), self._new)
@@ -38,7 +40,7 @@ class FilesPanel:
             self._stop = window.on_click(gui.add_button("Stop", color="red", disabled=True), self._halt)
             self._bar = gui.add_progress_bar(0, visible=False)
             self._status = gui.add_markdown("")
-        window.on_close(self._close)
+        window.on_close(lambda: self._rendering and self._rendering.stop())
 
     def refresh(self) -> None:
         """Show what can be taken back, where the scene is saved to, and what can be opened."""
@@ -71,9 +73,6 @@ class FilesPanel:
         document.name, document.folder = name, folder
         self._look()
         return folder / FILE
-
-    def _save_aloud(self) -> None:
-        self._window.notify("Saved", self._window.workspace.name(self._save()))
 
     def _open(self) -> None:
         from twin.description.description_file import read_scene
@@ -123,11 +122,10 @@ class FilesPanel:
     def _tell(self, progress: Progress) -> None:
         if self._rendering is None:
             return
+        text = progress.label
         if progress.total:
-            self._bar.value = 100 * progress.done / progress.total
-            self._status.content = plain(f"{progress.label}: {progress.done} of {progress.total}")
-        else:
-            self._status.content = plain(progress.label)
+            self._bar.value, text = 100 * progress.done / progress.total, f"{text}: {progress.done} of {progress.total}"
+        self._status.content = plain(text)
 
     def _end(self, fault: str, where: str) -> None:
         self._idle()
@@ -148,7 +146,3 @@ class FilesPanel:
     def _idle(self) -> None:
         self._rendering = None
         self._bar.visible, self._stop.disabled, self._render.disabled = False, True, False
-
-    def _close(self) -> None:
-        if self._rendering is not None:
-            self._rendering.stop()

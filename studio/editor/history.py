@@ -48,13 +48,8 @@ class History:
 
         control: The input that made it; None: none did, and it is undone alone. document: None: the scene's so far.
         """
-        goes_on = (
-            control is not None
-            and self.last is not None
-            and self.last[:2] == (label, control)
-            and now_s - self.last[2] < TOGETHER_S
-            and self.past
-        )
+        was = self.last if control is not None else None
+        goes_on = was is not None and was[:2] == (label, control) and now_s - was[2] < TOGETHER_S and self.past
         past = self.past if goes_on else (*self.past, self._left(label, scene))[-LONGEST:]
         last = None if control is None else (label, control, now_s)
         return History(scene, past, (), last, document or self.document)

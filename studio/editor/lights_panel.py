@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from scene.light_text import number_rows
-from studio.editor import edits, light_edits
+from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.widgets import Inputs, plain
 from twin.description.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
@@ -43,8 +43,8 @@ class LightsPanel:
             add("distance", "number", "distance, mm", 800.0, min=1.0, step=10.0)
             add("radius", "number", "radius, mm", 0.0, min=0.0, step=1.0, hint="0: a point")
             add("session", "dropdown", "session", (NONE,))
-            window.on_click(gui.add_button("Replace the lights"), lambda: self._make(light_edits.with_lights))
-            window.on_click(gui.add_button("Add to the lights"), lambda: self._make(light_edits.with_more_lights))
+            window.on_click(gui.add_button("Replace the lights"), lambda: self._make(edits.with_lights))
+            window.on_click(gui.add_button("Add to the lights"), lambda: self._make(edits.with_more_lights))
             for name in ("kind", "near"):
                 window.on_input(self._group[name], lambda value: self._show_inputs())
         with gui.add_folder("Light"):
@@ -52,8 +52,8 @@ class LightsPanel:
             self._place = gui.add_vector3("place, mm", (0.0, 0.0, 1.0), step=0.001)
             self._intensity = gui.add_vector3("intensity", (1.0, 1.0, 1.0), min=(0.0, 0.0, 0.0), step=0.05)
             window.on_input(self._place, self._move)
-            window.on_input(self._intensity, lambda value: self._edit("intensity", light_edits.with_intensity, value))
-            window.on_click(gui.add_button("Remove light"), lambda: self._edit("remove", light_edits.without_light))
+            window.on_input(self._intensity, lambda value: self._edit("intensity", edits.with_intensity, value))
+            window.on_click(gui.add_button("Remove light"), lambda: self._edit("remove", edits.without_light))
         with gui.add_folder("Environment"):
             self._around.add("ambient", "vector3", "ambient", (0.0, 0.0, 0.0), min=(0.0, 0.0, 0.0), step=0.01)
             self._map = gui.add_dropdown("map", (NONE,), hint="Latitude and longitude, from the workspace")
@@ -115,7 +115,7 @@ class LightsPanel:
         """Move the light to a place; of a distant light the numbers are a direction."""
         lights = self._window.scene.lights
         place = np.array(value) + (lights.reference_point_mm if lights.positions_mm is None else 0)
-        self._edit("place", light_edits.moved_light, place)
+        self._edit("place", edits.moved_light, place)
 
     def _edit(self, label: str, edit, *values: object) -> None:
         index = self._window.light

@@ -129,8 +129,7 @@ class Preview:
         requests = [(window, window.request) for window in self._windows.values() if window.request is not None]
         rough = [pair for pair in requests if not pair[1].is_rough_done]
         still = [pair for pair in requests if pair[1].at + STILL_S <= time.monotonic()]
-        ready = rough or still
-        return min(ready, key=lambda pair: pair[1].at) if ready else None
+        return min(rough or still, key=lambda pair: pair[1].at, default=None)
 
     def _until_still(self) -> float | None:
         times = [window.request.at + STILL_S for window in self._windows.values() if window.request is not None]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studio.display_mesh import display_mesh
-from studio.editor import edits, light_edits
+from studio.editor import edits
 from studio.editor.editor_window import Edit, EditorWindow
 from studio.editor.placement import placement_of, quaternion, rotation_of
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
@@ -110,7 +110,7 @@ class SceneView:
         self._window.on_pick(knob, self._window.select, "light", index)
 
         def to_place(place_mm: Array, *_: Array) -> Edit:
-            return lambda scene: light_edits.moved_light(scene, index, place_mm)
+            return lambda scene: edits.moved_light(scene, index, place_mm)
 
         self._on_drag(knob, f"light {index}", lambda start, end: to_place(end / UNITS_PER_MM))
         if not is_picked:

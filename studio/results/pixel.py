@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from compare.report.facts import family, read_optional
 from scene.errors import SceneError
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from studio.results.result_maps import TRUTH, Results, Side, Source
@@ -67,10 +66,7 @@ class Pixel:
 
 
 def lit_from(results: Results, side: Side) -> float:
-    """Return the gray value under which a sample of a side is called shadowed; NaN without a mask.
-
-    Raises SceneError: the frames or the lights are not there.
-    """
+    """Return the gray value under which a sample of a side is called shadowed; NaN without a mask."""
     from solve.assess import DARK
     from solve.samples import scale_of
 
@@ -80,15 +76,13 @@ def lit_from(results: Results, side: Side) -> float:
 
 
 def read_pixel(results: Results, side: Side, u: int, v: int, *, lit_from: float) -> Pixel:
-    """Return a pixel's samples and every solver's fit.
-
-    side: Whose frames, and whose maps. lit_from: See the function of that name. Raises SceneError: the frames or the
-    lights are not there.
-    """
+    """Return a pixel's samples and every solver's fit, by the frames and the maps of a side."""
     from solve.samples import GRAY
 
     frames, lights = results.frames(side)
-    samples, clipped = _samples(frames, u, v)
+    row, column = slice(v, v + 1), slice(u, u + 1)
+    samples = frames.read(row, columns=column)[:, 0, 0].astype(np.float64)
+    clipped = frames.saturated(row, columns=column)[:, 0, 0]
     gray = (samples / lights.intensities) @ GRAY
     truth = results.at("normals", TRUTH, u, v)
     toward, _ = _toward(results, lights, TRUTH, u, v)
@@ -106,13 +100,6 @@ def numbers_at(results: Results, u: int, v: int) -> list[Numbers]:
         error = float(angular_error_deg(normal, truth)) if counts and source != TRUTH else float("nan")
         rows.append(Numbers(source, normal, albedo, error, float(results.at("sigma", source, u, v))))
     return rows
-
-
-def _samples(frames: Frames, u: int, v: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Return linear samples (F, 3), and which are clipped (F,)."""
-    row, column = slice(v, v + 1), slice(u, u + 1)
-    linear = frames.read(row, columns=column)[:, 0, 0]
-    return linear.astype(np.float64), frames.saturated(row, columns=column)[:, 0, 0]
 
 
 def _fit(results: Results, lights: Lights, source: Source, u: int, v: int) -> Fit:
@@ -168,10 +155,7 @@ def _own_intensities(results: Results, lights: Lights, source: Source) -> tuple[
 
 
 def shade_of(pixel: Pixel, reference: str) -> Array:
-    """Return n . l (F,) by the normal of a method or of the ground truth, which its `method` names.
-
-    Raises SceneError: there is none at this pixel.
-    """
+    """Return n . l (F,) by the normal of a method or of the ground truth, which its `method` names."""
     found = {fit.source.method: fit.shade for fit in pixel.fits} | {TRUTH.method: pixel.true_shade}
     shade = found.get(reference, np.full(len(pixel.gray), np.nan))
     if not np.isfinite(shade).any():

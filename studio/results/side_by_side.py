@@ -22,7 +22,6 @@ EMPTY = (pictures.PAPER,) * 3
 class Choice:
     """What is looked at.
 
-    what: One of `WHATS`.
     zoom: 1: the whole object.
     centre (u, v): The pixel in the middle; None: the object's middle.
     cursor (u, v): The pixel that is pointed at.
@@ -83,7 +82,7 @@ def side_by_side(results: Results, choice: Choice) -> Image:
         except SceneError as error:
             image[place] = _words(str(error), layout)
         image[place] = _with_cursor(image[place], viewport, choice.cursor)
-        image = _text(image, f"{choice.what}: {source.label}", (x + 2, layout.above - 10), 0.75, INK)
+        image = _text(image, [(f"{choice.what}: {source.label}", (x + 2, layout.above - 10))], 0.75)
     key = _key(results, choice, layout, white)
     top = layout.above + layout.high + 8
     image[top : top + key.shape[0], : key.shape[1]] = key
@@ -152,9 +151,7 @@ def _words(text: str, layout: Layout) -> Image:
         if len(lines[-1]) + len(word) >= letters:
             lines.append("")
         lines[-1] += f" {word}" if lines[-1] else word
-    for number, line in enumerate(lines):
-        picture = _text(picture, line, (16, 40 + 24 * number), 0.5, GREY)
-    return picture
+    return _text(picture, [(line, (16, 40 + 24 * number)) for number, line in enumerate(lines)], 0.5, GREY)
 
 
 def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Image:
@@ -164,20 +161,22 @@ def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Imag
         ball = legend_ball(80)
         key[:80, :80] = np.where((ball == pictures.PAPER).all(-1, keepdims=True), PAPER, ball)
         words = "a ball facing you: red right, green up, blue toward you"
-        return _text(_text(key, words, (94, 36), 0.62, INK), "pale grey: unknown", (94, 60), 0.62, INK)
+        return _text(key, [(words, (94, 36)), ("pale grey: unknown", (94, 60))])
     if choice.what == "albedo":
-        words = f"sRGB; white is {white:.3g}, on both sides"
-        return _text(key, words, (2, 28), 0.62, INK)
+        return _text(key, [(f"sRGB; white is {white:.3g}, on both sides", (2, 28))])
     wide, end = layout.wide, results.error_end_deg
     key[6:26, :wide] = error_picture(np.linspace(0, end, wide)[None], end)
-    for part in range(5):
-        label = f"{end * part / 4:g}" + ("+ deg" if part == 4 else "")
-        key = _text(key, label, (min(part * wide // 4, wide - 76 if part == 4 else wide), 46), 0.62, INK)
-    return _text(key, "angle to the ground truth, one scale for all; pale grey: unknown", (2, 70), 0.62, INK)
+    lines = [(f"{end * part / 4:g}", (part * wide // 4, 46)) for part in range(4)]
+    lines += [(f"{end:g}+ deg", (wide - 76, 46))]
+    return _text(key, [*lines, ("angle to the ground truth, one scale for all; pale grey: unknown", (2, 70))])
 
 
-def _text(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[int, int, int]) -> Image:
+def _text(
+    image: Image, lines: list[tuple[str, tuple[int, int]]], size: float = 0.62, colour: tuple[int, int, int] = INK
+) -> Image:
+    """Write texts at places (x, y) into a picture; return it."""
     import cv2
 
-    written = cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
-    return np.asarray(written, np.uint8)
+    for text, place in lines:
+        cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    return image

@@ -1,5 +1,6 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -65,41 +66,32 @@ class Review:
 
     @classmethod
     def read(cls, folder: Path, session_path: Path | None = None) -> "Review":
-        """Read an output folder.
-
-        session_path: None: the one that summary.json names.
-        """
+        """Read an output folder, and the session, None: the one that summary.json names."""
         store = Store(folder)
         summary = read_optional(store, "summary.json") or {}
         record = read_record(folder)
         steps = {} if record is None else record.done
         material = Material.load(store, {})
-        lights, spheres, truth, twin = None, [], None, None
-        with suppress(*UNREADABLE):
-            lights = store.load_lights()
-        with suppress(*UNREADABLE):
-            spheres = store.load_spheres()
-        with suppress(*UNREADABLE):
-            truth = np.load(store.path("normals", "truth.npy"), mmap_mode="r")
-        with suppress(*UNREADABLE):
-            twin = Store(store.path("twin")).load_frames()
+        spheres = tuple(_readable(store.load_spheres) or ())
         calibration = read_optional(store, "calibration.json") or {}
         session, path, why = _session(store, session_path, summary)
         names = () if material.frames is None else material.frames.names
-        texts = all_warnings({"warnings": [{"step": step, "text": text} for step, text in _warned(steps)]})
+        warned = {step: entry.get("warnings") or () for step, entry in steps.items() if isinstance(entry, dict)}
+        rows = [{"step": step, "text": str(text)} for step, texts in warned.items() for text in texts]
+        texts = all_warnings({"warnings": rows})
         return cls(
             store,
             path,
             session,
             why,
             material,
-            lights,
-            tuple(spheres),
+            _readable(store.load_lights),
+            spheres,
             _array(calibration.get("highlights_px"), (len(spheres), len(names), 2)),
             _array(calibration.get("position_covariance_mm2"), (len(names), 3, 3)),
-            truth,
-            twin,
-            tuple(targets(texts, names, tuple(spheres))),
+            _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r")),
+            _readable(Store(store.path("twin")).load_frames),
+            tuple(targets(texts, names, spheres)),
             frozenset(steps),
             _array(_clipped(steps), (len(names),)),
         )
@@ -143,27 +135,22 @@ class Review:
         return f"the step `{step}` has not ended here. **Run the steps** says what stops it."
 
 
-def is_output(folder: Path) -> bool:
-    """Whether a folder is the output of a session, whole or in part."""
-    return (folder / PLACE).is_dir() or (folder / "frames" / "frames.json").is_file()
-
-
-def is_session(folder: Path) -> bool:
-    """Whether a folder is a session's."""
-    return any((folder / name).is_file() for name in ("session.toml", "filenames.txt", "light_directions.txt"))
+def _readable(read: Callable[[], Any]) -> Any:
+    """Return what can be read, else None."""
+    with suppress(*UNREADABLE):
+        return read()
 
 
 def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
     """Return the output folder, and the session's place or None, that a command line means.
 
-    source: An output folder, or a session's. out: The output folder of a session; None: out/NAME. Raises SceneError: it
-    is neither, or --out goes with an output folder.
+    out: The output folder of a session; None: out/NAME.
     """
-    if is_output(source):
+    if (source / PLACE).is_dir() or (source / "frames" / "frames.json").is_file():
         if out is not None:
             raise SceneError(f"--out {out}: {source} is an output folder itself. Leave --out away.")
         return source.resolve(), None
-    if not is_session(source):
+    if not any((source / name).is_file() for name in ("session.toml", "filenames.txt", "light_directions.txt")):
         raise SceneError(
             f"{source}: neither a session (session.toml) nor the output of `rgbn process` ({PLACE}). Give one of "
             "these, or a scene description, .toml."
@@ -199,14 +186,6 @@ def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | 
         return load_session(path), path.resolve(), ""
     except SceneError as error:
         return None, None, f"The session cannot be read: {error} {remedy}"
-
-
-def _warned(steps: dict[str, Any]) -> list[tuple[str, str]]:
-    found = []
-    for step, entry in steps.items():
-        texts = entry.get("warnings") if isinstance(entry, dict) else None
-        found += [(step, str(text)) for text in texts or ()]
-    return found
 
 
 def _clipped(steps: dict[str, Any]) -> list[Any]:

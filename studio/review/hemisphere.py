@@ -15,8 +15,8 @@ FACTORS = (1, 3, 10, 30, 100)
 """By which a sigma may be drawn larger."""
 SHOWN_DEG = 4.0
 """A sigma drawn this large is seen well."""
-SIZE, RIM = 400, 165
-"""Of the picture, and the radius of 90 degrees in it."""
+SIZE, RIM, TICKS = 400, 165, (30, 60, 90)
+"""Of the picture, the radius of 90 degrees in it, and the circles."""
 
 
 def directions_deg(lights: Lights) -> Array:
@@ -52,19 +52,22 @@ def place_in_picture(zenith_deg: Array, azimuth_deg: Array) -> Array:
     return SIZE / 2 + np.stack([radius * np.cos(angle), -radius * np.sin(angle)], -1)
 
 
+def _words(text: str, x: float, y: float, colour: str = "#5f6368", **style: str) -> str:
+    more = "".join(f' {key.replace("_", "-")}="{value}"' for key, value in ({"font_size": "12"} | style).items())
+    return f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}"{more}>{text}</text>'
+
+
 def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *, chosen: int, factor: int) -> str:
     """Return the hemisphere as SVG, seen as the camera sees it, one light chosen, sigma `factor` times."""
     middle = SIZE / 2
-    parts = [
-        f'<circle cx="{middle}" cy="{middle}" r="{RIM * tick / 90:.1f}" fill="none" stroke="#9aa0a6"/>'
-        f'<text x="{middle + 3}" y="{middle - RIM * tick / 90 - 3:.1f}" font-size="11" fill="#80868b">{tick}°</text>'
-        for tick in (30, 60, 90)
-    ]
-    words = (("right", SIZE - 4, middle + 4, "end"), ("left", 4, middle + 4, "start"),
-             ("up", middle, 14, "middle"), ("down", middle, SIZE - 6, "middle"))  # fmt: skip
+    parts = [f'<circle cx="{middle}" cy="{middle}" r="{RIM * tick / 90:.1f}" fill="none" stroke="#9aa0a6"/>'
+             for tick in TICKS]  # fmt: skip
+    parts += [_words(f"{tick}°", middle + 3, middle - RIM * tick / 90 - 3, "#80868b", font_size="11") for tick in TICKS]
     parts += [
-        f'<text x="{x}" y="{y}" font-size="12" fill="#5f6368" text-anchor="{anchor}">{word}</text>'
-        for word, x, y, anchor in words
+        _words("right", SIZE - 4, middle + 4, text_anchor="end"),
+        _words("left", 4, middle + 4),
+        _words("up", middle, 14, text_anchor="middle"),
+        _words("down", middle, SIZE - 6, text_anchor="middle"),
     ]
     places = directions_deg(lights)
     covariance = direction_covariance(lights, position_covariance_mm2)
@@ -84,10 +87,7 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
             )
         parts.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="3" fill="{colour}"/>')
         weight = "bold" if index == chosen else "normal"
-        parts.append(
-            f'<text x="{x + 5:.1f}" y="{y - 5:.1f}" font-size="12" font-weight="{weight}" fill="{colour}">'
-            f"{index + 1}</text></g>"
-        )
+        parts.append(_words(str(index + 1), x + 5, y - 5, colour, font_weight=weight) + "</g>")
     return (
         f'<svg viewBox="0 0 {SIZE} {SIZE}" width="100%" style="background:#fff;border-radius:4px" role="img" '
         f'aria-label="Directions of the lights">{"".join(parts)}</svg>'
@@ -185,17 +185,14 @@ class HemispherePanel:
         ]
         if lights.positions_mm is not None:
             away = float(np.linalg.norm(lights.positions_mm[index] - lights.reference_point_mm))
-            lines.append(f"- {away:.0f} mm from the object" + self._range_sigma(index))
+            covariance = self._window.review.position_covariance_mm2
+            told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
+            if covariance is not None and np.isfinite(covariance[index]).all():
+                along = lights.directions[index]
+                told = f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
+            lines.append(f"- {away:.0f} mm from the object{told}")
         lines += [f"- **{plain(flag)}**" for flag in lights.flags[index]]
         return "\n".join(lines)
-
-    def _range_sigma(self, index: int) -> str:
-        covariance, lights = self._window.review.position_covariance_mm2, self._window.review.lights
-        assert lights is not None
-        if covariance is None or not np.isfinite(covariance[index]).all():
-            return "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
-        along = lights.directions[index]
-        return f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
 
 
 def _percent(sigma: float) -> str:

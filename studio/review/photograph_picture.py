@@ -12,7 +12,7 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
-from studio.editor.light_edits import some
+from studio.editor.edits import some
 from studio.review.folder import Review
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
@@ -25,7 +25,6 @@ CLIPPED_COLOUR = (255, 0, 60)
 class Look:
     """How a photograph is shown.
 
-    overlay: One of `OVERLAYS`.
     opacity: Of what lies over it; 0 to 1.
     """
 
@@ -40,9 +39,8 @@ def photograph(review: Review, index: int, look: Look) -> Image:
 
     Raises SceneError: there are no frames, or what is to lie over them is not in the folder.
     """
-    frames, exposure, camera = review.material.frames, review.material.exposure, review.material.camera
-    if frames is None or exposure is None:
-        raise SceneError(f"frames: {review.missing['frames']}")
+    (frames,), exposure = review.need("frames"), review.material.exposure
+    assert exposure is not None
     exposure = replace(exposure, white=exposure.white / look.brightness)
     box = Box(0, 0, frames.width, frames.height)
     picture = exposure.develop(thumbnail(frames, index, box.shown_width(WIDTH), box))
@@ -52,35 +50,31 @@ def photograph(review: Review, index: int, look: Look) -> Image:
         return _with_mask(review, picture, box, look.opacity)
     if look.overlay == "nothing":
         return picture
-    if review.truth is None or review.lights is None or camera is None:
-        why = [review.missing[part] for part in ("scan", "lights", "camera") if part in review.missing]
+    why = [review.missing[part] for part in ("scan", "lights", "camera") if part in review.missing]
+    if why:
         raise SceneError(f"scan: {why[0]}")
-    normals = _sampled(review.truth, shown_pixels(box, picture.shape))
+    truth, lights, camera = review.need("scan", "lights", "camera")
+    normals = _sampled(truth, shown_pixels(box, picture.shape))
     if look.overlay == "scan, normals":
         over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
     else:
-        lights, truth = review.lights, review.truth
-        over = views(
-            frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels)
-        ).shaded
-        over = _fitted(over, picture.shape)
+        both = views(frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels))
+        over = _fitted(both.shaded, picture.shape)
     return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
 
 
 def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
     """Return what a white matte object with these normals would show under one light, without cast shadows.
 
-    truth (H, W, 3): Unit normals of the registered scan, NaN where unknown. index: Which of them; a near one is taken
-    at the depth of the reference point. pixels (h, w, 2). Returns shading (h, w): max(0, vector . normal); NaN off the
-    scan.
+    truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
+    reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
     """
     normals = _sampled(truth, pixels)
     if lights.positions_mm is None:
         vectors = lights.directions[index]
     else:
         points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        one = some(lights, [index])
-        vectors = one.toward(points)[0].reshape(normals.shape)
+        vectors = some(lights, [index]).toward(points)[0].reshape(normals.shape)
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 
 
@@ -102,9 +96,7 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
 def _with_mask(review: Review, picture: Image, box: Box, opacity: float) -> Image:
     import cv2
 
-    mask = review.material.mask
-    if mask is None:
-        raise SceneError(f"mask: {review.missing['mask']}")
+    (mask,) = review.need("mask")
     inside = _fitted(mask.astype(np.uint8), picture.shape) > 0
     tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside, 0.6 * opacity)
     scale = picture.shape[1] / box.width

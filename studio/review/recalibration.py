@@ -95,25 +95,18 @@ class Change:
 
 def change_of(review: Review, found: Any) -> Change:
     """Compare a new `Calibration` with what is in the folder."""
-    old, camera = review.lights, review.material.camera
-    turned = None
+    (camera,), old = review.need("camera"), review.lights
+    turned, before, sigma = None, float("nan"), float("nan")
     if old is not None and len(old) == len(found.lights):
         new = found.lights.seen_from(old.reference_point_mm)
         turned = np.asarray(angular_error_deg(new.directions, old.directions), np.float64)
-    before, sigma = float("nan"), float("nan")
-    if old is not None and camera is not None:
+    if old is not None:
         sigma = _median(old.direction_sigma_deg)
         if review.highlights_px is not None:
             before = _misfit(camera, review.spheres, old, review.highlights_px)
-    assert camera is not None
     after = _misfit(found.camera or camera, found.spheres, found.lights, found.highlights_px)
-    return Change(
-        turned,
-        (sigma, _median(found.lights.direction_sigma_deg)),
-        (before, after),
-        tuple(found.spheres),
-        tuple(found.warnings),
-    )
+    sigmas = sigma, _median(found.lights.direction_sigma_deg)
+    return Change(turned, sigmas, (before, after), tuple(found.spheres), tuple(found.warnings))
 
 
 def _misfit(camera: Camera, spheres: Any, lights: Lights, highlights_px: Array) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from studio import background_process
-from studio.editor import edits, light_edits
+from studio.editor import edits
 from studio.editor.rendering import Progress, start_rendering
 from twin.description.description import Sampling
 from twin.description.description_tables import RingTable
@@ -19,7 +19,7 @@ pytestmark = [pytest.mark.render]
 
 def small_scene(folder, samples):
     scene = edits.with_camera(edits.start_scene(), width=48, height=36, focal_px=120.0, orthographic=False)
-    scene = light_edits.with_lights(scene, [RingTable(kind="ring", count=6, polar_deg=40)], None)
+    scene = edits.with_lights(scene, [RingTable(kind="ring", count=6, polar_deg=40)], None)
     return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
 
 
