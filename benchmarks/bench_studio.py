@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks.pages import put
 from scene.pose import rotation_from_vector
 from studio.display_mesh import display_mesh
-from studio.editor import edits, light_edits
+from studio.editor import edits
 from studio.editor.live_scene import LiveScene, refined
 from studio.editor.placement import placement_of
 from studio.editor.preview import HEIGHT, WIDTH
@@ -50,7 +50,7 @@ def changes(scene: TwinScene) -> dict[str, Callable[[TwinScene, int], TwinScene]
     middle, reference = placement_of(scene.objects[0]).middle_mm, scene.lights.reference_point_mm
     glossy = edits.with_material(scene, "matte", RoughPlastic((0.5, 0.4, 0.3)))
     return {
-        "a light moved": lambda s, k: light_edits.moved_light(s, 0, reference + [100, 20 * k, 200]),
+        "a light moved": lambda s, k: edits.moved_light(s, 0, reference + [100, 20 * k, 200]),
         "a colour": lambda s, k: edits.with_material(s, "matte", Diffuse((0.05 * k, 0.5, 0.3))),
         "a gloss": lambda s, k: edits.with_material(glossy, "matte", RoughPlastic((0.5, 0.4, 0.3), 0.1 + 0.05 * k)),
         "the object moved": lambda s, k: edits.turned(s, 0, middle + [k, 0, 0], np.eye(3)),

@@ -12,10 +12,8 @@ MOST_FACES = 60_000
 def display_mesh(mesh: ObjectMesh, *, most_faces: int = MOST_FACES) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
     """Return vertices (V, 3) and faces (T, 3) that look like the mesh from afar.
 
-    Notes
-    -----
-    Vertices are gathered in the cells of a cubic grid and stand at their mean; faces with two
-    corners in one cell go. The grid is made coarser until few enough are left. An outline moves by less than a cell.
+    Vertices are gathered in the cells of a cubic grid and stand at their mean; faces with two corners in one cell go.
+    The grid is made coarser until few enough are left. An outline moves by less than a cell.
     """
     vertices, faces = mesh.vertices, mesh.faces
     if len(faces) <= most_faces:

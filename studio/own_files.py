@@ -20,24 +20,8 @@ _ONE_AT_A_TIME = threading.Lock()
 def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
     """Have files written into a folder: none of them, if one would take the place of a file that is not rgbn's own.
 
-    Parameters
-    ----------
-    folder : Path
-        Made where it is not there.
-    write : callable
-        Writes the files, given the folder to write them to, which is another one.
-
-    Returns
-    -------
-    made : what `write` returns
-
-    Raises
-    ------
-    SceneError
-        A file that rgbn did not write stands in the way, or the folder cannot be written.
-
-    Notes
-    -----
+    folder: Made where it is not there. write: Writes the files, given the folder to write them to, which is another
+    one. Raises SceneError: a file that rgbn did not write stands in the way, or the folder cannot be written.
     A studio that is killed meanwhile leaves each file whole, the old or the new one; the record knows both.
     """
     is_new = not folder.exists()
@@ -65,10 +49,7 @@ def put_own(folder: Path, write: Callable[[Path], Made]) -> Made:
 def remove_own(folder: Path, names: Iterable[str]) -> None:
     """Remove files that rgbn wrote into a folder; those that are not there are passed over.
 
-    Raises
-    ------
-    SceneError
-        One is not rgbn's own; then none is removed.
+    Raises SceneError: one is not rgbn's own; then none is removed.
     """
     paths = [folder.resolve() / name for name in names]
     with _ONE_AT_A_TIME, open_record(folder, among_others=True) as record:

@@ -1,4 +1,4 @@
-"""The studio's server: viser on the loopback address, a desk for each browser that comes."""
+"""The studio's server: viser on the loopback address, a window for each browser that comes."""
 
 import contextlib
 import io
@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from scene.errors import SceneError
-from studio.browser_desk import BrowserDesk
-from studio.editor.camera_panel import CameraPanel
-from studio.editor.desk import Desk, begun
+from studio.browser_window import BrowserWindow
+from studio.editor.camera_panel import CameraPanel, PreviewPanel
+from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.edits import start_scene
 from studio.editor.files_panel import FilesPanel
 from studio.editor.history import History
@@ -18,16 +18,27 @@ from studio.editor.lights_panel import LightsPanel
 from studio.editor.materials_panel import MaterialsPanel
 from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.preview import Preview
-from studio.editor.preview_panel import PreviewPanel
-from studio.editor.stage import Stage
-from studio.front_door import FrontDoor
-from studio.review.panels import furnish
-from studio.review.review_desk import ReviewDesk
+from studio.editor.scene_view import SceneView
+from studio.guarded_server import GuardedServer
+from studio.results.panel import ResultsPanel
+from studio.review.balls_panel import BallsPanel
+from studio.review.frames_panel import FramesPanel, WarningsPanel
+from studio.review.hemisphere import HemispherePanel
+from studio.review.photograph_view import PhotographView
+from studio.review.review_window import ReviewWindow
+from studio.review.run_panel import RunPanel
+from studio.review.scan_panel import ScanPanel
+from studio.review.spatial_view import SpatialView
+from studio.review.twin_panel import TwinPanel
 from studio.workspace import Workspace
 from twin.description.description import TwinScene
 
+EDITOR_TABS = {"Objects": ObjectsPanel, "Material": MaterialsPanel, "Lights": LightsPanel, "Camera": CameraPanel,
+               "File": FilesPanel}  # fmt: skip
+REVIEW_TABS = {"Frames": FramesPanel, "Balls": BallsPanel, "Lights": HemispherePanel, "Scan": ScanPanel,
+               "Twin": TwinPanel, "Results": ResultsPanel, "Warnings": WarningsPanel, "Run": RunPanel}  # fmt: skip
 WARM = -1
-"""The desk of nobody."""
+"""The window of nobody."""
 MOST_LEFT = 8
 """Scenes of closed windows that wait for the next ones."""
 
@@ -35,27 +46,12 @@ MOST_LEFT = 8
 class Studio:
     """A server that runs until it is closed.
 
-    Parameters
-    ----------
-    workspace : Workspace
-    host : str
-    port : int
-        0: one that is free.
-    scene : TwinScene or None
-        What each browser begins with; None: a new scene.
-    folder : Path or None
-        Of that scene.
-    review : tuple of Path and Path or None, or None
-        An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
-
-    Raises
-    ------
-    SceneError
-        The port is taken, or the address is none of this machine's.
-
-    Notes
-    -----
-    Who may speak to it, and what may be said, is `front_door`'s matter.
+    port: 0: one that is free.
+    scene: What each browser begins with; None: a new scene.
+    folder: Of that scene.
+    review: An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
+    Raises SceneError: the port is taken, or the address is none of this machine's.
+    Who may speak to it, and what may be said, is `guarded_server`'s matter.
     """
 
     def __init__(
@@ -70,12 +66,12 @@ class Studio:
     ) -> None:
         _check_free(host, port)
         self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
-        self._desks: dict[int, BrowserDesk] = {}
-        self._furnishing = threading.Semaphore(2)
+        self._windows: dict[int, BrowserWindow] = {}
+        self._adding = threading.Semaphore(2)
         self._left: deque[History] = deque(maxlen=MOST_LEFT)
         with contextlib.redirect_stdout(io.StringIO()):
-            self._door = FrontDoor(host, port, label="rgbn studio", verbose=False)
-        self._server = self._door.server
+            self._guard = GuardedServer(host, port, label="rgbn studio", verbose=False)
+        self._server = self._guard.server
         self._server.scene.set_up_direction("+y")
         self._server.scene.world_axes.visible = False
         # Shadows of the view's own lamps would be taken for those of the scene's lights, and they cost time.
@@ -84,7 +80,7 @@ class Studio:
         self.preview = Preview()
         # Kernels are compiled before the first browser waits for them.
         if review is None:
-            self.preview.wish(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
+            self.preview.request(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
         self._server.on_client_connect(self._come)
         self._server.on_client_disconnect(self._go)
 
@@ -95,79 +91,86 @@ class Studio:
         return f"http://{f'[{host}]' if ':' in host else host}:{self._server.get_port()}"
 
     @property
-    def desks(self) -> list[BrowserDesk]:
+    def windows(self) -> list[BrowserWindow]:
         """Of the browsers that are here."""
-        return list(self._desks.values())
+        return list(self._windows.values())
 
     def close(self) -> None:
         """Send the browsers away and stop."""
-        desks = self.desks
-        self._desks.clear()
-        for desk in desks:
-            desk.close()
-        for desk in desks:
-            desk.wait()
+        windows = self.windows
+        self._windows.clear()
+        for window in windows:
+            window.close()
+        for window in windows:
+            window.wait()
         self.preview.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
 
     def _come(self, client: Any) -> None:
         if client.client_id not in self._server.get_clients():
-            return  # Windows that come and go faster than they are furnished leave no desks.
-        desk = self._desk_for(client)
-        self._desks[client.client_id] = desk
-        # What takes time is done in the desk's own thread, which tells what is at fault.
-        desk.post(lambda: self._furnish(desk))
+            return  # Windows that come and go faster than they get panels leave nothing.
+        window = self._window_for(client)
+        self._windows[client.client_id] = window
+        # What takes time is done in the window's own thread, which tells what is at fault.
+        window.post(lambda: self._add_panels(window))
         if client.client_id not in self._server.get_clients():
             self._go(client)
 
-    def _furnish(self, desk: BrowserDesk) -> None:
+    def _add_panels(self, window: BrowserWindow) -> None:
         # One after the other: windows that come and go would all hold what belongs to half of their panels.
-        with self._furnishing:
-            if not desk.is_gone:
-                _furnish(desk)
+        with self._adding:
+            if window.is_gone:
+                return
+            if isinstance(window, ReviewWindow):
+                window.read()
+                _add_tabs(window, REVIEW_TABS, width=480)
+                # The twin's panel says what stands beside the photograph.
+                views: tuple[Any, ...] = (PhotographView, SpatialView)
+            else:
+                assert isinstance(window, EditorWindow)
+                window.list_files()
+                window.panels.append(PreviewPanel(window))
+                _add_tabs(window, EDITOR_TABS, width=340)
+                views = (SceneView,)
+            if not window.is_gone:
+                window.panels += [view(window) for view in views]
+                window.refresh()
 
-    def _desk_for(self, client: Any) -> BrowserDesk:
+    def _window_for(self, client: Any) -> BrowserWindow:
         if self._review is not None:
-            return ReviewDesk(client, self._workspace, self.preview, *self._review)
+            return ReviewWindow(client, self._workspace, self.preview, *self._review)
         try:
             history = self._left.pop()
         except IndexError:
-            return Desk(client, self._workspace, self.preview, begun(self._workspace, self._scene, self._folder))
-        desk = Desk(client, self._workspace, self.preview, history)
-        desk.tell("The scene of the window that was closed last", "File, New scene: begins anew.")
-        return desk
+            return EditorWindow(
+                client, self._workspace, self.preview, begun(self._workspace, self._scene, self._folder)
+            )
+        window = EditorWindow(client, self._workspace, self.preview, history)
+        window.notify("The scene of the window that was closed last", "File, New scene: begins anew.")
+        return window
 
     def _go(self, client: Any) -> None:
-        """Close the desk of a browser that went away; its scene waits for the next that comes, as after a reload."""
-        desk = self._desks.pop(client.client_id, None)
-        if desk is None:
+        """Close the window of a browser that went away; its scene waits for the next that comes, as after a reload."""
+        window = self._windows.pop(client.client_id, None)
+        if window is None:
             return
-        if isinstance(desk, Desk) and (desk.history.past or desk.history.future):
-            self._left.append(desk.history)
-        desk.close()
+        if isinstance(window, EditorWindow) and (window.history.past or window.history.future):
+            self._left.append(window.history)
+        window.close()
 
 
-def _furnish(desk: BrowserDesk) -> None:
-    """Put the panels on a desk."""
-    if isinstance(desk, ReviewDesk):
-        furnish(desk)
-        return
-    assert isinstance(desk, Desk)
-    desk.list_files()
-    gui = desk.client.gui
-    gui.main_panel.dock_right()
-    gui.main_panel.set_width(340)
-    desk.panels.append(PreviewPanel(desk))
+def _add_tabs(window: BrowserWindow, panels: dict[str, Any], *, width: int) -> None:
+    """Add panels by the words on their tabs, in the order in which they are refreshed."""
+    gui = window.client.gui
     tabs = gui.add_tab_group()
-    for label, panel in (("Objects", ObjectsPanel), ("Material", MaterialsPanel), ("Lights", LightsPanel),
-                         ("Camera", CameraPanel), ("File", FilesPanel)):  # fmt: skip
-        if desk.is_gone:
+    for label, panel in panels.items():
+        if window.is_gone:
             return
         with tabs.add_tab(label):
-            desk.panels.append(panel(desk))
-    desk.panels.append(Stage(desk))
-    desk.refresh()
+            window.panels.append(panel(window))
+    gui.main_panel.dock_right()
+    gui.main_panel.set_width(width)
 
 
 def _check_free(host: str, port: int) -> None:

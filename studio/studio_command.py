@@ -30,7 +30,7 @@ def studio(
     import warnings
 
     from lab.progress import say
-    from studio.front_door import LOOPBACK
+    from studio.guarded_server import LOOPBACK
     from studio.server import Studio
     from studio.workspace import Workspace
     from twin.description.description_file import read_scene

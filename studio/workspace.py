@@ -29,58 +29,31 @@ _FILE_KEYS = {"mesh", "pose", "file", "map"}
 
 @dataclass(frozen=True)
 class Listing:
-    """What a workspace holds, by the names that the browser calls it by, each sorted.
-
-    Parameters
-    ----------
-    models, pictures, scenes : tuple of str
-        Files.
-    sessions : tuple of str
-        Folders with lights.
-    is_cut : bool
-        There is more than is listed.
-    """
+    """What a workspace holds, by the names that the browser calls it by, each sorted; `sessions` are folders."""
 
     models: tuple[str, ...] = ()
     pictures: tuple[str, ...] = ()
     scenes: tuple[str, ...] = ()
     sessions: tuple[str, ...] = ()
     is_cut: bool = False
+    """There is more than is listed."""
 
 
 @dataclass(frozen=True)
 class Workspace:
-    """A folder, and paths in it as the browser says them: relative, with slashes.
-
-    Parameters
-    ----------
-    root : Path
-        Resolved.
-    """
+    """A folder, resolved, and paths in it as the browser says them: relative, with slashes."""
 
     root: Path
 
     @classmethod
     def at(cls, folder: Path) -> "Workspace":
-        """Return the workspace of a folder that is there.
-
-        Raises
-        ------
-        SceneError
-            It is none.
-        """
+        """Return the workspace of a folder that is there."""
         if not folder.is_dir():
             raise SceneError(f"--workspace {folder}: not a folder. Make it first, or name another.")
         return cls(folder.resolve())
 
     def path(self, name: str | Path) -> Path:
-        """Return the path of a name, links followed.
-
-        Raises
-        ------
-        SceneError
-            The name is empty, or leads out of the workspace.
-        """
+        """Return the path of a name, links followed. Raises SceneError: it is empty, or leads out of the workspace."""
         is_name = bool(str(name).strip()) and "\0" not in str(name)
         found = (self.root / name).resolve() if is_name else self.root
         if not is_name or not found.is_relative_to(self.root):
@@ -104,13 +77,7 @@ class Workspace:
         return self.closed(found)
 
     def closed(self, folder: Path) -> Path:
-        """Return a folder in which no link leads out of the workspace: what is written below it stays there.
-
-        Raises
-        ------
-        SceneError
-            One does.
-        """
+        """Return a folder, in which no link may lead out of the workspace: what is written below it stays there."""
         for place, folders, files in os.walk(folder):
             for path in (Path(place, name) for name in (*folders, *files)):
                 if path.is_symlink():
@@ -123,13 +90,13 @@ class Workspace:
 
     def listing(self) -> "Listing":
         """Return what there is to choose from; hidden folders, links and the frames of renderings are left out."""
-        found: dict[str, list[str]] = {kind: [] for kind in ("models", "pictures", "scenes", "sessions")}
+        kinds = {"models": MESHES, "pictures": PICTURES, "scenes": SCENES}
+        found: dict[str, list[str]] = {kind: [] for kind in (*kinds, "sessions")}
         is_cut = False
         for number, path in enumerate(self._walk(self.root, depth=4)):
             if number == MOST_WALKED:
                 is_cut = True
                 break
-            kinds = {"models": MESHES, "pictures": PICTURES, "scenes": SCENES}
             kind = next((kind for kind, ends in kinds.items() if path.suffix.lower() in ends), None)
             if path.name == LIGHTS:
                 kind, path = "sessions", path.parent
@@ -142,12 +109,7 @@ class Workspace:
     def keep_upload(self, name: str, content: bytes) -> str:
         """Write what the browser sent into `uploads/`, and return its name in the workspace.
 
-        Another file of that name stays: this one gets a number.
-
-        Raises
-        ------
-        SceneError
-            Its kind is none that the studio reads, or it came without content, as those that are too large do.
+        Another file of that name stays: this one gets a number. Those that are too large come without content.
         """
         stem, suffix = re.sub(r"[^\w.-]+", "_", Path(name).stem).strip("."), Path(name).suffix.lower()
         if suffix not in (*MESHES, *PICTURES) or not stem:
@@ -169,12 +131,9 @@ class Workspace:
         raise AssertionError
 
     def description(self, name: str) -> Path:
-        """Return the path of a scene description, all of whose files lie in the workspace too.
+        """Return the path of a scene description. Raises SceneError: it, or a file that it names, lies outside.
 
-        Raises
-        ------
-        SceneError
-            It, or a file that it names, lies outside. Other faults are left to its reader.
+        Other faults are left to its reader.
         """
         path = self.path(name)
         try:

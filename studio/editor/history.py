@@ -15,12 +15,8 @@ TOGETHER_S = 1.0
 class Document:
     """What is saved as one: the scenes that were made of each other by changes share it.
 
-    Parameters
-    ----------
-    name : str
-        What the browser calls the folder that it is to be saved to.
-    folder : Path or None
-        Where it was opened from, or saved to last; None: nowhere yet.
+    name: What the browser calls the folder that it is to be saved to.
+    folder: Where it was opened from, or saved to last; None: nowhere yet.
     """
 
     name: str = "scene"
@@ -34,15 +30,9 @@ Step = tuple[str, TwinScene, Document]
 class History:
     """A scene with its past.
 
-    Parameters
-    ----------
-    scene : TwinScene
-    past, future : tuple of (label, TwinScene, Document)
-        The label is of the change that led away from the scene (past), or to it (future).
-    last : tuple of (label, control, time_s) or None
-        Of the last change, where an input made it.
-    document : Document
-        Of the scene.
+    past, future: The label is of the change that led away from the scene (past), or to it (future).
+    last: Of the last change, where an input made it.
+    document: Of the scene.
     """
 
     scene: TwinScene
@@ -56,23 +46,10 @@ class History:
     ) -> "History":
         """Return the history after a change.
 
-        Parameters
-        ----------
-        label : str
-        scene : TwinScene
-        now_s : float
-        control : Any
-            The input that made it; None: none did, and it is undone alone.
-        document : Document or None
-            None: the scene's so far.
+        control: The input that made it; None: none did, and it is undone alone. document: None: the scene's so far.
         """
-        goes_on = (
-            control is not None
-            and self.last is not None
-            and self.last[:2] == (label, control)
-            and now_s - self.last[2] < TOGETHER_S
-            and self.past
-        )
+        was = self.last if control is not None else None
+        goes_on = was is not None and was[:2] == (label, control) and now_s - was[2] < TOGETHER_S and self.past
         past = self.past if goes_on else (*self.past, self._left(label, scene))[-LONGEST:]
         last = None if control is None else (label, control, now_s)
         return History(scene, past, (), last, document or self.document)

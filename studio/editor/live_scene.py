@@ -11,9 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
-from studio.editor.edits import start_scene
-from studio.editor.light_edits import some
+from studio.editor.edits import some, start_scene
 from twin.description.description import Environment, TwinObject, TwinScene
 from twin.description.materials import Material
 from twin.description.object_mesh import built_in
@@ -29,10 +27,7 @@ ROUGH_ERROR = 100.0
 class LiveScene:
     """What is loaded of one scene after the other.
 
-    Attributes
-    ----------
-    loads : int
-        How often everything had to be loaded: the first time, and when objects come and go.
+    loads: How often everything had to be loaded: the first time, and when objects come and go.
     """
 
     def __init__(self) -> None:
@@ -44,20 +39,8 @@ class LiveScene:
     def picture(self, scene: TwinScene, light: int, *, width: int, height: int, error: float = ROUGH_ERROR) -> Picture:
         """Return the light of one flash that meets one surface, (h, w, 3) linear, at most `width` x `height`.
 
-        Parameters
-        ----------
-        scene : TwinScene
-        light : int
-            A disc is taken for a point, and of a mirror nothing is seen: `refined` shows them.
-        width, height : int
-            The picture has the shape of the camera's.
-        error : float
-            As in `twin.engines.direct.Direct`.
-
-        Raises
-        ------
-        RenderError
-            The camera sees nothing, or the vectorised variant does not run here.
+        A disc is taken for a point, and of a mirror nothing is seen: `refined` shows them. The picture has the shape of
+        the camera's. Raises RenderError: the camera sees nothing, or the vectorised variant does not run here.
         """
         from twin.engines.direct import Direct
 
@@ -91,20 +74,17 @@ class LiveScene:
         shapes = {shape.id(): shape for shape in self._mitsuba.shapes()}
         for index, one in enumerate(scene.objects):
             material = scene.materials[one.material]
-            if material is was.materials[one.material]:
-                continue
-            if not _take_over(mi, shapes[f"object_{index}"].bsdf(), material):
+            is_same = material is was.materials[one.material]
+            if not (is_same or _take_over(mi, shapes[f"object_{index}"].bsdf(), material)):
                 return False
-        moved = False
-        for index, (old, new) in enumerate(zip(was.objects, scene.objects, strict=True)):
-            if np.array_equal(old.matrix, new.matrix):
-                continue
-            arrays = {"positions": new.placed.vertices, "normals": new.placed.normals}
-            for name, values in arrays.items():
+        pairs = zip(was.objects, scene.objects, strict=True)
+        moved = [index for index, (old, new) in enumerate(pairs) if not np.array_equal(old.matrix, new.matrix)]
+        for index in moved:
+            now = scene.objects[index].placed
+            for name, values in (("positions", now.vertices), ("normals", now.normals)):
                 if values is not None:
                     flat = np.ascontiguousarray(values, np.float32).ravel()
                     self._parameters[f"object_{index}.vertex_{name}"] = mi.Float(flat)
-            moved = True
         if moved:
             self._parameters.update()
         return True
@@ -112,9 +92,7 @@ class LiveScene:
 
 def _alike(a: TwinScene, b: TwinScene) -> bool:
     """Whether the same meshes, turned out the same side, have materials of the same names and kinds."""
-    if len(a.objects) != len(b.objects):
-        return False
-    return all(
+    return len(a.objects) == len(b.objects) and all(
         one.mesh is two.mesh
         and one.material == two.material
         and type(a.materials[one.material]) is type(b.materials[two.material])
@@ -162,7 +140,7 @@ def fitted(scene: TwinScene, width: int, height: int) -> TwinScene:
 
 def whole_film(scene: TwinScene) -> Film:
     """Return a film of the camera's whole picture, whatever stands before it: kernels are compiled for its size."""
-    camera: Camera = scene.camera
+    camera = scene.camera
     rows, columns = slice(0, camera.height), slice(0, camera.width)
     if abs(camera.fx / camera.fy - 1) < 1e-2 and not any(camera.distortion):
         plain = replace(camera, fy=camera.fx)
@@ -180,19 +158,8 @@ def _placed(image: Picture, film: Film) -> Picture:
 def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Iterator[Picture | None]:
     """Render everything under one light in slices: interreflection, environment, mirrors, discs, wax.
 
-    Parameters
-    ----------
-    samples : int
-        Paths a pixel, where any are needed.
-
-    Yields
-    ------
-    None after each slice, and the picture in the end. What stock Mitsuba must render is one slice.
-
-    Raises
-    ------
-    RenderError
-        The scene is at fault, all faults told.
+    samples: Paths a pixel, where any are needed. Yields None after each slice, and the picture in the end. What stock
+    Mitsuba must render is one slice. Raises RenderError: the scene is at fault, all faults told.
     """
     from twin.description.description_check import check_scene
     from twin.engines.engine_choice import Choice, choose_engine

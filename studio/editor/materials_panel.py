@@ -6,22 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from studio.editor import edits
-from studio.editor.desk import Desk
-from studio.markdown import plain
-from twin.description.materials import (
-    VERTEX,
-    Conductor,
-    Diffuse,
-    Material,
-    Measured,
-    Principled,
-    RoughPlastic,
-    Subsurface,
-    Texture,
-)
+from studio.editor.editor_window import EditorWindow
+from studio.widgets import Inputs, plain
+from twin.description import materials
+from twin.description.description import TwinScene
+from twin.description.materials import VERTEX, Conductor, Material, Measured, Principled, Subsurface, Texture
 from twin.description.picture_files import read_picture
 
-KINDS = {"matte": Diffuse, "glossy": RoughPlastic, "metal": Conductor, "principled": Principled}
+KINDS = {
+    "matte": materials.Diffuse,
+    "glossy": materials.RoughPlastic,
+    "metal": Conductor,
+    "principled": Principled,
+}
 METALS = ("Al", "Ag", "Au", "Cu", "Cr", "W", "none")
 GRAY = (0.5, 0.5, 0.5)
 FIRST_PATH_MM = 2.0
@@ -30,66 +27,61 @@ COLOUR, VERTICES = "(the colour)", "(the mesh's own colours)"
 
 
 class MaterialsPanel:
-    """Numbers of the selected object's material."""
+    """Numbers of the selected object's material; `_fields` are inputs that a kind has or has not, by its fields."""
 
-    def __init__(self, desk: Desk) -> None:
-        self._desk, gui = desk, desk.client.gui
+    def __init__(self, window: EditorWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._textures: dict[str, Texture] = {}
+        self._fields = Inputs(window, self._set)
+        add = self._fields.add
         self._name = gui.add_markdown("")
         self._kind = gui.add_dropdown("kind", tuple(KINDS))
         self._colour = gui.add_rgb("colour", (188, 188, 188))
-        self._numbers = gui.add_vector3(
-            "reflectance", (0.5, 0.5, 0.5), min=(0.0, 0.0, 0.0), max=(1.0, 1.0, 1.0), step=0.01, hint="Linear: R, G, B"
-        )
+        linear = {"min": (0.0, 0.0, 0.0), "max": (1.0, 1.0, 1.0), "step": 0.01, "hint": "Linear: R, G, B"}
+        add("reflectance", "vector3", "reflectance", GRAY, **linear)
         self._picture = gui.add_dropdown("picture", (COLOUR,), hint="A texture from the workspace")
-        desk.on_upload(gui.add_upload_button("Send a texture from here"), self._choose_picture)
-        self._roughness = gui.add_slider("roughness", min=0.01, max=1.0, step=0.01, initial_value=0.1)
-        self._specularity = gui.add_slider("specularity", min=0.0, max=1.0, step=0.01, initial_value=1.0)
-        self._index = gui.add_slider("index of refraction", min=1.01, max=2.5, step=0.01, initial_value=1.49)
-        self._metallic = gui.add_slider("metallic", min=0.0, max=1.0, step=0.01, initial_value=0.0)
-        self._metal = gui.add_dropdown("metal", METALS)
+        window.on_upload(gui.add_upload_button("Send a texture from here"), self._choose_picture)
+        add("roughness", "slider", "roughness", min=0.01, max=1.0, step=0.01, initial_value=0.1)
+        add("specularity", "slider", "specularity", min=0.0, max=1.0, step=0.01, initial_value=1.0)
+        add("index", "slider", "index of refraction", min=1.01, max=2.5, step=0.01, initial_value=1.49)
+        add("metallic", "slider", "metallic", min=0.0, max=1.0, step=0.01, initial_value=0.0)
+        add("metal", "dropdown", "metal", METALS)
         self._below = gui.add_checkbox("scatters below the surface", False, hint="Wax; the mesh must be closed")
         self._path = gui.add_number("mean free path, mm", FIRST_PATH_MM, min=0.01, step=0.1)
         self._new = gui.add_text("new material", "")
-        desk.on_click(gui.add_button("Add material", hint="A copy of this one, for this object"), self._add)
-        desk.on_click(gui.add_button("Remove unused materials"), lambda: desk.change("tidy", _tidied))
-        self._textures: dict[str, Texture] = {}
-        desk.on_input(self._kind, lambda label: self._change(lambda was: of_kind(KINDS[label], was)))
-        desk.on_input(self._colour, self._from_colour)
-        desk.on_input(self._numbers, lambda value: self._set(reflectance=tuple(map(float, value))))
-        desk.on_input(self._picture, self._choose_picture)
-        for handle, key in ((self._roughness, "roughness"), (self._specularity, "specularity"),
-                            (self._index, "index"), (self._metallic, "metallic")):  # fmt: skip
-            desk.on_input(handle, lambda value, key=key: self._set(**{key: float(value)}))
-        desk.on_input(self._metal, lambda value: self._set(metal=value))
-        desk.on_input(self._below, lambda on: self._set(subsurface=Subsurface(FIRST_PATH_MM) if on else None))
-        desk.on_input(self._path, self._set_path)
+        window.on_click(gui.add_button("Add material", hint="A copy of this one, for this object"), self._add)
+        tidy = gui.add_button("Remove unused materials")
+        window.on_click(tidy, lambda: window.change("tidy", _tidied))
+        window.on_input(self._kind, lambda label: self._change(lambda was: of_kind(KINDS[label], was)))
+        window.on_input(self._colour, self._set_colour)
+        window.on_input(self._picture, self._choose_picture)
+        window.on_input(self._below, lambda on: self._set(subsurface=Subsurface(FIRST_PATH_MM) if on else None))
+        window.on_input(self._path, self._set_path)
 
     def refresh(self) -> None:
         """Show the material of the object that is selected, and only what its kind has."""
-        desk, scene = self._desk, self._desk.scene
-        name = scene.objects[desk.object].material
+        window, scene = self._window, self._window.scene
+        name = scene.objects[window.object].material
         material = scene.materials[name]
-        self._name.content = f"**{plain(name)}**, of *{plain(scene.objects[desk.object].name)}*"
+        self._name.content = f"**{plain(name)}**, of *{plain(scene.objects[window.object].name)}*"
         measured = isinstance(material, Measured)
         kind = next((label for label, one in KINDS.items() if isinstance(material, one)), "matte")
         self._kind.value, self._kind.disabled = kind, measured
-        has = {} if measured else vars(material)
+        has = {} if measured else dict(vars(material))
+        if "metal" in has:
+            self._fields["metal"].options = tuple(dict.fromkeys((*METALS, has["metal"])))
         reflectance = has.get("reflectance")
         if isinstance(reflectance, tuple):
-            self._numbers.value = tuple(map(float, reflectance))
-            self._colour.value = tuple(_coded(part) for part in reflectance)
+            has["reflectance"] = tuple(map(float, reflectance))
+            self._colour.value = tuple(map(_coded, reflectance))
+        # A picture, or the mesh's own colours, is no value of these inputs.
+        said = {key: has[key] for key in self._fields if key in has and not isinstance(has[key], Texture)}
+        self._fields.show(**{key: value for key, value in said.items() if value != VERTEX})
+        self._fields.show_only(set(has))
         shown = self._picture_of(reflectance)
-        names = dict.fromkeys((*self._textures, *(name for name in desk.listing.pictures if not name.endswith(".npy"))))
-        self._picture.options, self._picture.value = (COLOUR, VERTICES, *names), shown
-        for handle in (self._colour, self._numbers, self._picture):
-            handle.visible = "reflectance" in has
-        for key, handle in (("roughness", self._roughness), ("specularity", self._specularity), ("index", self._index),
-                            ("metallic", self._metallic), ("metal", self._metal)):  # fmt: skip
-            handle.visible = key in has
-            if key == "metal" and key in has:
-                handle.options = tuple(dict.fromkeys((*METALS, has[key])))
-            if key in has and not isinstance(has[key], Texture):
-                handle.value = has[key]
+        names = (*self._textures, *(name for name in window.listing.pictures if not name.endswith(".npy")))
+        self._picture.options, self._picture.value = tuple(dict.fromkeys((COLOUR, VERTICES, *names))), shown
+        self._colour.visible = self._picture.visible = "reflectance" in has
         below = has.get("subsurface")
         self._below.visible, self._below.value = "subsurface" in has, below is not None
         self._path.visible = below is not None
@@ -107,7 +99,7 @@ class MaterialsPanel:
             self._textures[known] = reflectance
         return known
 
-    def _from_colour(self, coded: tuple[int, int, int]) -> None:
+    def _set_colour(self, coded: tuple[int, int, int]) -> None:
         from twin.description.mesh_files import linear_from_srgb
 
         self._set(reflectance=tuple(float(linear_from_srgb(part / 255)) for part in coded))
@@ -115,13 +107,13 @@ class MaterialsPanel:
     def _choose_picture(self, name: str) -> None:
         """Take a picture, as its file is now, for the reflectance; or the colour that is shown."""
         if name == COLOUR:
-            self._set(reflectance=tuple(map(float, self._numbers.value)))
+            self._set(reflectance=tuple(map(float, self._fields["reflectance"].value)))
             return
         if name == VERTICES:
             self._set(reflectance=VERTEX)
             return
-        if name in self._desk.listing.pictures:
-            self._textures[name] = Texture(read_picture(self._desk.workspace.path(name)))
+        if name in self._window.listing.pictures:
+            self._textures[name] = Texture(read_picture(self._window.workspace.path(name)))
         self._set(reflectance=self._textures[name])
 
     def _set_path(self, value: float) -> None:
@@ -136,17 +128,17 @@ class MaterialsPanel:
         self._change(lambda was: replace(was, **said))
 
     def _change(self, edit: Callable[[Any], Material]) -> None:
-        name = self._desk.scene.objects[self._desk.object].material
-        self._desk.change(f"material {name}", lambda s: edits.with_material(s, name, edit(s.materials[name])))
+        name = self._window.scene.objects[self._window.object].material
+        self._window.change(f"material {name}", lambda s: edits.with_material(s, name, edit(s.materials[name])))
 
     def _add(self) -> None:
-        index, name = self._desk.object, Path(self._new.value.strip()).name
+        index, name = self._window.object, Path(self._new.value.strip()).name
 
-        def edit(scene: edits.TwinScene) -> edits.TwinScene:
+        def edit(scene: TwinScene) -> TwinScene:
             more = edits.with_material(scene, name, scene.materials[scene.objects[index].material])
             return edits.assigned(more, index, name)
 
-        self._desk.change("add material", edit)
+        self._window.change("add material", edit)
 
 
 def of_kind(kind: type[Material], was: Material) -> Material:
@@ -158,11 +150,9 @@ def of_kind(kind: type[Material], was: Material) -> Material:
     return kind(**(first | {key: value for key, value in fields.items() if key in kind.__dataclass_fields__}))
 
 
-def _tidied(scene: edits.TwinScene) -> edits.TwinScene:
-    used = {one.material for one in scene.objects}
-    for name in scene.materials:
-        if name not in used:
-            scene = edits.without_material(scene, name)
+def _tidied(scene: TwinScene) -> TwinScene:
+    for name in scene.materials.keys() - {one.material for one in scene.objects}:
+        scene = edits.without_material(scene, name)
     return scene
 
 

@@ -15,16 +15,11 @@ Array = NDArray[np.float64]
 class Placement:
     """An object's matrix in numbers.
 
-    Parameters
-    ----------
-    middle_mm : (3,) float64
-        Of the object's bounding box in its own frame, where it is now: what gizmos turn it about.
-    rotate_deg : (3,) float64
-        About x, then y, then z, the axes standing still.
-    scale : (3,) float64
-        Factors along the object's own axes, before it is turned. The first is negative where the matrix mirrors.
-    is_exact : bool
-        False: the matrix shears as well, and these numbers are the nearest without.
+    middle_mm (3,): Of the object's bounding box in its own frame, where it is now: what gizmos turn it about.
+    rotate_deg (3,): About x, then y, then z, the axes standing still.
+    scale (3,): Factors along the object's own axes, before it is turned. The first is negative where the matrix
+        mirrors.
+    is_exact: False: the matrix shears as well, and these numbers are the nearest without.
     """
 
     middle_mm: Array
@@ -48,8 +43,6 @@ def own_middle(one: TwinObject) -> Array:
 def placement_of(one: TwinObject) -> Placement:
     """Return an object's placement.
 
-    Notes
-    -----
     The matrix' linear part is R diag(s) if its columns are at right angles: s their lengths, R the rest. Else R is the
     rotation nearest to it (its polar part), and s the lengths.
     """
@@ -61,8 +54,7 @@ def placement_of(one: TwinObject) -> Placement:
     is_exact = bool(np.allclose(turned.T @ turned, np.eye(3), atol=1e-6))
     u, _, v = np.linalg.svd(turned)
     rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-    middle = linear @ own_middle(one) + one.matrix[:3, 3]
-    return Placement(middle, angles_deg(rotation), scale, is_exact)
+    return Placement(linear @ own_middle(one) + one.matrix[:3, 3], angles_deg(rotation), scale, is_exact)
 
 
 def matrix_of(one: TwinObject, placement: Placement) -> Array:
@@ -76,8 +68,6 @@ def matrix_of(one: TwinObject, placement: Placement) -> Array:
 def angles_deg(rotation: Array) -> Array:
     """Return the angles (3,) about x, y, z of a rotation (3, 3) = Rz Ry Rx.
 
-    Notes
-    -----
     R[2, 0] = -sin y; at y = +-90 degrees x and z turn about one axis, and z is taken as 0.
     """
     y = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
@@ -92,13 +82,11 @@ def quaternion(rotation: Array) -> Array:
     """Return (w, x, y, z), unit, w >= 0, of a rotation (3, 3): viser's."""
     from scipy.spatial.transform import Rotation
 
-    x, y, z, w = Rotation.from_matrix(rotation).as_quat(canonical=True)
-    return np.array([w, x, y, z])
+    return Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
 
 
 def rotation_of(wxyz: Array) -> Array:
     """Return the rotation (3, 3) of a quaternion (w, x, y, z)."""
     from scipy.spatial.transform import Rotation
 
-    w, x, y, z = np.asarray(wxyz, float)
-    return Rotation.from_quat([x, y, z, w]).as_matrix()
+    return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()

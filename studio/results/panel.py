@@ -6,15 +6,14 @@ from typing import Any, cast
 import numpy as np
 
 from scene.errors import SceneError
-from studio.markdown import plain
 from studio.results.pixel import lit_from, numbers_at, read_pixel
 from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pixel_chart
-from studio.results.shown_maps import SIDES, Results, Side, Source
-from studio.results.side_by_side import WHATS, Choice, layout_of, side_by_side, window_of
-from studio.results.window import ZOOMS
+from studio.results.result_maps import SIDES, Results, Side, Source
+from studio.results.side_by_side import WHATS, Choice, layout_of, side_by_side, viewport_of
+from studio.results.viewport import ZOOMS
 from studio.review.plane import UPRIGHT
-from studio.review.review_desk import ReviewDesk, View
-from studio.review.shown import Shown
+from studio.review.review_window import ReviewWindow, View
+from studio.widgets import NO_SHADOW, Layers, met_in_plane, plain
 
 ROOT = "/results"
 VIEW: View = "Results"
@@ -27,14 +26,14 @@ STEPS = {"left": (-0.5, 0.0), "right": (0.5, 0.0), "up": (0.0, -0.5), "down": (0
 class ResultsPanel:
     """Maps side by side in the view, and what is known of the pixel that is clicked."""
 
-    def __init__(self, desk: ReviewDesk) -> None:
-        self._desk, gui = desk, desk.client.gui
-        self._shown, self._looked = Shown(), None
-        self._root = desk.client.scene.add_frame(ROOT, show_axes=False, visible=False)
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._layers, self._looked = Layers(), None
+        self._root = window.client.scene.add_frame(ROOT, show_axes=False, visible=False)
         self._pictures: Any = None
         self._read()
         self.choice = Choice("normals", *self._results.first_pair)
-        desk.on_click(gui.add_button("Show side by side"), self._look)
+        window.on_click(gui.add_button("Show side by side"), self._look)
         self._lacks = gui.add_markdown("")
         self._what = gui.add_dropdown("map", WHATS)
         self._left, self._right = gui.add_dropdown("left", ("",)), gui.add_dropdown("right", ("",))
@@ -47,17 +46,17 @@ class ResultsPanel:
             self._by = gui.add_dropdown("n · l by", ("truth",), hint="Whose normal: the x axis of the second chart")
             self._pixel_folder = gui.add_folder("Samples and fits")
         self._error_folder = gui.add_folder("Errors")
-        desk.on_input(self._what, lambda value: self._choose(what=value))
-        desk.on_input(self._left, lambda value: self._choose(left=self._source(value)))
-        desk.on_input(self._right, lambda value: self._choose(right=self._source(value)))
-        desk.on_input(self._zoom, lambda value: self._take(self.choice.zoomed(int(value.split()[0]))))
-        desk.on_input(self._cursor, lambda value: self.point(round(value[0]), round(value[1])))
+        window.on_input(self._what, lambda value: self._choose(what=value))
+        window.on_input(self._left, lambda value: self._choose(left=self._source(value)))
+        window.on_input(self._right, lambda value: self._choose(right=self._source(value)))
+        window.on_input(self._zoom, lambda value: self._take(self.choice.zoomed(int(value.split()[0]))))
+        window.on_input(self._cursor, lambda value: self.point(round(value[0]), round(value[1])))
         for handle in (self._side, self._by):
-            desk.on_input(handle, lambda value: desk.refresh())
+            window.on_input(handle, lambda value: window.refresh())
 
     def _read(self) -> None:
         """Begin anew with the folder as it was read last."""
-        self._reading, self._results = self._desk.reading, Results(self._desk.review)
+        self._reading, self._results = self._window.reading, Results(self._window.review)
         self._lit: dict[Side, float] = {}
 
     def point(self, u: int, v: int) -> None:
@@ -66,16 +65,16 @@ class ResultsPanel:
         self._choose(cursor=(int(np.clip(u, 0, width - 1)), int(np.clip(v, 0, height - 1))))
 
     def refresh(self) -> None:
-        """Follow the desk: only what changed is sent."""
-        desk = self._desk
-        if self._reading != desk.reading:
+        """Follow the window: only what changed is sent."""
+        window = self._window
+        if self._reading != window.reading:
             self._read()
             if not {self.choice.left, self.choice.right} <= set(self._results.sources):
                 # A method that the folder no longer has.
                 left, right = self._results.first_pair
                 self.choice = replace(self.choice, left=left, right=right)
         results, choice = self._results, self.choice
-        self._root.visible = desk.view == VIEW
+        self._root.visible = window.view == VIEW
         self._lacks.content = "\n".join(f"- **no {part}**: {why}" for part, why in lacks(results).items())
         labels = tuple(source.label for source in results.sources)
         for handle, source in ((self._left, choice.left), (self._right, choice.right)):
@@ -89,16 +88,16 @@ class ResultsPanel:
         self._what.value, self._zoom.value = choice.what, f"{choice.zoom} x"
         if choice.cursor is not None:
             self._cursor.value = choice.cursor
-        if desk.view != VIEW:
+        if window.view != VIEW:
             self._looked = None
             return
-        self._shown.once("frame", self._reading, self._add_pictures)
-        self._shown.once("pictures", (self._reading, choice), self._draw)
+        self._layers.draw("frame", self._reading, self._add_pictures)
+        self._layers.draw("pictures", (self._reading, choice), self._draw)
         self._face()
         methods = [source.method for source in (choice.left, choice.right) if source.method in results.methods]
-        self._shown.once("errors", (self._reading, tuple(methods)), lambda: self._add_errors(methods))
+        self._layers.draw("errors", (self._reading, tuple(methods)), lambda: self._add_errors(methods))
         key = (self._reading, choice.cursor, self._side.value, self._by.value)
-        self._shown.once("pixel", key, self._add_pixel)
+        self._layers.draw("pixel", key, self._add_pixel)
 
     def _source(self, label: str) -> Source:
         return next(source for source in self._results.sources if source.label == label)
@@ -111,11 +110,11 @@ class ResultsPanel:
         self._look()
 
     def _look(self) -> None:
-        self._desk.choose(view=VIEW)
+        self._window.choose(view=VIEW)
 
     async def _on_pan(self, event: Any) -> None:
         step = STEPS[self._pan.value]
-        self._desk.post(lambda: self._take(self.choice.moved(self._results, *step)))
+        self._window.post(lambda: self._take(self.choice.moved(self._results, *step)))
 
     def _high(self) -> float:
         wide, high = layout_of(self._results).size
@@ -123,31 +122,28 @@ class ResultsPanel:
 
     def _face(self) -> None:
         """Look straight at both pictures when they are first shown."""
-        wanted = (self._reading, self._desk.looks)
-        if self._looked == wanted:
-            return
-        self._looked, camera = wanted, self._desk.client.camera
-        tangent = np.tan(camera.fov / 2)
-        away = 0.53 * max(self._high() / tangent, WIDE / (tangent * max(camera.aspect, 0.3)))
-        camera.position, camera.look_at, camera.up_direction = (0.0, 0.0, away), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+        wanted = (self._reading, self._window.looks)
+        is_new, self._looked = wanted != self._looked, wanted
+        if is_new:
+            self._window.look_straight(np.zeros(3), WIDE, self._high())
 
     def _add_pictures(self) -> list[Any]:
         results, high = self._results, self._high()
         # Without loss: a colour is a value.
-        self._pictures = self._desk.client.scene.add_image(
-            f"{ROOT}/pictures", side_by_side(results, self.choice), WIDE, high, format="png", wxyz=UPRIGHT,
-            cast_shadow=False, receive_shadow=False,
-        )  # fmt: skip
+        self._pictures = self._window.client.scene.add_image(
+            f"{ROOT}/pictures", side_by_side(results, self.choice), WIDE, high, format="png", wxyz=UPRIGHT, **NO_SHADOW
+        )
 
-        async def _(event: Any) -> None:
-            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-            x, y, _ = origin - origin[2] / direction[2] * direction
-            window = window_of(results, self.choice)
-            pixel = layout_of(results).pixel(window, x / WIDE + 0.5, 0.5 - y / high)
+        def clicked(origin: Any, direction: Any) -> None:
+            met = met_in_plane(origin, direction)
+            if met is None:
+                return
+            viewport = viewport_of(results, self.choice)
+            pixel = layout_of(results).pixel(viewport, met[0] / WIDE + 0.5, 0.5 - met[1] / high)
             if pixel is not None:
-                self._desk.post(lambda: self.point(*pixel))
+                self.point(*pixel)
 
-        self._pictures.on_click(_)
+        self._window.on_ray(self._pictures, clicked)
         return [self._pictures]
 
     def _draw(self) -> list[Any]:
@@ -156,7 +152,7 @@ class ResultsPanel:
         return []
 
     def _add_errors(self, methods: list[str]) -> list[Any]:
-        gui = self._desk.client.gui
+        gui = self._window.client.gui
         with self._error_folder:
             if not self._results.known_errors:
                 why = "there is no ground truth" if self._results.review.truth is None else "no normals are known"
@@ -165,7 +161,7 @@ class ResultsPanel:
             return [gui.add_plotly(figure, **PLOT), gui.add_markdown(words)]
 
     def _add_pixel(self) -> list[Any]:
-        gui, cursor = self._desk.client.gui, self.choice.cursor
+        gui, cursor = self._window.client.gui, self.choice.cursor
         with self._pixel_folder:
             if cursor is None:
                 return [gui.add_markdown("Click a pixel of either picture.")]

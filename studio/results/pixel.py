@@ -7,10 +7,9 @@ from numpy.typing import NDArray
 
 from compare.report.facts import family, read_optional
 from scene.errors import SceneError
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from studio.results.shown_maps import TRUTH, Results, Side, Source
+from studio.results.result_maps import TRUTH, Results, Side, Source
 
 Array = NDArray[np.float64]
 
@@ -19,13 +18,8 @@ Array = NDArray[np.float64]
 class Numbers:
     """A solver's answer at a pixel; NaN where it gave none.
 
-    Parameters
-    ----------
-    source : Source
-    normal, albedo : (3,) float64
-    error_deg : float
-        Of the normal against the ground truth; NaN off the mask.
-    sigma_deg : float
+    normal, albedo (3,).
+    error_deg: Of the normal against the ground truth; NaN off the mask.
     """
 
     source: Source
@@ -39,15 +33,9 @@ class Numbers:
 class Fit:
     """What a solver's answer means for every light; NaN where it gave none.
 
-    Parameters
-    ----------
-    source : Source
-    shade : (F,) float64
-        n . l, times a near light's fall-off.
-    gray : (F,) float64
-        albedo max(0, shade), gray and divided by the light's intensity as `Pixel.gray` is.
-    note : str
-        Why this is not quite the solver's own prediction; empty where it is.
+    shade (F,): n . l, times a near light's fall-off.
+    gray (F,): albedo max(0, shade), gray and divided by the light's intensity as `Pixel.gray` is.
+    note: Why this is not quite the solver's own prediction; empty where it is.
     """
 
     source: Source
@@ -60,18 +48,10 @@ class Fit:
 class Pixel:
     """One pixel's samples.
 
-    Parameters
-    ----------
-    u, v : int
-    side : str
-    names : tuple of F str
-    gray : (F,) float64
-        Each sample divided by its light's intensity, channel by channel, then gray as the solvers see it.
-    clipped, shadowed : (F,) bool
-        At the sensor's white; under the share of the stack's 99th percentile from which solvers call a sample lit.
-    true_shade : (F,) float64
-        n . l of the ground truth, NaN where there is none.
-    fits : tuple of Fit
+    gray (F,): Each sample divided by its light's intensity, channel by channel, then gray as the solvers see it.
+    clipped, shadowed (F,): At the sensor's white; under the share of the stack's 99th percentile from which solvers
+    call a sample lit.
+    true_shade (F,): n . l of the ground truth, NaN where there is none.
     """
 
     u: int
@@ -86,13 +66,7 @@ class Pixel:
 
 
 def lit_from(results: Results, side: Side) -> float:
-    """Return the gray value under which a sample of a side is called shadowed; NaN without a mask.
-
-    Raises
-    ------
-    SceneError
-        The frames or the lights are not there.
-    """
+    """Return the gray value under which a sample of a side is called shadowed; NaN without a mask."""
     from solve.assess import DARK
     from solve.samples import scale_of
 
@@ -102,26 +76,13 @@ def lit_from(results: Results, side: Side) -> float:
 
 
 def read_pixel(results: Results, side: Side, u: int, v: int, *, lit_from: float) -> Pixel:
-    """Return a pixel's samples and every solver's fit.
-
-    Parameters
-    ----------
-    results : Results
-    side : str
-        Whose frames, and whose maps.
-    u, v : int
-    lit_from : float
-        See the function of that name.
-
-    Raises
-    ------
-    SceneError
-        The frames or the lights are not there.
-    """
+    """Return a pixel's samples and every solver's fit, by the frames and the maps of a side."""
     from solve.samples import GRAY
 
     frames, lights = results.frames(side)
-    samples, clipped = _samples(frames, u, v)
+    row, column = slice(v, v + 1), slice(u, u + 1)
+    samples = frames.read(row, columns=column)[:, 0, 0].astype(np.float64)
+    clipped = frames.saturated(row, columns=column)[:, 0, 0]
     gray = (samples / lights.intensities) @ GRAY
     truth = results.at("normals", TRUTH, u, v)
     toward, _ = _toward(results, lights, TRUTH, u, v)
@@ -141,18 +102,9 @@ def numbers_at(results: Results, u: int, v: int) -> list[Numbers]:
     return rows
 
 
-def _samples(frames: Frames, u: int, v: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Return linear samples (F, 3), and which are clipped (F,)."""
-    row, column = slice(v, v + 1), slice(u, u + 1)
-    linear = frames.read(row, columns=column)[:, 0, 0]
-    return linear.astype(np.float64), frames.saturated(row, columns=column)[:, 0, 0]
-
-
 def _fit(results: Results, lights: Lights, source: Source, u: int, v: int) -> Fit:
     """Return a solver's fit.
 
-    Notes
-    -----
     Its albedo is the pixel's value under its own lights of intensity 1. Where it found intensities I' of its own, the
     pixel's value is albedo I' max(0, n . l); divided by the calibrated I it stands beside the samples.
     """
@@ -203,13 +155,7 @@ def _own_intensities(results: Results, lights: Lights, source: Source) -> tuple[
 
 
 def shade_of(pixel: Pixel, reference: str) -> Array:
-    """Return n . l (F,) by the normal of a method or of the ground truth, which its `method` names.
-
-    Raises
-    ------
-    SceneError
-        There is none at this pixel.
-    """
+    """Return n . l (F,) by the normal of a method or of the ground truth, which its `method` names."""
     found = {fit.source.method: fit.shade for fit in pixel.fits} | {TRUTH.method: pixel.true_shade}
     shade = found.get(reference, np.full(len(pixel.gray), np.nan))
     if not np.isfinite(shade).any():

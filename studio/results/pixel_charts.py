@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.charts import COLOURS
-from studio.markdown import plain
 from studio.results.pixel import Numbers, Pixel, shade_of
-from studio.results.shown_maps import Results, Source
+from studio.results.result_maps import Results, Source
+from studio.widgets import plain
 
 BINS = 60
 SAMPLES = (
@@ -22,16 +22,8 @@ SAMPLES = (
 def pixel_chart(pixel: Pixel, reference: str | None = None) -> Any:
     """Return a pixel's samples and the solvers' fits as a plotly figure.
 
-    Parameters
-    ----------
-    pixel : Pixel
-    reference : str or None
-        Whose n . l is the x axis: a method's, or `truth`; None: the light's number, from 1.
-
-    Raises
-    ------
-    SceneError
-        The reference has no normal here.
+    reference: Whose n . l is the x axis: a method's, or `truth`; None: the light's number, from 1. Raises SceneError:
+    the reference has no normal here.
     """
     x = np.arange(1.0, len(pixel.gray) + 1) if reference is None else shade_of(pixel, reference)
     figure, order = _figure(), np.argsort(x, kind="stable")

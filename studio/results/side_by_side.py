@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from compare.report import pictures
 from compare.report.pictures import Box, Exposure, Image, error_picture, legend_ball, normal_picture
 from scene.errors import SceneError
-from studio.results.shown_maps import TRUTH, Results, Source
-from studio.results.window import Layout, Window
+from studio.results.result_maps import TRUTH, Results, Source
+from studio.results.viewport import Layout, Viewport
 
 What = Literal["normals", "errors", "albedo"]
 WHATS: tuple[What, ...] = get_args(What)
@@ -22,17 +22,9 @@ EMPTY = (pictures.PAPER,) * 3
 class Choice:
     """What is looked at.
 
-    Parameters
-    ----------
-    what : str
-        One of `WHATS`.
-    left, right : Source
-    zoom : int
-        1: the whole object.
-    centre : (u, v) or None
-        The pixel in the middle; None: the object's middle.
-    cursor : (u, v) or None
-        The pixel that is pointed at.
+    zoom: 1: the whole object.
+    centre (u, v): The pixel in the middle; None: the object's middle.
+    cursor (u, v): The pixel that is pointed at.
     """
 
     what: What
@@ -44,11 +36,11 @@ class Choice:
 
     def moved(self, results: Results, across: float, down: float) -> "Choice":
         """Return the same moved by shares of what is shown, to the right and downward."""
-        window = window_of(results, self)
-        u, v = window.centre
-        moved = replace(self, centre=(u + across * window.width, v + down * window.height))
+        viewport = viewport_of(results, self)
+        u, v = viewport.centre
+        moved = replace(self, centre=(u + across * viewport.width, v + down * viewport.height))
         # At the picture's edge it stays, and the way back is as long as the way there.
-        return replace(moved, centre=window_of(results, moved).centre)
+        return replace(moved, centre=viewport_of(results, moved).centre)
 
     def zoomed(self, zoom: int) -> "Choice":
         """Return the same `zoom` times larger, about the cursor where there is one; 1: all of the object."""
@@ -66,11 +58,11 @@ def layout_of(results: Results) -> Layout:
     return Layout.of(box_of(results))
 
 
-def window_of(results: Results, choice: Choice) -> Window:
+def viewport_of(results: Results, choice: Choice) -> Viewport:
     """Return what part of the picture is shown."""
     box = box_of(results)
     middle = ((box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2)
-    return Window.of(box, choice.zoom, choice.centre or middle, results.size)
+    return Viewport.of(box, choice.zoom, choice.centre or middle, results.size)
 
 
 def side_by_side(results: Results, choice: Choice) -> Image:
@@ -78,8 +70,8 @@ def side_by_side(results: Results, choice: Choice) -> Image:
 
     What is not there is told in its place.
     """
-    layout, window = layout_of(results), window_of(results, choice)
-    rows, columns = np.meshgrid(window.rows(layout.high), window.columns(layout.wide), indexing="ij")
+    layout, viewport = layout_of(results), viewport_of(results, choice)
+    rows, columns = np.meshgrid(viewport.rows(layout.high), viewport.columns(layout.wide), indexing="ij")
     image = np.full((layout.size[1], layout.size[0], 3), PAPER, np.uint8)
     white = _albedo_white(results, choice) if choice.what == "albedo" else 1.0
     for side, source in enumerate((choice.left, choice.right)):
@@ -89,8 +81,8 @@ def side_by_side(results: Results, choice: Choice) -> Image:
             image[place] = _map_picture(results, choice.what, source, rows, columns, white)
         except SceneError as error:
             image[place] = _words(str(error), layout)
-        image[place] = _with_cursor(image[place], window, choice.cursor)
-        image = _text(image, f"{choice.what}: {source.label}", (x + 2, layout.above - 10), 0.75, INK)
+        image[place] = _with_cursor(image[place], viewport, choice.cursor)
+        image = _text(image, [(f"{choice.what}: {source.label}", (x + 2, layout.above - 10))], 0.75)
     key = _key(results, choice, layout, white)
     top = layout.above + layout.high + 8
     image[top : top + key.shape[0], : key.shape[1]] = key
@@ -128,18 +120,18 @@ def _albedo_white(results: Results, choice: Choice) -> float:
     return max(max(peaks, default=1.0), 1e-6)
 
 
-def _with_cursor(picture: Image, window: Window, cursor: tuple[int, int] | None) -> Image:
+def _with_cursor(picture: Image, viewport: Viewport, cursor: tuple[int, int] | None) -> Image:
     """Return a picture with a frame around a pixel and four strokes toward it: the pixel itself stays to be seen."""
     import cv2
 
     if cursor is None:
         return picture
     high, wide = picture.shape[:2]
-    across, down = window.share(*cursor)
+    across, down = viewport.share(*cursor)
     if not (0 <= across <= 1 and 0 <= down <= 1):
         return picture
     x, y = across * wide, down * high
-    half = max(5.0, 0.5 * wide / window.width + 2)
+    half = max(5.0, 0.5 * wide / viewport.width + 2)
     low, top, right, bottom = (round(edge) for edge in (x - half, y - half, x + half, y + half))
     drawn, arm, column, row = picture.copy(), 14, round(x), round(y)
     strokes = [((low - arm, row), (low, row)), ((right, row), (right + arm, row)),
@@ -159,9 +151,7 @@ def _words(text: str, layout: Layout) -> Image:
         if len(lines[-1]) + len(word) >= letters:
             lines.append("")
         lines[-1] += f" {word}" if lines[-1] else word
-    for number, line in enumerate(lines):
-        picture = _text(picture, line, (16, 40 + 24 * number), 0.5, GREY)
-    return picture
+    return _text(picture, [(line, (16, 40 + 24 * number)) for number, line in enumerate(lines)], 0.5, GREY)
 
 
 def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Image:
@@ -171,20 +161,22 @@ def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Imag
         ball = legend_ball(80)
         key[:80, :80] = np.where((ball == pictures.PAPER).all(-1, keepdims=True), PAPER, ball)
         words = "a ball facing you: red right, green up, blue toward you"
-        return _text(_text(key, words, (94, 36), 0.62, INK), "pale grey: unknown", (94, 60), 0.62, INK)
+        return _text(key, [(words, (94, 36)), ("pale grey: unknown", (94, 60))])
     if choice.what == "albedo":
-        words = f"sRGB; white is {white:.3g}, on both sides"
-        return _text(key, words, (2, 28), 0.62, INK)
+        return _text(key, [(f"sRGB; white is {white:.3g}, on both sides", (2, 28))])
     wide, end = layout.wide, results.error_end_deg
     key[6:26, :wide] = error_picture(np.linspace(0, end, wide)[None], end)
-    for part in range(5):
-        label = f"{end * part / 4:g}" + ("+ deg" if part == 4 else "")
-        key = _text(key, label, (min(part * wide // 4, wide - 76 if part == 4 else wide), 46), 0.62, INK)
-    return _text(key, "angle to the ground truth, one scale for all; pale grey: unknown", (2, 70), 0.62, INK)
+    lines = [(f"{end * part / 4:g}", (part * wide // 4, 46)) for part in range(4)]
+    lines += [(f"{end:g}+ deg", (wide - 76, 46))]
+    return _text(key, [*lines, ("angle to the ground truth, one scale for all; pale grey: unknown", (2, 70))])
 
 
-def _text(image: Image, text: str, place: tuple[int, int], size: float, colour: tuple[int, int, int]) -> Image:
+def _text(
+    image: Image, lines: list[tuple[str, tuple[int, int]]], size: float = 0.62, colour: tuple[int, int, int] = INK
+) -> Image:
+    """Write texts at places (x, y) into a picture; return it."""
     import cv2
 
-    written = cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
-    return np.asarray(written, np.uint8)
+    for text, place in lines:
+        cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
+    return image

@@ -1,17 +1,20 @@
 """The balls drawn on the photograph: outlines, highlights and by how much they miss, knobs to drag."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
+from scene.spheres import Sphere
 from studio.review.corrections import moved, resized
-from studio.review.mirror import mirrored_px, residuals_px, rms_px
-from studio.review.plane import ROOT, Plane, add_lines, add_picture, cross, segments
-from studio.review.review_desk import ReviewDesk
-from studio.review.shown import Shown
+from studio.review.plane import ROOT, Plane, add_lines, add_picture
+from studio.review.recalibration import mirrored_px, residuals_px, rms_px
+from studio.review.review_window import ReviewWindow
+from studio.widgets import NO_SHADOW, Layers
 
+Array = NDArray[np.float64]
 FITTED, MOVED, AGAIN = (60, 220, 90), (255, 150, 0), (60, 170, 255)
 SEEN, MISSES = (255, 235, 60), (255, 70, 200)
 CROP_WIDTH = 500
@@ -20,33 +23,37 @@ CROP_WIDTH = 500
 class BallMarks:
     """What is drawn of the balls."""
 
-    def __init__(self, desk: ReviewDesk) -> None:
-        self._desk, self._view, self._shown = desk, desk.client.scene, Shown()
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, self._view, self._layers = window, window.client.scene, Layers()
         self._knobs: list[Any] = []
 
     def refresh(self, plane: Plane) -> None:
-        """Draw the desk's balls. A knob is moved, not made anew: it may be under a hand."""
-        desk, add = self._desk, self._shown.once
-        review, ball = desk.reading, desk.ball
-        add("outlines", (review, desk.outlines, ball), lambda: self._add_outlines(plane))
-        add("refitted", (review, id(desk.refitted), ball), lambda: self._add_refitted(plane))
-        add("crop", (review, ball, len(desk.outlines)), lambda: self._add_crop(plane))
-        add("highlights", (review, ball, desk.frame, len(desk.outlines)), lambda: self._add_highlights(plane))
-        add("knobs", (review, ball, len(desk.outlines)), lambda: self._add_knobs(plane))
-        if ball is not None and self._knobs:
-            for knob, place in zip(self._knobs, self._knob_places(plane, ball), strict=True):
+        """Draw the window's balls. A knob is moved, not made anew: it may be under a hand."""
+        window, draw = self._window, self._layers.draw
+        now = (window.reading, window.ball)
+        count = len(window.outlines)
+        draw("outlines", (now, window.outlines), lambda: self._add_outlines(plane))
+        draw("refitted", (now, id(window.refitted)), lambda: self._add_refitted(plane))
+        draw("crop", (now, count), lambda: self._add_crop(plane))
+        draw("highlights", (now, window.frame, count), lambda: self._add_highlights(plane))
+        draw("knobs", (now, count), lambda: self._add_knobs(plane))
+        if window.ball is not None and self._knobs:
+            for knob, place in zip(self._knobs, self._knob_places(plane, window.ball), strict=True):
                 knob.position = tuple(place)
 
+    def _outline(self, plane: Plane, sphere: Sphere, lift: float) -> Array:
+        (camera,) = self._window.review.need("camera")
+        return _closed(plane.place(sphere.outline(camera, 180), lift=lift))
+
     def _add_outlines(self, plane: Plane) -> list[Any]:
-        desk, camera, handles = self._desk, self._desk.review.material.camera, []
-        if camera is None:
+        window, handles = self._window, []
+        if window.review.material.camera is None:
             return handles
-        for index, ball in enumerate(desk.outlines):
-            is_chosen = desk.ball == index
+        for index, ball in enumerate(window.outlines):
+            is_chosen = window.ball == index
             if ball.apart and not is_chosen:
                 continue
-            line = segments(plane.place(ball.sphere.outline(camera, 180), lift=0.002))
-            colour = MOVED if ball.is_moved else FITTED
+            line, colour = self._outline(plane, ball.sphere, 0.002), MOVED if ball.is_moved else FITTED
             handles.append(add_lines(self._view, f"outline_{index}", line, colour, 3.0 if is_chosen else 2.0))
             corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
             label = f"{ball.kind} ball {index + 1}"
@@ -54,80 +61,73 @@ class BallMarks:
         return handles
 
     def _add_refitted(self, plane: Plane) -> list[Any]:
-        camera, handles = self._desk.review.material.camera, []
-        for index, sphere in enumerate(self._desk.refitted):
-            if camera is not None and (not sphere.apart or self._desk.ball == index):
-                line = segments(plane.place(sphere.outline(camera, 180), lift=0.0022))
-                handles.append(add_lines(self._view, f"refitted_{index}", line, AGAIN, 2.0))
-        return handles
+        window = self._window
+        if window.review.material.camera is None:
+            return []
+        return [
+            add_lines(self._view, f"refitted_{index}", self._outline(plane, sphere, 0.0022), AGAIN, 2.0)
+            for index, sphere in enumerate(window.refitted)
+            if not sphere.apart or window.ball == index
+        ]
 
     def _add_crop(self, plane: Plane) -> list[Any]:
         """Show the chosen ball by all of its photographs together, in full resolution."""
-        desk = self._desk
-        if desk.ball is None:
+        window = self._window
+        if window.ball is None:
             return []
-        ball, review = desk.outlines[desk.ball], desk.review
+        ball, review = window.outlines[window.ball], window.review
         frames, exposure = review.material.frames, review.material.exposure
-        if ball.apart and desk.ball < len(review.spheres):
-            frames, exposure = review.material.photographs_of_ball(desk.ball)
+        if ball.apart and window.ball < len(review.spheres):
+            frames, exposure = review.material.photographs_of_ball(window.ball)
         if frames is None or exposure is None:
             return []
         center, size = np.array(ball.center_px), {"width": frames.width, "height": frames.height}
         box = pictures.Box.around(center - ball.radius_px, center + ball.radius_px, margin=0.25, **size)
-        image = pictures.ball_picture(frames, box, brightest=False)
+        image = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), CROP_WIDTH)
         if ball.kind == "chrome":
-            brightest = pictures.ball_picture(frames, box, brightest=True)
-            image = pictures.mirror_picture(
-                pictures.shrink(image, CROP_WIDTH) / exposure.balance, pictures.shrink(brightest, CROP_WIDTH)
-            )
+            brightest = pictures.shrink(pictures.ball_picture(frames, box, brightest=True), CROP_WIDTH)
+            image = pictures.mirror_picture(image / exposure.balance, brightest)
         else:
-            image = exposure.develop(pictures.shrink(image, CROP_WIDTH))
-        middle = [(box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2]
-        wide, high = box.width * plane.per_px, box.height * plane.per_px
-        return [add_picture(self._view, "crop", image, wide, high, plane.place(middle, lift=0.001))]
+            image = exposure.develop(image)
+        middle = plane.place([(box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2], lift=0.001)
+        return [add_picture(self._view, "crop", image, (box.width * plane.per_px, box.height * plane.per_px), middle)]
 
-    def _knob_places(self, plane: Plane, index: int) -> list[NDArray[np.float64]]:
-        ball = self._desk.outlines[index]
-        rim = np.add(ball.center_px, [ball.radius_px, 0])
-        return [plane.place(ball.center_px, lift=0.003), plane.place(rim, lift=0.003)]
+    def _knob_places(self, plane: Plane, index: int) -> Array:
+        """Return where the knobs stand, on the middle and the rim."""
+        ball = self._window.outlines[index]
+        return plane.place(np.add(ball.center_px, [[0, 0], [ball.radius_px, 0]]), lift=0.003)
 
     def _add_knobs(self, plane: Plane) -> list[Any]:
-        desk, camera, index = self._desk, self._desk.review.material.camera, self._desk.ball
+        window, camera, index = self._window, self._window.review.material.camera, self._window.ball
         self._knobs = []
         if index is None or camera is None:
             return []
 
         def to_center(pixel: tuple[float, float]) -> None:
-            desk.correct(moved(desk.outlines, index, pixel, camera))
+            window.correct(moved(window.outlines, index, pixel, camera))
 
         def to_rim(pixel: tuple[float, float]) -> None:
-            reach = float(np.hypot(*np.subtract(pixel, desk.outlines[index].center_px)))
-            desk.correct(resized(desk.outlines, index, reach, camera))
+            reach = float(np.hypot(*np.subtract(pixel, window.outlines[index].center_px)))
+            window.correct(resized(window.outlines, index, reach, camera))
 
-        size = 0.05 * desk.outlines[index].radius_px * plane.per_px
-        places = self._knob_places(plane, index)
-        self._knobs = [
-            self._add_knob(plane, *row, size)
-            for row in zip(("center", "rim"), places, (to_center, to_rim), strict=True)
-        ]
+        look = {"radius": 0.05 * window.outlines[index].radius_px * plane.per_px, "color": MOVED, **NO_SHADOW}
+        for name, at, use in zip(("center", "rim"), self._knob_places(plane, index), (to_center, to_rim), strict=True):
+            self._knobs.append(self._view.add_icosphere(f"{ROOT}/{name}", position=tuple(at), **look))
+            self._on_drag(self._knobs[-1], plane, use)
         return list(self._knobs)
 
-    def _add_knob(self, plane: Plane, name: str, at: NDArray[np.float64], use: Any, size: float) -> Any:
-        look = {"color": MOVED, "cast_shadow": False, "receive_shadow": False}
-        handle = self._view.add_icosphere(f"{ROOT}/{name}", radius=size, position=tuple(at), **look)
-
+    def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float]], None]) -> None:
         async def _(event: Any) -> None:
             eye = np.array(event.client.camera.position)
             pixel = plane.pixel(eye, np.array(event.end_position) - eye)
             if pixel is not None and event.phase != "start":
-                self._desk.post(lambda: use(pixel))
+                self._window.post(lambda: use(pixel))
 
-        handle.on_drag("left")(_)
-        return handle
+        knob.on_drag("left")(_)
 
     def _add_highlights(self, plane: Plane) -> list[Any]:
         """Draw the chosen ball's highlights, and by how much they miss, drawn larger."""
-        desk, review, index = self._desk, self._desk.review, self._desk.ball
+        window, review, index = self._window, self._window.review, self._window.ball
         seen, lights, camera = review.highlights_px, review.lights, review.material.camera
         if index is None or seen is None or lights is None or camera is None or index >= len(review.spheres):
             return []
@@ -136,17 +136,20 @@ class BallMarks:
             return []
         sphere = review.spheres[index]
         arm = 0.03 * sphere.radius_px * plane.per_px
-        crosses = np.concatenate([cross(plane.place(pixel, lift=0.0024), arm) for pixel in seen[index][known]])
+        arms = arm * np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]]])
+        at = plane.place(seen[index][known], lift=0.0024)
         misses = residuals_px(camera, sphere, lights, seen[index])
         start = mirrored_px(camera, sphere, lights)
         ends = np.stack([start, start + magnification(rms_px(misses), sphere.radius_px) * misses], 1)[known]
         handles = [
-            add_lines(self._view, "seen", crosses, SEEN, 2.0),
+            add_lines(self._view, "seen", (at[:, None, None] + arms).reshape(-1, 2, 3), SEEN, 2.0),
             add_lines(self._view, "misses", plane.place(ends, lift=0.0027), MISSES, 3.0),
         ]
-        if known[desk.frame]:
-            ring = plane.place(seen[index][desk.frame], lift=0.0024) + 2 * arm * _ring(32)
-            handles.append(add_lines(self._view, "this_frame", segments(ring), SEEN, 3.0))
+        if known[window.frame]:
+            angle = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+            ring = 2 * arm * np.stack([np.cos(angle), np.sin(angle), np.zeros(32)], -1)
+            ring += plane.place(seen[index][window.frame], lift=0.0024)
+            handles.append(add_lines(self._view, "this_frame", _closed(ring), SEEN, 3.0))
         return handles
 
 
@@ -157,6 +160,6 @@ def magnification(rms: float, radius_px: float) -> float:
     return float(10 ** np.clip(np.floor(np.log10(0.2 * radius_px / rms)), 0, 3))
 
 
-def _ring(count: int) -> NDArray[np.float64]:
-    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    return np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], -1)
+def _closed(points: Array) -> Array:
+    """Return (K, 2, 3), the strokes of a closed line through points (K, 3)."""
+    return np.stack([points, np.roll(points, -1, 0)], 1)

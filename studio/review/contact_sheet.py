@@ -21,12 +21,8 @@ CLIPPED, WARNED, CHOSEN = (255, 60, 90), (255, 160, 0), (60, 170, 255)
 class ContactSheet:
     """Small pictures in rows.
 
-    Parameters
-    ----------
-    image : (h, w, 3) uint8
-    columns, count : int
-    cell : tuple of 2 int
-        Width and height of what a picture takes with its label and gap.
+    image (h, w, 3).
+    cell: Width and height of what a picture takes with its label and gap.
     """
 
     image: Image

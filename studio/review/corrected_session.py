@@ -23,21 +23,8 @@ FILES = (("object", "mask"), ("object", "scan"), ("object", "normals"), ("object
 def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Path | None = None) -> Path:
     """Write OUT/review/session.toml, and return its folder: a session for `rgbn process OUT/review --out OUT`.
 
-    Parameters
-    ----------
-    review : Review
-    spheres : tuple of SphereSpec or None
-        Instead of the session's `[[spheres]]`. None: those of an earlier correction, else the session's.
-    picks : Path or None
-        For `object.picks`, likewise.
-
-    Raises
-    ------
-    SceneError
-        There is no session.toml to correct, or a file that is not the studio's stands in the way.
-
-    Notes
-    -----
+    spheres: Instead of the session's `[[spheres]]`; picks: for `object.picks`. None: those of an earlier correction,
+    else the session's. Raises SceneError: there is none to correct, or a file that is not the studio's is in the way.
     The user's own session.toml is read and never written. Its relative paths are written out in full.
     """
     path, source = review.store.path(KEPT, "session.toml"), _source(review)
@@ -59,13 +46,7 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
 
 
 def forget_kept(review: Review) -> None:
-    """Remove what was kept in OUT/review: the session is then as its own session.toml says.
-
-    Raises
-    ------
-    SceneError
-        Where that lies is not known, or is gone; or what was kept was changed by somebody else.
-    """
+    """Remove what was kept in OUT/review, unless somebody else changed it or the session's own file is not known."""
     path = review.store.path(KEPT)
     if review.session_path is None or review.session_path == path.resolve():
         raise SceneError(
@@ -81,14 +62,13 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _source(review: Review) -> Path:
-    if review.session is None or review.session_path is None:
-        raise SceneError(review.why_no_session)
-    if review.session.layout != "toml":
+    (session,), path = review.need("session"), review.session_path
+    if session.layout != "toml":
         raise SceneError(
-            f"{review.session.folder}: is in the DiLiGenT layout, which has no place for balls or picks. Write a "
+            f"{session.folder}: is in the DiLiGenT layout, which has no place for balls or picks. Write a "
             "session.toml to correct it."
         )
-    path = review.session_path
+    assert path is not None
     return path if path.is_file() else path / "session.toml"
 
 
@@ -121,13 +101,10 @@ def _globs(patterns: str | list[str], root: Path) -> list[str]:
 def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
     assert spec.center_px is not None
     assert spec.radius_px is not None
-    table: dict[str, Any] = {"kind": spec.kind}
-    if spec.diameter_mm is not None:
-        table["diameter_mm"] = float(spec.diameter_mm)
-    table |= {"center_px": [float(value) for value in spec.center_px], "radius_px": float(spec.radius_px)}
-    if spec.frames:
-        table["frames"] = [glob.escape(str(path)) for path in spec.frames]
-    return table
+    diameter = {} if spec.diameter_mm is None else {"diameter_mm": float(spec.diameter_mm)}
+    outline = {"center_px": list(map(float, spec.center_px)), "radius_px": float(spec.radius_px)}
+    own = {"frames": [glob.escape(str(path)) for path in spec.frames]} if spec.frames else {}
+    return {"kind": spec.kind, **diameter, **outline, **own}
 
 
 def _lines(data: Mapping[str, Any]) -> list[str]:

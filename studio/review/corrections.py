@@ -19,19 +19,9 @@ SMALLEST_PX = 4.0
 
 @dataclass(frozen=True)
 class Outline:
-    """A ball as it is to be calibrated with.
+    """A ball as it is to be calibrated with, moved by hand or not, and photographed apart or not.
 
-    Parameters
-    ----------
-    kind : "chrome" or "white"
-    center_px : tuple of 2 float
-        Projection of its centre, pixels of the frames.
-    radius_px : float
-    diameter_mm : float or None
-    is_moved : bool
-        By hand.
-    apart : bool
-        Photographed apart.
+    center_px: Projection of its centre, pixels of the frames.
     """
 
     kind: Kind
@@ -52,27 +42,24 @@ Outlines = tuple[Outline, ...]
 
 def outlines_of(review: Review) -> Outlines:
     """Return the balls as they were found; where none were, as the session gives them."""
+    camera, session = review.material.camera, review.session
     if review.spheres:
         return tuple(
-            Outline(s.kind, _pair(s.center_px), float(s.radius_px), _stated_mm(review.session, s), False, s.apart)
+            Outline(s.kind, (float(s.center_px[0]), float(s.center_px[1])), float(s.radius_px), _stated_mm(session, s),
+                    apart=s.apart)
             for s in review.spheres
-        )
-    camera, session = review.material.camera, review.session
+        )  # fmt: skip
     if camera is None or session is None:
         return ()
-    # Where nothing was found, those that the session names wait in the middle of the picture to be put in place.
-    count = max(len(session.spheres), 1)
-    middle = [(camera.width * (i + 0.5) / count, camera.height / 2) for i in range(count)]
-    return tuple(
-        Outline(
-            spec.kind,
-            _to_frames(session, camera, spec.center_px) or middle[i],
-            (spec.radius_px or 0) / _scale(session, camera) or camera.width / 20,
-            spec.diameter_mm,
-            apart=bool(spec.frames),
-        )
-        for i, spec in enumerate(session.spheres)
-    )
+    scale, found = _scale(session, camera), []
+    for i, spec in enumerate(session.spheres):
+        # Those that the session names without a place wait in the middle of the picture to be put in place.
+        place = (camera.width * (i + 0.5) / len(session.spheres), camera.height / 2)
+        if spec.center_px is not None:
+            place = (spec.center_px[0] + 0.5) / scale - 0.5, (spec.center_px[1] + 0.5) / scale - 0.5
+        radius = (spec.radius_px or 0) / scale or camera.width / 20
+        found.append(Outline(spec.kind, place, radius, spec.diameter_mm, apart=bool(spec.frames)))
+    return tuple(found)
 
 
 def moved(balls: Outlines, index: int, center_px: tuple[float, float], camera: Camera) -> Outlines:
@@ -102,10 +89,7 @@ def removed(balls: Outlines, index: int) -> Outlines:
 def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
     """Return `[[spheres]]` entries that say these outlines, in the pixels that the session counts in.
 
-    Raises
-    ------
-    SceneError
-        The session's balls cannot be said by circles: their lights are given, or a ball has a mask.
+    Raises SceneError: the session's balls cannot be said by circles: their lights are given, or a ball has a mask.
     """
     if session.lights_file is not None:
         raise SceneError(
@@ -128,25 +112,16 @@ def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereS
         )
     frames = iter(spec.frames for spec in own)
     scale = _scale(session, camera)
-    return tuple(
-        SphereSpec(
-            ball.kind,
-            ball.diameter_mm,
-            ((ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5),
-            ball.radius_px * scale,
-            None,
-            next(frames) if ball.apart else (),
-        )
-        for ball in balls
-    )
+    specs = []
+    for ball in balls:
+        center = (ball.center_px[0] + 0.5) * scale - 0.5, (ball.center_px[1] + 0.5) * scale - 0.5
+        own_frames = next(frames) if ball.apart else ()
+        specs.append(SphereSpec(ball.kind, ball.diameter_mm, center, ball.radius_px * scale, None, own_frames))
+    return tuple(specs)
 
 
 def _with(balls: Outlines, index: int, **changes: Any) -> Outlines:
     return (*balls[:index], replace(balls[index], is_moved=True, **changes), *balls[index + 1 :])
-
-
-def _pair(values: Any) -> tuple[float, float]:
-    return float(values[0]), float(values[1])
 
 
 def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:
@@ -162,10 +137,3 @@ def _scale(session: Session, camera: Camera) -> int:
     from capture.session.requests import hint_scale
 
     return hint_scale(session, camera.width)
-
-
-def _to_frames(session: Session, camera: Camera, center_px: tuple[float, float] | None) -> tuple[float, float] | None:
-    if center_px is None:
-        return None
-    scale = _scale(session, camera)
-    return (center_px[0] + 0.5) / scale - 0.5, (center_px[1] + 0.5) / scale - 0.5

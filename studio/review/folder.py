@@ -1,5 +1,6 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,31 +38,15 @@ UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
 class Review:
     """An output folder as it was when it was read; a part that is not there is None.
 
-    Parameters
-    ----------
-    store : Store
-    session_path : Path or None
-        The session's folder, or its .toml file.
-    session : Session or None
-    why_no_session : str
-        Empty where there is one.
-    material : compare.report.shown_material.Material
-        Frames, camera, mask, and what the report shows of balls and lights.
-    lights : Lights or None
-    spheres : tuple of Sphere
-    highlights_px : (S, F, 2) float64 or None
-        Where each ball mirrors each flash, NaN where nothing was seen or believed.
-    position_covariance_mm2 : (F, 3, 3) float64 or None
-        Of near lights; None of distant ones, and where the folder does not say.
-    truth : (H, W, 3) float32 or None
-        Normals of the registered scan, NaN where unknown.
-    twin : Frames or None
-        The rendered frames.
-    warnings : tuple of Warned
-    done : frozenset of str
-        The steps that ended.
-    clipped_share : (F,) float64 or None
-        Of each frame's pixels, as the audit counted them.
+    session_path: The session's folder, or its .toml file.
+    why_no_session: Empty where there is one.
+    material: Frames, camera, mask, and what the report shows of balls and lights.
+    highlights_px (S, F, 2): Where each ball mirrors each flash, NaN where nothing was seen or believed.
+    position_covariance_mm2 (F, 3, 3): Of near lights; None of distant ones, and where the folder does not say.
+    truth (H, W, 3): Normals of the registered scan, NaN where unknown.
+    twin: The rendered frames.
+    done: The steps that ended.
+    clipped_share (F,): Of each frame's pixels, as the audit counted them.
     """
 
     store: Store
@@ -81,55 +66,42 @@ class Review:
 
     @classmethod
     def read(cls, folder: Path, session_path: Path | None = None) -> "Review":
-        """Read an output folder.
-
-        Parameters
-        ----------
-        folder : Path
-        session_path : Path or None
-            None: the one that summary.json names.
-        """
+        """Read an output folder, and the session, None: the one that summary.json names."""
         store = Store(folder)
         summary = read_optional(store, "summary.json") or {}
         record = read_record(folder)
         steps = {} if record is None else record.done
         material = Material.load(store, {})
-        lights, spheres, truth, twin = None, [], None, None
-        with suppress(*UNREADABLE):
-            lights = store.load_lights()
-        with suppress(*UNREADABLE):
-            spheres = store.load_spheres()
-        with suppress(*UNREADABLE):
-            truth = np.load(store.path("normals", "truth.npy"), mmap_mode="r")
-        with suppress(*UNREADABLE):
-            twin = Store(store.path("twin")).load_frames()
+        spheres = tuple(_readable(store.load_spheres) or ())
         calibration = read_optional(store, "calibration.json") or {}
         session, path, why = _session(store, session_path, summary)
         names = () if material.frames is None else material.frames.names
-        texts = all_warnings({"warnings": [{"step": step, "text": text} for step, text in _warned(steps)]})
+        warned = {step: entry.get("warnings") or () for step, entry in steps.items() if isinstance(entry, dict)}
+        rows = [{"step": step, "text": str(text)} for step, texts in warned.items() for text in texts]
+        texts = all_warnings({"warnings": rows})
         return cls(
             store,
             path,
             session,
             why,
             material,
-            lights,
-            tuple(spheres),
+            _readable(store.load_lights),
+            spheres,
             _array(calibration.get("highlights_px"), (len(spheres), len(names), 2)),
             _array(calibration.get("position_covariance_mm2"), (len(names), 3, 3)),
-            truth,
-            twin,
-            tuple(targets(texts, names, tuple(spheres))),
+            _readable(lambda: np.load(store.path("normals", "truth.npy"), mmap_mode="r")),
+            _readable(Store(store.path("twin")).load_frames),
+            tuple(targets(texts, names, spheres)),
             frozenset(steps),
             _array(_clipped(steps), (len(names),)),
         )
 
     @cached_property
-    def missing(self) -> dict[str, str]:
-        """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
+    def _parts(self) -> dict[str, tuple[Any, str, str]]:
+        """What is there by its name, the step that leaves it, and why that may leave none."""
         material, has_scan = self.material, self.session is None or self.session.scan is not None
         no_scan = "the session names no scan ([object] scan), so nothing was registered."
-        parts = {
+        return {
             "frames": (material.frames, "check", ""),
             "camera": (material.camera, "check", ""),
             "balls": (self.spheres or None, "calibrate", "no ball was found or asked for."),
@@ -138,11 +110,24 @@ class Review:
             "scan": (self.truth, "align", "" if has_scan else no_scan),
             "twin": (self.twin, "twin", "there is no registered scan to render."),
         }
+
+    @cached_property
+    def missing(self) -> dict[str, str]:
+        """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
         return {
             name: why if step in self.done and why else self._unfinished(step)
-            for name, (part, step, why) in parts.items()
+            for name, (part, step, why) in self._parts.items()
             if part is None
         }
+
+    def need(self, *names: str) -> list[Any]:
+        """Return parts by their names in `missing`, or the `session`. Raises SceneError: why one is not there."""
+        for name in names:
+            if name == "session" and self.session is None:
+                raise SceneError(self.why_no_session)
+            if name in self.missing:
+                raise SceneError(f"{name}: {self.missing[name]}")
+        return [self.session if name == "session" else self._parts[name][0] for name in names]
 
     def _unfinished(self, step: str) -> str:
         if step in self.done:
@@ -150,36 +135,22 @@ class Review:
         return f"the step `{step}` has not ended here. **Run the steps** says what stops it."
 
 
-def is_output(folder: Path) -> bool:
-    """Whether a folder is the output of a session, whole or in part."""
-    return (folder / PLACE).is_dir() or (folder / "frames" / "frames.json").is_file()
-
-
-def is_session(folder: Path) -> bool:
-    """Whether a folder is a session's."""
-    return any((folder / name).is_file() for name in ("session.toml", "filenames.txt", "light_directions.txt"))
+def _readable(read: Callable[[], Any]) -> Any:
+    """Return what can be read, else None."""
+    with suppress(*UNREADABLE):
+        return read()
 
 
 def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
     """Return the output folder, and the session's place or None, that a command line means.
 
-    Parameters
-    ----------
-    source : Path
-        An output folder, or a session's.
-    out : Path or None
-        The output folder of a session; None: out/NAME.
-
-    Raises
-    ------
-    SceneError
-        It is neither, or --out goes with an output folder.
+    out: The output folder of a session; None: out/NAME.
     """
-    if is_output(source):
+    if (source / PLACE).is_dir() or (source / "frames" / "frames.json").is_file():
         if out is not None:
             raise SceneError(f"--out {out}: {source} is an output folder itself. Leave --out away.")
         return source.resolve(), None
-    if not is_session(source):
+    if not any((source / name).is_file() for name in ("session.toml", "filenames.txt", "light_directions.txt")):
         raise SceneError(
             f"{source}: neither a session (session.toml) nor the output of `rgbn process` ({PLACE}). Give one of "
             "these, or a scene description, .toml."
@@ -215,14 +186,6 @@ def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | 
         return load_session(path), path.resolve(), ""
     except SceneError as error:
         return None, None, f"The session cannot be read: {error} {remedy}"
-
-
-def _warned(steps: dict[str, Any]) -> list[tuple[str, str]]:
-    found = []
-    for step, entry in steps.items():
-        texts = entry.get("warnings") if isinstance(entry, dict) else None
-        found += [(step, str(text)) for text in texts or ()]
-    return found
 
 
 def _clipped(steps: dict[str, Any]) -> list[Any]:

@@ -1,58 +1,61 @@
-"""The panel of the photographs: which frame, from where it is looked at, what lies over it; what the folder lacks."""
+"""The panels of the photographs, which frame and what lies over it, and of the warnings, which lead to frames."""
+
+from typing import Any
 
 from compare.report.facts import read_optional
-from studio.markdown import plain
-from studio.review.photograph_view import OVERLAYS
-from studio.review.review_desk import VIEWS, ReviewDesk
+from studio.review.photograph_picture import OVERLAYS
+from studio.review.review_window import VIEWS, ReviewWindow
+from studio.review.warning_places import Warned
+from studio.widgets import Inputs, Layers, plain
+
+MOST = 60
+"""Warnings that are listed; more would only be scrolled through."""
 
 
 class FramesPanel:
-    """Frame, view, overlay and brightness."""
+    """Frame, view, overlay and brightness; what the folder lacks."""
 
-    def __init__(self, desk: ReviewDesk) -> None:
-        self._desk, gui = desk, desk.client.gui
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._look = Inputs(window, window.show)
         self._lacks = gui.add_markdown("")
         self._view = gui.add_button_group("view", VIEWS)
         self._view.on_click(self._on_view)
         self._frame = gui.add_slider("frame", min=1, max=2, step=1, initial_value=1, hint="Or click one in the strip")
         self._facts = gui.add_markdown("")
         with gui.add_folder("Over the photograph"):
-            self._overlay = gui.add_dropdown("show", OVERLAYS)
-            self._opacity = gui.add_slider("opacity", min=0.0, max=1.0, step=0.05, initial_value=desk.look.opacity)
-            self._gain = gui.add_slider("brightness", min=0.2, max=8.0, step=0.1, initial_value=1.0)
-            self._clipped = gui.add_checkbox("mark clipped pixels", True)
+            add = self._look.add
+            add("overlay", "dropdown", "show", OVERLAYS)
+            add("opacity", "slider", "opacity", min=0.0, max=1.0, step=0.05, initial_value=window.shown.opacity)
+            add("brightness", "slider", "brightness", min=0.2, max=8.0, step=0.1, initial_value=1.0)
+            add("marks_clipped", "checkbox", "mark clipped pixels", True)
             self._note = gui.add_markdown("")
-        desk.on_input(self._frame, lambda value: desk.choose(frame=int(value) - 1))
-        desk.on_input(self._overlay, lambda value: desk.show(overlay=value))
-        desk.on_input(self._opacity, lambda value: desk.show(opacity=float(value)))
-        desk.on_input(self._gain, lambda value: desk.show(brightness=float(value)))
-        desk.on_input(self._clipped, lambda value: desk.show(marks_clipped=bool(value)))
+        window.on_input(self._frame, lambda value: window.choose(frame=int(value) - 1))
 
     async def _on_view(self, event: object) -> None:
-        desk = self._desk
+        window, value = self._window, self._view.value
         # A second press on the view that is shown looks at all of it again.
-        value = self._view.value
-        desk.post(lambda: desk.choose(view=value) if desk.view != value else desk.look_again())
+        window.post(lambda: window.choose(view=value) if window.view != value else window.look_again())
 
     def refresh(self) -> None:
-        """Follow the desk."""
-        desk, review = self._desk, self._desk.review
+        """Follow the window."""
+        window, review = self._window, self._window.review
         frames = review.material.frames
         self._lacks.content = lacks_text(review.missing, review.why_no_session)
         count = 0 if frames is None else len(frames)
         self._frame.max, self._frame.disabled = max(count, 2), count < 2
-        self._frame.value = desk.frame + 1
-        self._overlay.value = desk.look.overlay
+        self._frame.value = window.frame + 1
+        self._look.show(overlay=window.shown.overlay)
         if frames is None:
             self._facts.content = ""
             return
-        facts = [f"**{plain(frames.names[desk.frame])}**, {frames.width} x {frames.height} px"]
+        facts = [f"**{plain(frames.names[window.frame])}**, {frames.width} x {frames.height} px"]
         if review.clipped_share is not None:
-            facts.append(f"clipped {review.clipped_share[desk.frame]:.2%} (red)")
+            facts.append(f"clipped {review.clipped_share[window.frame]:.2%} (red)")
         if review.lights is not None:
-            facts += [f"**{plain(flag)}**" for flag in review.lights.flags[desk.frame]]
+            facts += [f"**{plain(flag)}**" for flag in review.lights.flags[window.frame]]
         self._facts.content = ", ".join(facts)
-        self._note.content = _note(desk)
+        self._note.content = _note(window)
 
 
 def lacks_text(missing: dict[str, str], why_no_session: str) -> str:
@@ -62,15 +65,50 @@ def lacks_text(missing: dict[str, str], why_no_session: str) -> str:
     return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
 
 
-def _note(desk: ReviewDesk) -> str:
-    if desk.look.overlay == "scan, shaded":
-        return (
-            "The registered scan in one colour under this frame's light, without cast shadows. Where it lies right, "
-            "shading and outline stay in place as the opacity changes."
-        )
-    if desk.look.overlay == "scan, normals":
-        return "Red: right, green: up, blue: toward the viewer."
-    if desk.look.overlay == "mask":
-        pose = read_optional(desk.review.store, "pose.json")
-        return "The object, " + ("by the registered scan." if pose else "as found in the photographs.")
-    return ""
+def _note(window: ReviewWindow) -> str:
+    by = "by the registered scan" if read_optional(window.review.store, "pose.json") else "as found in the photographs"
+    return {
+        "nothing": "",
+        "mask": f"The object, {by}.",
+        "scan, shaded": "The registered scan in one colour under this frame's light, without cast shadows. Where it "
+        "lies right, shading and outline stay in place as the opacity changes.",
+        "scan, normals": "Red: right, green: up, blue: toward the viewer.",
+    }[window.shown.overlay]
+
+
+class WarningsPanel:
+    """All warnings of all steps; a press goes to the frame or the ball that one is about."""
+
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, self._layers = window, Layers()
+        self._folder = window.client.gui.add_folder("Warnings")
+
+    def refresh(self) -> None:
+        """List the warnings of the folder as it was read."""
+        self._layers.draw("warnings", self._window.reading, self._list)
+
+    def _list(self) -> list[Any]:
+        review, gui, handles = self._window.review, self._window.client.gui, []
+        self._folder.label = f"Warnings ({len(review.warnings)})"
+        with self._folder:
+            if not review.warnings:
+                ended = ", ".join(sorted(review.done)) or "none has ended"
+                handles.append(gui.add_markdown(f"No step warned of anything. Steps: {ended}."))
+            for one in review.warnings[:MOST]:
+                handles += self._add(one)
+            if len(review.warnings) > MOST:
+                handles.append(gui.add_markdown(f"{len(review.warnings) - MOST} more are in report.html."))
+        return handles
+
+    def _add(self, one: Warned) -> list[Any]:
+        gui, frames = self._window.client.gui, self._window.review.material.frames
+        targets = [(f"Show {frames.names[frame]}", frame) for frame in one.frames[:4]] if frames is not None else []
+        if one.ball is not None and not targets:
+            targets = [(f"Show ball {one.ball + 1}", None)]
+        return [
+            gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"),
+            *(self._window.on_click(gui.add_button(label), self._going(frame, one)) for label, frame in targets),
+        ]
+
+    def _going(self, frame: int | None, one: Warned) -> Any:
+        return lambda: self._window.choose(frame=frame, ball=one.ball, view="Photograph")

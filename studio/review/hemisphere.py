@@ -1,4 +1,4 @@
-"""The lights' directions and how well they are known: as a picture of the hemisphere, and as ellipsoids in space."""
+"""The lights' directions and how well they are known: the panel with the hemisphere, and ellipsoids in space."""
 
 from dataclasses import dataclass
 from html import escape
@@ -7,14 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+from studio.review.review_window import ReviewWindow
+from studio.widgets import plain
 
 Array = NDArray[np.float64]
 FACTORS = (1, 3, 10, 30, 100)
 """By which a sigma may be drawn larger."""
 SHOWN_DEG = 4.0
 """A sigma drawn this large is seen well."""
-SIZE, RIM = 400, 165
-"""Of the picture, and the radius of 90 degrees in it."""
+SIZE, RIM, TICKS = 400, 165, (30, 60, 90)
+"""Of the picture, the radius of 90 degrees in it, and the circles."""
 
 
 def directions_deg(lights: Lights) -> Array:
@@ -26,10 +28,8 @@ def directions_deg(lights: Lights) -> Array:
 def direction_covariance(lights: Lights, position_covariance_mm2: Array | None) -> Array:
     """Return (N, 2, 2), degrees squared, along (away from the axis, around it); NaN where nothing is known.
 
-    Notes
-    -----
-    A near light's direction d = (q - x) / r moves by (I - d d^T) / r dq. Where the positions' covariance is not
-    known, the stated sigma holds along both.
+    A near light's direction d = (q - x) / r moves by (I - d d^T) / r dq. Where the positions' covariance is not known,
+    the stated sigma holds along both.
     """
     across = np.stack(_tangents(lights), 1)
     if position_covariance_mm2 is None or lights.positions_mm is None:
@@ -52,19 +52,22 @@ def place_in_picture(zenith_deg: Array, azimuth_deg: Array) -> Array:
     return SIZE / 2 + np.stack([radius * np.cos(angle), -radius * np.sin(angle)], -1)
 
 
+def _words(text: str, x: float, y: float, colour: str = "#5f6368", **style: str) -> str:
+    more = "".join(f' {key.replace("_", "-")}="{value}"' for key, value in ({"font_size": "12"} | style).items())
+    return f'<text x="{x:.1f}" y="{y:.1f}" fill="{colour}"{more}>{text}</text>'
+
+
 def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *, chosen: int, factor: int) -> str:
     """Return the hemisphere as SVG, seen as the camera sees it, one light chosen, sigma `factor` times."""
     middle = SIZE / 2
-    parts = [
-        f'<circle cx="{middle}" cy="{middle}" r="{RIM * tick / 90:.1f}" fill="none" stroke="#9aa0a6"/>'
-        f'<text x="{middle + 3}" y="{middle - RIM * tick / 90 - 3:.1f}" font-size="11" fill="#80868b">{tick}°</text>'
-        for tick in (30, 60, 90)
-    ]
-    words = (("right", SIZE - 4, middle + 4, "end"), ("left", 4, middle + 4, "start"),
-             ("up", middle, 14, "middle"), ("down", middle, SIZE - 6, "middle"))  # fmt: skip
+    parts = [f'<circle cx="{middle}" cy="{middle}" r="{RIM * tick / 90:.1f}" fill="none" stroke="#9aa0a6"/>'
+             for tick in TICKS]  # fmt: skip
+    parts += [_words(f"{tick}°", middle + 3, middle - RIM * tick / 90 - 3, "#80868b", font_size="11") for tick in TICKS]
     parts += [
-        f'<text x="{x}" y="{y}" font-size="12" fill="#5f6368" text-anchor="{anchor}">{word}</text>'
-        for word, x, y, anchor in words
+        _words("right", SIZE - 4, middle + 4, text_anchor="end"),
+        _words("left", 4, middle + 4),
+        _words("up", middle, 14, text_anchor="middle"),
+        _words("down", middle, SIZE - 6, text_anchor="middle"),
     ]
     places = directions_deg(lights)
     covariance = direction_covariance(lights, position_covariance_mm2)
@@ -84,10 +87,7 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
             )
         parts.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="3" fill="{colour}"/>')
         weight = "bold" if index == chosen else "normal"
-        parts.append(
-            f'<text x="{x + 5:.1f}" y="{y - 5:.1f}" font-size="12" font-weight="{weight}" fill="{colour}">'
-            f"{index + 1}</text></g>"
-        )
+        parts.append(_words(str(index + 1), x + 5, y - 5, colour, font_weight=weight) + "</g>")
     return (
         f'<svg viewBox="0 0 {SIZE} {SIZE}" width="100%" style="background:#fff;border-radius:4px" role="img" '
         f'aria-label="Directions of the lights">{"".join(parts)}</svg>'
@@ -98,11 +98,8 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
 class Ellipsoid:
     """Where a light may be: one standard deviation along each of its own axes.
 
-    Parameters
-    ----------
-    half_axes_mm : (3,) float64
-    rotation : (3, 3) float64
-        Columns are the axes, right-handed.
+    half_axes_mm (3,).
+    rotation (3, 3): Columns are the axes, right-handed.
     """
 
     half_axes_mm: Array
@@ -147,3 +144,56 @@ def _ellipse(covariance_deg2: Array, zenith_deg: float, azimuth_deg: float) -> t
     values, axes = np.linalg.eigh(stretch @ covariance_deg2 @ stretch)
     wide, high = np.sqrt(np.maximum(values[::-1], 0))
     return float(wide), float(high), float(-(azimuth_deg + np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))))
+
+
+class HemispherePanel:
+    """The directions with their sigmas, as seen by the camera."""
+
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._picture = gui.add_html("")
+        self._factor = gui.add_dropdown("sigma drawn", tuple(f"{factor} times" for factor in FACTORS))
+        self._facts = gui.add_markdown("")
+        window.on_click(gui.add_button("Show in 3-D"), lambda: window.choose(view="Lights in 3-D"))
+        window.on_input(self._factor, lambda value: window.enlarge(int(value.split()[0])))
+        if window.review.lights is not None:
+            window.factor = fitting_factor(window.review.lights)
+
+    def refresh(self) -> None:
+        """Follow the window."""
+        window = self._window
+        lights = window.review.lights
+        self._factor.value = f"{window.factor} times"
+        if lights is None:
+            self._picture.content, self._facts.content = "", f"**No lights**: {window.review.missing['lights']}"
+            return
+        covariance = window.review.position_covariance_mm2
+        self._picture.content = hemisphere_picture(lights, covariance, chosen=window.frame, factor=window.factor)
+        self._facts.content = self._text()
+
+    def _text(self) -> str:
+        review, index = self._window.review, self._window.frame
+        lights = review.lights
+        assert lights is not None
+        zenith, azimuth = directions_deg(lights)[index]
+        sigma = lights.direction_sigma_deg[index]
+        lines = [
+            f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
+            f"- {zenith:.1f}° from the camera's axis, azimuth {azimuth % 360:.1f}° (0° right, 90° up)",
+            f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
+            f"- intensity {lights.intensities[index].mean():.3f}" + _percent(lights.intensity_sigma[index]),
+        ]
+        if lights.positions_mm is not None:
+            away = float(np.linalg.norm(lights.positions_mm[index] - lights.reference_point_mm))
+            covariance = self._window.review.position_covariance_mm2
+            told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
+            if covariance is not None and np.isfinite(covariance[index]).all():
+                along = lights.directions[index]
+                told = f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
+            lines.append(f"- {away:.0f} mm from the object{told}")
+        lines += [f"- **{plain(flag)}**" for flag in lights.flags[index]]
+        return "\n".join(lines)
+
+
+def _percent(sigma: float) -> str:
+    return f" ± {sigma:.1%}" if np.isfinite(sigma) else ""

@@ -1,147 +1,110 @@
-"""A photograph as it is shown large: clipped pixels marked, the mask or the registered scan laid over it."""
+"""The photograph large in the browser's view, its balls on it, the other frames as a strip below."""
 
-from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
-from compare.report.registration_pictures import WIDTH, shown_pixels, views
-from scene.camera import Camera
 from scene.errors import SceneError
-from scene.frames import Frames
-from scene.lights import Lights
-from studio.editor.light_edits import some
-from studio.review.folder import Review
+from studio.review.ball_marks import BallMarks
+from studio.review.contact_sheet import ContactSheet, contact_sheet
+from studio.review.photograph_picture import Look, photograph
+from studio.review.plane import ROOT, WIDE, Plane, add_picture
+from studio.review.review_window import ReviewWindow
+from studio.widgets import Layers, met_in_plane
 
-Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
-OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
-MASK_COLOUR = (0, 190, 255)
-CLIPPED_COLOUR = (255, 0, 60)
-
-
-@dataclass(frozen=True)
-class Look:
-    """How a photograph is shown.
-
-    Parameters
-    ----------
-    overlay : str
-        One of `OVERLAYS`.
-    opacity : float
-        Of what lies over it; 0 to 1.
-    brightness : float
-    marks_clipped : bool
-    """
-
-    overlay: Overlay = "nothing"
-    opacity: float = 0.5
-    brightness: float = 1.0
-    marks_clipped: bool = True
+GAP = 0.25
 
 
-def photograph(review: Review, index: int, look: Look) -> Image:
-    """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
+class PhotographView:
+    """What stands in the plane of the photograph."""
 
-    Raises
-    ------
-    SceneError
-        There are no frames, or what is to lie over them is not in the folder.
-    """
-    frames, exposure, camera = review.material.frames, review.material.exposure, review.material.camera
-    if frames is None or exposure is None:
-        raise SceneError(f"frames: {review.missing['frames']}")
-    exposure = replace(exposure, white=exposure.white / look.brightness)
-    box = Box(0, 0, frames.width, frames.height)
-    picture = exposure.develop(thumbnail(frames, index, box.shown_width(WIDTH), box))
-    if look.marks_clipped:
-        picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
-    if look.overlay == "mask":
-        return _with_mask(review, picture, box, look.opacity)
-    if look.overlay == "nothing":
-        return picture
-    if review.truth is None or review.lights is None or camera is None:
-        why = [review.missing[part] for part in ("scan", "lights", "camera") if part in review.missing]
-        raise SceneError(f"scan: {why[0]}")
-    normals = _sampled(review.truth, shown_pixels(box, picture.shape))
-    if look.overlay == "scan, normals":
-        over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
-    else:
-        lights, truth = review.lights, review.truth
-        over = views(
-            frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels)
-        ).shaded
-        over = _fitted(over, picture.shape)
-    return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, self._view = window, window.client.scene
+        self._root = self._view.add_frame(ROOT, show_axes=False)
+        self._layers, self._marks = Layers(), BallMarks(window)
+        self._sheet: ContactSheet | None = None
+        self._looked: Any = None
 
+    def refresh(self) -> None:
+        """Show the window's frame, balls and strip; only what changed is sent."""
+        window, plane = self._window, self._window.plane
+        self._root.visible = window.view == "Photograph"
+        if plane is None:
+            return
+        draw, reading = self._layers.draw, window.reading
+        draw("sheet", reading, self._make_sheet)
+        draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
+        self._face(plane)
+        draw("picture", (reading, window.frame, window.shown), lambda: self._add_picture(plane))
+        draw("beside", window.beside, lambda: self._add_beside(plane))
+        self._marks.refresh(plane)
 
-def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
-    """Return what a white matte object with these normals would show under one light, without cast shadows.
+    def _strip_high(self) -> float:
+        return 0.0 if self._sheet is None else WIDE * self._sheet.image.shape[0] / self._sheet.image.shape[1]
 
-    Parameters
-    ----------
-    truth : (H, W, 3) float
-        Unit normals of the registered scan, NaN where unknown.
-    camera : Camera
-    lights : Lights
-    index : int
-        Which of them; a near one is taken at the depth of the reference point.
-    pixels : (h, w, 2) float
+    def _face(self, plane: Plane) -> None:
+        """Look straight at the photograph, or at the chosen ball, when another is chosen."""
+        window = self._window
+        wanted = (window.view, window.ball, window.reading, window.beside is None, window.looks)
+        is_new, self._looked = wanted != self._looked, wanted
+        if not is_new or window.view != "Photograph":
+            return
+        if window.ball is not None:
+            ball = window.outlines[window.ball]
+            size = 3.2 * ball.radius_px * plane.per_px
+            window.look_straight(plane.place(ball.center_px), size, size)
+            return
+        strip = GAP + self._strip_high() if self._sheet is not None else 0.0
+        aside = 0.0 if window.beside is None else WIDE + GAP
+        window.look_straight([aside / 2, -strip / 2, 0.0], WIDE + aside, plane.high + strip)
 
-    Returns
-    -------
-    shading : (h, w) float32
-        max(0, vector . normal); NaN off the scan.
-    """
-    normals = _sampled(truth, pixels)
-    if lights.positions_mm is None:
-        vectors = lights.directions[index]
-    else:
-        points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        one = some(lights, [index])
-        vectors = one.toward(points)[0].reshape(normals.shape)
-    return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
+    def _add_picture(self, plane: Plane) -> list[Any]:
+        window = self._window
+        try:
+            image = photograph(window.review, window.frame, window.shown)
+        except SceneError as error:
+            # What was to lie over it is not there: the frame as it is.
+            window.show_fault(str(error))
+            image = photograph(window.review, window.frame, Look(brightness=window.shown.brightness))
+        handle = add_picture(self._view, "picture", image, (WIDE, plane.high), (0.0, 0.0, 0.0))
+        window.on_ray(handle, lambda origin, direction: self._clicked(plane.pixel(origin, direction)))
+        return [handle]
 
+    def _add_beside(self, plane: Plane) -> list[Any]:
+        """Show another picture of the same view to the right, as large."""
+        beside, x = self._window.beside, WIDE + GAP
+        if beside is None:
+            return []
+        label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=(x, plane.high / 2 + 0.1, 0.0))
+        return [add_picture(self._view, "beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
 
-def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
-    """Return the map's values at the nearest pixels."""
-    u = np.clip(np.rint(pixels[..., 0]), 0, truth.shape[1] - 1).astype(int)
-    v = np.clip(np.rint(pixels[..., 1]), 0, truth.shape[0] - 1).astype(int)
-    return np.asarray(truth[v, u], np.float32)
+    def _clicked(self, pixel: tuple[float, float] | None) -> None:
+        window = self._window
+        if pixel is None:
+            return
+        if window.on_photograph is not None:
+            window.on_photograph(pixel)
+            return
+        away = [np.hypot(*np.subtract(ball.center_px, pixel)) / ball.radius_px for ball in window.outlines]
+        if away and min(away) < 1:
+            window.choose(ball=int(np.argmin(away)))
 
+    def _make_sheet(self) -> list[Any]:
+        self._sheet = contact_sheet(self._window.review)
+        return []
 
-def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    """Return (h, w), where a shown pixel has a clipped one in it."""
-    import cv2
+    def _add_strip(self, plane: Plane) -> list[Any]:
+        window, sheet, high = self._window, self._sheet, self._strip_high()
+        if sheet is None:
+            return []
+        top, image = -plane.high / 2 - GAP, sheet.with_chosen(window.frame)
+        handle = add_picture(self._view, "strip", image, (WIDE, high), (0.0, top - high / 2, 0.0))
 
-    clipped = frames.saturated(frames=[index])[0].astype(np.float32)
-    return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
+        def clicked(origin: Any, direction: Any) -> None:
+            met = met_in_plane(origin, direction)
+            frame = None if met is None else sheet.frame_at(met[0] / WIDE + 0.5, (top - met[1]) / high)
+            if frame is not None:
+                window.choose(frame=frame)
 
-
-def _with_mask(review: Review, picture: Image, box: Box, opacity: float) -> Image:
-    import cv2
-
-    mask = review.material.mask
-    if mask is None:
-        raise SceneError(f"mask: {review.missing['mask']}")
-    inside = _fitted(mask.astype(np.uint8), picture.shape) > 0
-    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside, 0.6 * opacity)
-    scale = picture.shape[1] / box.width
-    for line in contours(mask, box):
-        points = np.round((line * scale - 0.5) * 16).astype(np.int32)
-        tinted = cv2.polylines(tinted, [points], True, MASK_COLOUR, max(1, picture.shape[1] // 600), cv2.LINE_AA, 4)
-    return np.asarray(tinted, np.uint8)
-
-
-def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float) -> Image:
-    mixed = np.round((1 - opacity) * under + opacity * over)
-    return np.where(where[..., None], mixed, under).astype(np.uint8)
-
-
-def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
-    import cv2
-
-    if image.shape[:2] == shape[:2]:
-        return image
-    return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)
+        window.on_ray(handle, clicked)
+        return [handle]

@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from studio.widgets import NO_SHADOW, met_in_plane
+
 Array = NDArray[np.float64]
 ROOT = "/photograph"
 WIDE = 8.0
@@ -16,13 +18,7 @@ UPRIGHT = (0.0, 1.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Plane:
-    """A picture that stands upright in the plane z = 0, its middle at x = 0, y = 0.
-
-    Parameters
-    ----------
-    width, height : int
-        Pixels of the photograph.
-    """
+    """A picture of so many pixels that stands upright in the plane z = 0, its middle at x = 0, y = 0."""
 
     width: int
     height: int
@@ -49,38 +45,31 @@ class Plane:
 
     def pixel(self, origin: ArrayLike, direction: ArrayLike) -> tuple[float, float] | None:
         """Return the pixel (u, v) that a ray meets; None where it runs beside the picture, or away from it."""
-        origin, direction = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
-        if abs(direction[2]) < 1e-12 or -origin[2] / direction[2] <= 0:
+        met = met_in_plane(origin, direction)
+        if met is None:
             return None
-        x, y, _ = origin - origin[2] / direction[2] * direction
-        u, v = x / self.per_px + (self.width - 1) / 2, -y / self.per_px + (self.height - 1) / 2
+        u, v = met / [self.per_px, -self.per_px] + [(self.width - 1) / 2, (self.height - 1) / 2]
         inside = -0.5 <= u <= self.width - 0.5 and -0.5 <= v <= self.height - 0.5
         return (float(u), float(v)) if inside else None
 
 
-def segments(points: Array) -> Array:
-    """Return (K, 2, 3), the strokes of a closed line through points (K, 3)."""
-    return np.stack([points, np.roll(points, -1, 0)], 1)
-
-
-def cross(at: Array, arm: float) -> Array:
-    """Return (2, 2, 3), the strokes of a cross at a place (3,)."""
-    return np.array([[at - [arm, 0, 0], at + [arm, 0, 0]], [at - [0, arm, 0], at + [0, arm, 0]]])
-
-
-def add_picture(view: Any, name: str, image: NDArray[np.uint8], wide: float, high: float, middle: Any) -> Any:
-    """Add a picture (h, w, 3) beside the photograph or on it, `wide` x `high` units about `middle`; return it."""
-    place = tuple(float(value) for value in middle)
-    look = {"format": "jpeg", "jpeg_quality": 92, "cast_shadow": False, "receive_shadow": False}
-    return view.add_image(f"{ROOT}/{name}", image, wide, high, wxyz=UPRIGHT, position=place, **look)
+def add_picture(view: Any, name: str, image: NDArray[np.uint8], size: tuple[float, float], middle: ArrayLike) -> Any:
+    """Add a picture (h, w, 3), wide and high in the view's units, beside the photograph or on it; return it."""
+    place, look = tuple(np.asarray(middle, np.float64).tolist()), {"format": "jpeg", "jpeg_quality": 92, **NO_SHADOW}
+    return view.add_image(f"{ROOT}/{name}", image, *size, wxyz=UPRIGHT, position=place, **look)
 
 
 def add_lines(view: Any, name: str, strokes: Array, colour: tuple[int, int, int], width_px: float) -> Any:
     """Add strokes (K, 2, 3) of one colour; return their handle."""
-    return view.add_line_segments(
-        f"{ROOT}/{name}",
-        strokes.astype(np.float32),
-        np.array(colour, np.uint8),
-        thickness=width_px,
-        thickness_units="screen",
-    )
+    look = {"thickness": width_px, "thickness_units": "screen"}
+    return view.add_line_segments(f"{ROOT}/{name}", strokes.astype(np.float32), np.array(colour, np.uint8), **look)
+
+
+def add_numbered(view: Any, root: str, places: list[tuple[float, ...]], radius: float, colour: Any) -> list[Any]:
+    """Add numbered balls at places of the view; return their handles."""
+    handles = []
+    for index, place in enumerate(places):
+        name = f"{root}_{index}", f"{root}_number_{index}"
+        handles.append(view.add_icosphere(name[0], radius=radius, color=colour, position=place))
+        handles.append(view.add_label(name[1], str(index + 1), position=place))
+    return handles

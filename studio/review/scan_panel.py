@@ -5,14 +5,11 @@ from typing import Any
 import numpy as np
 
 from compare.report.facts import read_optional
-from studio.markdown import code, plain
 from studio.review.corrected_session import write_amended
-from studio.review.light_stage import LightStage
-from studio.review.plane import ROOT, add_lines
-from studio.review.review_desk import ReviewDesk
-from studio.review.scan_picks import Picks, load_scan, pose_of, write_picks
-from studio.review.shown import Shown
-from studio.review.wall import Wall
+from studio.review.plane import ROOT, Plane, add_lines, add_numbered
+from studio.review.review_window import ReviewWindow
+from studio.review.scan_picks import load_scan, pose_of, write_picks
+from studio.widgets import Layers, plain
 
 FEWEST = 4
 PICKED, OUTLINE = (60, 170, 255), (255, 0, 190)
@@ -21,39 +18,37 @@ PICKED, OUTLINE = (60, 170, 255), (255, 0, 190)
 class ScanPanel:
     """Where the scan stands, and picks."""
 
-    def __init__(self, desk: ReviewDesk, wall: Wall, stage: LightStage) -> None:
-        self._desk, self._wall, self._stage, gui = desk, wall, stage, desk.client.gui
-        self.picks, self.found, self._strokes = Picks(), None, np.zeros((0, 2, 2))
-        self._shown = Shown()
+    def __init__(self, window: ReviewWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self.found, self._strokes = None, np.zeros((0, 2, 2))
+        self._layers = Layers()
         self._facts = gui.add_markdown("")
         with gui.add_folder("Pick points"):
             gui.add_markdown(
                 "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. "
                 "Four pairs at least, better six, spread over the object."
             )
-            self._go = desk.on_click(gui.add_button("Start picking"), self._toggle)
+            self._go = window.on_click(gui.add_button("Start picking"), self._toggle)
             self._status = gui.add_markdown("")
-            desk.on_click(gui.add_button("Take the last one back"), self._take_back)
-            desk.on_click(gui.add_button("Pose from the picks"), self._pose)
-            self._keep = desk.on_click(gui.add_button("Keep these picks", disabled=True), self._keep_picks)
+            window.on_click(gui.add_button("Take the last one back"), self._take_back)
+            window.on_click(gui.add_button("Pose from the picks"), self._pose)
+            self._keep = window.on_click(gui.add_button("Keep these picks", disabled=True), self._keep_picks)
 
     def refresh(self) -> None:
-        """Follow the desk."""
-        desk, review = self._desk, self._desk.review
+        """Follow the window."""
+        window, picks, plane = self._window, self._window.picks, self._window.plane
         self._facts.content = self._text()
-        picks, plane = self.picks, self._wall.plane
-        self._go.label = "Start picking" if desk.on_photograph is None else "Stop picking"
+        self._go.label = "Start picking" if window.on_photograph is None else "Stop picking"
         if plane is not None:
-            self._shown.once("pixels", (desk.reading, picks.pixels), self._add_pixels)
-            key = (desk.reading, self._strokes.tobytes())
-            self._shown.once("outline", key, self._add_outline)
-        self._stage.mark(np.array(picks.points).reshape(-1, 3))
+            self._layers.draw("pixels", (window.reading, picks.pixels), lambda: self._add_pixels(plane))
+            key = (window.reading, self._strokes.tobytes())
+            self._layers.draw("outline", key, lambda: self._add_outline(plane))
         waiting = len(picks.pixels) > len(picks.points)
         self._status.content = f"{picks.pairs} pairs." + (" Now the same point on the scan." if waiting else "")
-        self._keep.disabled = picks.pairs < FEWEST or review.session is None
+        self._keep.disabled = picks.pairs < FEWEST or window.review.session is None
 
     def _text(self) -> str:
-        review = self._desk.review
+        review = self._window.review
         if "scan" in review.missing:
             return f"**Not registered**: {review.missing['scan']}"
         pose = read_optional(review.store, "pose.json")
@@ -65,63 +60,51 @@ class ScanPanel:
         )
 
     def _toggle(self) -> None:
-        desk = self._desk
-        if desk.on_photograph is not None:
-            desk.on_photograph = desk.on_scan = None
-            desk.choose(view="Photograph")
-            return
-        load_scan(desk.review)  # What is at fault with it is told before anything is picked.
-        desk.on_photograph, desk.on_scan = self._take_pixel, self._take_point
-        desk.ball = None
-        desk.choose(view="Photograph")
+        window = self._window
+        if window.on_photograph is not None:
+            window.on_photograph = window.on_scan = None
+        else:
+            load_scan(window.review)  # What is at fault with it is told before anything is picked.
+            window.on_photograph, window.on_scan = self._take_pixel, self._take_point
+            window.ball = None
+        window.choose(view="Photograph")
 
     def _take_pixel(self, pixel: tuple[float, float]) -> None:
-        self.picks = self.picks.with_pixel(pixel)
-        self._desk.choose(view="Scan" if len(self.picks.pixels) > len(self.picks.points) else "Photograph")
+        picks = self._window.picks = self._window.picks.with_pixel(pixel)
+        self._window.choose(view="Scan" if len(picks.pixels) > len(picks.points) else "Photograph")
 
     def _take_point(self, point: Any) -> None:
-        self.picks = self.picks.with_point(point)
-        self._desk.choose(view="Photograph")
+        self._window.picks = self._window.picks.with_point(point)
+        self._window.choose(view="Photograph")
 
     def _take_back(self) -> None:
-        self.picks = self.picks.without_last()
-        self._desk.refresh()
+        self._window.picks = self._window.picks.without_last()
+        self._window.refresh()
 
     def _pose(self) -> None:
         from align.pose.appearance import outline
 
-        review = self._desk.review
+        review, picks = self._window.review, self._window.picks
         mesh = load_scan(review)
-        found = self.found = pose_of(review, self.picks, mesh)
-        assert review.material.camera is not None
-        self._strokes = outline(mesh, found.pose, review.material.camera)
-        self._desk.choose(view="Photograph")
+        found = self.found = pose_of(review, picks, mesh)
+        self._strokes = outline(mesh, found.pose, *review.need("camera"))
+        self._window.choose(view="Photograph")
         told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
         self._status.content = (
-            f"{self.picks.pairs} pairs, {found.residual_px:.1f} px rms apart at the pose that they give. Its outline "
+            f"{picks.pairs} pairs, {found.residual_px:.1f} px rms apart at the pose that they give. Its outline "
             f"is drawn in pink: a start, which the step `align` refines.{told}"
         )
 
     def _keep_picks(self) -> None:
-        desk = self._desk
-        folder = write_amended(desk.review, picks=write_picks(desk.review, self.picks))
-        name, out = desk.workspace.name(folder), desk.workspace.name(desk.review.store.folder)
-        self._status.content = (
-            f"Kept in {code(desk.workspace.name(folder / 'session.toml'))}; your own session.toml is as it was. To "
-            f"register from them: **Run**, or {code(f'rgbn process {name} --out {out}')}."
-        )
+        window = self._window
+        folder = write_amended(window.review, picks=write_picks(window.review, window.picks))
+        self._status.content = window.kept_text(folder, "register from them")
 
-    def _add_pixels(self) -> list[Any]:
-        plane, view, handles = self._wall.plane, self._desk.client.scene, []
-        assert plane is not None
-        for index, pixel in enumerate(self.picks.pixels):
-            place = tuple(plane.place(pixel, lift=0.003))
-            handles.append(view.add_icosphere(f"{ROOT}/pick_{index}", radius=0.04, color=PICKED, position=place))
-            handles.append(view.add_label(f"{ROOT}/pick_number_{index}", str(index + 1), position=place))
-        return handles
+    def _add_pixels(self, plane: Plane) -> list[Any]:
+        places = [tuple(plane.place(pixel, lift=0.003)) for pixel in self._window.picks.pixels]
+        return add_numbered(self._window.client.scene, f"{ROOT}/pick", places, 0.04, PICKED)
 
-    def _add_outline(self) -> list[Any]:
-        plane = self._wall.plane
-        if plane is None or not len(self._strokes):
+    def _add_outline(self, plane: Plane) -> list[Any]:
+        if not len(self._strokes):
             return []
-        return [add_lines(self._desk.client.scene, "picked", plane.place(self._strokes, lift=0.002), OUTLINE, 2.0)]
+        return [add_lines(self._window.client.scene, "picked", plane.place(self._strokes, lift=0.002), OUTLINE, 2.0)]

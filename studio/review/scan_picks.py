@@ -25,12 +25,8 @@ Array = NDArray[np.float64]
 class Picks:
     """Pixels and points as they were clicked; the first pixel belongs to the first point.
 
-    Parameters
-    ----------
-    pixels : tuple of (u, v)
-        Of the frames.
-    points : tuple of (x, y, z)
-        Of the scan, in millimetres, or in its own unit where that is unknown.
+    pixels: Of the frames.
+    points: Of the scan, in millimetres, or in its own unit where that is unknown.
     """
 
     pixels: tuple[tuple[float, float], ...] = ()
@@ -57,13 +53,7 @@ class Picks:
 
 
 def load_scan(review: Review) -> Mesh:
-    """Return the session's scan.
-
-    Raises
-    ------
-    SceneError
-        There is no session, or it has no scan.
-    """
+    """Return the session's scan; SceneError where there is none."""
     from align.scan.mended_scan import load_scan
 
     session = review.session
@@ -80,13 +70,7 @@ def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
 
 
 def write_picks(review: Review, picks: Picks) -> Path:
-    """Write OUT/review/picks.csv, as `object.picks` is read, and return its path.
-
-    Raises
-    ------
-    SceneError
-        There is no session or no camera, or a file that is not the studio's stands in the way.
-    """
+    """Write OUT/review/picks.csv, as `object.picks` is read, and return its path."""
     path, text = review.store.path(KEPT, PICKS), _table(review, picks)
     put_own(review.store.folder, lambda place: write_text(place / KEPT / PICKS, text))
     return path
@@ -96,9 +80,7 @@ def _table(review: Review, picks: Picks) -> str:
     from align.scan.mended_scan import UNITS_MM
     from capture.session.requests import hint_scale
 
-    camera, session = review.material.camera, review.session
-    if session is None or camera is None:
-        raise SceneError(review.why_no_session or f"camera: {review.missing['camera']}")
+    session, camera = review.need("session", "camera")
     scale, unit = hint_scale(session, camera.width), UNITS_MM[session.scan_unit]
     rows = ["u,v,x,y,z"]
     for (u, v), point in list(zip(picks.pixels, picks.points, strict=False))[: picks.pairs]:
@@ -110,17 +92,12 @@ def _table(review: Review, picks: Picks) -> str:
 def pose_of(review: Review, picks: Picks, mesh: Mesh) -> Any:
     """Return `align.pose.picks.Picked`, the pose that the picks give. What was kept stays as it is.
 
-    Raises
-    ------
-    SceneError
-        Too few picks, on one line, or contradicting each other.
+    Raises SceneError: too few picks, on one line, or contradicting each other.
     """
     from align.pose.picks import read_picks
     from capture.session.requests import hint_scale
 
-    camera, session, text = review.material.camera, review.session, _table(review, picks)
-    assert camera is not None
-    assert session is not None
+    (session, camera), text = review.need("session", "camera"), _table(review, picks)
     with TemporaryDirectory() as folder:
         path = Path(folder) / PICKS
         path.write_text(text)

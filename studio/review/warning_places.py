@@ -11,13 +11,8 @@ from scene.spheres import Sphere
 class Warned:
     """A warning of a step.
 
-    Parameters
-    ----------
-    step, text : str
-    frames : tuple of int
-        That it names, in the order in which it names them.
-    ball : int or None
-        That it names first.
+    frames: That it names, in the order in which it names them.
+    ball: That it names first.
     """
 
     step: str
@@ -29,13 +24,7 @@ class Warned:
 def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
     """Return warnings with what they name.
 
-    Parameters
-    ----------
-    texts : sequence of (step, text)
-    names : sequence of str
-        The frames'.
-    spheres : sequence of Sphere
-        In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
+    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
     """
     return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
 

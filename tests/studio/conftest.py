@@ -119,53 +119,53 @@ def no_preview():
     asked = []
     return SimpleNamespace(
         asked=asked,
-        wish=lambda desk, *rest: asked.append(("wish", desk)),
-        forget=lambda desk: asked.append(("forget", desk)),
+        request=lambda window, *rest: asked.append(("request", window)),
+        forget=lambda window: asked.append(("forget", window)),
     )
 
 
 @pytest.fixture
 def furnish():
-    """Return what puts panels on a desk and shows them; all desks are closed in the end."""
-    desks = []
+    """Return what puts panels on a window and shows them; all windows are closed in the end."""
+    windows = []
 
-    def put(desk, panels):
-        desks.append(desk)
-        desk.panels += [panel(desk) for panel in panels]
-        desk.refresh()
-        return desk
+    def put(window, panels):
+        windows.append(window)
+        window.panels += [panel(window) for panel in panels]
+        window.refresh()
+        return window
 
     yield put
-    for desk in desks:
-        desk.close()
-        desk.wait()
+    for window in windows:
+        window.close()
+        window.wait()
 
 
 @pytest.fixture
 def settle():
-    """Return what waits until a desk has done all that was said so far."""
+    """Return what waits until a window has done all that was said so far."""
 
-    def wait(desk):
+    def wait(window):
         done = threading.Event()
-        desk.post(done.set)
-        assert done.wait(60), "the desk is stuck"
+        window.post(done.set)
+        assert done.wait(60), "the window is stuck"
 
     return wait
 
 
 class Visitor:
-    """A browser's window at a studio, and the desk that it works on."""
+    """A browser's window at a studio, and the window that it works on."""
 
     def __init__(self, chromium, studio, ready):
         self.asked = []
-        known = {desk.client.client_id for desk in studio.desks}
+        known = {window.client.client_id for window in studio.windows}
         self.page = chromium.new_page(viewport=VIEW)
         self.page.set_default_timeout(1000 * PATIENCE_S)
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on("websocket", lambda socket: self.asked.append(socket.url))
         self.page.goto(studio.address)
         self.button(ready).wait_for()
-        (self.desk,) = (desk for desk in studio.desks if desk.client.client_id not in known)
+        (self.window,) = (window for window in studio.windows if window.client.client_id not in known)
 
     def button(self, name):
         """Return a button by its words."""
@@ -196,11 +196,11 @@ class Visitor:
     def preview(self, change):
         """Make a change, and return the previews that come of it, the refined one last."""
         self.see("refined")
-        drawn, show = [], self.desk.show_preview
-        self.desk.show_preview = lambda one: (drawn.append(one), show(one))
+        drawn, show = [], self.window.show_preview
+        self.window.show_preview = lambda one: (drawn.append(one), show(one))
         change()
         self.until(lambda: drawn and drawn[-1].is_refined, "a refined picture")
-        self.desk.show_preview = show
+        self.window.show_preview = show
         return drawn
 
     def send(self, button, path):
@@ -219,7 +219,7 @@ class Visitor:
 
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""
-        camera, box = self.desk.client.camera, self.page.locator("canvas").first.bounding_box()
+        camera, box = self.window.client.camera, self.page.locator("canvas").first.bounding_box()
         x, y, z = rotation_of(camera.wxyz).T @ (np.asarray(point, float) - camera.position)
         focal = box["height"] / 2 / np.tan(camera.fov / 2)
         return np.array([box["x"] + box["width"] / 2 + focal * x / z, box["y"] + box["height"] / 2 + focal * y / z])

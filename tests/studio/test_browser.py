@@ -10,8 +10,8 @@ import pytest
 from capture.session.session import load_session
 from studio.editor import edits
 from studio.editor.placement import placement_of
-from studio.editor.stage import UNITS_PER_MM
 from studio.server import Studio
+from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace
 from twin.description.description import Sampling
 from twin.description.mesh_files import write_ply
@@ -44,23 +44,23 @@ def visitor(visit, studio):
 
 def test_a_first_dataset(visitor, studio, tmp_path):
     """Load, drag, choose lights, export, render: the files are what stock Mitsuba renders and rgbn reads."""
-    desk, root = visitor.desk, visitor.desk.workspace.root
+    window, root = visitor.window, visitor.window.workspace.root
     drawn = visitor.preview(lambda: visitor.press("Load model"))
-    assert [one.name for one in desk.scene.objects] == ["cone"]
+    assert [one.name for one in window.scene.objects] == ["cone"]
     assert drawn[-1].picture.max() > 0.2
     visitor.shows("1 cone")
     visitor.see("refined")
     visitor.keep("loaded")
 
     # The gizmo's arrow along y, drawn upward: the object follows the hand, along y alone.
-    was = placement_of(desk.scene.objects[0])
-    size = 1.5 * np.ptp(desk.scene.objects[0].placed.vertices, axis=0).max() / 2
+    was = placement_of(window.scene.objects[0])
+    size = 1.5 * np.ptp(window.scene.objects[0].placed.vertices, axis=0).max() / 2
     grip = (was.middle_mm + [0, 0.8 * size, 0]) * UNITS_PER_MM
     start = visitor.on_screen(grip)
     end = start + [0, -40]
     visitor.drag(start, end)
-    visitor.until(lambda: desk.history.past[-1][0] == "drag object 0", "the gizmo was dragged")
-    now = placement_of(desk.scene.objects[0])
+    visitor.until(lambda: window.history.past[-1][0] == "drag object 0", "the gizmo was dragged")
+    now = placement_of(window.scene.objects[0])
     moved = now.middle_mm - was.middle_mm
     np.testing.assert_allclose(moved[[0, 2]], 0, atol=1e-3)
     np.testing.assert_allclose(now.rotate_deg, was.rotate_deg, atol=1e-3)
@@ -72,16 +72,16 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     knob, start = free_knob(visitor)
     end = start + [12, 14]
     visitor.drag(start, end)
-    visitor.until(lambda: desk.history.past[-1][0] == f"drag light {knob}", "the light was dragged")
-    middle = visitor.on_screen(desk.scene.lights.reference_point_mm * UNITS_PER_MM)
-    toward = visitor.on_screen(knob_place(desk.scene, knob) * UNITS_PER_MM) - middle
-    assert np.linalg.norm(desk.scene.lights.directions[knob]) == pytest.approx(1)
+    visitor.until(lambda: window.history.past[-1][0] == f"drag light {knob}", "the light was dragged")
+    middle = visitor.on_screen(window.scene.lights.reference_point_mm * UNITS_PER_MM)
+    toward = visitor.on_screen(knob_place(window.scene, knob) * UNITS_PER_MM) - middle
+    assert np.linalg.norm(window.scene.lights.directions[knob]) == pytest.approx(1)
     assert toward @ (end - middle) > 0.995 * np.linalg.norm(toward) * np.linalg.norm(end - middle)
 
     visitor.tab("Lights")
     visitor.press("Replace the lights")
-    visitor.until(lambda: desk.scene.lights.names[0] == "hemisphere_000", "the lights are a hemisphere")
-    assert len(desk.scene.lights) == 24
+    visitor.until(lambda: window.scene.lights.names[0] == "hemisphere_000", "the lights are a hemisphere")
+    assert len(window.scene.lights) == 24
     visitor.see("hemisphere_000")
     visitor.keep("lights")
 
@@ -91,7 +91,7 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     export = root / "scene" / "export"
     program = [Path(sys.executable).parent / "mitsuba", "-m", pick_variant()[0]]
     out = tmp_path / "stock.exr"
-    light = desk.scene.lights.names[5]
+    light = window.scene.lights.names[5]
     subprocess.run(
         [*program, "-D", f"light={light}", "-D", "samples=64", "-o", out, export / "scene.xml"],
         check=True,
@@ -101,7 +101,7 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     visitor.see("Rendered into")
     visitor.keep("rendered")
     session = load_session(root / "scene" / "dataset")
-    assert [path.stem for path in session.flash] == list(desk.scene.lights.names)
+    assert [path.stem for path in session.flash] == list(window.scene.lights.names)
     stock, ours = read_picture(out, "linear"), read_picture(session.flash[5], "linear")
     lit = stock.mean(-1) > 0.05
     assert lit.mean() > 0.05
@@ -118,7 +118,7 @@ def knob_place(scene, index):
 
 def free_knob(visitor):
     """Return the light whose knob stands most by itself on the screen, and where, px."""
-    scene, box = visitor.desk.scene, visitor.page.locator("canvas").first.bounding_box()
+    scene, box = visitor.window.scene, visitor.page.locator("canvas").first.bounding_box()
     places = np.array([visitor.on_screen(knob_place(scene, k) * UNITS_PER_MM) for k in range(len(scene.lights))])
     apart = np.linalg.norm(places[:, None] - places, axis=-1) + np.diag(np.full(len(places), np.inf))
     middle = visitor.on_screen(scene.lights.reference_point_mm * UNITS_PER_MM)
@@ -130,14 +130,14 @@ def free_knob(visitor):
 
 @pytest.mark.full
 def test_a_broken_file_shows_a_message_and_the_studio_lives_on(visitor, tmp_path):
-    desk = visitor.desk
-    before = desk.scene
+    window = visitor.window
+    before = window.scene
     broken = tmp_path / "broken.ply"
     broken.write_bytes(b"ply\nformat ascii 1.0\nelement vertex 3\nend_header\n1 2\n")
     visitor.send("Send a model from here", broken)
     visitor.see("That cannot be done")
     visitor.see("broken.ply")
-    assert desk.scene is before
+    assert window.scene is before
     visitor.tab("Material")
     junk = tmp_path / "junk.png"
     junk.write_bytes(b"no picture")
@@ -145,16 +145,16 @@ def test_a_broken_file_shows_a_message_and_the_studio_lives_on(visitor, tmp_path
     visitor.see("cannot be read as a picture")
     visitor.shows("(the colour)")
     visitor.keep("broken")
-    assert desk.scene is before
+    assert window.scene is before
     visitor.tab("Objects")
     visitor.press("Add shape")
-    visitor.until(lambda: desk.scene is not before, "the studio lives on")
+    visitor.until(lambda: window.scene is not before, "the studio lives on")
 
 
 @pytest.mark.full
 def test_two_browsers_do_not_disturb_each_other(visit, studio):
     one, other = visit(studio), visit(studio)
-    mine, theirs = one.desk, other.desk
+    mine, theirs = one.window, other.window
     before = theirs.scene
     one.press("Add shape")
     one.until(lambda: mine.history.past, "one browser has changed its scene")
@@ -169,15 +169,15 @@ def test_two_browsers_do_not_disturb_each_other(visit, studio):
     one.until(lambda: not mine.history.past, "undone")
     assert theirs.history.past, "what the other did stays"
     other.page.close()
-    one.until(lambda: theirs not in studio.desks, "the desk of a browser that went away is cleared")
-    assert mine in studio.desks
+    one.until(lambda: theirs not in studio.windows, "the window of a browser that went away is cleared")
+    assert mine in studio.windows
     one.tab("Camera")
     one.page.get_by_label("orthographic").click(force=True)
     one.until(lambda: mine.history.past, "changed again")
     one.page.reload()
     one.button("Load model").wait_for()
     one.until(
-        lambda: [desk.history for desk in studio.desks] == [mine.history], "a reload keeps the scene and its past"
+        lambda: [window.history for window in studio.windows] == [mine.history], "a reload keeps the scene and its past"
     )
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
-from studio.editor import edits, light_edits
+from studio.editor import edits
 from studio.editor.history import TOGETHER_S, History
 from studio.editor.placement import Placement, matrix_of, placement_of, quaternion, rotation_of
 from twin.description.description import Sampling
@@ -124,7 +124,7 @@ def test_a_loaded_model_fills_the_picture_and_stays_inside(stretch):
 
 def test_lights_follow_the_middle():
     ring = RingTable(kind="ring", count=5, polar_deg=40, distance_mm=300)
-    scene = light_edits.with_lights(one_object(), [ring], None)
+    scene = edits.with_lights(one_object(), [ring], None)
     was = scene.lights
     moved = edits.turned(scene, 0, np.array([50.0, 0, -900]), np.eye(3))
     lights = edits.centred(moved).lights
@@ -138,32 +138,32 @@ def test_a_light_is_dragged_to_where_it_is_let_go():
     """Up and to the left of the object: x < 0, y > 0, toward the light."""
     scene = one_object()
     reference = scene.lights.reference_point_mm
-    moved = light_edits.moved_light(scene, 3, reference + [-200, 100, 200]).lights
+    moved = edits.moved_light(scene, 3, reference + [-200, 100, 200]).lights
     np.testing.assert_allclose(moved.directions[3], [-2 / 3, 1 / 3, 2 / 3])
     others = np.arange(24) != 3
     assert np.array_equal(moved.directions[others], scene.lights.directions[others])
-    near = light_edits.with_lights(scene, [GridTable(kind="hemisphere", rings=2, around=4, distance_mm=500)], None)
+    near = edits.with_lights(scene, [GridTable(kind="hemisphere", rings=2, around=4, distance_mm=500)], None)
     there = reference + np.array([-200.0, 100, 200])
-    moved = light_edits.moved_light(near, 1, there).lights
+    moved = edits.moved_light(near, 1, there).lights
     np.testing.assert_allclose(moved.positions_mm[1], there)
     np.testing.assert_allclose(moved.directions[1], [-2 / 3, 1 / 3, 2 / 3])
     with pytest.raises(RenderError, match="reference point"):
-        light_edits.moved_light(near, 1, reference)
+        edits.moved_light(near, 1, reference)
 
 
 def test_lights_are_added_of_one_sort_and_named_apart():
-    scene = light_edits.with_lights(one_object(), [RingTable(kind="ring", count=3, polar_deg=40)], None)
-    more = light_edits.with_more_lights(scene, [RingTable(kind="ring", count=2, polar_deg=20)], None)
+    scene = edits.with_lights(one_object(), [RingTable(kind="ring", count=3, polar_deg=40)], None)
+    more = edits.with_more_lights(scene, [RingTable(kind="ring", count=2, polar_deg=20)], None)
     assert more.lights.names == ("ring_000", "ring_001", "ring_002", "ring_003", "ring_004")
     np.testing.assert_allclose(more.lights.directions[3:, 2], np.cos(np.radians(20)))
     near = LightTable(kind="point", position_mm=[0, 0, 100])
     with pytest.raises(RenderError, match="distant, these are near"):
-        light_edits.with_more_lights(scene, [near], None)
-    left = light_edits.without_light(more, 1)
+        edits.with_more_lights(scene, [near], None)
+    left = edits.without_light(more, 1)
     assert left.lights.names == ("ring_000", "ring_002", "ring_003", "ring_004")
     assert len(left.radii_mm) == 4
     with pytest.raises(RenderError, match="only one"):
-        light_edits.without_light(light_edits.with_lights(scene, [near], None), 0)
+        edits.without_light(edits.with_lights(scene, [near], None), 0)
 
 
 def test_what_is_in_use_cannot_be_removed():
@@ -189,8 +189,8 @@ EDITS = {
     "move": lambda s: edits.turned(s, 0, np.array([1.0, 2, -700]), np.eye(3)),
     "scale": lambda s: edits.scaled(s, 0, 2.0),
     "material": lambda s: edits.with_material(s, "matte", Diffuse((0.1, 0.2, 0.3))),
-    "light": lambda s: light_edits.moved_light(s, 0, [1, 2, 3]),
-    "intensity": lambda s: light_edits.with_intensity(s, 1, (2, 1, 1)),
+    "light": lambda s: edits.moved_light(s, 0, [1, 2, 3]),
+    "intensity": lambda s: edits.with_intensity(s, 1, (2, 1, 1)),
     "ambient": lambda s: edits.with_environment(s, ambient=(0.1, 0.1, 0.2)),
     "camera": lambda s: edits.with_camera(s, width=100, height=80, focal_px=300.0, orthographic=False),
     "sampling": lambda s: edits.with_sampling(s, Sampling("mitsuba", 16, 5)),

@@ -8,7 +8,7 @@ import pytest
 
 from scene.pose import rotation_from_vector
 from studio.display_mesh import display_mesh
-from studio.editor import edits, light_edits
+from studio.editor import edits
 from studio.editor.live_scene import LiveScene, refined
 from studio.editor.placement import placement_of
 from studio.editor.preview import Preview
@@ -41,7 +41,7 @@ def test_a_picture_after_changes_is_that_of_the_scene_loaded_afresh():
         ("gloss", lambda s: edits.with_material(s, "other", RoughPlastic((0.6, 0.1, 0.3), 0.15, 0.8)), False),
         ("turn", lambda s: edits.turned(s, 1, placement_of(s.objects[1]).middle_mm, tilted), False),
         ("stretch", lambda s: edits.scaled(s, 0, 0.8), False),
-        ("light", lambda s: light_edits.moved_light(s, 2, s.lights.reference_point_mm + [-3, 2, 2]), False),
+        ("light", lambda s: edits.moved_light(s, 2, s.lights.reference_point_mm + [-3, 2, 2]), False),
         ("swap", lambda s: edits.assigned(edits.assigned(s, 0, "other"), 1, "matte"), True),
         ("texture", lambda s: edits.with_material(s, "matte", Diffuse(texture)), True),
         ("mirror", lambda s: edits.placed(s, 1, replace(placement_of(s.objects[1]), scale=mirrored)), True),
@@ -61,7 +61,7 @@ def test_a_picture_after_changes_is_that_of_the_scene_loaded_afresh():
 def test_a_light_shines_from_where_its_arrow_stands():
     """From the upper left: the ball is bright there, dark at the lower right."""
     scene = edits.start_scene()
-    scene = light_edits.moved_light(scene, 0, scene.lights.reference_point_mm + [-200, 200, 60])
+    scene = edits.moved_light(scene, 0, scene.lights.reference_point_mm + [-200, 200, 60])
     picture = LiveScene().picture(scene, 0, **SIZE).mean(-1)
     upper_left, lower_right = picture[:18, :24], picture[18:, 24:]
     assert upper_left.mean() > 5 * lower_right.mean()
@@ -100,13 +100,13 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told():
             return add
 
         for _ in range(5):
-            preview.wish(1, small, 0, show("first"))
-        preview.wish(1, broken, 0, show("broken"))
+            preview.request(1, small, 0, show("first"))
+        preview.request(1, broken, 0, show("broken"))
         assert done.wait(120)
         assert [name for name, drawn in shown if drawn.is_refined] == ["broken"]
         assert "has no texture coordinates" in shown[-1][1].fault
         done.clear()
-        preview.wish(1, small, 0, show("mended"))
+        preview.request(1, small, 0, show("mended"))
         assert done.wait(120)
         assert shown[-1][0] == "mended"
         assert shown[-1][1].picture.max() > 0.1

@@ -11,7 +11,7 @@ import pytest
 from scene.errors import SceneError
 from studio.editor import edits
 from studio.editor.camera_panel import CameraPanel
-from studio.editor.desk import Desk, begun
+from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
 from studio.own_files import put_own, remove_own
 from studio.workspace import Workspace
@@ -88,12 +88,12 @@ def test_the_files_panel_writes_over_no_foreign_file(foreign, nobody, furnish, s
     (tmp_path / "mine" / foreign).parent.mkdir(parents=True)
     (tmp_path / "mine" / foreign).write_text("mine")
     opened = tmp_path / "mine" if foreign == "scene.toml" else None
-    desk = Desk(nobody(), place, no_preview, begun(place, edits.start_scene(), opened))
-    furnish(desk, [FilesPanel, CameraPanel])
-    desk.client.says("name", "mine")
-    desk.client.says("Export for Mitsuba")
-    settle(desk)
-    assert "rgbn did not write it" in desk.client.told[-1], desk.client.told
+    window = EditorWindow(nobody(), place, no_preview, begun(place, edits.start_scene(), opened))
+    furnish(window, [FilesPanel, CameraPanel])
+    window.client.says("name", "mine")
+    window.client.says("Export for Mitsuba")
+    settle(window)
+    assert "rgbn did not write it" in window.client.told[-1], window.client.told
     assert (tmp_path / "mine" / foreign).read_text() == "mine"
 
 

@@ -58,9 +58,9 @@ class Shown:
 
 def test_first_pictures_come_between_the_slices_of_a_refined_one(slowly):
     scene, shown = edits.start_scene(), Shown()
-    slowly.wish(1, scene, 3, shown.by("one"))
+    slowly.request(1, scene, 3, shown.by("one"))
     assert slowly.began.acquire(timeout=60)
-    slowly.wish(2, scene, 5, shown.by("two"))
+    slowly.request(2, scene, 5, shown.by("two"))
     slowly.let.release()
     shown.until(("two", "light_005", False))
     slowly.let.release(100)
@@ -76,9 +76,9 @@ def test_first_pictures_come_between_the_slices_of_a_refined_one(slowly):
 def test_a_refined_picture_that_is_no_longer_wanted_is_dropped(slowly):
     """Not shown under the light that is chosen now, and not drawn to its end."""
     scene, shown = edits.start_scene(), Shown()
-    slowly.wish(1, scene, 3, shown.by("first"))
+    slowly.request(1, scene, 3, shown.by("first"))
     assert slowly.began.acquire(timeout=60)
-    slowly.wish(1, scene, 4, shown.by("second"))
+    slowly.request(1, scene, 4, shown.by("second"))
     slowly.let.release(5)
     shown.until(("second", "light_004", True))
     assert ("first", "light_003", True) not in shown.rows
@@ -87,10 +87,10 @@ def test_a_refined_picture_that_is_no_longer_wanted_is_dropped(slowly):
 
 def test_a_forgotten_browser_is_shown_nothing(slowly):
     scene, shown = edits.start_scene(), Shown()
-    slowly.wish(1, scene, 0, shown.by("gone"))
+    slowly.request(1, scene, 0, shown.by("gone"))
     assert slowly.began.acquire(timeout=60)
     slowly.forget(1)
-    slowly.wish(2, scene, 1, shown.by("here"))
+    slowly.request(2, scene, 1, shown.by("here"))
     slowly.let.release(100)
     shown.until(("here", "light_001", True))
     assert ("gone", "light_000", True) not in shown.rows

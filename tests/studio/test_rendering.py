@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from studio.editor import edits, light_edits, rendering
-from studio.editor.rendering import Progress, Rendering
+from studio import background_process
+from studio.editor import edits
+from studio.editor.rendering import Progress, start_rendering
 from twin.description.description import Sampling
 from twin.description.description_tables import RingTable
 from twin.description.description_writer import write_scene
@@ -18,7 +19,7 @@ pytestmark = [pytest.mark.render]
 
 def small_scene(folder, samples):
     scene = edits.with_camera(edits.start_scene(), width=48, height=36, focal_px=120.0, orthographic=False)
-    scene = light_edits.with_lights(scene, [RingTable(kind="ring", count=6, polar_deg=40)], None)
+    scene = edits.with_lights(scene, [RingTable(kind="ring", count=6, polar_deg=40)], None)
     return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
 
 
@@ -33,7 +34,7 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
         if progress.label == "twin" and progress.done >= 1:
             first.set()
 
-    stopped = Rendering(scene, tmp_path / "a", tell, ended.append)
+    stopped = start_rendering(scene, tmp_path / "a", tell, ended.append)
     assert first.wait(240), told
     stopped.stop()
     assert not ended, "a stop is no end"
@@ -41,28 +42,28 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     assert (tmp_path / "a" / ".rgbn" / "unfinished").is_dir()
 
     told.clear()
-    Rendering(scene, tmp_path / "a", tell, ended.append).wait()
+    start_rendering(scene, tmp_path / "a", tell, ended.append).wait()
     assert ended == [""]
     counts = [progress.done for progress in told if progress.label == "twin"]
     assert counts[0] >= 1, "it goes on from what was done"
     assert counts == sorted(counts)
     assert counts[-1] == 6
-    Rendering(scene, tmp_path / "b", tell, ended.append).wait()
+    start_rendering(scene, tmp_path / "b", tell, ended.append).wait()
     a, b = (np.load(tmp_path / name / "frames" / "codes.npy") for name in "ab")
     # Threads add to a pixel in the order in which they come: the last bit of a float, one code at most.
     assert np.abs(a.astype(int) - b.astype(int)).max() <= 1
 
 
-@pytest.mark.parametrize(("code", "fault"), [(0, ""), (3, "the renderer ended with code 3.")])
+@pytest.mark.parametrize(("code", "fault"), [(0, ""), (3, "the process ended with code 3.")])
 def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, code, fault):
     """A library may print between the lines of progress: that is shown, and nothing waits for ever."""
     program = tmp_path / "renderer"
     progress = '{"label": "twin", "done": 1, "total": 2}'
     program.write_text(f"#!/bin/sh\necho hello\necho '{progress}'\necho '[1, 2]'\necho '{{\"a\": 1}}'\nexit {code}\n")
     program.chmod(0o755)
-    monkeypatch.setattr(rendering, "sys", SimpleNamespace(executable=str(program)))
+    monkeypatch.setattr(background_process, "sys", SimpleNamespace(executable=str(program)))
     told, ended = [], []
-    Rendering(tmp_path / "scene.toml", tmp_path / "out", told.append, ended.append).wait()
+    start_rendering(tmp_path / "scene.toml", tmp_path / "out", told.append, ended.append).wait()
     assert told == [Progress("hello"), Progress("twin", 1, 2), Progress("[1, 2]"), Progress('{"a": 1}')]
     assert ended == [fault]
 
@@ -71,7 +72,7 @@ def test_a_fault_is_told(tmp_path):
     scene = small_scene(tmp_path, samples=4)
     scene.write_text(scene.read_text().replace('kind = "distant"', 'kind = "distand"', 1))
     ended = []
-    Rendering(scene, tmp_path / "out", lambda progress: None, ended.append).wait()
+    start_rendering(scene, tmp_path / "out", lambda progress: None, ended.append).wait()
     assert len(ended) == 1
     assert "distand" in ended[0]
     assert not (tmp_path / "out").exists()

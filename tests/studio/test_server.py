@@ -13,9 +13,9 @@ import pytest
 from viser.infra import _infra
 
 from scene.errors import SceneError
-from studio import front_door
+from studio import guarded_server
 from studio.editor import edits
-from studio.front_door import NAME
+from studio.guarded_server import NAME
 from studio.messages import Unfit
 from studio.review.folder import Review
 from studio.server import Studio
@@ -100,7 +100,7 @@ def test_a_header_that_comes_twice_is_refused(studio):
 def test_what_no_window_says_does_not_reach_viser(studio, message):
     """The relay with which viser publishes itself on the web is shut by that too."""
     with pytest.raises((Unfit, msgspec.ValidationError)):
-        studio._door.checked(None, msgspec.msgpack.encode(message))
+        studio._guard.checked(None, msgspec.msgpack.encode(message))
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_an_input_takes_only_values_of_its_kind(studio, nobody, monkeypatch, lab
 
     def said(value):
         update = {"type": "GuiUpdateMessage", "uuid": made._impl.uuid, "updates": {"value": value}}
-        return msgspec.msgpack.decode(studio._door.checked(None, msgspec.msgpack.encode(update)))["updates"]["value"]
+        return msgspec.msgpack.decode(studio._guard.checked(None, msgspec.msgpack.encode(update)))["updates"]["value"]
 
     if good is not None:
         assert said(good) == good
@@ -141,16 +141,16 @@ def test_an_input_takes_only_values_of_its_kind(studio, nobody, monkeypatch, lab
 
 
 def test_a_file_that_is_too_large_comes_without_content_and_its_parts_are_dropped(studio):
-    sender = SimpleNamespace(uploads={}, on_their_way=0)
+    sender = SimpleNamespace(uploads={}, incoming=0)
     start = {
         "type": "FileTransferStartUpload", "source_component_uuid": "x", "transfer_uuid": "t", "filename": "big.ply",
         "mime_type": "", "part_count": 500, "size_bytes": MOST_UPLOAD + 1,
     }  # fmt: skip
-    passed = msgspec.msgpack.decode(studio._door.checked(sender, msgspec.msgpack.encode(start)))
+    passed = msgspec.msgpack.decode(studio._guard.checked(sender, msgspec.msgpack.encode(start)))
     assert (passed["size_bytes"], passed["part_count"], passed["filename"]) == (0, 0, "big.ply")
     assert not sender.uploads
     passed = msgspec.msgpack.decode(
-        studio._door.checked(sender, msgspec.msgpack.encode(start | {"size_bytes": MOST_UPLOAD}))
+        studio._guard.checked(sender, msgspec.msgpack.encode(start | {"size_bytes": MOST_UPLOAD}))
     )
     assert (passed["size_bytes"], passed["part_count"]) == (MOST_UPLOAD, 500)
     assert sender.uploads == {"t": (MOST_UPLOAD, 500, 0)}
@@ -159,7 +159,7 @@ def test_a_file_that_is_too_large_comes_without_content_and_its_parts_are_droppe
 def test_viser_still_serves_by_the_name_that_is_exchanged(monkeypatch, tmp_path):
     """Where another version does not, the studio does not begin, rather than stand open."""
     assert NAME in vars(_infra)
-    monkeypatch.setattr(front_door, "NAME", "another")
+    monkeypatch.setattr(guarded_server, "NAME", "another")
     monkeypatch.setattr(_infra, "another", _infra.websockets, raising=False)
     with pytest.raises(RuntimeError, match="its version is not the one expected"):
         Studio(Workspace.at(tmp_path), port=0)
@@ -173,26 +173,26 @@ def test_a_window_that_is_loaded_again_goes_on_with_its_scene(studio, nobody, mo
     def come(number):
         here[number] = nobody(number)
         studio._come(here[number])
-        return studio._desks[number]
+        return studio._windows[number]
 
     def go(number):
         studio._go(here.pop(number))
 
     first, second, idle = come(1), come(2), come(3)
-    for desk, width in ((first, 64), (second, 80)):
-        desk.post(lambda desk=desk, width=width: desk.change("camera", resized(width)))
-    for desk in (first, second, idle):
+    for window, width in ((first, 64), (second, 80)):
+        window.post(lambda window=window, width=width: window.change("camera", resized(width)))
+    for window in (first, second, idle):
         done = threading.Event()
-        desk.post(done.set)
+        window.post(done.set)
         assert done.wait(60)
-    pasts = {desk.scene.camera.width: desk.history for desk in (first, second)}
+    pasts = {window.scene.camera.width: window.history for window in (first, second)}
     for number in (1, 2, 3):
         go(number)
     found = [come(number) for number in (4, 5, 6)]
-    assert {desk.scene.camera.width for desk in found} == {64, 80, 640}, "one begins anew"
-    for desk in found[:2]:
-        assert desk.history is pasts[desk.scene.camera.width]
-        assert "closed last" in desk.client.told[0]
+    assert {window.scene.camera.width for window in found} == {64, 80, 640}, "one begins anew"
+    for window in found[:2]:
+        assert window.history is pasts[window.scene.camera.width]
+        assert "closed last" in window.client.told[0]
     for number in (4, 5, 6):
         go(number)
     studio._left.clear()
@@ -202,16 +202,16 @@ def resized(width):
     return lambda scene: edits.with_camera(scene, width=width, height=60, focal_px=200.0, orthographic=False)
 
 
-def test_a_browser_that_is_gone_before_its_desk_is_made_leaves_none(studio, nobody, monkeypatch):
+def test_a_browser_that_is_gone_before_its_panels_are_made_leaves_none(studio, nobody, monkeypatch):
     monkeypatch.setattr(studio._server, "get_clients", dict)
     gone = nobody(7)
     studio._go(gone)
     studio._come(gone)
-    assert not studio.desks
+    assert not studio.windows
 
 
 def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(tmp_path, nobody, monkeypatch):
-    """Reading takes long on a large folder: it is done in the desk's thread, and what fails there is shown."""
+    """Reading takes long on a large folder: it is done in the window's thread, and what fails there is shown."""
     go_on = threading.Event()
 
     def read(*_):
@@ -224,10 +224,10 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         client = nobody(8)
         monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
         running._come(client)
-        (desk,) = running.desks
+        (window,) = running.windows
         go_on.set()
         done = threading.Event()
-        desk.post(done.set)
+        window.post(done.set)
         assert done.wait(60)
         assert "the disk is gone" in client.told[0]
     finally:

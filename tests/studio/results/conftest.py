@@ -13,7 +13,7 @@ from scene.normals import unit
 from scene.output_folder import open_record
 from scene.store import Store
 from solve.solve import solve
-from studio.results.shown_maps import Results
+from studio.results.result_maps import Results
 from studio.review.folder import Review
 
 SIZE = WIDTH, HEIGHT = 53, 37

@@ -15,7 +15,7 @@ from solve.samples import GRAY, Geometry, points_of, read_band, scale_of
 from studio.results.panel import lacks
 from studio.results.pixel import lit_from, numbers_at, read_pixel
 from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pixel_chart, shares
-from studio.results.shown_maps import TRUTH, Source
+from studio.results.result_maps import TRUTH, Source
 from studio.results.side_by_side import WHATS, Choice, layout_of, side_by_side
 
 PIXELS = [(31, 12), (12, 31), (8, 4), (44, 30), (20, 9)]

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from studio.results.panel import WIDE, ResultsPanel
-from studio.results.side_by_side import layout_of, side_by_side, window_of
+from studio.results.side_by_side import layout_of, side_by_side, viewport_of
 from studio.server import Studio
 from studio.workspace import Workspace
 
@@ -14,8 +14,8 @@ pytestmark = [pytest.mark.slow]
 
 def place_of(panel, results, pixel, side):
     """Return where a pixel of the left or the right picture stands in the 3-D view."""
-    layout, window = layout_of(results), window_of(results, panel.choice)
-    across, down = window.share(*pixel)
+    layout, viewport = layout_of(results), viewport_of(results, panel.choice)
+    across, down = viewport.share(*pixel)
     left, top = layout.corner(side)
     x, y = left + across * layout.wide, top + down * layout.high
     wide, high = layout.size
@@ -25,8 +25,12 @@ def place_of(panel, results, pixel, side):
 def is_drawn(visitor, panel, results, pixel):
     """Whether the screen shows, in the middle of a pixel on both sides, the colour that the picture has there."""
     screen = cv2.imdecode(np.frombuffer(visitor.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-    picture, layout, window = side_by_side(results, panel.choice), layout_of(results), window_of(results, panel.choice)
-    across, down = window.share(*pixel)
+    picture, layout, viewport = (
+        side_by_side(results, panel.choice),
+        layout_of(results),
+        viewport_of(results, panel.choice),
+    )
+    across, down = viewport.share(*pixel)
     for side in (0, 1):
         left, top = layout.corner(side)
         drawn = picture[int(top + down * layout.high), int(left + across * layout.wide)]
@@ -40,11 +44,11 @@ def test_a_pixel_is_pointed_at(visit, made, tmp_path):
     studio = Studio(Workspace.at(tmp_path), port=0, review=(made.folder, None))
     try:
         visitor = visit(studio, "Photograph")
-        desk, results = visitor.desk, made.read(made.folder)
+        window, results = visitor.window, made.read(made.folder)
         visitor.tab("Results")
         visitor.press("Show side by side")
-        visitor.until(lambda: desk.view == "Results", "the results are shown")
-        panel = next(one for one in desk.panels if isinstance(one, ResultsPanel))
+        visitor.until(lambda: window.view == "Results", "the results are shown")
+        panel = next(one for one in window.panels if isinstance(one, ResultsPanel))
         visitor.see("Click a pixel of either picture")
         for side, pixel in ((1, (40, 26)), (0, made.odd)):
             visitor.frames(3)
@@ -54,7 +58,7 @@ def test_a_pixel_is_pointed_at(visit, made, tmp_path):
         visitor.page.locator('input[value="1 x"]:visible').click(force=True)
         visitor.page.get_by_role("option", name="8 x").click(force=True)
         visitor.until(lambda: panel.choice.zoom == 8, "zoomed")
-        assert window_of(results, panel.choice).centre == pytest.approx(made.odd)
+        assert viewport_of(results, panel.choice).centre == pytest.approx(made.odd)
         visitor.page.locator('input[value="normals"]:visible').click(force=True)
         visitor.page.get_by_role("option", name="errors").click(force=True)
         visitor.until(lambda: panel.choice.what == "errors", "errors are shown")

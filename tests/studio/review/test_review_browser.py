@@ -5,10 +5,10 @@ import pytest
 
 from capture.session.session import load_session
 from scene.rays import RayCaster
-from studio.review.light_stage import SCAN_SIZE
 from studio.review.plane import Plane
 from studio.review.scan_panel import ScanPanel
 from studio.review.scan_picks import load_scan, met
+from studio.review.spatial_view import SCAN_SIZE
 from studio.server import Studio
 from studio.workspace import Workspace
 
@@ -17,10 +17,10 @@ READY = "Photograph"
 
 
 def settle(visitor):
-    """Wait until the desk has done what it was told, and that is drawn."""
+    """Wait until the window has done what it was told, and that is drawn."""
     done = []
-    visitor.desk.post(lambda: done.append(True))
-    visitor.until(lambda: done, "the desk is at rest")
+    visitor.window.post(lambda: done.append(True))
+    visitor.until(lambda: done, "the window is at rest")
     visitor.frames(4)
 
 
@@ -29,13 +29,13 @@ def click(visitor, point):
     visitor.page.mouse.click(*visitor.on_screen(point))
 
 
-def panel(desk, kind):
-    return next(one for one in desk.panels if isinstance(one, kind))
+def panel(window, kind):
+    return next(one for one in window.panels if isinstance(one, kind))
 
 
-def strip_middle(desk, index):
+def strip_middle(window, index):
     """Return where the middle of a small picture stands, by the strip's rows of at most six."""
-    frames = desk.review.material.frames
+    frames = window.review.material.frames
     plane = Plane(frames.width, frames.height)
     columns, cell_high = 6, 200 * frames.height / frames.width + 30
     wide = 206 * columns
@@ -49,19 +49,19 @@ def test_a_half_done_session_is_put_right(visit, calibrated):
     studio = Studio(Workspace.at(calibrated.root), port=0, review=(calibrated.folder, calibrated.session))
     try:
         visitor, other = visit(studio, READY), visit(studio, READY)
-        desk = visitor.desk
+        window = visitor.window
         for part in ("no mask", "no scan", "no twin"):
             visitor.see(part)
         visitor.keep("review_half")
-        found = desk.outlines[0]
+        found = window.outlines[0]
 
-        click(visitor, strip_middle(desk, 3))
-        visitor.until(lambda: desk.frame == 3, "the small picture was clicked")
-        visitor.see(desk.review.material.frames.names[3])
+        click(visitor, strip_middle(window, 3))
+        visitor.until(lambda: window.frame == 3, "the small picture was clicked")
+        visitor.see(window.review.material.frames.names[3])
 
         visitor.page.get_by_role("tab", name="Warnings", exact=True).click(force=True)
         visitor.press("Show ball 1")
-        visitor.until(lambda: desk.ball == 0, "the warning leads to its ball")
+        visitor.until(lambda: window.ball == 0, "the warning leads to its ball")
         visitor.tab("Balls")
         visitor.see("in 6 of 6 frames")
         settle(visitor)
@@ -70,10 +70,10 @@ def test_a_half_done_session_is_put_right(visit, calibrated):
         hand = plane.place(np.add(found.center_px, [1.1 * found.radius_px, 0]))
         visitor.frames(3)
         visitor.drag(visitor.on_screen(knob), visitor.on_screen(hand))
-        visitor.until(lambda: desk.outlines[0].is_moved, "the knob was dragged")
+        visitor.until(lambda: window.outlines[0].is_moved, "the knob was dragged")
         settle(visitor)
-        assert desk.outlines[0].radius_px == pytest.approx(1.1 * found.radius_px, rel=0.02)
-        assert desk.outlines[0].center_px == pytest.approx(found.center_px)
+        assert window.outlines[0].radius_px == pytest.approx(1.1 * found.radius_px, rel=0.02)
+        assert window.outlines[0].center_px == pytest.approx(found.center_px)
         visitor.keep("review_ball")
 
         visitor.press("Calibrate again")
@@ -87,23 +87,23 @@ def test_a_half_done_session_is_put_right(visit, calibrated):
         visitor.press("Keep these balls")
         visitor.see("Kept in")
         (spec,) = load_session(calibrated.folder / "review").spheres
-        assert spec.radius_px == pytest.approx(2 * desk.outlines[0].radius_px), "full-size pixels of halved frames"
+        assert spec.radius_px == pytest.approx(2 * window.outlines[0].radius_px), "full-size pixels of halved frames"
         assert (calibrated.session / "session.toml").read_text() == calibrated.text
 
-        assert (other.desk.frame, other.desk.ball, other.desk.outlines[0]) == (0, None, found)
+        assert (other.window.frame, other.window.ball, other.window.outlines[0]) == (0, None, found)
         visitor.tab("Lights")
         visitor.press("Show in 3-D")
-        visitor.until(lambda: desk.view == "Lights in 3-D", "the lights are shown")
+        visitor.until(lambda: window.view == "Lights in 3-D", "the lights are shown")
         visitor.frames(3)
         visitor.keep("review_lights")
         # What is not there is said, and the studio lives on.
-        desk.post(lambda: desk.show(overlay="mask"))
-        desk.post(lambda: desk.choose(view="Photograph"))
+        window.post(lambda: window.show(overlay="mask"))
+        window.post(lambda: window.choose(view="Photograph"))
         visitor.see("That cannot be done")
         visitor.tab("Scan")
         visitor.see("Not registered")
-        click(other, strip_middle(other.desk, 1))
-        other.until(lambda: other.desk.frame == 1, "the other window works")
+        click(other, strip_middle(other.window, 1))
+        other.until(lambda: other.window.frame == 1, "the other window works")
     finally:
         studio.close()
 
@@ -114,8 +114,8 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
     studio = Studio(Workspace.at(tmp_path), port=0, review=(made.folder, made.session))
     try:
         visitor = visit(studio, READY)
-        desk = visitor.desk
-        desk.post(lambda: desk.show(overlay="scan, normals", opacity=0.8))
+        window = visitor.window
+        window.post(lambda: window.show(overlay="scan, normals", opacity=0.8))
         visitor.see("Red: right")
         visitor.tab("Twin")
         visitor.page.locator('input[value="nothing"]:visible').click(force=True)
@@ -125,21 +125,21 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
         visitor.keep("review_twin")
 
         visitor.tab("Scan")
-        desk.post(lambda: desk.stand_beside(None))
+        window.post(lambda: window.stand_beside(None))
         visitor.press("Start picking")
-        visitor.until(lambda: desk.on_photograph is not None, "picking has begun")
-        picks, mesh, plane = panel(desk, ScanPanel), load_scan(desk.review), Plane(160, 120)
+        visitor.until(lambda: window.on_photograph is not None, "picking has begun")
+        picks, mesh, plane = panel(window, ScanPanel), load_scan(window.review), Plane(160, 120)
         scale = SCAN_SIZE / (2 * mesh.radius_mm)
         towards = [(-25, 10), (22, 14), (3, -38), (8, 20)]
         for count, (x, y) in enumerate(towards, 1):
             point = met(RayCaster(mesh), mesh.center_mm + [x, y, 500.0], np.array([0.0, 0.0, -1.0]))
             pixel = made.camera.project(made.pose.apply(point[None]))[0]
             click(visitor, plane.place(pixel))
-            visitor.until(lambda: desk.view == "Scan", "the scan is asked for")
+            visitor.until(lambda: window.view == "Scan", "the scan is asked for")
             click(visitor, (point - mesh.center_mm) * scale)
-            visitor.until(lambda: picks.picks.pairs == count, "the pair is whole")  # noqa: B023
-            np.testing.assert_allclose(picks.picks.points[-1], point, atol=0.02 * mesh.radius_mm)
-            np.testing.assert_allclose(picks.picks.pixels[-1], pixel, atol=1.0)
+            visitor.until(lambda: window.picks.pairs == count, "the pair is whole")  # noqa: B023
+            np.testing.assert_allclose(window.picks.points[-1], point, atol=0.02 * mesh.radius_mm)
+            np.testing.assert_allclose(window.picks.pixels[-1], pixel, atol=1.0)
         visitor.press("Pose from the picks")
         visitor.see("px rms apart at the pose")
         visitor.frames(2)

@@ -16,8 +16,8 @@ from studio.review.hemisphere import (
     hemisphere_picture,
     place_in_picture,
 )
-from studio.review.mirror import mirrored_px, residuals_px, rms_px
-from studio.review.relight import one_light, toward
+from studio.review.recalibration import mirrored_px, residuals_px, rms_px
+from studio.review.twin_panel import one_light, toward
 
 CAMERA = Camera(640, 480, 900.0, 910.0, 330.7, 228.1, (0.02, -0.01, 1e-3, -5e-4, 0.0))
 ORTHOGRAPHIC = Camera(640, 480, 1.0, 1.0, 320.0, 240.0, projection="orthographic")

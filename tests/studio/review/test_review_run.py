@@ -17,9 +17,8 @@ from scene.errors import SceneError
 from studio.review import run_panel
 from studio.review.corrected_session import write_amended
 from studio.review.corrections import moved, specs_of
-from studio.review.review_desk import ReviewDesk
-from studio.review.run_panel import RunPanel
-from studio.review.steps_run import StepsRun, options_of
+from studio.review.review_window import ReviewWindow
+from studio.review.run_panel import RunPanel, options_of, run_steps
 from studio.workspace import Workspace
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -28,7 +27,7 @@ FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 def test_what_stops_the_steps_is_told(made):
     """The command line in its own process: photographs that are no pictures end it, with the line that says so."""
     said, ended = [], []
-    run = StepsRun(made.session, made.folder.parent / "again", said.append, ended.append)
+    run = run_steps(made.session, made.folder.parent / "again", said.append, ended.append)
     run.wait()
     (fault,) = ended
     assert "flash_0.png" in fault
@@ -90,38 +89,38 @@ def test_the_panel_runs_what_was_kept_as_the_session_is_now(made, nobody, no_pre
         def stop(self):
             pass
 
-    monkeypatch.setattr(run_panel, "StepsRun", Ran)
+    monkeypatch.setattr(run_panel, "run_steps", Ran)
     arguments = {"methods": ["ls", "Net"], "external": {"Net": "python `net` {data} {out}"}}
     made.store.path("summary.json").write_text(json.dumps({"arguments": arguments}))
-    desk = ReviewDesk(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
-    desk.read()
-    panel = RunPanel(desk)
-    desk.panels.append(panel)
-    desk.refresh()
+    window = ReviewWindow(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
+    window.read()
+    panel = RunPanel(window)
+    window.panels.append(panel)
+    window.refresh()
     assert "--external=Net=python `net` {data} {out}" in panel._what.content
-    desk.client.says("Run the steps")
-    settle(desk)
+    window.client.says("Run the steps")
+    settle(window)
     assert runs[0][0].folder == made.session
     assert "\\<b\\>solve" in panel._lines.content
     write_amended(
-        desk.review,
-        spheres=specs_of(desk.review.session, moved(desk.outlines, 0, (40.0, 30.0), made.camera), made.camera),
+        window.review,
+        spheres=specs_of(window.review.session, moved(window.outlines, 0, (40.0, 30.0), made.camera), made.camera),
     )
     text = (made.session / "session.toml").read_text()
     (made.session / "session.toml").write_text(text + 'scan_unit = "cm"\n')
-    desk.client.says("Run the steps")
-    settle(desk)
+    window.client.says("Run the steps")
+    settle(window)
     session, options = runs[1]
     assert (session.scan_unit, session.spheres[0].center_px) == ("cm", (40.0, 30.0))
     assert options == ["--method=ls", "--external=Net=python `net` {data} {out}"]
-    desk.client.says("Forget what was kept")
-    desk.client.says("Run the steps")
-    settle(desk)
+    window.client.says("Forget what was kept")
+    window.client.says("Run the steps")
+    settle(window)
     assert runs[2][0].folder == made.session
     made.store.path("summary.json").write_text(json.dumps({"arguments": arguments, "truth_check": {"a": 1}}))
-    desk.client.says("Run the steps")
-    settle(desk)
+    window.client.says("Run the steps")
+    settle(window)
     assert len(runs) == 3
-    assert "known truth" in desk.client.told[-1]
-    desk.close()
-    desk.wait()
+    assert "known truth" in window.client.told[-1]
+    window.close()
+    window.wait()

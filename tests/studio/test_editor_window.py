@@ -1,4 +1,4 @@
-"""A desk without a browser: what is said is done in order, nothing is lost, and what a browser began ends with it."""
+"""A window without a browser: what is said is done in order, nothing is lost, and what a browser began ends with it."""
 
 import threading
 from dataclasses import replace
@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 
 from scene.files import write_npy
-from studio.editor import edits, stage
+from studio.editor import edits, scene_view
 from studio.editor.camera_panel import CameraPanel
-from studio.editor.desk import Desk, begun
+from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
 from studio.editor.lights_panel import LightsPanel
 from studio.editor.materials_panel import MaterialsPanel
 from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.placement import placement_of
-from studio.editor.stage import UNITS_PER_MM, Stage
+from studio.editor.scene_view import SceneView
 from studio.own_files import put_own
+from studio.widgets import UNITS_PER_MM
 from studio.workspace import MOST_FILES, Workspace
 from twin.description.description_file import read_scene
 from twin.description.description_writer import write_scene
@@ -25,18 +26,18 @@ from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurf
 
 @pytest.fixture
 def furnished(nobody, no_preview, tmp_path, furnish):
-    """Return what makes a desk with panels, whose client is `desk.client`."""
+    """Return what makes a window with panels, whose client is `window.client`."""
 
     def made(*panels, scene=None, folder=None):
         workspace = Workspace.at(tmp_path)
-        desk = Desk(nobody(), workspace, no_preview, begun(workspace, scene, folder))
-        desk.list_files()
-        return furnish(desk, panels)
+        window = EditorWindow(nobody(), workspace, no_preview, begun(workspace, scene, folder))
+        window.list_files()
+        return furnish(window, panels)
 
     return made
 
 
-def slowly(desk):
+def slowly(window):
     """Begin a change that takes as long as one likes; return what lets it end."""
     begun, end = threading.Event(), threading.Event()
 
@@ -45,15 +46,15 @@ def slowly(desk):
         assert end.wait(60)
         return edits.with_environment(scene, ambient=(0.1, 0.1, 0.1))
 
-    desk.post(lambda: desk.change("slow", edit))
+    window.post(lambda: window.change("slow", edit))
     assert begun.wait(60)
     return end.set
 
 
 def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
     """The inputs' values as they were said, not as the change before them left them; and none is set back meanwhile."""
-    desk = furnished(CameraPanel, MaterialsPanel)
-    client, written = desk.client, []
+    window = furnished(CameraPanel, MaterialsPanel)
+    client, written = window.client, []
     focal, rough = client.input("focal length, px"), client.input("roughness")
 
     @focal.on_update
@@ -61,30 +62,30 @@ def test_what_is_typed_while_the_studio_is_at_work_is_kept(furnished, settle):
         if event.client is None:
             written.append(event.target.value)
 
-    desk.change("gloss", lambda s: edits.with_material(s, "matte", RoughPlastic((0.5, 0.5, 0.5), 0.2)))
+    window.change("gloss", lambda s: edits.with_material(s, "matte", RoughPlastic((0.5, 0.5, 0.5), 0.2)))
     written.clear()
-    end = slowly(desk)
+    end = slowly(window)
     for text in ("9", "99", "999"):
         client.says(focal, float(text))
     client.says("depth", 7)
     client.says(rough, 0.4)
     end()
-    settle(desk)
-    assert desk.scene.camera.fx == 999
-    assert desk.scene.sampling.max_depth == 7
-    assert desk.scene.materials["matte"].roughness == 0.4
+    settle(window)
+    assert window.scene.camera.fx == 999
+    assert window.scene.sampling.max_depth == 7
+    assert window.scene.materials["matte"].roughness == 0.4
     assert (focal.value, rough.value) == (999, 0.4)
     assert not written, "an input that is typed into is not set back"
 
 
 def test_what_cannot_be_is_told_and_taken_out_of_the_input(furnished, settle):
-    desk = furnished(CameraPanel)
-    client = desk.client
+    window = furnished(CameraPanel)
+    client = window.client
     client.says("error, %", 300.0)
-    settle(desk)
+    settle(window)
     assert client.told
     assert client.input("error, %").value == 1.0
-    assert desk.scene.sampling == edits.start_scene().sampling
+    assert window.scene.sampling == edits.start_scene().sampling
 
 
 HIDDEN = {
@@ -96,36 +97,36 @@ HIDDEN = {
 @pytest.mark.parametrize("name", HIDDEN)
 def test_an_edit_changes_what_it_says_and_nothing_else(furnished, settle, name):
     was = HIDDEN[name]
-    desk = furnished(MaterialsPanel, scene=edits.with_material(edits.start_scene(), "matte", was))
-    desk.client.says("roughness", 0.7)
-    settle(desk)
-    assert desk.scene.materials["matte"] == replace(was, roughness=0.7)
+    window = furnished(MaterialsPanel, scene=edits.with_material(edits.start_scene(), "matte", was))
+    window.client.says("roughness", 0.7)
+    settle(window)
+    assert window.scene.materials["matte"] == replace(was, roughness=0.7)
     if name == "metal":
-        assert desk.client.input("metal").value == "Hg", "what it is made of is shown"
-        desk.client.says("kind", "matte")
-        settle(desk)
-        assert desk.scene.materials["matte"] == Diffuse((0.5, 0.5, 0.5))
+        assert window.client.input("metal").value == "Hg", "what it is made of is shown"
+        window.client.says("kind", "matte")
+        settle(window)
+        assert window.scene.materials["matte"] == Diffuse((0.5, 0.5, 0.5))
         return
-    desk.client.says("mean free path, mm", 5.0)
-    settle(desk)
+    window.client.says("mean free path, mm", 5.0)
+    settle(window)
     below = replace(was.subsurface, mean_free_path_mm=5.0)
-    assert desk.scene.materials["matte"] == replace(was, roughness=0.7, subsurface=below)
-    desk.client.says("kind", "matte")
-    settle(desk)
-    assert desk.scene.materials["matte"] == Diffuse(was.reflectance, below), "another kind keeps what it has too"
+    assert window.scene.materials["matte"] == replace(was, roughness=0.7, subsurface=below)
+    window.client.says("kind", "matte")
+    settle(window)
+    assert window.scene.materials["matte"] == Diffuse(was.reflectance, below), "another kind keeps what it has too"
 
 
 def test_a_picture_sent_again_is_read_again(furnished, settle, tmp_path):
-    desk = furnished(MaterialsPanel)
+    window = furnished(MaterialsPanel)
     for level, name in ((0, "uploads/a.png"), (255, "uploads/a_2.png")):
-        desk.client.sends("Send a texture from here", "a.png", png(level))
-        settle(desk)
-        texture = desk.scene.materials["matte"].reflectance
+        window.client.sends("Send a texture from here", "a.png", png(level))
+        settle(window)
+        texture = window.scene.materials["matte"].reflectance
         assert isinstance(texture, Texture)
         assert texture.values.mean() == pytest.approx(level / 255, abs=1e-6)
-        assert desk.client.input("picture").value == name
-    desk.undo()
-    assert desk.client.input("picture").value == "uploads/a.png", "the first one is as it was"
+        assert window.client.input("picture").value == name
+    window.undo()
+    assert window.client.input("picture").value == "uploads/a.png", "the first one is as it was"
 
 
 def png(level):
@@ -137,28 +138,28 @@ def png(level):
 def test_a_map_is_called_by_its_own_name(furnished, settle, tmp_path):
     for name in ("a", "b"):
         write_npy(tmp_path / f"{name}.npy", np.full((2, 4, 3), 0.3, np.float32))
-    desk = furnished(LightsPanel)
+    window = furnished(LightsPanel)
     for name in ("a.npy", "b.npy"):
-        desk.client.says("map", name)
-        settle(desk)
-        assert desk.client.input("map").value == name
-    desk.undo()
-    assert desk.client.input("map").value == "a.npy"
-    desk.undo()
-    assert desk.client.input("map").value == "(none)"
+        window.client.says("map", name)
+        settle(window)
+        assert window.client.input("map").value == name
+    window.undo()
+    assert window.client.input("map").value == "a.npy"
+    window.undo()
+    assert window.client.input("map").value == "(none)"
 
 
 def test_two_presses_are_two_changes_and_typed_digits_one(furnished, settle):
-    desk = furnished(ObjectsPanel, CameraPanel)
+    window = furnished(ObjectsPanel, CameraPanel)
     for _ in range(3):
-        desk.client.says("Add shape")
+        window.client.says("Add shape")
     for width in (64, 640, 64):
-        desk.client.says("width, px", width)
-    desk.client.says("height, px", 48)
-    settle(desk)
+        window.client.says("width, px", width)
+    window.client.says("height, px", 48)
+    settle(window)
     # The sphere of a new scene made place for the first.
-    assert len(desk.scene.objects) == 3
-    labels = [label for label, *_ in desk.history.past]
+    assert len(window.scene.objects) == 3
+    labels = [label for label, *_ in window.history.past]
     assert [label.split()[0] for label in labels] == ["add"] * 3 + ["camera"] * 2
 
 
@@ -166,36 +167,36 @@ def test_opening_and_beginning_anew_can_be_taken_back(furnished, settle, tmp_pat
     """Nothing is lost; and a scene that is taken back is saved to its own folder, not over the one opened meanwhile."""
     write_scene(replace(edits.start_scene(), name="other"), tmp_path / "a" / "other")
     theirs = (tmp_path / "a" / "other" / "scene.toml").read_text()
-    desk = furnished(FilesPanel, CameraPanel)
-    client = desk.client
+    window = furnished(FilesPanel, CameraPanel)
+    client = window.client
     client.says("width, px", 64)
     client.says("scene", "a/other/scene.toml")
     client.says("Open scene")
-    settle(desk)
-    assert desk.scene.camera.width == 640
+    settle(window)
+    assert window.scene.camera.width == 640
     assert client.input("name").value == "a/other", "the folder that it came from, below the workspace"
     client.says("Undo")
-    settle(desk)
-    assert desk.scene.camera.width == 64
+    settle(window)
+    assert window.scene.camera.width == 64
     assert client.input("name").value == "scene"
     client.says("name", "a/other")
     client.says("Save scene")
-    settle(desk)
+    settle(window)
     assert "holds another scene already" in client.told[-1]
     assert (tmp_path / "a" / "other" / "scene.toml").read_text() == theirs
     client.says("name", "mine")
     client.says("Save scene")
     client.says("New scene")
-    settle(desk)
+    settle(window)
     assert read_scene(tmp_path / "mine" / "scene.toml").camera.width == 64
     client.says("name", "mine")
     client.says("Save scene")
-    settle(desk)
+    settle(window)
     assert "holds another scene already" in client.told[-1], "a new scene is another one"
     client.says("Undo")
     client.says("width, px", 80)
     client.says("Save scene")
-    settle(desk)
+    settle(window)
     assert read_scene(tmp_path / "mine" / "scene.toml").camera.width == 80, "its own it may write over"
 
 
@@ -204,11 +205,11 @@ def test_a_scene_is_saved_where_it_was_opened_from(furnished, settle, tmp_path, 
     folder = (tmp_path / where).resolve()
     path = folder / "scene.toml"
     put_own(folder, lambda place: write_scene(replace(edits.start_scene(), name="penguin"), place))
-    desk = furnished(FilesPanel, CameraPanel, scene=read_scene(path), folder=folder)
-    desk.client.says("width, px", 64)
-    desk.client.says("Save scene")
-    settle(desk)
-    assert desk.client.told == [f"Saved: {path.relative_to(tmp_path)}"]
+    window = furnished(FilesPanel, CameraPanel, scene=read_scene(path), folder=folder)
+    window.client.says("width, px", 64)
+    window.client.says("Save scene")
+    settle(window)
+    assert window.client.told == [f"Saved: {path.relative_to(tmp_path)}"]
     saved = read_scene(path)
     assert (saved.camera.width, saved.name) == (64, "penguin")
     assert not (tmp_path / "penguin").exists()
@@ -219,11 +220,11 @@ def test_nothing_is_written_through_a_link_that_leads_out(furnished, settle, tmp
     outside = tmp_path_factory.mktemp("outside")
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / link).symlink_to(outside / link if link == "scene.toml" else outside)
-    desk = furnished(FilesPanel)
-    desk.client.says("name", "mine")
-    desk.client.says("Export for Mitsuba")
-    settle(desk)
-    assert "outside of the workspace" in desk.client.told[-1]
+    window = furnished(FilesPanel)
+    window.client.says("name", "mine")
+    window.client.says("Export for Mitsuba")
+    settle(window)
+    assert "outside of the workspace" in window.client.told[-1]
     assert not list(outside.iterdir())
     assert [path.name for path in (tmp_path / "mine").iterdir()] == [link]
 
@@ -233,26 +234,26 @@ def test_lists_that_end_say_so(furnished, tmp_path):
         (tmp_path / f"{number:03d}.ply").touch()
     (tmp_path / "ring").mkdir()
     (tmp_path / "ring" / "lights.json").touch()
-    desk = furnished(ObjectsPanel, LightsPanel)
-    assert not desk.client.told
-    assert desk.client.input("session").options == ("ring",)
+    window = furnished(ObjectsPanel, LightsPanel)
+    assert not window.client.told
+    assert window.client.input("session").options == ("ring",)
     (tmp_path / "one_more.ply").touch()
-    desk.list_files()
-    desk.refresh()
-    assert len(desk.client.input("model").options) == MOST_FILES
-    assert "Not every file is listed" in desk.client.told[-1]
+    window.list_files()
+    window.refresh()
+    assert len(window.client.input("model").options) == MOST_FILES
+    assert "Not every file is listed" in window.client.told[-1]
 
 
 def test_a_refresh_looks_at_no_disk(furnished, settle, monkeypatch):
-    desk = furnished(ObjectsPanel, MaterialsPanel, LightsPanel, FilesPanel)
+    window = furnished(ObjectsPanel, MaterialsPanel, LightsPanel, FilesPanel)
 
     def walked(*_):
         raise AssertionError("the workspace is walked at a refresh")
 
     monkeypatch.setattr(Workspace, "_walk", walked)
-    desk.client.says("Add shape")
-    settle(desk)
-    assert not desk.client.told
+    window.client.says("Add shape")
+    settle(window)
+    assert not window.client.told
 
 
 def test_names_are_shown_as_they_are(furnished):
@@ -260,9 +261,9 @@ def test_names_are_shown_as_they_are(furnished):
     scene = edits.start_scene()
     name = '<img src=x onerror="alert(1)"> *b* `c`'
     scene = replace(scene, lights=replace(scene.lights, names=(name, *scene.lights.names[1:])))
-    desk = furnished(LightsPanel)
-    desk.change("names", lambda s: scene)
-    shown = desk.panels[0]._text.content
+    window = furnished(LightsPanel)
+    window.change("names", lambda s: scene)
+    shown = window.panels[0]._text.content
     assert rendered(shown).startswith(f"<p><strong>{escaped(name)}</strong>")
 
 
@@ -276,48 +277,48 @@ def escaped(text):
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
 
 
-def test_a_drag_is_worked_out_in_the_desks_thread(furnished, settle, monkeypatch):
+def test_a_drag_is_worked_out_in_the_windows_thread(furnished, settle, monkeypatch):
     """No mesh of a million vertices keeps the browser's messages waiting; and twice as far is twice as large."""
-    desk, threads = furnished(Stage), []
-    middle = placement_of(desk.scene.objects[0]).middle_mm
+    window, threads = furnished(SceneView), []
+    middle = placement_of(window.scene.objects[0]).middle_mm
 
     def watched(one):
         threads.append(threading.current_thread().name)
         return placement_of(one)
 
-    monkeypatch.setattr(stage, "placement_of", watched)
+    monkeypatch.setattr(scene_view, "placement_of", watched)
     places = [(middle + [reach, 0, 0]) * UNITS_PER_MM for reach in (60.0, 90.0, 120.0)]
-    desk.client.drags(desk.client.seen("/object_0/scale"), *places)
-    settle(desk)
+    window.client.drags(window.client.seen("/object_0/scale"), *places)
+    settle(window)
     assert threads
-    assert all(name.startswith("desk 1") for name in threads)
-    now = placement_of(desk.scene.objects[0])
+    assert all(name.startswith("window 1") for name in threads)
+    now = placement_of(window.scene.objects[0])
     np.testing.assert_allclose(now.scale, 2 * np.array([60.0, 60, 60]))
     np.testing.assert_allclose(now.middle_mm, middle, atol=1e-9)
-    assert [label for label, *_ in desk.history.past] == ["drag scale"]
+    assert [label for label, *_ in window.history.past] == ["drag scale"]
 
 
 def test_what_a_browser_began_ends_after_what_is_at_work(furnished, no_preview):
     """A rendering that a task is just starting when the window is closed is stopped too; what waited is not begun."""
-    desk = furnished()
+    window = furnished()
     begun_, go_on, done = threading.Event(), threading.Event(), []
 
     def starts():
         begun_.set()
         assert go_on.wait(60)
         done.append("started")
-        desk.refresh()
+        window.refresh()
 
-    desk.on_close(lambda: done.append("stopped"))
-    desk.post(starts)
-    desk.post(lambda: done.append("another began"))
+    window.on_close(lambda: done.append("stopped"))
+    window.post(starts)
+    window.post(lambda: done.append("another began"))
     assert begun_.wait(60)
-    desk.close()
+    window.close()
     assert done == [], "the one who closes does not wait for it"
     go_on.set()
-    desk.wait()
+    window.wait()
     assert done == ["started", "stopped"]
-    assert no_preview.asked[-1] == ("forget", 1), "a wish after that would be kept for good"
-    desk.post(lambda: done.append("later"))
-    desk.close()
+    assert no_preview.asked[-1] == ("forget", 1), "a request after that would be kept for good"
+    window.post(lambda: done.append("later"))
+    window.close()
     assert done == ["started", "stopped"]

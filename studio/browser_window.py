@@ -7,45 +7,33 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Protocol
+from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from scene.errors import SceneError
 from studio.editor.preview import Preview
 from studio.workspace import Workspace
 
+Array = NDArray[np.float64]
 MOST_WAITING = 1000
 """Things that a browser has said and that are not done yet. A person cannot be that far ahead."""
 
 
-class Panel(Protocol):
-    """What shows a desk's work."""
+class BrowserWindow:
+    """A browser's window, whatever is worked on there. Nothing of it is shared with another's.
 
-    def refresh(self) -> None:
-        """Show it as it is now."""
-        ...
-
-
-class BrowserDesk:
-    """A browser's desk, whatever is worked on there. Nothing of it is shared with another's.
-
-    Parameters
-    ----------
-    client : viser.ClientHandle
-    workspace : Workspace
-    preview : Preview
-
-    Notes
-    -----
-    What the browser says is done in the desk's one thread, in the order in which it was said. A rendering, a run of the
-    steps and a calibration have threads or processes of their own, which come back by `post`.
+    What the browser says is done in the window's one thread, in the order in which it was said. A rendering, a run of
+    the steps and a calibration have threads or processes of their own, which come back by `post`.
     """
 
     def __init__(self, client: Any, workspace: Workspace, preview: Preview) -> None:
         self.client, self.workspace, self.preview = client, workspace, preview
-        self.panels: list[Panel] = []
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"desk {client.client_id}")
+        self.panels: list[Any] = []
+        """What is shown: each has a `refresh`."""
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"window {client.client_id}")
         self._closers: list[Callable[[], None]] = []
         self._waiting: deque[Callable[[], Any]] = deque()
         self._inputs: deque[Any] = deque()
@@ -73,40 +61,36 @@ class BrowserDesk:
         try:
             work()
         except SceneError as error:
-            self.tell_fault(str(error))
+            self.show_fault(str(error))
         except ValidationError as error:
-            self.tell_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
+            self.show_fault("; ".join(f"{'.'.join(map(str, e['loc']))}: {e['msg']}" for e in error.errors()))
         except Exception as error:
             if self.is_gone:
                 return False  # There is nobody to show it to: viser warns of every message.
             traceback.print_exc()
-            self.tell_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
+            self.show_fault(f"a fault of the studio, not of the input: {type(error).__name__}: {error}")
         else:
             return True
         return False
 
-    def tell_fault(self, text: str) -> None:
+    def show_fault(self, text: str) -> None:
         """Show what was at fault until it is closed."""
         self.client.add_notification("That cannot be done", text, color="red")
 
-    def tell(self, title: str, text: str = "") -> None:
+    def notify(self, title: str, text: str = "") -> None:
         """Show what was done, for a while."""
         self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
 
-    def post(self, work: Callable[[], Any]) -> None:
-        """Do something in the desk's thread, after what it is at.
+    def post(self, work: Callable[[], Any]) -> bool:
+        """Do something in the window's thread, after what it is at; return whether it will be done.
 
         Where too much waits, what the browser says, in the server's loop, is dropped, and that is told once; what the
         studio's own threads say never is.
         """
-        self._posted(work)
-
-    def _posted(self, work: Callable[[], Any]) -> bool:
-        """Do what `post` does; return whether it will be done."""
         if len(self._waiting) >= MOST_WAITING and _is_in_loop():
             if not self._is_full:
                 self._is_full = True
-                self.tell_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
+                self.show_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
             return False
         self._is_full = False
         try:
@@ -130,7 +114,7 @@ class BrowserDesk:
             if event.client is not None:
                 value = event.target.value
                 self._inputs.append(handle)
-                if not self._posted(lambda: self._take(use, value)):
+                if not self.post(lambda: self._take(use, value)):
                     self._inputs.pop()
 
         handle.on_update(_)
@@ -155,8 +139,36 @@ class BrowserDesk:
         handle.on_click(_)
         return handle
 
+    def on_pick(self, handle: Any, use: Callable[..., Any], *arguments: Any) -> None:
+        """Call `use` with the arguments when something in the view is clicked."""
+
+        async def _(event: Any) -> None:
+            self.post(lambda: use(*arguments))
+
+        handle.on_click(_)
+
+    def on_ray(self, handle: Any, use: Callable[[Array, Array], Any]) -> None:
+        """Call `use` with origin and direction (3,) of the ray by which something in the view is clicked."""
+
+        async def _(event: Any) -> None:
+            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
+            self.post(lambda: use(origin, direction))
+
+        handle.on_click(_)
+
+    def look(self, middle: ArrayLike, away: ArrayLike) -> None:
+        """Look at a point (3,) of the view from `away` (3,) of it, y upward."""
+        camera, middle = self.client.camera, np.asarray(middle, np.float64)
+        camera.position, camera.look_at, camera.up_direction = np.add(middle, away), middle, (0.0, 1.0, 0.0)
+
+    def look_straight(self, middle: ArrayLike, wide: float, high: float) -> None:
+        """Look along z at what stands about a point (3,) in the plane of x and y, so near that all of it is seen."""
+        camera = self.client.camera
+        tangent = np.tan(camera.fov / 2)
+        self.look(middle, [0.0, 0.0, 0.54 * max(high / tangent, wide / (tangent * max(camera.aspect, 0.3)))])
+
     def on_close(self, work: Callable[[], None]) -> None:
-        """Do something, in the desk's thread, when the browser goes away."""
+        """Do something, in the window's thread, when the browser goes away."""
         self._closers.append(work)
 
     def close(self) -> None:

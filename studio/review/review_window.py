@@ -1,4 +1,4 @@
-"""One browser's desk for a review: which frame and ball it looks at, and its corrections."""
+"""One browser's window for a review: which frame and ball it looks at, and its corrections."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 
 from compare.report.pictures import Image
 from scene.spheres import Sphere
-from studio.browser_desk import BrowserDesk
+from studio.browser_window import BrowserWindow
 from studio.editor.preview import Preview
 from studio.review.corrections import Outlines, outlines_of
 from studio.review.folder import Review
-from studio.review.photograph_view import Look
+from studio.review.photograph_picture import Look
+from studio.review.plane import Plane
+from studio.review.scan_picks import Picks
+from studio.widgets import code
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -30,21 +33,11 @@ class Beside:
     caption: str
 
 
-class ReviewDesk(BrowserDesk):
+class ReviewWindow(BrowserWindow):
     """What a browser reviews. Its panels call `show`, `choose` and `correct`; then all panels are refreshed.
 
-    Parameters
-    ----------
-    client : viser.ClientHandle
-    workspace : Workspace
-    preview : Preview
-    folder : Path
-        The output folder.
-    session_path : Path or None
-        None: the session that the folder names.
-
-    Notes
-    -----
+    folder: The output folder.
+    session_path: None: the session that the folder names.
     `read` is to be called before anything is shown.
     """
 
@@ -57,7 +50,8 @@ class ReviewDesk(BrowserDesk):
         self.folder, self.session_path = folder, session_path
         self.reading = 0
         """How often the folder was read again: whatever is shown of it is older than that, or as old."""
-        self.frame, self.look, self.looks = 0, Look(), 0
+        self.frame, self.shown, self.looks = 0, Look(), 0
+        """The last: how often the whole was asked for again."""
         self.ball: int | None = None
         self.view: View = "Photograph"
         self.beside: Beside | None = None
@@ -66,10 +60,25 @@ class ReviewDesk(BrowserDesk):
         """The balls as calibrating again has found them."""
         self.factor = 1
         """By how much the lights' sigmas are drawn larger."""
+        self.picks = Picks()
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
         """Who wants the pixels that are clicked on the photograph."""
         self.on_scan: Callable[[Array], None] | None = None
         """Who wants the points that are clicked on the scan, mm."""
+
+    @property
+    def plane(self) -> Plane | None:
+        """Where the photograph stands in the view; None without frames."""
+        frames = self.review.material.frames
+        return None if frames is None else Plane(frames.width, frames.height)
+
+    def kept_text(self, folder: Path, purpose: str) -> str:
+        """Return, as Markdown, where corrections were kept and the command line that uses them."""
+        name, out = self.workspace.name(folder), self.workspace.name(self.review.store.folder)
+        return (
+            f"Kept in {code(f'{name}/session.toml')}; your own session.toml is as it was. To {purpose}: **Run**, or "
+            f"{code(f'rgbn process {name} --out {out}')}."
+        )
 
     def read(self) -> None:
         """Read the folder."""
@@ -98,12 +107,17 @@ class ReviewDesk(BrowserDesk):
 
     def look_again(self) -> None:
         """Look at the whole of what is shown, from where it is first looked at."""
-        self.ball, self.looks = None, self.looks + 1
-        self.refresh()
+        self.looks += 1
+        self.leave_ball()
 
     def show(self, **changes: Any) -> None:
         """Show the photograph in another way; see `Look`."""
-        self.look = replace(self.look, **changes)
+        self.shown = replace(self.shown, **changes)
+        self.refresh()
+
+    def enlarge(self, factor: int) -> None:
+        """Draw the lights' sigmas larger."""
+        self.factor = factor
         self.refresh()
 
     def stand_beside(self, beside: Beside | None) -> None:

@@ -1,4 +1,4 @@
-"""A review's desk without a browser: what is clicked, what is missing, and what is written."""
+"""A review's window without a browser: what is clicked, what is missing, and what is written."""
 
 import threading
 from dataclasses import replace
@@ -10,72 +10,71 @@ import pytest
 from scene import rays
 from scene.output_folder import open_record
 from studio.review.balls_panel import BallsPanel
-from studio.review.calibrated_again import calibrate_again
 from studio.review.corrections import outlines_of
 from studio.review.folder import Review
-from studio.review.frames_panel import FramesPanel
-from studio.review.light_stage import SCAN_SIZE, LightStage
-from studio.review.review_desk import ReviewDesk
+from studio.review.frames_panel import FramesPanel, WarningsPanel
+from studio.review.photograph_view import PhotographView
+from studio.review.recalibration import calibrate_again
+from studio.review.review_window import ReviewWindow
 from studio.review.scan_picks import load_scan
+from studio.review.spatial_view import SCAN_SIZE, SpatialView
 from studio.review.twin_panel import TwinPanel
-from studio.review.wall import Wall
-from studio.review.warnings_panel import WarningsPanel
 from studio.workspace import Workspace
 
 
 @pytest.fixture
 def reviewing(made, nobody, no_preview, furnish):
-    """Return what makes the desk of a review of the folder that was made, with panels."""
+    """Return what makes the window of a review of the folder that was made, with panels."""
 
     def furnished(*panels):
-        desk = ReviewDesk(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
-        desk.read()
-        return furnish(desk, panels)
+        window = ReviewWindow(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
+        window.read()
+        return furnish(window, panels)
 
     return furnished
 
 
-def test_a_click_on_the_scan_is_met_in_the_desks_own_thread(reviewing, settle, monkeypatch, made):
+def test_a_click_on_the_scan_is_met_in_the_windows_own_thread(reviewing, settle, monkeypatch, made):
     """Rays are cast there, against one tree a reading; what fails is told, as of any click."""
-    desk, threads, points = reviewing(LightStage), [], []
+    window, threads, points = reviewing(SpatialView), [], []
 
     class Counted(rays.RayCaster):
         def __init__(self, mesh):
             threads.append(threading.current_thread().name)
             super().__init__(mesh)
 
-    desk.on_scan = points.append
-    desk.choose(view="Scan")
-    mesh, client = load_scan(desk.review), desk.client
+    window.on_scan = points.append
+    window.choose(view="Scan")
+    mesh, client = load_scan(window.review), window.client
     monkeypatch.setattr(rays, "RayCaster", Counted)
     scale = SCAN_SIZE / (2 * mesh.radius_mm)
     for aside in (0.0, 2.0, 4.0):
         origin = np.array([aside, -3.0, 900.0])
         client.clicks(client.seen("/scan/mesh"), ray_origin=origin * scale, ray_direction=[0.0, 0.0, -1.0])
-    settle(desk)
+    settle(window)
     assert len(points) == 3
     np.testing.assert_allclose([point[0] - mesh.center_mm[0] for point in points], [0, 2, 4], atol=1e-3)
     assert len(threads) == 1
-    assert threads[0].startswith("desk 1")
-    desk.read_again()
+    assert threads[0].startswith("window 1")
+    window.read_again()
     monkeypatch.setattr(Counted, "__init__", lambda self, mesh: 1 / 0)
     client.clicks(client.seen("/scan/mesh"), ray_origin=np.zeros(3), ray_direction=[0.0, 0.0, -1.0])
-    settle(desk)
+    settle(window)
     assert "ZeroDivisionError" in client.told[-1]
 
 
 def test_what_is_missing_is_said_once_and_breaks_no_refresh(reviewing, made, settle):
     """A ball is clicked without a camera to draw its knobs by, the twin is asked for where there is no frame."""
     made.store.path("camera.json").unlink()
-    desk = reviewing(Wall, BallsPanel)
-    desk.choose(ball=1)
-    desk.refresh()
-    assert not desk.client.told
+    window = reviewing(PhotographView, BallsPanel)
+    window.choose(ball=1)
+    window.refresh()
+    assert not window.client.told
     made.store.path("frames", "frames.json").unlink()
-    desk = reviewing(TwinPanel, FramesPanel)
-    desk.client.says("beside the photograph", "the twin, same flash")
-    settle(desk)
-    (told,) = set(desk.client.told)
+    window = reviewing(TwinPanel, FramesPanel)
+    window.client.says("beside the photograph", "the twin, same flash")
+    settle(window)
+    (told,) = set(window.client.told)
     assert "frames: " in told
     assert "fault of the studio" not in told
 
@@ -105,11 +104,11 @@ def test_calibrating_again_writes_nothing_into_the_folder(made, monkeypatch):
 
 
 def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
-    desk = reviewing(WarningsPanel)
-    folder = desk.panels[0]._folder
+    window = reviewing(WarningsPanel)
+    folder = window.panels[0]._folder
     assert folder.label == "Warnings (1)"
     with open_record(made.folder) as record, record.making("solve", "by the test") as entry:
         entry["warnings"] = ["<img src=x> is *bright*"]
-    desk.read_again()
+    window.read_again()
     assert folder.label == "Warnings (2)"
-    assert "\\<img src\\=x\\>" in desk.panels[0]._handles[-1].content
+    assert "\\<img src\\=x\\>" in window.panels[0]._layers._handles["warnings"][-1].content

@@ -1,11 +1,11 @@
-"""One browser's desk for a scene: the scene with its past, and what is selected."""
+"""One browser's window for a scene: the scene with its past, and what is selected."""
 
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from studio.browser_desk import BrowserDesk
+from studio.browser_window import BrowserWindow
 from studio.editor.edits import start_scene
 from studio.editor.history import Document, History
 from studio.editor.preview import Drawn, Preview
@@ -21,16 +21,10 @@ def begun(workspace: Workspace, scene: TwinScene | None, folder: Path | None) ->
     return History(scene, document=Document(workspace.name(folder) if folder else scene.name, folder))
 
 
-class Desk(BrowserDesk):
+class EditorWindow(BrowserWindow):
     """What a browser makes a scene on. Its panels call `change`; whatever changed, all panels are refreshed.
 
-    Parameters
-    ----------
-    client : viser.ClientHandle
-    workspace : Workspace
-    preview : Preview
-    history : History
-        The scene, and what was done to it.
+    history: The scene, and what was done to it.
     """
 
     def __init__(self, client: Any, workspace: Workspace, preview: Preview, history: History) -> None:
@@ -54,7 +48,7 @@ class Desk(BrowserDesk):
 
     def drag(self, edit: Edit) -> None:
         """Show in the preview what the scene would be; nothing is kept of it."""
-        self.attempt(lambda: self._wish(edit(self.scene)))
+        self.attempt(lambda: self._request(edit(self.scene)))
 
     def undo(self) -> None:
         """Take the last change back."""
@@ -87,10 +81,10 @@ class Desk(BrowserDesk):
             name, content = event.target.value.name, event.target.value.content
             event.target.value.content = b""
             if self._is_keeping:
-                self.tell_fault(f"{name}: the last file is just being read. Send it again after that.")
+                self.show_fault(f"{name}: the last file is just being read. Send it again after that.")
             else:
                 self._is_keeping = True
-                if not self._posted(lambda: use(self._kept(name, content))):
+                if not self.post(lambda: use(self._kept(name, content))):
                     self._is_keeping = False
 
         handle.on_upload(_)
@@ -106,7 +100,7 @@ class Desk(BrowserDesk):
         """Look for files in the workspace again; the panels' lists show them at the next refresh."""
         self.listing = self.workspace.listing()
         if self.listing.is_cut:
-            self.tell(
+            self.notify(
                 "Not every file is listed",
                 f"The lists end at {MOST_FILES} files. Start the studio in a smaller folder to see the others.",
             )
@@ -115,15 +109,15 @@ class Desk(BrowserDesk):
         with self.client.atomic():
             for panel in self.panels:
                 panel.refresh()
-        self._wish(self.scene)
+        self._request(self.scene)
 
     def _keep(self, history: History) -> None:
         self.history = history
         self.object = min(self.object, len(self.scene.objects) - 1)
         self.light = min(self.light, len(self.scene.lights) - 1)
 
-    def _wish(self, scene: TwinScene) -> None:
-        self.preview.wish(self.client.client_id, scene, min(self.light, len(scene.lights) - 1), self._drawn)
+    def _request(self, scene: TwinScene) -> None:
+        self.preview.request(self.client.client_id, scene, min(self.light, len(scene.lights) - 1), self._drawn)
 
     def _drawn(self, drawn: Drawn) -> None:
         self.post(lambda: self.show_preview(drawn))

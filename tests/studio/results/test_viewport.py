@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from studio.results.pixel import numbers_at
-from studio.results.shown_maps import Source
-from studio.results.side_by_side import Choice, box_of, layout_of, side_by_side, window_of
-from studio.results.window import Window
+from studio.results.result_maps import Source
+from studio.results.side_by_side import Choice, box_of, layout_of, side_by_side, viewport_of
+from studio.results.viewport import Viewport
 
 LEFT, RIGHT = Source("ls"), Source("ls", "twin")
 RED = (255, 128, 128)
@@ -22,7 +22,7 @@ def test_a_click_on_an_odd_pixel_is_that_pixel(flat, zoom, centre):
     """Every point of the picture that is coloured oddly is clicked as an odd pixel, and no other point is."""
     results = flat(ODD)
     choice = Choice("normals", LEFT, RIGHT, zoom, centre)
-    image, layout, window = side_by_side(results, choice), layout_of(results), window_of(results, choice)
+    image, layout, viewport = side_by_side(results, choice), layout_of(results), viewport_of(results, choice)
     assert image.shape[:2] == layout.size[::-1]
     is_odd = (image == RED).all(-1)
     seen: dict[int, set] = {0: set(), 1: set()}
@@ -36,7 +36,7 @@ def test_a_click_on_an_odd_pixel_is_that_pixel(flat, zoom, centre):
         for y, x in [*anywhere, *np.argwhere(edge)[::7], *(np.argwhere(edge)[::7] + [1, 1])]:
             if x < layout.wide and y < layout.high:
                 place = (left + x + 0.5) / layout.size[0], (top + y + 0.5) / layout.size[1]
-                pixel = layout.pixel(window, *place)
+                pixel = layout.pixel(viewport, *place)
                 assert (pixel in ODD) == part[y, x], (x, y, pixel)
                 seen[side] |= {pixel} & set(ODD)
     assert seen[0] == seen[1]
@@ -48,13 +48,13 @@ def test_a_click_on_an_odd_pixel_is_that_pixel(flat, zoom, centre):
 
 def test_a_click_beside_the_pictures_is_no_pixel(flat):
     results = flat(ODD)
-    layout, window = layout_of(results), window_of(results, Choice("normals", LEFT, RIGHT))
+    layout, viewport = layout_of(results), viewport_of(results, Choice("normals", LEFT, RIGHT))
     wide, high = layout.size
-    assert layout.pixel(window, (layout.wide + layout.gap / 2) / wide, 0.5) is None
-    assert layout.pixel(window, 0.2, (layout.above - 2) / high) is None
-    assert layout.pixel(window, 0.2, (layout.above + layout.high + 2) / high) is None
+    assert layout.pixel(viewport, (layout.wide + layout.gap / 2) / wide, 0.5) is None
+    assert layout.pixel(viewport, 0.2, (layout.above - 2) / high) is None
+    assert layout.pixel(viewport, 0.2, (layout.above + layout.high + 2) / high) is None
     for across, down in ((-0.01, 0.5), (1.01, 0.5), (0.2, -0.1), (0.2, 1.1)):
-        assert layout.pixel(window, across, down) is None
+        assert layout.pixel(viewport, across, down) is None
 
 
 def test_the_numbers_are_those_of_the_odd_pixel_alone(flat):
@@ -85,15 +85,15 @@ def test_the_cursor_stands_around_its_pixel_on_both_sides(flat):
 def test_zoom_is_about_the_cursor_and_the_edge_ends_a_move(flat):
     results = flat(ODD)
     choice = Choice("normals", LEFT, RIGHT, cursor=(31, 12)).zoomed(8)
-    assert window_of(results, choice).centre == pytest.approx((31, 12))
+    assert viewport_of(results, choice).centre == pytest.approx((31, 12))
     assert choice.zoomed(1).centre is None
     right = choice
     for _ in range(40):
         right = right.moved(results, 0.5, 0.0)
-    window = window_of(results, right)
-    assert window.left + window.width == pytest.approx(results.size[0])
-    assert window_of(results, right.moved(results, -0.5, 0)).left == pytest.approx(window.left - window.width / 2)
-    down = window_of(results, choice.moved(results, 0.0, 0.5))
-    assert down.top > window_of(results, choice).top
-    whole = Window.of(box_of(results), 1, (26, 18), results.size)
+    viewport = viewport_of(results, right)
+    assert viewport.left + viewport.width == pytest.approx(results.size[0])
+    assert viewport_of(results, right.moved(results, -0.5, 0)).left == pytest.approx(viewport.left - viewport.width / 2)
+    down = viewport_of(results, choice.moved(results, 0.0, 0.5))
+    assert down.top > viewport_of(results, choice).top
+    whole = Viewport.of(box_of(results), 1, (26, 18), results.size)
     assert (whole.width, whole.height) == (box_of(results).width, box_of(results).height)

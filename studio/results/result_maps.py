@@ -39,13 +39,7 @@ TRUTH = Source("truth")
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """What the solvers left in an output folder; maps are read when they are first asked for.
-
-    Parameters
-    ----------
-    review : Review
-        The folder's frames, camera, lights, mask, truth and twin.
-    """
+    """What the solvers left in an output folder; maps are read when they are first asked for."""
 
     review: Review
     _opened: dict[tuple[str, Source], NDArray] = field(default_factory=dict, repr=False)
@@ -72,15 +66,10 @@ class Results:
 
     @cached_property
     def size(self) -> tuple[int, int]:
-        """Width and height, px: those of the frames, else of the first map that is there.
-
-        Raises
-        ------
-        SceneError
-            There is neither.
-        """
-        if self.review.material.frames is not None:
-            return self.review.material.frames.width, self.review.material.frames.height
+        """Width and height, px: those of the frames, else of the first map that is there."""
+        frames = self.review.material.frames
+        if frames is not None:
+            return frames.width, frames.height
         for source in self.sources:
             if self.path("normals", source).exists():
                 shape = self._open("normals", source).shape
@@ -92,18 +81,9 @@ class Results:
         return self.review.store.path(*(("twin",) if source.side == "twin" else ()), place, f"{source.method}.npy")
 
     def map(self, place: str, source: Source) -> NDArray:
-        """Return a map (H, W) or (H, W, 3), memory-mapped.
+        """Return a map (H, W) or (H, W, 3), memory-mapped; place: `normals`, `albedo`, `sigma` or `depth`.
 
-        Parameters
-        ----------
-        place : str
-            `normals`, `albedo`, `sigma` or `depth`.
-        source : Source
-
-        Raises
-        ------
-        SceneError
-            It is not there, cannot be read, or has another size than the frames.
+        Raises SceneError: it is not there, cannot be read, or has another size than the frames.
         """
         found = self._open(place, source)
         width, height = self.size
@@ -122,18 +102,7 @@ class Results:
             return np.full(3 if place in ("normals", "albedo") else (), np.nan)
 
     def errors(self, source: Source, rows: NDArray[np.int64], columns: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Return the angle between normals and truth, degrees, at pixels; NaN where unknown and off the mask.
-
-        Parameters
-        ----------
-        source : Source
-        rows, columns : int arrays of one shape
-
-        Raises
-        ------
-        SceneError
-            The normals or the truth are not there.
-        """
+        """Return the angle between normals and truth, degrees, at pixels; NaN where unknown and off the mask."""
         if self.review.truth is None:
             raise SceneError(f"no ground truth: {self.review.missing['scan']}")
         truth, normals = self.map("normals", TRUTH)[rows, columns], self.map("normals", source)[rows, columns]
@@ -170,19 +139,12 @@ class Results:
         return colour_scale_end(float(np.median(ends))) if ends else 90.0
 
     def frames(self, side: Side) -> tuple[Frames, Lights]:
-        """Return the frames of a side, and the lights of each.
-
-        Raises
-        ------
-        SceneError
-            Frames or lights are not there, or do not belong together.
-        """
-        part = "frames" if side == "photographs" else "twin"
-        frames = self.review.material.frames if side == "photographs" else self.review.twin
-        lights, missing = self.review.lights, self.review.missing
-        if frames is None or lights is None:
-            absent = part if frames is None else "lights"
-            raise SceneError(f"no {absent}: {missing[absent]}")
+        """Return the frames of a side, and their lights; SceneError where these are not there or do not fit."""
+        part, missing = "frames" if side == "photographs" else "twin", self.review.missing
+        for name in (part, "lights"):
+            if name in missing:
+                raise SceneError(f"no {name}: {missing[name]}")
+        frames, lights = self.review.need(part, "lights")
         if frames.names != lights.names or (frames.width, frames.height) != self.size:
             raise SceneError(
                 f"{part}: {len(frames)} frames of {frames.width} x {frames.height} px; {len(lights)} lights with the "
@@ -191,12 +153,8 @@ class Results:
         return frames, lights
 
     def _open(self, place: str, source: Source) -> NDArray:
-        key = (place, source)
-        if key not in self._opened:
-            self._opened[key] = self._load(place, source)
-        return self._opened[key]
-
-    def _load(self, place: str, source: Source) -> NDArray:
+        if (place, source) in self._opened:
+            return self._opened[place, source]
         path, named = self.path(place, source), self._named(place, source)
         if not path.exists():
             step = "align" if source == TRUTH else "solve" if source.side == "photographs" else "twin"
@@ -204,6 +162,7 @@ class Results:
         found = array_of(path, do="Run its step again.")
         if found.ndim != (3 if place in ("normals", "albedo") else 2):
             raise SceneError(f"{named}: {path.name} holds an array {found.shape}. Run its step again.")
+        self._opened[place, source] = found
         return found
 
     @staticmethod

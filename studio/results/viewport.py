@@ -11,13 +11,10 @@ ZOOMS = (1, 2, 4, 8, 16, 32, 64)
 
 
 @dataclass(frozen=True)
-class Window:
+class Viewport:
     """A rectangle of a picture, whose pixel (u, v) covers u..u + 1 across and v..v + 1 down.
 
-    Parameters
-    ----------
-    left, top, width, height : float
-        Pixels, from the picture's upper left corner.
+    left, top, width, height: Pixels, from the picture's upper left corner.
     """
 
     left: float
@@ -26,18 +23,10 @@ class Window:
     height: float
 
     @classmethod
-    def of(cls, box: Box, zoom: float, centre: tuple[float, float], size: tuple[int, int]) -> "Window":
+    def of(cls, box: Box, zoom: float, centre: tuple[float, float], size: tuple[int, int]) -> "Viewport":
         """Return the part of a box's shape that is `zoom` times smaller, about a pixel, moved into the picture.
 
-        Parameters
-        ----------
-        box : Box
-            What zoom 1 shows.
-        zoom : float
-        centre : (u, v)
-            A pixel's centre.
-        size : (width, height)
-            Of the picture, px.
+        box: What zoom 1 shows. centre (u, v): A pixel's centre. size (width, height): Of the picture, px.
         """
         width, height = box.width / zoom, box.height / zoom
         left = np.clip(centre[0] + 0.5 - width / 2, 0, size[0] - width)
@@ -58,7 +47,7 @@ class Window:
         return _under(self.top, self.height, count)
 
     def share(self, u: float, v: float) -> tuple[float, float]:
-        """Return where a pixel's centre stands, in shares of the window's width and height."""
+        """Return where a pixel's centre stands, in shares of the viewport's width and height."""
         return (u + 0.5 - self.left) / self.width, (v + 0.5 - self.top) / self.height
 
 
@@ -70,10 +59,7 @@ def _under(start: float, length: float, count: int) -> NDArray[np.int64]:
 class Layout:
     """Two pictures of one size side by side, a line of words above them and a key below.
 
-    Parameters
-    ----------
-    wide, high : int
-        Of each picture, points of the screen picture.
+    wide, high: Of each picture, points of the screen picture.
     """
 
     wide: int
@@ -97,7 +83,7 @@ class Layout:
         """Return the upper left corner of the picture on side 0 or 1."""
         return side * (self.wide + self.gap), self.above
 
-    def pixel(self, window: Window, across: float, down: float) -> tuple[int, int] | None:
+    def pixel(self, viewport: Viewport, across: float, down: float) -> tuple[int, int] | None:
         """Return the pixel (u, v) at a place, in shares of the whole; None beside the pictures.
 
         It is the pixel that is drawn there.
@@ -106,5 +92,5 @@ class Layout:
         for side in (0, 1):
             left, top = self.corner(side)
             if 0 <= x - left < self.wide and 0 <= y - top < self.high:
-                return int(window.columns(self.wide)[x - left]), int(window.rows(self.high)[y - top])
+                return int(viewport.columns(self.wide)[x - left]), int(viewport.rows(self.high)[y - top])
         return None

@@ -61,19 +61,8 @@ LOG.propagate = False
 LOG.addHandler(_Rationed())
 
 
-class FrontDoor:
-    """Makes viser's server, and stands before it.
-
-    Parameters
-    ----------
-    host : str
-    port : int
-        0: one that is free.
-
-    Attributes
-    ----------
-    server : viser.ViserServer
-    """
+class GuardedServer:
+    """Makes viser's server, `server`, on a port (0: one that is free), and stands before it."""
 
     def __init__(self, host: str, port: int, **options: Any) -> None:
         import viser
@@ -93,18 +82,9 @@ class FrontDoor:
 
     def _serve(self, handler: Any, host: str, port: int, **options: Any) -> Any:
         self._answer = options["process_request"]
-        return serve(
-            handler,
-            host,
-            port,
-            **options
-            | {
-                "process_request": self._admit,
-                "max_size": MOST_MESSAGE,
-                "logger": LOG,
-                "create_connection": partial(Connection, self),
-            },
-        )
+        own: dict[str, Any] = {"process_request": self._admit, "max_size": MOST_MESSAGE, "logger": LOG}
+        own["create_connection"] = partial(Connection, self)
+        return serve(handler, host, port, **(options | own))
 
     def enter(self, connection: "Connection") -> None:
         """Count a connection. Where there are too many, the one that has waited longest to ask goes."""
@@ -143,10 +123,7 @@ class FrontDoor:
     def checked(self, sender: "Connection", sent: bytes | str) -> bytes | None:
         """Return a message as viser may have it; None: a part of a file that was not let in.
 
-        Raises
-        ------
-        Unfit, msgspec.MsgspecError
-            It is none, or does not fit.
+        Raises Unfit, msgspec.MsgspecError: it is none, or does not fit.
         """
         if isinstance(sent, str):
             raise Unfit("text instead of a message")
@@ -169,7 +146,7 @@ class FrontDoor:
 
     def _begun(self, sender: "Connection", message: Any) -> Any:
         """Return the begin of an upload: one without content where it is larger than may be."""
-        left = MOST_UPLOAD - sum(one.on_their_way for one in self._connections)
+        left = MOST_UPLOAD - sum(one.incoming for one in self._connections)
         if 0 <= message.size_bytes <= left and 0 <= message.part_count <= 1 + message.size_bytes // 1024:
             sender.uploads[message.transfer_uuid] = message.size_bytes, message.part_count, 0
             return message
@@ -182,25 +159,23 @@ class FrontDoor:
 
 
 class Connection(ServerConnection):
-    """A connection to a `FrontDoor`."""
+    """A connection to a `GuardedServer`."""
 
-    def __init__(self, door: FrontDoor, *arguments: Any, **options: Any) -> None:
+    def __init__(self, guard: GuardedServer, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._door, self._faults, self.is_window = door, 0, False
+        self._guard, self._faults, self.is_window = guard, 0, False
         self.uploads: dict[str, tuple[int, int, int]] = {}
 
     @property
-    def on_their_way(self) -> int:
+    def incoming(self) -> int:
         """Bytes of the files that this window has announced and not yet sent whole."""
         return sum(size for size, *_ in self.uploads.values())
 
     def takes_part(self, part: Any) -> bool:
         """Count a part of a file; return whether the file was let in.
 
-        Raises
-        ------
-        Unfit
-            It is not the next one, or more or less than was announced. The window is closed, which clears the rest.
+        Raises Unfit: it is not the next one, or more or less than was announced. The window is closed, which clears the
+        rest.
         """
         if part.transfer_uuid not in self.uploads:
             return False  # The page sends all parts of a file, whatever it is told.
@@ -217,11 +192,11 @@ class Connection(ServerConnection):
     def connection_made(self, transport: Any) -> None:
         """Begin."""
         super().connection_made(transport)
-        self._door.enter(self)
+        self._guard.enter(self)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End."""
-        self._door.leave(self)
+        self._guard.leave(self)
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
@@ -229,7 +204,7 @@ class Connection(ServerConnection):
         while True:
             sent = await super().recv(decode)
             try:
-                message = self._door.checked(self, sent)
+                message = self._guard.checked(self, sent)
                 if message is not None:
                     return message
             except (Unfit, msgspec.MsgspecError, RecursionError, ValueError) as fault:

@@ -1,0 +1,119 @@
+"""A photograph as it is shown large: clipped pixels marked, the mask or the registered scan laid over it."""
+
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
+from compare.report.registration_pictures import WIDTH, shown_pixels, views
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.frames import Frames
+from scene.lights import Lights
+from studio.editor.edits import some
+from studio.review.folder import Review
+
+Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
+OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
+MASK_COLOUR = (0, 190, 255)
+CLIPPED_COLOUR = (255, 0, 60)
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a photograph is shown.
+
+    opacity: Of what lies over it; 0 to 1.
+    """
+
+    overlay: Overlay = "nothing"
+    opacity: float = 0.5
+    brightness: float = 1.0
+    marks_clipped: bool = True
+
+
+def photograph(review: Review, index: int, look: Look) -> Image:
+    """Return a whole frame with what is laid over it, at most `WIDTH` pixels wide.
+
+    Raises SceneError: there are no frames, or what is to lie over them is not in the folder.
+    """
+    (frames,), exposure = review.need("frames"), review.material.exposure
+    assert exposure is not None
+    exposure = replace(exposure, white=exposure.white / look.brightness)
+    box = Box(0, 0, frames.width, frames.height)
+    picture = exposure.develop(thumbnail(frames, index, box.shown_width(WIDTH), box))
+    if look.marks_clipped:
+        picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
+    if look.overlay == "mask":
+        return _with_mask(review, picture, box, look.opacity)
+    if look.overlay == "nothing":
+        return picture
+    why = [review.missing[part] for part in ("scan", "lights", "camera") if part in review.missing]
+    if why:
+        raise SceneError(f"scan: {why[0]}")
+    truth, lights, camera = review.need("scan", "lights", "camera")
+    normals = _sampled(truth, shown_pixels(box, picture.shape))
+    if look.overlay == "scan, normals":
+        over = np.where(np.isfinite(normals[..., :1]), normal_picture(normals, picture.shape[1]), picture)
+    else:
+        both = views(frames, exposure, lights, index, box, lambda pixels: shading(truth, camera, lights, index, pixels))
+        over = _fitted(both.shaded, picture.shape)
+    return _blend(picture, over, np.isfinite(normals[..., 0]), look.opacity)
+
+
+def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: NDArray) -> NDArray[np.float32]:
+    """Return what a white matte object with these normals would show under one light, without cast shadows.
+
+    truth (H, W, 3): unit normals, NaN where unknown; pixels (h, w, 2); a near light is taken at the depth of the
+    reference point. The shading (h, w) is max(0, vector . normal), NaN off the scan.
+    """
+    normals = _sampled(truth, pixels)
+    if lights.positions_mm is None:
+        vectors = lights.directions[index]
+    else:
+        points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
+        vectors = some(lights, [index]).toward(points)[0].reshape(normals.shape)
+    return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
+
+
+def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
+    """Return the map's values at the nearest pixels."""
+    u = np.clip(np.rint(pixels[..., 0]), 0, truth.shape[1] - 1).astype(int)
+    v = np.clip(np.rint(pixels[..., 1]), 0, truth.shape[0] - 1).astype(int)
+    return np.asarray(truth[v, u], np.float32)
+
+
+def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Return (h, w), where a shown pixel has a clipped one in it."""
+    import cv2
+
+    clipped = frames.saturated(frames=[index])[0].astype(np.float32)
+    return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
+
+
+def _with_mask(review: Review, picture: Image, box: Box, opacity: float) -> Image:
+    import cv2
+
+    (mask,) = review.need("mask")
+    inside = _fitted(mask.astype(np.uint8), picture.shape) > 0
+    tinted = _blend(picture, np.full_like(picture, MASK_COLOUR), inside, 0.6 * opacity)
+    scale = picture.shape[1] / box.width
+    for line in contours(mask, box):
+        points = np.round((line * scale - 0.5) * 16).astype(np.int32)
+        tinted = cv2.polylines(tinted, [points], True, MASK_COLOUR, max(1, picture.shape[1] // 600), cv2.LINE_AA, 4)
+    return np.asarray(tinted, np.uint8)
+
+
+def _blend(under: Image, over: NDArray, where: NDArray[np.bool_], opacity: float) -> Image:
+    mixed = np.round((1 - opacity) * under + opacity * over)
+    return np.where(where[..., None], mixed, under).astype(np.uint8)
+
+
+def _fitted(image: NDArray, shape: tuple[int, ...]) -> NDArray[np.uint8]:
+    import cv2
+
+    if image.shape[:2] == shape[:2]:
+        return image
+    return np.asarray(cv2.resize(image, (shape[1], shape[0]), interpolation=cv2.INTER_NEAREST), np.uint8)

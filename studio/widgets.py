@@ -1,0 +1,113 @@
+"""What panels and views are made of: inputs by name, layers that are drawn again on change, texts as Markdown."""
+
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+UNITS_PER_MM = 0.01
+"""The browser's view has clipping planes and gizmos for things a few units large."""
+NO_SHADOW = {"cast_shadow": False, "receive_shadow": False}
+"""Shadows of the view's own lamps would be taken for the flashes'."""
+
+
+class Inputs(dict[str, Any]):
+    """The inputs of a panel by name.
+
+    change: given name=value of an input that a person has changed, in the window's thread; None: nothing is done.
+    """
+
+    def __init__(self, window: Any, change: Callable[..., Any] | None = None) -> None:
+        super().__init__()
+        self._window, self._change = window, change
+
+    def add(self, name: str, kind: str, label: str, *start: Any, **look: Any) -> None:
+        """Add what viser's `add_<kind>` makes; its values are given on as the kind of number that it starts with."""
+        handle = self[name] = getattr(self._window.client.gui, f"add_{kind}")(label, *start, **look)
+        change, like = self._change, handle.value
+        if change is not None:
+            self._window.on_input(handle, lambda value: change(**{name: _as(like, value)}))
+
+    def show(self, **values: Any) -> None:
+        """Give inputs these values."""
+        for name, value in values.items():
+            self[name].value = value
+
+    def show_only(self, names: set[str]) -> None:
+        """Hide all inputs but these."""
+        for name, handle in self.items():
+            handle.visible = name in names
+
+    def number(self, name: str) -> float:
+        """Return the value of an input as a float."""
+        return float(self[name].value)
+
+
+def _as(like: Any, value: Any) -> Any:
+    return tuple(map(type(like[0]), value)) if isinstance(like, tuple) else type(like)(value)
+
+
+class Layers:
+    """What stands in a view or a folder: named parts, each drawn again only when what it shows has changed."""
+
+    def __init__(self) -> None:
+        self._keys: dict[str, Any] = {}
+        self._handles: dict[str, list[Any]] = {}
+
+    def draw(self, name: str, key: Any, add: Callable[[], list[Any]]) -> None:
+        """Put a part, of which `add` returns all handles, in place of what it was, unless it has this key already."""
+        if name in self._keys and self._keys[name] == key:
+            return
+        self.remove(name)
+        # Kept first: what fails once would fail again at each refresh.
+        self._keys[name] = key
+        self._handles[name] = add()
+
+    def remove(self, name: str) -> None:
+        """Take a part away."""
+        self._keys.pop(name, None)
+        for handle in self._handles.pop(name, []):
+            handle.remove()
+
+    def keep_only(self, names: set[str]) -> None:
+        """Take all other parts away."""
+        for name in [name for name in self._keys if name not in names]:
+            self.remove(name)
+
+
+def add_light_arrow(view: Any, name: str, ends_mm: ArrayLike, spread_mm: float, colour: tuple[int, int, int]) -> Any:
+    """Add an arrow from a light toward the reference point, `ends_mm` (2, 3), as long as 0.22 of `spread_mm`."""
+    place, reference = np.asarray(ends_mm, np.float64)
+    toward = (reference - place) / max(float(np.linalg.norm(reference - place)), 1e-9)
+    size = spread_mm * UNITS_PER_MM
+    return view.add_arrows(
+        name,
+        (np.stack([place, place + toward * 0.22 * spread_mm])[None] * UNITS_PER_MM).astype(np.float32),
+        colour,
+        shaft_radius=0.006 * size,
+        head_radius=0.018 * size,
+        head_length=0.05 * size,
+    )
+
+
+def plain(text: str) -> str:
+    """Return a text for Markdown: every sign that it, its links or HTML could take for its own is escaped."""
+    return re.sub(r"([\\`*_{}\[\]()<>#+\-.!|~&:/@=$^])", r"\\\1", " ".join(text.split()))
+
+
+def code(text: str) -> str:
+    """Return a text as a code span of Markdown, in more backticks than it holds in a row."""
+    inside = " ".join(text.split())
+    fence = "`" * (1 + max((len(run) for run in re.findall("`+", inside)), default=0))
+    padded = f" {inside} " if "`" in inside else inside
+    return f"{fence}{padded}{fence}"
+
+
+def met_in_plane(origin: ArrayLike, direction: ArrayLike) -> NDArray[np.float64] | None:
+    """Return (x, y), where a ray meets the plane z = 0; None where it runs along or away from it."""
+    origin, direction = np.asarray(origin, np.float64), np.asarray(direction, np.float64)
+    if abs(direction[2]) < 1e-12 or -origin[2] / direction[2] <= 0:
+        return None
+    return (origin - origin[2] / direction[2] * direction)[:2]
