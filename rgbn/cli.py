@@ -6,8 +6,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from experiments.datasets.dataset_command import dataset
-from experiments.sweeps.sweep_command import sweep
+from experiments.commands import dataset, sweep
 from lab.progress import say
 from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
 from lab.streams import check_words, open_streams

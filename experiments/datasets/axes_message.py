@@ -21,14 +21,8 @@ _WORDS = {
 def lights_fault(turn: Array, given: float, best: float, *, certain: bool, normals_name: str) -> str:
     """Return what to say of light directions that `turn` (3, 3) mends.
 
-    Parameters
-    ----------
-    turn : (3, 3) float64
-    given, best : float
-        Agreement of the photographs with Lambert's law, as given and mended.
-    certain : bool
-        The normals tell that it is not they.
-    normals_name : str
+    given, best: agreement of the photographs with Lambert's law, as given and mended. certain: the normals tell that it
+    is not they.
     """
     words = _what(turn)
     if words == "all three point the other way":

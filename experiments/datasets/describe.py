@@ -3,8 +3,8 @@
 from dataclasses import asdict
 from typing import Any
 
-from experiments.datasets.catalogue import Dataset
-from experiments.datasets.dataset_scene import Stack
+from experiments.photographs import Photographs
+from experiments.recipe import Dataset
 
 _README = """# {name}
 
@@ -46,16 +46,8 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 """
 
 
-def readme(dataset: Dataset, stack: Stack, facts: dict[str, Any]) -> str:
-    """Return the text of README.md.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    stack : Stack
-    facts : dict
-        Further figures, by what they are.
-    """
+def readme(dataset: Dataset, stack: Photographs, facts: dict[str, Any]) -> str:
+    """Return the text of README.md; facts: further figures, by what they are."""
     camera, lights = stack.camera, stack.lights
     kind = "near: each has a position" if lights.positions_mm is not None else "distant"
     facts = {
@@ -83,7 +75,7 @@ def _rows(facts: dict[str, Any]) -> str:
     return "\n".join(f"| {key} | {value} |" for key, value in facts.items())
 
 
-def _camera_text(stack: Stack) -> str:
+def _camera_text(stack: Photographs) -> str:
     camera, middle = stack.camera, stack.lights.reference_point_mm
     return (
         f"\nThe camera: perspective, focal length {camera.fx:.2f} px, principal point "
@@ -92,7 +84,7 @@ def _camera_text(stack: Stack) -> str:
     )
 
 
-def session_toml(dataset: Dataset, stack: Stack) -> str:
+def session_toml(dataset: Dataset, stack: Photographs) -> str:
     """Return the text of session.toml, by which rgbn knows the camera and near lights."""
     camera = stack.camera
     files = "".join(f'  "{name}.png",\n' for name in stack.frames.names)

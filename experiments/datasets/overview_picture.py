@@ -4,14 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.pictures import PAPER, Box, Exposure, normal_picture, shrink, thumbnail
-from experiments.datasets.dataset_scene import Stack
+from experiments.photographs import Photographs
 from twin.ground_truth import lights_of
 
 TILE, COLUMNS, SHOWN, GAP = 160, 6, 12, 4
 CAPTION = 18
 
 
-def preview(stack: Stack) -> NDArray[np.uint8]:
+def preview(stack: Photographs) -> NDArray[np.uint8]:
     """Return (h, w, 3) uint8: twelve frames, evenly chosen, then normals, albedo, height and shadows, each named."""
     frames, truth, count = stack.frames, stack.truth, len(stack.lights)
     box, exposure = Box.of_mask(truth.mask, margin=0.06), Exposure.for_frames(frames)

@@ -2,31 +2,16 @@
 
 from html import escape
 from pathlib import Path
-from typing import Any
 
-from scene.files import write_text, write_whole
+from experiments.tables import DATASETS, Rows, write_table
+from scene.files import write_text
 
-COLUMNS = {
-    "dataset": "string", "family": "string", "method": "string", "profile": "string", "status": "string",
-    "mean_deg": "float64", "median_deg": "float64", "min_deg": "float64", "max_deg": "float64", "std_deg": "float64",
-    "q1_deg": "float64", "q3_deg": "float64", "under_5_deg": "float64", "under_10_deg": "float64", "pixels": "int64",
-    "unanswered": "float64", "seconds": "float64", "doubts": "string",
-}  # fmt: skip
-"""Of results.parquet."""
 FAILED = "failed"
-Rows = list[dict[str, Any]]
 
 
 def write_results(folder: Path, rows: Rows) -> None:
     """Write results.parquet, results.txt and index.html."""
-    import pyarrow
-    from pyarrow import parquet
-
-    schema = pyarrow.schema([(name, getattr(pyarrow, kind)()) for name, kind in COLUMNS.items()])
-    sink = pyarrow.BufferOutputStream()
-    parquet.write_table(pyarrow.Table.from_pylist(rows, schema=schema), sink)
-    with write_whole(folder / "results.parquet") as file:
-        file.write(sink.getvalue())
+    write_table(folder / "results.parquet", rows, DATASETS)
     write_text(folder / "results.txt", results_text(rows))
     write_text(folder / "index.html", _page(rows))
 

@@ -1,6 +1,6 @@
 """`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept, and not made again."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ import numpy as np
 
 from experiments.datasets.results import write_results
 from experiments.datasets.shelf import Entry, contents_of, entries
+from experiments.tables import Row, Rows
 from lab.progress import say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
@@ -25,8 +26,8 @@ def run(
     profile: str = "default",
     external: tuple[list[str], float] = ([], 3600.0),
     out: Path,
-) -> list[dict[str, Any]]:
-    """Run methods on datasets, as far as their results are not there yet, and write the tables.
+) -> Rows:
+    """Run methods on datasets, as far as their results are not there yet, write the tables, and return the rows.
 
     Parameters
     ----------
@@ -38,11 +39,6 @@ def run(
     out : Path
         Gets results.parquet, results.txt, index.html; results/ keeps each result, work/ what programs said.
 
-    Returns
-    -------
-    rows : list of dict
-        Of results.parquet.
-
     Raises
     ------
     SceneError
@@ -51,32 +47,31 @@ def run(
     from lab.run import methods_of
     from solve.external import External
 
-    methods_of(method, profile)
     programs = {one.name: one for one in (External.parse(text, external[1]) for text in external[0])}
-    names = [*dict.fromkeys(word.strip() for word in method.split(",") if word.strip()), *programs]
-    wanted = _wanted(shelf, patterns)
-    rows = []
+    names = [*methods_of(method, profile), *programs]
+    wanted, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
+    ours = {"method": method, "profile": profile, "external": external}
     with open_record(out) as record:
         for number, entry in enumerate(wanted, 1):
-            digest = contents_of(shelf, entry)
-            keys = {name: _key(digest, name, profile, programs) for name in names}
-            missing = [name for name in names if not record.is_intact(_place(out, keys[name]))]
-            made = {}
+            digest, kept = contents_of(shelf, entry), {}
+            for name in names:
+                how = (programs[name].command, programs[name].files) if name in programs else profile
+                kept[name] = out / "results" / f"{fingerprint(digest, name, how, code=code)[:24]}.json"
+            made, missing = {}, [name for name in names if not record.is_intact(kept[name])]
             if missing:
                 say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
-                for name, row in _solve(out, entry, missing, method, profile, external):
+                for name, row in _solve(out, entry, missing, ours):
                     made[name] = row
                     if row["status"] == "ok":
-                        write_json(_place(out, keys[name]), row)
+                        write_json(kept[name], row)
             for name in names:
-                row = made.get(name) or json_of(_place(out, keys[name]))
-                rows.append({"dataset": entry.name, "family": entry.family, **row})
+                rows.append({"dataset": entry.name, "family": entry.family, **(made.get(name) or json_of(kept[name]))})
         write_results(out, rows)
     return rows
 
 
 def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
-    from experiments.datasets.catalogue import chosen
+    from experiments.catalogue import chosen
 
     known = entries(shelf)
     there = [one for one in known if one.state]
@@ -95,34 +90,19 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
     return there
 
 
-def _key(digest: str, name: str, profile: str, programs: dict[str, Any]) -> str:
-    program = programs.get(name)
-    how = profile if program is None else (program.command, program.files)
-    return fingerprint(digest, name, how, code=code_fingerprint(__name__))[:24]
-
-
-def _place(out: Path, key: str) -> Path:
-    return out / "results" / f"{key}.json"
-
-
-def _solve(
-    out: Path, entry: Entry, names: list[str], method: str, profile: str, external: tuple[list[str], float]
-) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield the rows of some methods on one dataset, each as soon as it is made."""
+def _solve(out: Path, entry: Entry, names: list[str], how: dict[str, Any]) -> Iterator[tuple[str, Row]]:
+    """Yield the rows of some methods on one dataset, each as soon as it is made; how: as `open_job` has it."""
     from lab.plan import STEPS
     from lab.run import open_job
-    from lab.steps import solve_all
 
-    folder = out / "work" / entry.name
-    how: dict[str, Any] = {"method": method, "profile": profile, "external": external}
-    left = list(names)
+    profile, left = how["profile"], list(names)
     try:
-        with open_job(entry.folder, out=folder, **how) as job:
+        with open_job(entry.folder, out=out / "work" / entry.name, **how) as job:
             try:
                 job.run(STEPS, "align")
                 while left:
-                    one: Callable = lambda name=left[0]: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
-                    row = _row(left[0], profile if left[0] not in job.externals else "", job.store, one)
+                    one = replace(job, methods=(left[0],))
+                    row = _row(left[0], "" if left[0] in job.externals else profile, one, entry.name)
                     yield left.pop(0), row
             finally:
                 # The frames: half a gigabyte for a hundred datasets; made again in a second.
@@ -132,12 +112,14 @@ def _solve(
             yield name, _failed(name, profile, error)
 
 
-def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:
+def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
     from compare.statistics.statistics import angular_statistics
+    from lab.steps import solve_all
     from scene.normals import angular_error_deg
 
+    store = job.store
     try:
-        table, _ = work()
+        table, _ = solve_all(job, store, dataset)
     except SceneError as error:
         return _failed(name, profile, error)
     mask, truth = store.load_mask(), store.load_normals("truth")
@@ -155,5 +137,5 @@ def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:
     }
 
 
-def _failed(name: str, profile: str, error: Exception) -> dict[str, Any]:
+def _failed(name: str, profile: str, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
