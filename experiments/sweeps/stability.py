@@ -115,10 +115,10 @@ def foretold(row: Row) -> bool:
 
 def strips(rows: Rows) -> list[Strip]:
     """Return every method and profile over every experiment, in the rows' order."""
-    found = []
-    for key, group in grouped([row for row in rows if not has_failed(row)], "experiment", "solver", "profile").items():
+    good, found = [row for row in rows if not has_failed(row)], []
+    for (experiment, solver, profile), group in grouped(good, "experiment", "solver", "profile").items():
         levels = grouped(group, "level")
-        found.append(Strip(*key, tuple(_level(levels[place]) for place in sorted(levels))))
+        found.append(Strip(experiment, solver, profile, tuple(_level(levels[place]) for place in sorted(levels))))
     return found
 
 
@@ -135,17 +135,17 @@ def _level(rows: Rows) -> Level:
 def tolerances(perturbed: Rows) -> list[Tolerance]:
     """Return the perturbations that each method and profile bears."""
     found = []
-    for key, rows in grouped(perturbed, "experiment", "solver", "profile").items():
+    for (name, solver, profile), rows in grouped(perturbed, "experiment", "solver", "profile").items():
         failed = sum(map(has_failed, rows))
         tried = [row for row in rows if row["status"] != "not told" and not has_failed(row)]
         strengths = [np.inf if row["breaks_at"] is None else row["breaks_at"] for row in tried]
         quartiles = [float(np.quantile(strengths, q, method="higher")) for q in (0.25, 0.5, 0.75)] if tried else []
-        low, middle, high = [_finite(one) for one in quartiles] or [None] * 3
+        low, middle, high = map(_finite, quartiles) if tried else (None, None, None)
         broken = [row for row in tried if row["breaks_at"] is not None] if middle is not None else []
         # An estimate that was refused has no error to look at.
         how = _mostly("no answer" if row.get("median_deg") is None else kind_of(row) for row in broken)
         said = _mostly_true(row.get("median_deg") is None or foretold(row) for row in broken)
-        found.append(Tolerance(*key, middle, low, high, len(tried), failed, how, said))
+        found.append(Tolerance(name, solver, profile, middle, low, high, len(tried), failed, how, said))
     return found
 
 
@@ -167,7 +167,7 @@ def candour(rows: Rows) -> list[Row]:
     """Return, by method and profile, how many cells are broken, how many of those it doubted, and of the others."""
     found = []
     for (solver, profile), group in grouped(rows, "solver", "profile").items():
-        one = dict.fromkeys(("broken", "broken_doubted", "whole", "whole_doubted", "failed"), 0)
+        one: dict[str, int] = dict.fromkeys(("broken", "broken_doubted", "whole", "whole_doubted", "failed"), 0)
         for row in group:
             if has_failed(row):
                 one["failed"] += 1

@@ -27,7 +27,7 @@ def statistics(rows: Rows) -> Statistics:
     for (experiment, solver, profile), group in grouped(rows, "experiment", "solver", "profile").items():
         good = [row for row in group if row["status"] == "ok"]
         errors, failed = np.array([row["mean_deg"] for row in good], float), sum(map(has_failed, group))
-        numbers = {"cells": len(good), "no_answer": len(group) - len(good) - failed, "failed": failed}
+        numbers: dict[str, float] = {"cells": len(good), "no_answer": len(group) - len(good) - failed, "failed": failed}
         if good:
             numbers |= {name: float(getattr(np, name)(errors)) for name in STATISTICS}
             numbers["unanswered"] = float(np.mean([row["unanswered"] for row in good]))
