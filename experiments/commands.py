@@ -162,7 +162,7 @@ def run(
     out: Annotated[Path, Parameter(help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
     """Solve datasets of the shelf by methods and other programs: a table of angular errors."""
-    from experiments.datasets.results import results_text
+    from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
 
     external = (command or [], timeout_s)

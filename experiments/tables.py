@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from numpy.typing import NDArray
+
 from scene.files import write_whole
 
 Row = dict[str, Any]
@@ -61,3 +63,16 @@ def grouped(rows: Rows, *names: str) -> dict[tuple[Any, ...], Rows]:
 def has_failed(row: Row) -> bool:
     """Tell whether a row is without a result by a fault of ours, and not by the method's own word."""
     return str(row["status"]).startswith("failed")
+
+
+def errors_of(normals: NDArray, truth: NDArray, silent: str) -> Row:
+    """Return the columns of `ERRORS`, and `unanswered`, of normals (P, 3) judged by the truth (P, 3).
+
+    silent: what the status begins with where no pixel has a normal.
+    """
+    from compare.statistics.statistics import angular_statistics
+    from scene.normals import angular_error_deg
+
+    numbers = angular_statistics(angular_error_deg(normals, truth))
+    status = "ok" if numbers["pixels"] else f"{silent}: no pixel has a normal"
+    return {"status": status, **numbers, "unanswered": 1 - int(numbers["pixels"]) / max(len(truth), 1)}

@@ -13,7 +13,7 @@ from datetime import datetime, timedelta
 import numpy as np
 
 from experiments.catalogue import SOLVERS
-from experiments.counterparts.compared_side import VIRTUAL
+from experiments.counterparts.compare_folders import VIRTUAL
 from experiments.photographs import LAB_SAMPLES, Images, object_maps, photograph_lab, photograph_object
 from experiments.recipe import Setup
 from experiments.scenes import BALLS, CAMERA, lab_scene, object_scene
@@ -30,18 +30,11 @@ _FIRST_SHOT = datetime(2000, 1, 1, 12, 0)
 
 
 def write_capture(folder: Store, setup: Setup, name: str, balls: Sequence[Sphere] = ()) -> None:
-    """Photograph a setup, and write it as a session's folder.
+    """Photograph a setup, and write it as a session's folder; its name begins with `virtual`.
 
-    Parameters
-    ----------
-    folder : Store
-        Gets session.toml (last), raw/flash_NNN.dng, mask.png, truth.npy and virtual.json, which says that no camera
-        was there.
-    setup : Setup
-    name : str
-        The session's; begins with `virtual`.
-    balls : sequence of Sphere
-        Where another session found them: camera and balls stand still. Without, each session finds its own.
+    The folder gets session.toml (last), raw/flash_NNN.dng, mask.png, truth.npy and virtual.json, which says that no
+    camera was there. balls: where another session found them, for camera and balls stand still. Without, each session
+    finds its own.
     """
     from twin.camera.virtual_photograph import write_photograph
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets.axes_message import lights_fault, normals_fault
 from experiments.datasets.checked_photographs import read_samples
 from experiments.datasets.layout import TABLES, Layout, mask_faults, read_layout
+from solve.axes import Axes
 from solve.convention import FLOOR, Claim, Convention, infer_convention
 
 Array = NDArray[np.float64]
@@ -16,7 +16,17 @@ LEAST_LIGHTS = 3
 _SPREAD, _CLEARLY_LESS = 0.1, 0.4
 _OFF, _OFF_MADS = 0.35, 6.0
 _FEW = 0.2
-_NAMED = 5
+
+WORDS = {
+    "(-x, y, z)": "x points left",
+    "(x, -y, z)": "y points down",
+    "(x, y, -z)": "z points away from the viewer",
+    "(x, -y, -z)": "y points down and z away from the viewer (OpenCV's frame)",
+    "(-x, -y, z)": "x points left and y down",
+    "(-x, y, -z)": "x points left and z away from the viewer",
+    "(-x, -y, -z)": "all three point the other way",
+    "(y, x, z)": "x and y are swapped",
+}
 
 
 @dataclass
@@ -89,11 +99,10 @@ def _tell_rows(found: Layout, proved: Convention) -> None:
     wrong, best = proved.misplaced, proved.rows.argmax(1)
     if not len(wrong):
         return
-    shown = ", ".join(f"{found.files[i]} that of row {best[i] + 1}" for i in wrong[:_NAMED])
-    more = f" and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
+    shown = _first([f"{found.files[i]} that of row {best[i] + 1}" for i in wrong])
     found.faults.append(
         f"filenames.txt: {len(wrong)} of {len(best)} photographs show another light than their row of {TABLES[0]}: "
-        f"{shown}{more}. Put both in one order."
+        f"{shown}. Put both in one order."
     )
 
 
@@ -126,10 +135,9 @@ def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
     }
     words, least = min(((text, float(np.std(seen - other))) for text, other in others.items()), key=lambda one: one[1])
     if len(off) <= _FEW * len(ratio) + 1 and len(off):
-        shown = ", ".join(f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off[:_NAMED])
-        more = f" and {len(off) - _NAMED} more" if len(off) > _NAMED else ""
+        shown = _first([f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off])
         found.faults.append(
-            f"{name}: the photographs show other intensities than given: {shown}{more} (1 is right). Measure them "
+            f"{name}: the photographs show other intensities than given: {shown} (1 is right). Measure them "
             "again, or take the photographs off the lists."
         )
     elif spread > _SPREAD and least < _CLEARLY_LESS * spread:
@@ -140,3 +148,52 @@ def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
             f"expected under {_OFF:.0%}). Measure the intensities again."
         )
     return spread
+
+
+def lights_fault(turn: Array, given: float, best: float, *, certain: bool, normals_name: str) -> str:
+    """Return what to say of light directions that `turn` (3, 3) mends.
+
+    given, best: agreement of the photographs with Lambert's law, as given and mended. certain: the normals tell that it
+    is not they.
+    """
+    words = _what(turn)
+    if words == "all three point the other way":
+        words = "they go from the light to the surface"
+    or_else = "" if certain and not _is_half_turn(turn) else (
+        f" Or {normals_name} is in other axes: the photographs tell that the two differ."
+    )  # fmt: skip
+    return (
+        f"light_directions.txt: {words}; expected x right, y up, z toward the viewer, from the surface to the light "
+        f"(agreement {given:.2f}, put right {best:.2f}). {_do(turn, 'columns')}{or_else}"
+    )
+
+
+def normals_fault(name: str, turn: Array, given: float, best: float) -> str:
+    """Return what to say of a normal map that `turn` (3, 3) mends."""
+    return (
+        f"{name}: {_what(turn)}; expected x right, y up, z toward the viewer (by the map's own slopes and rim; "
+        f"agreement {given:.2f}, put right {best:.2f}). {_do(turn, 'components')}"
+    )
+
+
+def _what(turn: Array) -> str:
+    return WORDS.get(str(Axes(turn)), "the axes are permuted")
+
+
+def _do(turn: Array, things: str) -> str:
+    flips = [axis for axis in range(3) if turn[axis, axis] == -1]
+    if np.count_nonzero(np.diag(turn)) == 3:
+        if len(flips) == 3:
+            return f"Change the sign of all {things}."
+        which = " and ".join(("first", "second", "third")[axis] for axis in flips)
+        return f"Change the sign of the {which} of the {things}."
+    return f"Of {things} (x, y, z) write {Axes(turn)}."
+
+
+def _is_half_turn(turn: Array) -> bool:
+    """Whether x and y change sign, which a hollow looks like."""
+    return np.array_equal(turn, np.diag([-1.0, -1.0, 1.0]))
+
+
+def _first(words: list[str]) -> str:
+    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")

@@ -18,18 +18,8 @@ from scene.record import Record
 def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = None) -> list[Path]:
     """Make the datasets that are not on the shelf yet, or not by this recipe and code; return all of their folders.
 
-    Parameters
-    ----------
-    shelf : Path
-        Each becomes a folder of its name in there; what counts as made is whole.
-    datasets : sequence of Dataset
-    processes : int, optional
-        Default: one a core.
-
-    Raises
-    ------
-    SceneError
-        What could not be made, and why, after all others have been; or a folder of that name that rgbn did not make.
+    Each becomes a folder of its name; what counts as made is whole. SceneError: what could not be made, and why, after
+    all others have been; or a folder of that name that rgbn did not make.
     """
     with open_record(shelf) as record:
         for one in datasets:

@@ -55,24 +55,10 @@ def _state(record: Record | None, dataset) -> str:
 
 
 def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", link: bool = False) -> Entry:
-    """Check a dataset, and put it on the shelf.
+    """Check a dataset in the DiLiGenT layout, and put it on the shelf, by default under its folder's name.
 
-    Parameters
-    ----------
-    shelf : Path
-    folder : Path
-        In the DiLiGenT layout.
-    name : str, optional
-        Default: the folder's.
-    text : str
-        What it is, in a line.
-    link : bool
-        Leave the files where they are and remember their checksums; else they are copied.
-
-    Raises
-    ------
-    SceneError
-        It does not pass the check, or the name is taken.
+    text: what it is, in a line. link: leave the files where they are and remember their checksums; else they are
+    copied. SceneError: it does not pass the check, or the name is taken.
     """
     verdict = check_dataset(folder)
     if verdict.faults:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.datasets.checksums import write_checksums
-from experiments.datasets.describe import readme, session_toml
+from experiments.datasets.describe import preview, readme, session_toml
 from experiments.photographs import Photographs, photograph_dataset
 from experiments.recipe import Dataset
 from scene.current import code_fingerprint, fingerprint
@@ -38,7 +38,6 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     RenderError
         The scene cannot be rendered here.
     """
-    from experiments.datasets.overview_picture import preview
     from scene.files import write_json, write_png, write_text, write_whole
     from scene.normals import encode_normals
     from scene.store import Store

@@ -13,6 +13,7 @@ import numpy as np
 from compare.statistics.error_kinds import error_kinds
 from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
+from experiments.tables import errors_of
 from scene.current import code_fingerprint
 from scene.errors import SceneError
 from solve.solve import UNCALIBRATED, solve
@@ -107,21 +108,15 @@ def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:
     nothing of the method. albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that
     is not told the lights finds albedo up to a factor: the one that makes the median right is put in.
     """
-    from compare.statistics.statistics import angular_statistics
-    from scene.normals import angular_error_deg
-
     p = photographs
-    numbers = angular_statistics(angular_error_deg(estimate.normals, p.normals)[p.mask])
     ratio = estimate.albedo[p.mask].astype(np.float64) / p.albedo[p.mask].astype(np.float64)
     known = ratio[np.isfinite(ratio)]
     if method in UNCALIBRATED and known.size and np.median(known) > 0:
         known = known / np.median(known)
     return {
-        "status": "ok" if numbers["pixels"] else "no answer: no pixel has a normal",
-        **numbers,
+        **errors_of(estimate.normals[p.mask], p.normals[p.mask], "no answer"),
         **error_kinds(estimate.normals[p.mask], p.normals[p.mask]),
         "albedo_error_percent": 100 * float(np.mean(np.abs(known - 1))) if known.size else None,
-        "unanswered": 1 - int(numbers["pixels"]) / int(p.mask.sum()),
         "frames": len(p.frames),
         "doubts": " ".join(estimate.warnings),
     }

@@ -35,25 +35,9 @@ def sweep(
 ) -> Path:
     """Run experiments, as far as their cells are not there yet; return the folder of the tables and the page.
 
-    Parameters
-    ----------
-    wanted : str
-        Names of experiments, with commas, or all.
-    out : Path, optional
-        Default: out/sweeps.
-    quick : bool
-        A first look: fewer levels, one shape, one draw, small pictures.
-    method : str
-        Solvers, with commas.
-    scheduler : str, optional
-        Address of a Dask scheduler; default: processes here.
-    processes : int, optional
-        Default: one a core.
-
-    Raises
-    ------
-    SceneError
-        Unknown experiment or method, no cluster, a full disk, a folder in use.
+    wanted: names with commas, or all. quick: a first look, with fewer levels, one shape, one draw, small pictures.
+    method: solvers with commas. scheduler: address of a Dask scheduler; default: processes here, one a core.
+    SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
     """
     experiments, methods = experiments_of(wanted), methods_of(method, "seed")
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]

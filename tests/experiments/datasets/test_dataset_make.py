@@ -188,7 +188,7 @@ def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
     marked = set(sources("experiments.datasets.write"))
     # The catalogue names recipes, which the mark holds themselves.
     assert house - marked == {ROOT / "experiments/catalogue.py"}
-    assert ROOT / "experiments/datasets/overview_picture.py" in house & marked
+    assert ROOT / "experiments/datasets/describe.py" in house & marked
 
 
 def test_an_unknown_name_makes_nothing(tmp_path):
