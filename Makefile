@@ -5,7 +5,7 @@ READY := .venv/.ready
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TEST = $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: setup lock demo test test-all test-latest lint check clean
+.PHONY: setup lock demo test test-all test-full test-latest lint check clean
 
 setup: $(READY)
 
@@ -18,6 +18,8 @@ $(READY): pyproject.toml requirements.lock
 	@echo "installing Python packages into .venv (a minute or two)"
 	@$(PIP) --require-hashes --requirement requirements.lock
 	@$(PIP) --no-deps --no-build-isolation --editable .
+	@echo "compiling the kernels (a minute or two)"
+	@$(BIN)/python -m rgbn.compile_kernels
 	@touch $(READY)
 
 # The newest versions that pyproject.toml allows, for every Python and system that it allows, with their hashes.
@@ -34,9 +36,12 @@ test: setup
 	@$(PYTHON) rgbn/system_libraries.py --browser
 	$(TEST) -m "not full"
 
-# As well as what would take `make test` beyond twenty minutes on two cores.
-test-all: setup
-	$(TEST)
+# As well as what would take `make test` beyond five minutes on two cores.
+test-all: test
+	@$(MAKE) --no-print-directory test-full
+
+test-full: setup
+	$(TEST) -m full
 
 # Weekly: the tests of `make test` with the newest versions that pyproject.toml allows. Where they pass, `make lock`.
 test-latest: BIN := .venv-latest/bin

@@ -58,6 +58,7 @@ class Outcome:
 
 def run(taken: Taken) -> Outcome:
     """Write a session, take it as far as least squares, and compare with the truth what is there."""
+    from lab.options import Solving
     from lab.plan import STEPS
     from lab.run import open_job
 
@@ -66,7 +67,7 @@ def run(taken: Taken) -> Outcome:
         folder, out = Path(scratch) / "session", Path(scratch) / "out"
         write(taken, folder)
         try:
-            with contextlib.redirect_stderr(io.StringIO()), open_job(folder, out=out, method="ls") as job:
+            with contextlib.redirect_stderr(io.StringIO()), open_job(folder, out=out, solving=Solving("ls")) as job:
                 try:
                     job.run(STEPS, "solve")
                 finally:

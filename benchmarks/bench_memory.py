@@ -39,9 +39,9 @@ def run(session: Path, out: Path, *, limit_gb: float = 0.0, error: float | None 
     error : float or None
         Of the twin's rendering, relative.
     """
+    from lab.options import TwinSettings
     from lab.plan import STEPS
     from lab.run import run_session
-    from lab.twin_settings import TwinSettings
 
     if limit_gb:
         most = int(limit_gb * 1e9)
@@ -68,7 +68,7 @@ def run(session: Path, out: Path, *, limit_gb: float = 0.0, error: float | None 
     STEPS.update({name: replace(step, work=watched(name, step.work)) for name, step in was.items()})
     try:
         begun = time.perf_counter(), time.process_time()
-        run_session(session, "compare", out=out, json=True, twin=TwinSettings(error=error))
+        run_session(session, "compare", out=out, twin=TwinSettings(error=error))
     finally:
         STEPS.update(was)
         watch.stop()

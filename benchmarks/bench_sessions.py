@@ -38,8 +38,8 @@ ROWS = (
 def measure(folder: Path) -> tuple[dict, float, float]:
     """Process one session in an empty folder; return its summary, and the command's seconds and processor seconds."""
     code = (
-        "import sys; from pathlib import Path; from rgbn.cli import run_session; "
-        "run_session(Path(sys.argv[1]), 'compare', out=Path(sys.argv[2]), json=True, truth=Path(sys.argv[1]))"
+        "import json, sys, rgbn; "
+        "print(json.dumps(rgbn.open(sys.argv[1], out=sys.argv[2], truth=sys.argv[1]).process().summary))"
     )
     with tempfile.TemporaryDirectory() as out:
         start, before = time.perf_counter(), os.times()

@@ -164,8 +164,9 @@ def run(
     """Solve datasets of the shelf by methods and other programs: a table of angular errors."""
     from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
+    from lab.options import Solving
 
-    external = (command or [], timeout_s)
-    rows = run_methods(shelf, on or [], method=method, profile=profile, external=external, out=out)
+    solving = Solving(method, profile, tuple(command or ()), timeout_s)
+    rows = run_methods(shelf, on or [], solving=solving, out=out)
     print(results_text(rows), end="")
     say(f"table: {out / 'index.html'}")

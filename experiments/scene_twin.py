@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from lab.options import TwinSettings
 from lab.progress import progress_bar, say
-from lab.twin_settings import TwinSettings
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json

@@ -7,8 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from lab.options import AS_GIVEN, TwinSettings
 from lab.progress import say
-from lab.twin_settings import AS_GIVEN, TwinSettings
 from scene.current import code_fingerprint, fingerprint
 from scene.files import plain
 from scene.mesh import Mesh

@@ -1,20 +1,15 @@
-"""A verb on a session: its output folder opened and locked, the steps run, what came out told."""
+"""A verb on a session: its output folder opened and locked, the steps run, the summary written."""
 
-import json as json_module
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from lab.twin_settings import AS_GIVEN, TwinSettings
-from scene.errors import SceneError
+from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
 
 if TYPE_CHECKING:
     from lab.job import Job
-    from solve.external import External
-
-DEFAULT_METHODS = "ls,iterative"
 
 
 def is_description(source: Path) -> bool:
@@ -27,9 +22,7 @@ def open_job(
     session_path: Path,
     *,
     out: Path | None = None,
-    method: str = DEFAULT_METHODS,
-    profile: str = "default",
-    external: tuple[list[str], float] = ([], 3600.0),
+    solving: Solving = BY_DEFAULT,
     scheduler: str | None = None,
     truth: Path | None = None,
     twin: TwinSettings = AS_GIVEN,
@@ -41,12 +34,8 @@ def open_job(
     session_path : Path
     out : Path, optional
         Output folder; out/NAME without.
-    method : str
-        Solvers, with commas.
-    profile : str
-        Of their settings: `default`, `seed`.
-    external : tuple
-        Other programs as methods, each NAME=COMMAND, and the seconds that each may take.
+    solving : Solving
+        Which methods, and how.
     scheduler : str, optional
         Address of a Dask scheduler.
     truth : Path, optional
@@ -65,7 +54,7 @@ def open_job(
     from scene.current import paths_in
     from scene.output_folder import open_record
 
-    methods, externals = methods_of(method, profile), _externals(*external)
+    methods, externals = solving.methods(), solving.programs()
     session = load_session(session_path)
     folder = out or Path("out") / session.name
     files = tuple(paths_in(session))
@@ -73,7 +62,7 @@ def open_job(
         open_record(folder, inputs=files, input_folders=[session.folder]) as record,
         executor_of(scheduler, record.scratch("cluster"), files) as executor,
     ):
-        yield Job(session, record, (*methods, *externals), executor, truth, profile, externals, twin=twin)
+        yield Job(session, record, (*methods, *externals), executor, truth, solving.profile, externals, twin)
 
 
 def run_session(
@@ -81,41 +70,38 @@ def run_session(
     wanted: str,
     *,
     out: Path | None = None,
-    method: str = DEFAULT_METHODS,
-    profile: str = "default",
-    external: tuple[list[str], float] = ([], 3600.0),
-    json: bool = False,
+    solving: Solving = BY_DEFAULT,
     scheduler: str | None = None,
     truth: Path | None = None,
     twin: TwinSettings = AS_GIVEN,
-) -> None:
-    """Run one verb with all that it needs, and tell what came out.
+    around: Callable[["Job"], AbstractContextManager] | None = None,
+) -> dict[str, Any]:
+    """Run one verb with all that it needs, and return the summary (summary.json).
 
     Parameters
     ----------
     wanted : str
         The last step to run, a key of `lab.plan.STEPS`.
-    json : bool
-        Print the summary as JSON, not as a table.
-    session_path, out, method, profile, external, scheduler, truth, twin
+    around : callable, optional
+        Takes the job and gives the context in which the steps run: what a verb checks before and makes after them.
+    session_path, out, solving, scheduler, truth, twin
         As in `open_job`.
     """
-    from lab.announce import tell
     from lab.plan import REPORTED, STEPS
     from lab.progress import say
     from lab.summary import write_summary
 
-    how = {"method": method, "profile": profile, "external": external, "scheduler": scheduler, "truth": truth}
-    with open_job(session_path, out=out, twin=twin, **how) as job:
+    with open_job(session_path, out=out, solving=solving, scheduler=scheduler, truth=truth, twin=twin) as job:
         arguments = {
             "up_to": wanted,
             "session": str(session_path),
             "methods": list(job.methods),
-            "profile": profile,
+            "profile": solving.profile,
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(twin),
         }
-        job.run(STEPS, wanted)
+        with around(job) if around else nullcontext():
+            job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
         if wanted == "compare":
             from compare.report.report import write_report
@@ -123,41 +109,4 @@ def run_session(
             with job.record.part_of(REPORTED):
                 page = write_report(job.store, summary)
             say(f"report: {page}")
-    if json:
-        print(json_module.dumps(summary, indent=1))
-    else:
-        tell(summary)
-
-
-def methods_of(text: str, profile: str) -> tuple[str, ...]:
-    """Return the methods that a command line names, with commas.
-
-    Raises
-    ------
-    SceneError
-        There is no such method, or it has no such profile.
-    """
-    from solve.solve import METHODS, settings_of
-
-    names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    unknown = [name for name in names if name not in METHODS]
-    if unknown or not names:
-        raise SceneError(
-            f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
-        )
-    for name in names:
-        settings_of(name, profile)
-    return names
-
-
-def _externals(texts: list[str], timeout_s: float) -> "dict[str, External]":
-    """Return the other programs by name."""
-    from solve.external import External
-
-    found: dict[str, External] = {}
-    for text in texts:
-        program = External.parse(text, timeout_s)
-        if program.name in found:
-            raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
-        found[program.name] = program
-    return found
+    return summary

@@ -1,5 +1,7 @@
 """`rgbn align --check`: the registration for MeshLab, its residuals before and after, and the cost around it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
@@ -11,6 +13,16 @@ from scene.files import write_json
 
 PLACE = ("align", "meshlab")
 """Of the MeshLab project, below the output folder."""
+
+
+@contextmanager
+def checked(job: Job, *, tell: bool) -> Iterator[None]:
+    """Check the registration that was made in the block, and print what was found where `tell` says so."""
+    yield
+    with job.record.part_of("align"):
+        found = check_alignment(job)
+    if tell:
+        tell_check(found)
 
 
 def check_alignment(job: Job) -> dict[str, Any]:

@@ -1,17 +1,19 @@
 """The command line: `rgbn VERB`."""
 
 import sys
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
 from experiments.commands import dataset, sweep
+from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
 from lab.progress import say
-from lab.run import DEFAULT_METHODS, is_description, open_job, run_session
+from lab.run import is_description, open_job, run_session
 from lab.streams import check_words, open_streams
-from lab.twin_settings import AS_GIVEN, TwinSettings
 from rgbn.exit_codes import end_by
+from rgbn.summary_table import tell
 from studio.studio_command import studio
 
 app = App(
@@ -27,28 +29,13 @@ app = App(
 
 Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
 Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
-Method = Annotated[
-    str,
-    Parameter(
-        help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, semicalibrated, "
-        "near, reflectance, ldr, entropy, tv."
-    ),
-]
-Profile = Annotated[
-    str, Parameter(help="Settings of the methods: default, or seed, the plain reading of the benchmark.")
-]
-External = Annotated[
-    list[str] | None,
-    Parameter(
-        help="Another program as a method, NAME=COMMAND: it reads {data}, the photographs in the DiLiGenT layout, and "
-        "writes a normal map into {out}. May be given again. See docs/learned-methods.md.",
-        negative="",
-        consume_multiple=False,
-    ),
-]
-ExternalTimeout = Annotated[float, Parameter(help="Seconds after which such a program is ended.")]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
+
+
+def _run(as_json: bool, session: Path, wanted: str, **how: Any) -> None:
+    """Run a verb on a session, and tell what came out."""
+    tell(run_session(session, wanted, **how), as_json)
 
 
 @app.command(sort_key=1)
@@ -57,17 +44,13 @@ def process(
     /,
     *,
     out: Out = None,
-    method: Method = DEFAULT_METHODS,
-    profile: Profile = "default",
-    external: External = None,
-    external_timeout_s: ExternalTimeout = 3600.0,
+    solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
-    run_session(session, "compare", out=out, json=json, scheduler=scheduler, **how)
+    _run(json, session, "compare", out=out, solving=solving, twin=twin, scheduler=scheduler)
 
 
 @app.command(sort_key=2)
@@ -76,13 +59,13 @@ def demo(*, out: Out = None, json: Json = False) -> None:
     from scene.rooms import ROOT
 
     folder = ROOT / "fixtures" / "bumpy"
-    run_session(folder, "compare", out=out or Path("out") / "demo", json=json, truth=folder)
+    _run(json, folder, "compare", out=out or Path("out") / "demo", truth=folder)
 
 
 @app.command(sort_key=3)
 def check(session: Session, /, *, out: Out = None, scheduler: Scheduler = None, json: Json = False) -> None:
     """Decode a capture and audit it: exposure, misfires, doubles, movement, clipping."""
-    run_session(session, "check", out=out, json=json, scheduler=scheduler)
+    _run(json, session, "check", out=out, scheduler=scheduler)
 
 
 @app.command(sort_key=4)
@@ -97,7 +80,7 @@ def calibrate(
     json: Json = False,
 ) -> None:
     """Find the balls, and from them each flash's direction, position and intensity."""
-    run_session(session, "self_test" if self_test else "calibrate", out=out, json=json)
+    _run(json, session, "self_test" if self_test else "calibrate", out=out)
 
 
 @app.command(sort_key=5)
@@ -116,17 +99,10 @@ def align(
     json: Json = False,
 ) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
-    if check:
-        from lab.plan import STEPS
-        from rgbn.align_check import check_alignment, tell_check
+    from rgbn.align_check import checked
 
-        with open_job(session, out=out) as job:
-            job.run(STEPS, "align")
-            with job.record.part_of("align"):
-                found = check_alignment(job)
-        if not json:
-            tell_check(found)
-    run_session(session, "align", out=out, json=json)
+    around = partial(checked, tell=not json) if check else None
+    _run(json, session, "align", out=out, around=around)
 
 
 @app.command(sort_key=6)
@@ -135,29 +111,16 @@ def solve(
     /,
     *,
     out: Out = None,
-    method: Method = DEFAULT_METHODS,
-    profile: Profile = "default",
-    external: External = None,
-    external_timeout_s: ExternalTimeout = 3600.0,
+    solving: Solving = BY_DEFAULT,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
-    others = (external or [], external_timeout_s)
-    if mesh:
-        from lab.plan import STEPS
-        from rgbn.surface_file import check_name, write_surface
+    from rgbn.surface_file import surface_written
 
-        check_name(mesh)
-        how = {"method": method, "profile": profile, "external": others, "scheduler": scheduler}
-        with open_job(session, out=out, **how) as job:
-            job.record.check_free(mesh)
-            job.run(STEPS, "solve")
-            write_surface(job, mesh)
-    run_session(
-        session, "solve", out=out, method=method, profile=profile, json=json, scheduler=scheduler, external=others
-    )
+    around = surface_written(mesh) if mesh else None
+    _run(json, session, "solve", out=out, solving=solving, scheduler=scheduler, around=around)
 
 
 @app.command(sort_key=7)
@@ -166,10 +129,7 @@ def twin(
     /,
     *,
     out: Out = None,
-    method: Method = DEFAULT_METHODS,
-    profile: Profile = "default",
-    external: External = None,
-    external_timeout_s: ExternalTimeout = 3600.0,
+    solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
     json: Json = False,
 ) -> None:
@@ -179,8 +139,7 @@ def twin(
 
         render_description(session, out, twin, json=json)
         return
-    how = {"method": method, "profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
-    run_session(session, "twin", out=out, json=json, **how)
+    _run(json, session, "twin", out=out, solving=solving, twin=twin)
 
 
 @app.command(sort_key=8)
@@ -192,12 +151,7 @@ def compare(
     /,
     *,
     out: Out = None,
-    method: Annotated[
-        str | None, Parameter(help="Methods, with commas. Default: ls,iterative; of two folders, all.")
-    ] = None,
-    profile: Profile = "default",
-    external: External = None,
-    external_timeout_s: ExternalTimeout = 3600.0,
+    solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
     json: Json = False,
 ) -> None:
@@ -205,10 +159,9 @@ def compare(
     if counterpart is not None:
         from experiments.counterparts.compare_folders import compare_folders
 
-        compare_folders(session, counterpart, out, methods=method, json=json)
+        compare_folders(session, counterpart, out, methods=solving.method, json=json)
         return
-    how = {"profile": profile, "external": (external or [], external_timeout_s), "twin": twin}
-    run_session(session, "compare", out=out, json=json, method=method or DEFAULT_METHODS, **how)
+    _run(json, session, "compare", out=out, solving=solving, twin=twin)
 
 
 @app.command(sort_key=9)

@@ -1,5 +1,7 @@
 """`rgbn solve --mesh`: the surface of one method, in a file."""
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +14,24 @@ UNKNOWN_MM = -1000.0
 """Where an object of unknown distance is put."""
 
 
-def check_name(path: Path) -> None:
-    """Raise SceneError unless a file name is that of a PLY: before an hour's work, not after."""
+def surface_written(path: Path) -> Callable[[Job], AbstractContextManager[None]]:
+    """Return what writes the surface that is solved in a block; name and place are checked before that, not after.
+
+    Raises
+    ------
+    SceneError
+        Not the name of a PLY; on entering the block: another's file stands there.
+    """
     if path.suffix.lower() != ".ply":
         raise SceneError(f"--mesh {path}: meshes are written as PLY; give a name that ends in .ply.")
+
+    @contextmanager
+    def written(job: Job) -> Iterator[None]:
+        job.record.check_free(path)
+        yield
+        write_surface(job, path)
+
+    return written
 
 
 def write_surface(job: Job, path: Path) -> None:

@@ -107,13 +107,14 @@ def _mark(setup: Setup) -> str:
 
 def process_capture(folder: Path, done: Path, setup: Setup, balls: Sequence[Sphere]) -> Path:
     """Photograph a setup into a session's folder, and process it into another; return that."""
+    from lab.options import Solving
     from lab.plan import STEPS
     from lab.run import open_job
     from lab.summary import write_summary
 
     store = Store(folder)
     write_capture(store, setup, folder.name, balls)
-    with open_job(folder, out=done, method=",".join(METHODS)) as job:
+    with open_job(folder, out=done, solving=Solving(",".join(METHODS))) as job:
         job.run(STEPS, "solve")
         write_summary(job, {"up_to": "solve", "session": folder.name, "methods": list(METHODS)})
     write_json(done / "virtual.json", store.read_json("virtual.json"))

@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments.datasets.shelf import Entry, contents_of, entries
 from experiments.tables import DATASETS, Row, Rows, errors_of, write_table
+from lab.options import BY_DEFAULT, Solving
 from lab.progress import say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
@@ -24,34 +25,28 @@ def run(
     shelf: Path,
     patterns: Sequence[str],
     *,
-    method: str,
-    profile: str = "default",
-    external: tuple[list[str], float] = ([], 3600.0),
+    solving: Solving = BY_DEFAULT,
     out: Path,
 ) -> Rows:
     """Run methods on datasets, as far as their results are not there yet, write the tables, and return the rows.
 
-    patterns: names of datasets that are on the shelf; none: all of them. method, profile, external: as
-    `lab.run.open_job` has them. out gets results.parquet, results.txt, index.html; results/ keeps each result, work/
-    what programs said. SceneError: no such dataset, method or program; a dataset that has changed.
+    patterns: names of datasets that are on the shelf; none: all of them. out gets results.parquet, results.txt,
+    index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or program; a
+    dataset that has changed.
     """
-    from lab.run import methods_of
-    from solve.external import External
-
-    programs = {one.name: one for one in (External.parse(text, external[1]) for text in external[0])}
-    names = [*methods_of(method, profile), *programs]
+    programs = solving.programs()
+    names = [*solving.methods(), *programs]
     wanted, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
-    ours = {"method": method, "profile": profile, "external": external}
     with open_record(out) as record:
         for number, entry in enumerate(wanted, 1):
             digest, kept = contents_of(shelf, entry), {}
             for name in names:
-                how = (programs[name].command, programs[name].files) if name in programs else profile
+                how = (programs[name].command, programs[name].files) if name in programs else solving.profile
                 kept[name] = out / "results" / f"{fingerprint(digest, name, how, code=code)[:24]}.json"
             made, missing = {}, [name for name in names if not record.is_intact(kept[name])]
             if missing:
                 say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
-                for name, row in _solve(out, entry, missing, ours):
+                for name, row in _solve(out, entry, missing, solving):
                     made[name] = row
                     if row["status"] == "ok":
                         write_json(kept[name], row)
@@ -81,26 +76,26 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
     return there
 
 
-def _solve(out: Path, entry: Entry, names: list[str], how: dict[str, Any]) -> Iterator[tuple[str, Row]]:
-    """Yield the rows of some methods on one dataset, each as soon as it is made; how: as `open_job` has it."""
+def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Iterator[tuple[str, Row]]:
+    """Yield the rows of some methods on one dataset, each as soon as it is made."""
     from lab.plan import STEPS
     from lab.run import open_job
 
-    profile, left = how["profile"], list(names)
+    left = list(names)
     try:
-        with open_job(entry.folder, out=out / "work" / entry.name, **how) as job:
+        with open_job(entry.folder, out=out / "work" / entry.name, solving=solving) as job:
             try:
                 job.run(STEPS, "align")
                 while left:
                     one = replace(job, methods=(left[0],))
-                    row = _row(left[0], "" if left[0] in job.externals else profile, one, entry.name)
+                    row = _row(left[0], "" if left[0] in job.externals else solving.profile, one, entry.name)
                     yield left.pop(0), row
             finally:
                 # The frames: half a gigabyte for a hundred datasets; made again in a second.
                 job.record.forget(["check"])
     except SceneError as error:
         for name in left:
-            yield name, _failed(name, profile, error)
+            yield name, _failed(name, solving.profile, error)
 
 
 def _row(name: str, profile: str, job: Any, dataset: str) -> Row:

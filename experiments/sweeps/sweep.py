@@ -14,8 +14,8 @@ from experiments.sweeps.cell import failed_rows, run_cell
 from experiments.sweeps.perturbation import PERTURBATIONS, perturbation_cells
 from experiments.tables import PERTURBED, RESULTS, SECONDS, Row, Rows, write_table
 from experiments.workers import Work, WorkerDied, run_all
+from lab.options import Solving
 from lab.progress import progress_bar, say
-from lab.run import methods_of
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
@@ -39,7 +39,7 @@ def sweep(
     method: solvers with commas. scheduler: address of a Dask scheduler; default: processes here, one a core.
     SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
     """
-    experiments, methods = experiments_of(wanted), methods_of(method, "seed")
+    experiments, methods = experiments_of(wanted), Solving(method, "seed").methods()
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
     names = "-".join(one.name for one in experiments)
     if len(experiments) == len(EXPERIMENTS):

@@ -113,7 +113,7 @@ def _as_lines(label: str) -> Iterator[Callable[[int, int], None]]:
 def main() -> int:
     """Render; return the exit code."""
     from experiments.scene_twin import render_description
-    from lab.twin_settings import AS_GIVEN
+    from lab.options import AS_GIVEN
     from scene.errors import SceneError
 
     description, out = map(Path, sys.argv[1:])

@@ -14,9 +14,9 @@ from benchmarks.own_memory import OwnMemory
 from fixtures.mesh_scene import random_scene
 from fixtures.mesh_shapes import blob, scan_of
 from lab.job import Job
+from lab.options import TwinSettings
 from lab.registration import median_or_none
 from lab.steps import compare, solve
-from lab.twin_settings import TwinSettings
 from lab.twin_step import twin
 from scene.frames import Frames
 from scene.lights import Lights

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from lab.twin_settings import AS_GIVEN, TwinSettings
+from lab.options import AS_GIVEN, TwinSettings
 from lab.twin_step import twin_scene
 from scene.camera import Camera
 from scene.files import write_npy

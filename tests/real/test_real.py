@@ -116,9 +116,9 @@ def test_a_session_with_known_truth_made_by_another_renderer(tmp_path):
     """
     session = SHARED / "sessions" / "bunny"
     code = (
-        "import sys; from pathlib import Path; from lab.run import run_session; "
-        "from lab.twin_settings import TwinSettings; run_session(Path(sys.argv[1]), 'compare', out=Path(sys.argv[2]), "
-        "json=True, truth=Path(sys.argv[1]), twin=TwinSettings(engine='direct'))"
+        "import json, sys, rgbn; from lab.options import TwinSettings; "
+        "run = rgbn.open(sys.argv[1], out=sys.argv[2], truth=sys.argv[1]); "
+        "print(json.dumps(run.process(twin=TwinSettings(engine='direct')).summary))"
     )
     run = subprocess.run([sys.executable, "-c", code, str(session), str(tmp_path)], capture_output=True, text=True)
     assert run.returncode == 0, run.stderr

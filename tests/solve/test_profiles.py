@@ -21,7 +21,7 @@ def fitted(module, samples, valid=None, profile="default"):
     directions = cap()
     zero = np.zeros_like(directions)
     valid = np.ones(samples.shape, bool) if valid is None else valid
-    settings = settings_of(module.__name__.removeprefix("solve."), profile)
+    settings = settings_of(module.__name__.rpartition(".")[2], profile)
     b, used = module.fit(
         samples.astype(np.float32),
         valid,

@@ -25,7 +25,7 @@ ARGUMENTS = [
 ]
 PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
-SHOTS = Path(__file__).parents[3] / "out" / "studio"
+SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
 VIEW = {"width": 1060, "height": 560}
 

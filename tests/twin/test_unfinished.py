@@ -69,7 +69,7 @@ VICTIM = f"""
 import sys, time
 from pathlib import Path
 from scene.store import Store
-from twin import layers, many
+from twin.engines import layers, many
 from twin.description.description_file import read_scene
 from twin.engines.render import render_scene, rendering_mark
 layers.VALUES_PER_BAND = {BAND}

@@ -14,6 +14,7 @@ from scipy.io import loadmat
 from experiments.datasets import run_methods as run_module
 from experiments.datasets.run_methods import grid, run
 from experiments.datasets.shelf import add, entries
+from lab.options import Solving
 from scene.errors import SceneError
 
 RGBN = [str(Path(sys.executable).parent / "rgbn"), "dataset"]
@@ -58,7 +59,7 @@ def test_copied_or_linked_it_is_listed_and_must_not_change(dented, tmp_path):
             add(shelf, dented, name=taken)
     picture = dented / "003.png"
     picture.write_bytes(picture.read_bytes() + b" ")
-    how = {"method": "ls", "out": tmp_path / "out"}
+    how = {"solving": Solving("ls"), "out": tmp_path / "out"}
     assert [row["status"] for row in run(shelf, ["dented"], **how)] == ["ok"]
     with pytest.raises(SceneError, match=r"003.png has changed, since it was put on the shelf"):
         run(shelf, ["by-link"], **how)
@@ -76,7 +77,7 @@ def test_a_dataset_with_a_recipe_of_its_own_is_listed_once(dented, tmp_path):
     (shelf / "by-hand" / "recipe.json").write_text("no json")
     found = [(one.name, one.state) for one in entries(shelf) if one.state]
     assert found == [("bread", "added"), ("pear-roughness-0.30-48px", "added")]
-    assert [row["status"] for row in run(shelf, [], method="ls", out=tmp_path / "out")] == ["ok", "ok"]
+    assert [row["status"] for row in run(shelf, [], solving=Solving("ls"), out=tmp_path / "out")] == ["ok", "ok"]
 
 
 @pytest.mark.parametrize("killed_at", ["experiments.datasets.shelf.write_json", "os.replace"])
@@ -91,7 +92,7 @@ def test_what_was_killed_while_it_was_added_can_be_added_again(dented, tmp_path,
             add(shelf, dented)
     add(shelf, dented)
     assert [one.name for one in entries(shelf) if one.state] == ["dented"]
-    assert [row["status"] for row in run(shelf, ["dented"], method="ls", out=tmp_path / "out")] == ["ok"]
+    assert [row["status"] for row in run(shelf, ["dented"], solving=Solving("ls"), out=tmp_path / "out")] == ["ok"]
 
 
 def test_a_stopped_run_keeps_the_methods_that_were_done(dented, tmp_path, monkeypatch):
@@ -107,8 +108,8 @@ def test_a_stopped_run_keeps_the_methods_that_were_done(dented, tmp_path, monkey
     row_of = run_module._row
     monkeypatch.setattr(run_module, "_row", counted)
     with pytest.raises(KeyboardInterrupt):
-        run(shelf, ["dented"], method="ls,iterative", out=tmp_path / "out")
-    rows = run(shelf, ["dented"], method="ls,iterative", out=tmp_path / "out")
+        run(shelf, ["dented"], solving=Solving("ls,iterative"), out=tmp_path / "out")
+    rows = run(shelf, ["dented"], solving=Solving("ls,iterative"), out=tmp_path / "out")
     assert asked == ["ls", "iterative", "iterative"]
     assert [(row["method"], row["status"]) for row in rows] == [("ls", "ok"), ("iterative", "ok")]
 
@@ -120,7 +121,7 @@ def test_a_program_that_was_changed_runs_again(dented, tmp_path):
     command = f"Fine={shlex.quote(sys.executable)} {program} {{data}} {{out}} {calls}"
 
     def mean_deg():
-        return run(shelf, [], method="ls", external=([command], 60.0), out=tmp_path / "out")[1]["mean_deg"]
+        return run(shelf, [], solving=Solving("ls", external=(command,)), out=tmp_path / "out")[1]["mean_deg"]
 
     program.write_text(PROGRAM)
     first, again = mean_deg(), mean_deg()
@@ -142,7 +143,19 @@ def test_programs_join_the_table_and_run_once(dented, tmp_path):
     words = [*RGBN, "run", command("fine"), "--shelf", str(shelf), "--out", str(out), "--method", "ls"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    rows = run(shelf, [], method="ls", external=([command("fine"), command("dented")], 60.0), out=out)
+    rows = run(
+        shelf,
+        [],
+        solving=Solving(
+            "ls",
+            external=(
+                command("fine"),
+                command("dented"),
+            ),
+            external_timeout_s=60.0,
+        ),
+        out=out,
+    )
     assert (calls / "log").read_text() == "xx", "the first program's result was kept"
     by_method = {row["method"]: row for row in rows}
     assert by_method["ls"]["status"] == by_method["Fine"]["status"] == "ok"

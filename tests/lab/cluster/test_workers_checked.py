@@ -23,7 +23,7 @@ def other_house(tmp_path):
     house = tmp_path / "house"
     for room in ROOMS:
         shutil.copytree(ROOT / room, house / room, ignore=shutil.ignore_patterns("__pycache__"))
-    file = house / "capture" / "develop.py"
+    file = house / "capture" / "photographs" / "develop.py"
     text = file.read_text()
     assert text.count("ascontiguousarray(codes)") == 1
     file.write_text(text.replace("ascontiguousarray(codes)", "ascontiguousarray(codes + 1)"))
@@ -88,7 +88,7 @@ def test_a_worker_whose_code_was_changed_after_it_had_loaded_it_is_refused(
     cluster.start_scheduler()
     cluster.start_worker(house=other_house)
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another")
-    shutil.copy(ROOT / "capture" / "develop.py", other_house / "capture" / "develop.py")
+    shutil.copy(ROOT / "capture" / "develop.py", other_house / "capture" / "photographs" / "develop.py")
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another", "start it again")
 
 

@@ -20,7 +20,7 @@ from studio.review.mirror import mirrored_px
 from twin.description.mesh_files import write_ply
 from twin.description.object_mesh import ObjectMesh, built_in
 
-FIXTURE = Path(__file__).parents[4] / "fixtures" / "bumpy"
+FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 CAMERA = Camera(160, 120, 220.0, 220.0, 78.0, 61.0)
 REFERENCE = np.array([4.0, -3.0, -800.0])
 WARNING = "flash_2: the white ball stands in shadow; look at the frame."

@@ -9,9 +9,9 @@ import pytest
 
 from capture.session.session import load_session
 from lab.job import Outcome
+from lab.options import Solving, TwinSettings
 from lab.plan import STEPS
 from lab.run import run_session
-from lab.twin_settings import TwinSettings
 from rgbn.cli import app
 from scene.errors import SceneError
 from studio.review import run_panel
@@ -22,7 +22,7 @@ from studio.review.run_panel import RunPanel
 from studio.review.steps_run import StepsRun, options_of
 from studio.workspace import Workspace
 
-FIXTURE = Path(__file__).parents[4] / "fixtures" / "bumpy"
+FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 def test_what_stops_the_steps_is_told(made):
@@ -51,11 +51,11 @@ def test_steps_are_run_as_they_were(tmp_path, monkeypatch):
     for name in list(STEPS):
         monkeypatch.setitem(STEPS, name, replace(step(name), needs=("solve", "twin") if name == "compare" else ()))
     monkeypatch.setattr("compare.report.report.write_report", lambda store, summary: None)
-    monkeypatch.setattr("lab.announce.tell", lambda summary: None)
+    monkeypatch.setattr("rgbn.cli.tell", lambda summary, as_json: None)
     how = {
-        "method": "sbl,ls",
-        "profile": "seed",
-        "external": (["Net=python net.py --data {data} --out '{out}'", "Other=x {data} {out}"], 60.0),
+        "solving": Solving(
+            "sbl,ls", "seed", ("Net=python net.py --data {data} --out '{out}'", "Other=x {data} {out}"), 60.0
+        ),
         "twin": TwinSettings("many", 0.035, True, True),
     }
     out = tmp_path / "out"

@@ -1,10 +1,14 @@
 """The end of a run, for people at a terminal: the figures and the warnings."""
 
+import json
 from typing import Any
 
 
-def tell(summary: dict[str, Any]) -> None:
-    """Print a session's figures as a table, with the warnings below."""
+def tell(summary: dict[str, Any], as_json: bool) -> None:
+    """Print a session's figures as JSON, or as a table with the warnings below."""
+    if as_json:
+        print(json.dumps(summary, indent=1))
+        return
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

@@ -1,0 +1,26 @@
+"""What `make test` may cost: a test that is not marked `full` has 5 processor seconds."""
+
+import os
+
+import pytest
+from numba.core.event import install_timer
+
+LIMIT_S = 5.0
+"""Of one test's own work, fixtures that it shares and compiling apart."""
+
+
+def processor_s():
+    """Return the seconds that this process and the programs that it waited for have computed."""
+    return sum(os.times()[:4])
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    """Fail a test of `make test` that costs what belongs into `make test-all`."""
+    before, compiled = processor_s(), []
+    with install_timer("numba:compile", compiled.append):
+        result = yield
+    spent = processor_s() - before - sum(compiled)
+    if spent > LIMIT_S and not item.get_closest_marker("full"):
+        pytest.fail(f"{spent:.1f} processor seconds, more than {LIMIT_S:g}: make it smaller, or mark it full")
+    return result
