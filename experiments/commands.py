@@ -1,5 +1,7 @@
 """`rgbn sweep` and `rgbn dataset` as the command line has them."""
 
+import json as json_module
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -58,9 +60,6 @@ def list_datasets(
     json: Json = False,
 ) -> None:
     """List the datasets, and which of them are on the shelf."""
-    import json as json_module
-    from dataclasses import asdict
-
     from experiments.catalogue import chosen
     from experiments.datasets import shelf as on_shelf
 
@@ -102,9 +101,6 @@ def make(
 @dataset.command(sort_key=3)
 def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")], /, *, json: Json = False) -> None:
     """Check a dataset: its files, and by its photographs the axes, the intensities and the order of its lights."""
-    import json as json_module
-    from dataclasses import asdict
-
     from experiments.datasets.check import check_dataset
     from experiments.datasets.shelf import faults_text
 

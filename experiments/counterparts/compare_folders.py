@@ -75,36 +75,32 @@ def compare_folders(
         A folder is not processed, a method asked for is not in both, or the two have none in common.
     """
     from compare.report.counterpart_page import counterpart_page
+    from compare.statistics.counterpart_draws import Capture
     from compare.statistics.counterpart_verdict import compare_counterparts
 
-    folders = {"real": open_folder(real), "twin": open_folder(twin)}
+    folders = (open_folder(real), open_folder(twin))
     common = _common(folders, methods)
     folder = out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}"
     with open_record(folder, input_folders=[real, twin]) as record:
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
-        sides = {kind: capture_of(folder, common, seed) for seed, (kind, folder) in enumerate(folders.items())}
-        found = compare_counterparts(sides["real"], sides["twin"])
-        title = f"{sides['real'].name} against {sides['twin'].name}"
+        sides = [
+            Capture(one.name, one.kind, error_maps(one, common), *shifts_of(one, common, seed=seed))
+            for seed, one in enumerate(folders)
+        ]
+        found = compare_counterparts(*sides)
+        title = f"{sides[0].name} against {sides[1].name}"
         now = datetime.now(UTC).isoformat(timespec="seconds")
         found = {"name": title, "created": now, "versions": libraries(), **found}
         write_json(place.path(NUMBERS), found)
         subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
-        write_text(place.path(PAGE), counterpart_page(found, sides["real"], sides["twin"], title, subtitle))
+        write_text(place.path(PAGE), counterpart_page(found, *sides, title, subtitle))
     if json:
         print(json_module.dumps(place.read_json(NUMBERS), indent=1))
     else:
         tell(found)
         print(place.path(PAGE))
     return found
-
-
-def capture_of(folder: Folder, methods: tuple[str, ...], seed: int) -> Any:
-    """Return a folder's errors, and what its lights and registration leave open."""
-    from compare.statistics.counterpart_draws import Capture
-
-    shifts, carried = shifts_of(folder, methods, seed=seed)
-    return Capture(folder.name, folder.kind, error_maps(folder, methods), shifts, carried)
 
 
 def tell(found: dict[str, Any]) -> None:
@@ -120,10 +116,9 @@ def tell(found: dict[str, Any]) -> None:
             print(f"  {kind}: {text}")
 
 
-def _common(folders: dict[str, Folder], asked: str | None) -> tuple[str, ...]:
-    there = [folder.methods for folder in folders.values()]
-    names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders.values())
-    common = tuple(name for name in there[0] if name in there[1])
+def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...]:
+    names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders)
+    common = tuple(name for name in folders[0].methods if name in folders[1].methods)
     if asked is not None:
         wanted = tuple(dict.fromkeys(word.strip() for word in asked.split(",") if word.strip()))
         missing = [name for name in wanted if name not in common]

@@ -93,20 +93,14 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
 
 def contents_of(shelf: Path, entry: Entry) -> str:
     """Return the checksums of a dataset that is there and unchanged; raise SceneError where it is not."""
-    if entry.state == "added":
-        expected = json_of(shelf / ADDED / f"{entry.name}.json")["checksums"]
-    else:
-        expected = (entry.folder / FILE).read_text()
+    note, is_added = shelf / ADDED / f"{entry.name}.json", entry.state == "added"
     if not entry.folder.is_dir():
-        note = shelf / ADDED / f"{entry.name}.json"
-        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, add it again, or remove {note}.")
+        do = f"add it again, or remove {note}" if is_added else "or make it again"
+        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, {do}.")
+    expected = json_of(note)["checksums"] if is_added else (entry.folder / FILE).read_text()
     if said := differences(expected, entry.folder):
         more = f" and {len(said) - 3} more" if len(said) > 3 else ""
-        do = (
-            "Put the files back, or add it under another name"
-            if entry.state == "added"
-            else "Remove it and make it again"
-        )
+        do = "Put the files back, or add it under another name" if is_added else "Remove it and make it again"
         raise SceneError(f"{entry.folder}: {'; '.join(said[:3])}{more}, since it was put on the shelf. {do}.")
     return expected
 
