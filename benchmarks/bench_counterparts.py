@@ -13,7 +13,8 @@ from pathlib import Path
 
 from benchmarks.pages import put
 from compare.report.line_chart import line_chart
-from experiments.counterparts.four_experiments import EXPERIMENTS, METHODS, Experiment
+from experiments.catalogue import VIRTUAL_EXPERIMENTS, Experiment
+from experiments.counterparts.captures import METHODS
 from experiments.counterparts.pairs import Pair, run_experiments
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -49,12 +50,12 @@ def block(experiment: Experiment, pairs: list[Pair], spent_min: float) -> str:
     """Return an experiment's part of the page."""
     sigma = [pair.found["captures"]["real"]["carried"]["direction_sigma_deg"] for pair in pairs]
     told = ", ".join("unknown" if one is None else f"{one:.2f}°" for one in sigma)
-    lines = [f"### {experiment.title} (virtual)", "", *rows(experiment, pairs), ""]
+    lines = [f"### {experiment.label} (virtual)", "", *rows(experiment, pairs), ""]
     lines += [
         f"Stated sigma of the light directions: {told}. 320 x 240 pixels, 16 flashes; {spent_min:.1f} processor "
         f"minutes, on {os.cpu_count()} cores, for what was missing.",
         "",
-        f"![{experiment.title}: error over the level, virtual and rendered](virtual-{experiment.name}.svg)",
+        f"![{experiment.label}: error over the level, virtual and rendered](virtual-{experiment.name}.svg)",
     ]
     return "\n".join(lines) + "\n"
 
@@ -62,11 +63,11 @@ def block(experiment: Experiment, pairs: list[Pair], spent_min: float) -> str:
 def main() -> None:
     """Run what is missing, print the tables, and write them into the documentation if asked."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--only", choices=[one.name for one in EXPERIMENTS])
+    parser.add_argument("--only", choices=[one.name for one in VIRTUAL_EXPERIMENTS])
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--out", type=Path, default=Path("out") / "counterparts")
     options = parser.parse_args()
-    wanted = [one for one in EXPERIMENTS if options.only in (None, one.name)]
+    wanted = [one for one in VIRTUAL_EXPERIMENTS if options.only in (None, one.name)]
     start = time.process_time()
     for experiment, pairs in run_experiments(options.out, wanted):
         text, start = block(experiment, pairs, (time.process_time() - start) / 60), time.process_time()

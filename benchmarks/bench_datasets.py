@@ -15,7 +15,7 @@ import numpy as np
 from scipy.io import loadmat, savemat
 
 from benchmarks.pages import put
-from experiments.datasets.catalogue import catalogue
+from experiments.catalogue import catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make
 

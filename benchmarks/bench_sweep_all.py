@@ -16,7 +16,7 @@ from pathlib import Path
 from pyarrow import parquet
 
 from benchmarks.pages import put
-from experiments.sweeps.nine_experiments import EXPERIMENTS, SOLVERS
+from experiments.catalogue import EXPERIMENTS, SOLVERS
 from experiments.sweeps.sweep import sweep
 from experiments.sweeps.sweep_statistics import benchmark_statistics
 

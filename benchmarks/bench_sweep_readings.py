@@ -15,10 +15,10 @@ import numpy as np
 from pyarrow import parquet
 
 from benchmarks.pages import put
-from experiments.sweeps.cell_table import read_cells
-from experiments.sweeps.nine_experiments import CALIBRATED, EXPERIMENTS
-from experiments.sweeps.sweep import run_cells
-from experiments.sweeps.sweep_statistics import Rows, rank_correlation, statistics
+from experiments.catalogue import CALIBRATED, EXPERIMENTS
+from experiments.sweeps.sweep import read_cells, run_cells
+from experiments.sweeps.sweep_statistics import rank_correlation, statistics
+from experiments.tables import Rows
 from scene.output_folder import open_record
 
 ROOT = Path(__file__).resolve().parents[1]

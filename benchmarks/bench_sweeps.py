@@ -20,11 +20,11 @@ from pathlib import Path
 
 from pyarrow import parquet
 
+from experiments.catalogue import EXPERIMENTS
+from experiments.recipe import Cell
 from experiments.sweeps.cell import failed_rows
-from experiments.sweeps.cell_table import KEY
-from experiments.sweeps.nine_experiments import EXPERIMENTS
-from experiments.sweeps.recipe import Cell
 from experiments.sweeps.sweep import run_cells
+from experiments.tables import KEY
 from scene.output_folder import open_record
 
 ROOT = Path(__file__).resolve().parents[1]

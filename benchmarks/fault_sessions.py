@@ -268,8 +268,8 @@ def virtual(seed: int, scratch: Path) -> Taken:
     from capture.photographs.decode import decode
     from capture.session.session import load_session
     from experiments.counterparts.captures import write_capture
-    from experiments.counterparts.four_experiments import Setup
-    from experiments.counterparts.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene
+    from experiments.recipe import Setup
+    from experiments.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene
 
     setup = Setup(seed=seed)
     write_capture(Store(scratch / "capture"), setup, "virtual")

@@ -18,15 +18,14 @@ from scene.files import write_json
 from scene.output_folder import open_record
 from scene.store import Store
 
-FACTS = "rendering.json"
-RENDERING = "rendering"
+FACTS, RENDERING = "rendering.json", "rendering"
 Bar = Callable[[str], AbstractContextManager[Callable[[int, int], None]]]
 
 
 def render_description(
     source: Path, out: Path | None, twin: TwinSettings, *, json: bool = False, bar: Bar = progress_bar
 ) -> Path:
-    """Render a scene description to a folder that `rgbn process` takes.
+    """Render a scene description to a folder that `rgbn process` takes; return its session.toml.
 
     Parameters
     ----------
@@ -39,11 +38,6 @@ def render_description(
         Print the facts of the rendering as JSON.
     bar : callable
         Shows progress: given a label, a context that yields a callback (done, total).
-
-    Returns
-    -------
-    path : Path
-        The session.toml.
 
     Raises
     ------

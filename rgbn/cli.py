@@ -7,8 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import App, Parameter
 
-from experiments.datasets.dataset_command import dataset
-from experiments.sweeps.sweep_command import sweep
+from experiments.commands import dataset, sweep
 from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
 from lab.progress import say
 from lab.run import is_description, open_job, run_session

@@ -1,19 +1,51 @@
 """`rgbn compare REAL TWIN`: two processed folders, whether the methods fail alike on both."""
 
 import json as json_module
+from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from experiments.counterparts.compared_side import Folder, error_maps, open_folder, shifts_of
+import numpy as np
+from numpy.typing import NDArray
+
 from lab.progress import say
+from scene.camera import Camera
 from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json, write_text
+from scene.normals import angular_error_deg
 from scene.output_folder import open_record
+from scene.reading import array_of
 from scene.store import Store
 
+Array = NDArray[np.float64]
+Map = NDArray[np.float32]
+
 PAGE, NUMBERS = "counterparts.html", "counterparts.json"
+VIRTUAL = "virtual.json"
+"""In a session that a virtual camera took, and in what was made of it."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """A folder that `process`, or `twin`, has left."""
+
+    store: Store
+    kind: str  # "photographs", "virtual capture" or "rendering"
+    methods: tuple[str, ...]  # whose normals are there
+    truth: Map  # (H, W, 3)
+    mask: NDArray[np.bool_]  # (H, W)
+
+    @property
+    def name(self) -> str:
+        """The session's, or the folder's."""
+        from compare.report.facts import read_optional
+
+        here = self.store.folder.resolve()
+        told = (read_optional(self.store, "summary.json") or {}).get("name")
+        return str(told or (f"{here.parent.name} twin" if here.name == "twin" else here.name))
 
 
 def compare_folders(
@@ -43,36 +75,32 @@ def compare_folders(
         A folder is not processed, a method asked for is not in both, or the two have none in common.
     """
     from compare.report.counterpart_page import counterpart_page
+    from compare.statistics.counterpart_draws import Capture
     from compare.statistics.counterpart_verdict import compare_counterparts
 
-    folders = {"real": open_folder(real), "twin": open_folder(twin)}
+    folders = (open_folder(real), open_folder(twin))
     common = _common(folders, methods)
     folder = out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}"
     with open_record(folder, input_folders=[real, twin]) as record:
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
-        sides = {kind: capture_of(folder, common, seed) for seed, (kind, folder) in enumerate(folders.items())}
-        found = compare_counterparts(sides["real"], sides["twin"])
-        title = f"{sides['real'].name} against {sides['twin'].name}"
+        sides = [
+            Capture(one.name, one.kind, error_maps(one, common), *shifts_of(one, common, seed=seed))
+            for seed, one in enumerate(folders)
+        ]
+        found = compare_counterparts(*sides)
+        title = f"{sides[0].name} against {sides[1].name}"
         now = datetime.now(UTC).isoformat(timespec="seconds")
         found = {"name": title, "created": now, "versions": libraries(), **found}
         write_json(place.path(NUMBERS), found)
         subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
-        write_text(place.path(PAGE), counterpart_page(found, sides["real"], sides["twin"], title, subtitle))
+        write_text(place.path(PAGE), counterpart_page(found, sides[0], sides[1], title, subtitle))
     if json:
         print(json_module.dumps(place.read_json(NUMBERS), indent=1))
     else:
         tell(found)
         print(place.path(PAGE))
     return found
-
-
-def capture_of(folder: Folder, methods: tuple[str, ...], seed: int) -> Any:
-    """Return a folder's errors, and what its lights and registration leave open."""
-    from compare.statistics.counterpart_draws import Capture
-
-    shifts, carried = shifts_of(folder, methods, seed=seed)
-    return Capture(folder.name, folder.kind, error_maps(folder, methods), shifts, carried)
 
 
 def tell(found: dict[str, Any]) -> None:
@@ -88,10 +116,9 @@ def tell(found: dict[str, Any]) -> None:
             print(f"  {kind}: {text}")
 
 
-def _common(folders: dict[str, Folder], asked: str | None) -> tuple[str, ...]:
-    there = [folder.methods for folder in folders.values()]
-    names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders.values())
-    common = tuple(name for name in there[0] if name in there[1])
+def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...]:
+    names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders)
+    common = tuple(name for name in folders[0].methods if name in folders[1].methods)
     if asked is not None:
         wanted = tuple(dict.fromkeys(word.strip() for word in asked.split(",") if word.strip()))
         missing = [name for name in wanted if name not in common]
@@ -104,3 +131,114 @@ def _common(folders: dict[str, Folder], asked: str | None) -> tuple[str, ...]:
     if not common:
         raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
     return common
+
+
+def open_folder(path: Path) -> Folder:
+    """Return a processed folder; raise SceneError where there are no normals in it, or no ground truth."""
+    from compare.report.facts import method_names
+
+    if not path.is_dir():
+        raise SceneError(f"{path}: is no folder. Give two output folders of `rgbn process`, or one and its twin/.")
+    store = Store(path)
+    rendered = path.joinpath("session.toml").exists() and path.joinpath("truth.npy").exists()
+    truth = store.path("truth.npy") if rendered else store.path("normals", "truth.npy")
+    methods = tuple(name for name in method_names(store) if store.path("normals", f"{name}.npy").exists())
+    if not methods:
+        raise SceneError(
+            f"{path}: found no methods' normals (normals/*.npy). Expected an output folder of `rgbn process`, or the "
+            "twin/ in it: process the session first."
+        )
+    if not truth.exists():
+        raise SceneError(
+            f"{path}: found no ground truth ({truth.name}), so no errors can be compared. Give the session a scan or "
+            "normals, and process it again."
+        )
+    kind = "rendering" if rendered else "virtual capture" if store.path(VIRTUAL).exists() else "photographs"
+    normals, mask = np.array(array_of(truth)), store.load_mask()
+    if normals.shape != (*mask.shape, 3):
+        raise SceneError(f"{path}: {truth.name} is {normals.shape[:2]} px, mask.png {mask.shape}. Process it again.")
+    return Folder(store, kind, methods, normals, mask)
+
+
+def error_maps(folder: Folder, methods: Sequence[str]) -> dict[str, Map]:
+    """Return each method's error map (H, W), degrees, NaN outside the mask."""
+    maps = {}
+    for name in methods:
+        error = np.full(folder.mask.shape, np.nan, np.float32)
+        normals = folder.store.load_normals(name)
+        if normals.shape != folder.truth.shape:
+            raise SceneError(
+                f"{folder.store.folder}: normals/{name}.npy is {normals.shape[:2]} px, the truth "
+                f"{folder.truth.shape[:2]}. Process into an empty folder."
+            )
+        error[folder.mask] = angular_error_deg(normals[folder.mask], folder.truth[folder.mask])
+        maps[name] = error
+    return maps
+
+
+def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple[dict[str, Array], dict[str, Any]]:
+    """Return what the errors change by when lights and registration move by their sigmas, and what was moved.
+
+    The shifts as `propagated_shifts` has them, empty where nothing is to be carried. Beside its own facts:
+    direction_sigma_deg, intensity_sigma (medians), pose_sigma_deg, pose_sigma_mm, each None where it is zero or
+    unknown; why, where nothing was moved: the reason, in words. A rendering's lights and truth are what it was made
+    from: nothing is open there.
+    """
+    from compare.report.facts import read_optional
+    from compare.statistics.sigma_propagation import Processed, Registration, propagated_shifts
+    from solve.solve import METHODS, solve
+
+    store, lights = folder.store, folder.store.load_lights()
+    pose = store.read_json("pose.json") if store.path("pose.json").exists() else {}
+    sigmas = {
+        "direction_sigma_deg": _median(lights.direction_sigma_deg),
+        "intensity_sigma": _median(lights.intensity_sigma),
+        "pose_sigma_deg": pose.get("sigma_deg"),
+        "pose_sigma_mm": pose.get("sigma_mm"),
+    }
+    camera = _camera(store)
+    why = _not_moved(folder, any(sigmas.values()), camera)
+    if why or camera is None:
+        return {}, {**sigmas, "moves": 0, "pixels": 0, "not_carried": [], "why": why}
+    ran = ((read_optional(store, "summary.json") or {}).get("solve") or {}).get("methods") or {}
+
+    def solved(method: str, *taken: Any) -> Map | None:
+        if method not in METHODS:
+            return None
+        try:
+            # With the profile that it ran with.
+            return solve(method, *taken, profile=(ran.get(method) or {}).get("profile", "default")).normals
+        except SceneError:
+            return None
+
+    registration = Registration(pose["sigma_deg"], pose["sigma_mm"]) if pose else None
+    processed = Processed(store.load_frames(), lights, camera, folder.mask, folder.truth, registration)
+    shifts, carried = propagated_shifts(processed, methods, solved, seed=seed)
+    return shifts, {**sigmas, **carried}
+
+
+def _not_moved(folder: Folder, known: bool, camera: Camera | None) -> str:
+    """Return why lights and registration of a folder cannot be moved; empty where they can."""
+    if folder.kind == "rendering":
+        return "lights and truth are exact: it was rendered from them"
+    if not known:
+        return "nothing says how uncertain its lights and registration are"
+    missing = ["camera.json"] if camera is None else []
+    if not folder.store.path("frames", "frames.json").exists():
+        missing.append("frames/")
+    if not missing:
+        return ""
+    return f"{' and '.join(missing)} missing, so it could not be solved again under moved lights and registration"
+
+
+def _camera(store: Store) -> Camera | None:
+    # A twin's camera is that of the session around it.
+    for place in (store, Store(store.folder.parent)):
+        if place.path("camera.json").exists():
+            return place.load_camera()
+    return None
+
+
+def _median(values: Array) -> float | None:
+    known = values[np.isfinite(values) & (values > 0)]
+    return float(np.median(known)) if known.size else None

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from experiments.counterparts.captures import write_capture
+from experiments.catalogue import VIRTUAL_EXPERIMENTS, Experiment
+from experiments.counterparts.captures import METHODS, write_capture, write_rendering
 from experiments.counterparts.compare_folders import NUMBERS, compare_folders
-from experiments.counterparts.four_experiments import EXPERIMENTS, METHODS, Experiment, Setup
-from experiments.counterparts.renderings import write_rendering
-from experiments.counterparts.scenes import BALLS
+from experiments.recipe import Setup
+from experiments.scenes import BALLS
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
@@ -43,17 +43,11 @@ class Pair:
 
 
 def run_experiments(
-    out: Path, experiments: Sequence[Experiment] = EXPERIMENTS, *, tell: Callable[[str], None] = print
-) -> Iterator[tuple[Experiment, list[Pair]]]:
+    out: Path, experiments: Sequence[Experiment[Setup]] = VIRTUAL_EXPERIMENTS, *, tell: Callable[[str], None] = print
+) -> Iterator[tuple[Experiment[Setup], list[Pair]]]:
     """Yield each experiment with its levels; what is there, of this setup and code, is not made again.
 
-    Parameters
-    ----------
-    out : Path
-        Gets virtual-NAME-LEVEL (a session), processed-NAME-LEVEL, rendered-NAME-LEVEL and pairs/NAME-LEVEL.
-    experiments : sequence of Experiment
-    tell : callable
-        Called with what is being done.
+    out gets virtual-NAME-LEVEL (a session), processed-NAME-LEVEL, rendered-NAME-LEVEL and pairs/NAME-LEVEL.
     """
     with open_record(out) as record:
         out = record.folder
@@ -75,15 +69,12 @@ def run_experiments(
 
 
 def reference_balls(record: Record) -> list[Sphere]:
-    """Return the balls, found in a session of their own by `calibrate`, in the order of `scenes.BALLS`."""
+    """Return the balls, found in a session of their own by `calibrate`, in the order of `BALLS`."""
     from lab.plan import STEPS
     from lab.run import open_job
 
-    folder, processed, mark = (
-        record.folder / "virtual-balls",
-        Store(record.folder / "processed-balls"),
-        _mark(REFERENCE),
-    )
+    folder, processed = record.folder / "virtual-balls", Store(record.folder / "processed-balls")
+    mark = _mark(REFERENCE)
     if not (record.is_current("balls", mark) and processed.path("spheres.json").exists()):
         with record.making("balls", mark):
             write_capture(Store(folder), REFERENCE, folder.name)
@@ -93,12 +84,9 @@ def reference_balls(record: Record) -> list[Sphere]:
 
 
 def in_order(found: Sequence[Sphere], folder: Path) -> list[Sphere]:
-    """Return balls in the order of `scenes.BALLS`: those of one kind by their places from left to right.
+    """Return balls in the order of `BALLS`: those of one kind by their places from left to right.
 
-    Raises
-    ------
-    SceneError
-        They are others than stand there; `folder` is named.
+    SceneError: they are others than stand there; `folder` is named.
     """
     ordered: dict[int, Sphere] = {}
     for kind in {kind for kind, _, _ in BALLS}:

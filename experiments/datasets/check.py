@@ -6,47 +6,40 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets.axes_message import lights_fault, normals_fault
-from experiments.datasets.checked_photographs import CLIPPED, Samples, read_samples
-from experiments.datasets.convention import Evidence, arrangements, fitted_intensities
+from experiments.datasets.checked_photographs import read_samples
 from formats.diligent_layout import TABLES, Layout, read_layout
-from solve.axes import AXES
-from solve.axes_test import axes_by_themselves
+from solve.axes import Axes
+from solve.convention import FLOOR, Claim, Convention, infer_convention
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3
 DISAGREES = 0.02
 """Share of the mask that may lack normals, at its border."""
-_BETTER, _HALF = 0.05, 0.5
-"""Another convention is taken when it agrees by so much more, and leaves at most this share of the disagreement."""
-_ALIKE = 0.02
-_FLOOR = 0.5
-"""Agreement under which the photographs are not explained at all."""
-_GOOD = 0.9
-_ROW_GAP = 0.2
 _SPREAD, _CLEARLY_LESS = 0.1, 0.4
 _OFF, _OFF_MADS = 0.35, 6.0
 _FEW = 0.2
-_NAMED = 5
+
+WORDS = {
+    "(-x, y, z)": "x points left",
+    "(x, -y, z)": "y points down",
+    "(x, y, -z)": "z points away from the viewer",
+    "(x, -y, -z)": "y points down and z away from the viewer (OpenCV's frame)",
+    "(-x, -y, z)": "x points left and y down",
+    "(-x, y, -z)": "x points left and z away from the viewer",
+    "(-x, -y, -z)": "all three point the other way",
+    "(y, x, z)": "x and y are swapped",
+}
 
 
 @dataclass
 class Verdict:
-    """What a check found.
-
-    Parameters
-    ----------
-    folder : Path
-    faults, notes : tuple of str
-        What must be mended; what is suspicious but usable.
-    facts : dict
-        `photographs`, `agreement` (median correlation of the photographs with Lambert's law, as given), `best` (in the
-        best convention) and more.
-    """
+    """What a check found."""
 
     folder: Path
-    faults: tuple[str, ...]
-    notes: tuple[str, ...]
+    faults: tuple[str, ...]  # what must be mended
+    notes: tuple[str, ...]  # what is suspicious but usable
+    # `photographs`, `agreement` (median correlation of the photographs with Lambert's law, as given), `best` (in the
+    # best convention) and more.
     facts: dict[str, float | int | str] = field(default_factory=dict)
 
 
@@ -68,7 +61,15 @@ def check_dataset(folder: Path) -> Verdict:
         if normals is not None:
             found.faults += mask_faults(found, normals)
     elif len(directions) >= LEAST_LIGHTS:
-        facts |= _judge(found, samples, mask, normals, directions, intensities)
+        proved = infer_convention(Claim(mask, normals, directions, intensities, samples.places, samples.values))
+        facts |= {"agreement": proved.agreement, "best": proved.best}
+        if not proved.explained:
+            _tell_unexplained(found, proved)
+        found.faults += mask_faults(found, proved.normals)
+        if proved.intensities is not None:
+            _tell_axes(found, proved)
+            _tell_rows(found, proved)
+            facts["intensity_spread"] = _tell_intensities(found, intensities, proved.intensities)
     return Verdict(folder, tuple(found.faults), tuple(found.notes), facts)
 
 
@@ -86,157 +87,49 @@ def mask_faults(found: Layout, normals: Array) -> list[str]:
     return [f"mask.png: {missing:.1%} of its pixels have no normal in {name}, expected none. {do}."]
 
 
-def _judge(
-    found: Layout, samples: Samples, mask: NDArray[np.bool_], normals: Array, directions: Array, intensities: Array
-) -> dict[str, float | int | str]:
-    """Append what the photographs contradict; return the figures."""
-    evidence = _evidence(samples, intensities)
-    ways = arrangements(*mask.shape)
-    maps = [normals.reshape(-1, 3)[way.places] for way in ways]
-    at = [one.reshape(-1, 3)[samples.places] for one in maps]
-    scores = np.array([evidence.all_axes(one, directions) for one in at])
-    if scores.max() < _GOOD:
-        # Wrong intensities hide the axes: without any, they may show.
-        plain = _evidence(samples, np.ones_like(intensities))
-        others = np.array([plain.all_axes(one, directions) for one in at])
-        if others.max() > scores.max() + _BETTER:
-            evidence, scores = plain, others
-    covers = [float((mask & ~np.isfinite(one[..., 0])).sum() / mask.sum()) <= DISAGREES for one in maps]
-    way, axes = _simplest(scores, covers)
-    given, best = float(scores[0, 0]), float(scores[way, axes])
-    facts: dict[str, float | int | str] = {"agreement": given, "best": best}
-    wrong = best - given > _BETTER and 1 - best < _HALF * (1 - given)
-    if not wrong:
-        way = axes = 0
-    rows = evidence.rows_of(at[0], directions)
-    if best < _FLOOR or (wrong and _is_other_order(rows, best)):
-        _tell_unexplained(found, rows, best)
-        found.faults += mask_faults(found, normals)
-        return facts
-    found.faults += mask_faults(found, maps[way])
-    how = (way, axes, given, best)
-    of_lights, of_normals = _tell_axes(found, mask, normals, maps[way], ways[way].words, how, wrong)
-    at_best, directions = at[way] @ of_normals.T, directions @ of_lights.T
-    seen = fitted_intensities(samples.values, intensities, at_best, directions)
-    # An intensity that is wrong makes a photograph look like another: rows are at fault only where neither will do.
-    by_both = [_evidence(samples, each).rows_of(at_best, directions) for each in (intensities, seen)]
-    _tell_rows(found, min(by_both, key=lambda rows: float(np.sum(_gaps(rows) > _ROW_GAP))))
-    facts["intensity_spread"] = _tell_intensities(found, intensities, seen)
-    return facts
-
-
-def _evidence(samples: Samples, intensities: Array) -> Evidence:
-    gray = (samples.values / intensities.astype(np.float32)).mean(-1)
-    return Evidence(gray, samples.values.max(-1) >= CLIPPED)
-
-
-def _simplest(scores: Array, covers: list[bool]) -> tuple[int, int]:
-    """Return the way to lie and the axes that agree best; of those alike, the ones that change least.
-
-    Parameters
-    ----------
-    scores : (W, 48) float64
-    covers : list of W bool
-        Lying so, the map has normals all over the mask.
-    """
-    changed = [int(np.count_nonzero(axes != AXES[0])) for axes in AXES]
-    most = float(scores.max())
-    alike = np.argwhere(scores >= most - min(_ALIKE, max(0.002, _HALF * (1 - most))))
-
-    def cost(pair):
-        return not covers[pair[0]], pair[0] > 0, changed[pair[1]], pair[0], -scores[tuple(pair)]
-
-    way, axes = min(alike, key=cost)
-    return int(way), int(axes)
-
-
-def _tell_axes(
-    found: Layout,
-    mask: NDArray[np.bool_],
-    given_map: Array,
-    normals: Array,
-    words: str,
-    how: tuple[int, int, float, float],
-    wrong: bool,
-) -> tuple[Array, Array]:
-    """Append the faults of the axes and of how the map lies; return what mends lights and normals, (3, 3) each.
-
-    Parameters
-    ----------
-    found : Layout
-    mask : (H, W) bool
-    given_map, normals : (H, W, 3) float64
-        As in the file, and as the photographs lie.
-    words : str
-        How the two differ.
-    how : tuple
-        Number of that way, and of the best axes; agreement as given, and in these.
-    wrong : bool
-        Those as given are not the best.
-    """
-    way, axes, given, best = how
-    relation = AXES[axes]
-    alone = axes_by_themselves(normals, mask, AXES)
-    # Of a hollow the rim misleads: it counts only where it leaves nothing for the lights to be wrong in.
-    by_rim = wrong and (alone.plain or np.array_equal(AXES[alone.by_rim], relation))
-    own = alone.by_rim if by_rim else alone.plain
-    if not wrong and not own and alone.by_rim:
+def _tell_axes(found: Layout, proved: Convention) -> None:
+    """Append the faults of the axes and of how the map lies."""
+    name, given, best = found.normals_name, proved.agreement, proved.best
+    if proved.hollow:
         found.notes.append(
-            f"{found.normals_name}: the normals point inward at the object's rim. That is right for a hollow; of any "
-            "other object x and y have the wrong sign, in the normals and in the lights."
+            f"{name}: the normals point inward at the object's rim. That is right for a hollow; of any other object x "
+            "and y have the wrong sign, in the normals and in the lights."
         )
-    as_it_lies = np.isfinite(given_map[..., 0])
-    if way and own and not axes and not axes_by_themselves(given_map, as_it_lies, AXES).by_rim:
+    if proved.turned:
         found.faults.append(
-            f"{found.files[0]} ...: the photographs are {words} against {found.normals_name} and {TABLES[0]} ("
-            f"agreement {given:.2f}, put right {best:.2f}). Mirror or turn the photographs and mask.png."
+            f"{found.files[0]} ...: the photographs are {proved.lies} against {name} and {TABLES[0]} (agreement "
+            f"{given:.2f}, put right {best:.2f}). Mirror or turn the photographs and mask.png."
         )
-        return np.eye(3), np.eye(3)
-    mended = AXES[own]
-    turn = mended @ relation.T
-    if way:
+    elif proved.lies:
         found.faults.append(
-            f"{found.normals_name}: the map is {words} against the photographs (agreement {given:.2f}, put right "
-            f"{best:.2f}). Store it as the photographs lie."
+            f"{name}: the map is {proved.lies} against the photographs (agreement {given:.2f}, put right {best:.2f}). "
+            "Store it as the photographs lie."
         )
-    if own:
-        found.faults.append(normals_fault(found.normals_name, mended, given, best))
-    if not np.array_equal(turn, np.eye(3)):
-        found.faults.append(lights_fault(turn, given, best, certain=alone.told, normals_name=found.normals_name))
-    return turn, mended
+    if not np.array_equal(proved.of_normals, np.eye(3)):
+        found.faults.append(normals_fault(name, proved.of_normals, given, best))
+    if not np.array_equal(proved.of_lights, np.eye(3)):
+        found.faults.append(lights_fault(proved.of_lights, given, best, certain=proved.certain, normals_name=name))
 
 
-def _is_other_order(rows: Array, best: float) -> bool:
-    """Whether the lights' rows in another order, each used about once, explain more than any axes do."""
-    used = len(set(rows.argmax(1).tolist()))
-    return used >= (1 - _FEW) * len(rows) and float(np.median(rows.max(1))) > best + _BETTER
-
-
-def _gaps(rows: Array) -> Array:
-    """Return how much better than its own row the best row explains each photograph (N,)."""
-    return rows.max(1) - np.diag(rows)
-
-
-def _tell_rows(found: Layout, rows: Array) -> None:
-    wrong = np.flatnonzero(_gaps(rows) > _ROW_GAP)
+def _tell_rows(found: Layout, proved: Convention) -> None:
+    wrong, best = proved.misplaced, proved.rows.argmax(1)
     if not len(wrong):
         return
-    shown = ", ".join(f"{found.files[i]} that of row {int(rows[i].argmax()) + 1}" for i in wrong[:_NAMED])
-    more = f" and {len(wrong) - _NAMED} more" if len(wrong) > _NAMED else ""
+    shown = _first([f"{found.files[i]} that of row {best[i] + 1}" for i in wrong])
     found.faults.append(
-        f"filenames.txt: {len(wrong)} of {len(rows)} photographs show another light than their row of {TABLES[0]}: "
-        f"{shown}{more}. Put both in one order."
+        f"filenames.txt: {len(wrong)} of {len(best)} photographs show another light than their row of {TABLES[0]}: "
+        f"{shown}. Put both in one order."
     )
 
 
-def _tell_unexplained(found: Layout, rows: Array, best: float) -> None:
-    if np.median(rows.max(1)) > _FLOOR and np.median(_gaps(rows)) > _ROW_GAP:
-        _tell_rows(found, rows)
+def _tell_unexplained(found: Layout, proved: Convention) -> None:
+    if proved.in_other_order:
+        _tell_rows(found, proved)
         return
     found.faults.append(
         f"{found.normals_name}: no axes of normals or lights, and no mirroring of the map, explain the photographs "
-        f"(agreement with Lambert's law at best {best:.2f}, expected above {_FLOOR:g}). Are the normals of this object "
-        "and at this place, and the lights of these photographs?"
+        f"(agreement with Lambert's law at best {proved.best:.2f}, expected above {FLOOR:g}). Are the normals of this "
+        "object and at this place, and the lights of these photographs?"
     )
 
 
@@ -258,10 +151,9 @@ def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
     }
     words, least = min(((text, float(np.std(seen - other))) for text, other in others.items()), key=lambda one: one[1])
     if len(off) <= _FEW * len(ratio) + 1 and len(off):
-        shown = ", ".join(f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off[:_NAMED])
-        more = f" and {len(off) - _NAMED} more" if len(off) > _NAMED else ""
+        shown = _first([f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off])
         found.faults.append(
-            f"{name}: the photographs show other intensities than given: {shown}{more} (1 is right). Measure them "
+            f"{name}: the photographs show other intensities than given: {shown} (1 is right). Measure them "
             "again, or take the photographs off the lists."
         )
     elif spread > _SPREAD and least < _CLEARLY_LESS * spread:
@@ -272,3 +164,52 @@ def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
             f"expected under {_OFF:.0%}). Measure the intensities again."
         )
     return spread
+
+
+def lights_fault(turn: Array, given: float, best: float, *, certain: bool, normals_name: str) -> str:
+    """Return what to say of light directions that `turn` (3, 3) mends.
+
+    given, best: agreement of the photographs with Lambert's law, as given and mended. certain: the normals tell that it
+    is not they.
+    """
+    words = _what(turn)
+    if words == "all three point the other way":
+        words = "they go from the light to the surface"
+    or_else = "" if certain and not _is_half_turn(turn) else (
+        f" Or {normals_name} is in other axes: the photographs tell that the two differ."
+    )  # fmt: skip
+    return (
+        f"light_directions.txt: {words}; expected x right, y up, z toward the viewer, from the surface to the light "
+        f"(agreement {given:.2f}, put right {best:.2f}). {_do(turn, 'columns')}{or_else}"
+    )
+
+
+def normals_fault(name: str, turn: Array, given: float, best: float) -> str:
+    """Return what to say of a normal map that `turn` (3, 3) mends."""
+    return (
+        f"{name}: {_what(turn)}; expected x right, y up, z toward the viewer (by the map's own slopes and rim; "
+        f"agreement {given:.2f}, put right {best:.2f}). {_do(turn, 'components')}"
+    )
+
+
+def _what(turn: Array) -> str:
+    return WORDS.get(str(Axes(turn)), "the axes are permuted")
+
+
+def _do(turn: Array, things: str) -> str:
+    flips = [axis for axis in range(3) if turn[axis, axis] == -1]
+    if np.count_nonzero(np.diag(turn)) == 3:
+        if len(flips) == 3:
+            return f"Change the sign of all {things}."
+        which = " and ".join(("first", "second", "third")[axis] for axis in flips)
+        return f"Change the sign of the {which} of the {things}."
+    return f"Of {things} (x, y, z) write {Axes(turn)}."
+
+
+def _is_half_turn(turn: Array) -> bool:
+    """Whether x and y change sign, which a hollow looks like."""
+    return np.array_equal(turn, np.diag([-1.0, -1.0, 1.0]))
+
+
+def _first(words: list[str]) -> str:
+    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from formats.diligent_layout import Layout
 from scene.errors import SceneError
 from scene.image_files import read_pixels
+from solve.convention import CLIPPED
 
-CLIPPED = 0.98
 MOST_PIXELS = 1600
 _MUCH_CLIPPED = 0.3
 _DARKER = 1.0
@@ -17,27 +17,16 @@ _DARKER = 1.0
 
 @dataclass(frozen=True)
 class Samples:
-    """Some of the object's pixels.
+    """Some of the object's pixels."""
 
-    Parameters
-    ----------
-    places : (P,) int
-        In the picture, row by row.
-    values : (P, N, 3) float32
-        0 to 1, as they stand in the files.
-    """
-
-    places: NDArray[np.intp]
-    values: NDArray[np.float32]
+    places: NDArray[np.intp]  # (P,) in the picture, row by row
+    values: NDArray[np.float32]  # (P, N, 3) 0 to 1, as they stand in the files
 
 
 def read_samples(found: Layout) -> Samples | None:
     """Read the photographs, and append to the layout's faults and notes what is wrong with them.
 
-    Returns
-    -------
-    Samples or None
-        None where there is no mask, or a photograph is at fault.
+    None where there is no mask, or a photograph is at fault.
     """
     import cv2
 

@@ -1,10 +1,18 @@
-"""What a dataset says of itself: README.md for people, session.toml for rgbn."""
+"""What a dataset says of itself: README.md and a picture for people, session.toml for rgbn."""
 
 from dataclasses import asdict
 from typing import Any
 
-from experiments.datasets.catalogue import Dataset
-from experiments.datasets.dataset_scene import Stack
+import numpy as np
+from numpy.typing import NDArray
+
+from compare.report.pictures import PAPER, Box, Exposure, normal_picture, shrink, thumbnail
+from experiments.photographs import Photographs
+from experiments.recipe import Dataset
+from twin.ground_truth import lights_of
+
+TILE, COLUMNS, SHOWN, GAP = 160, 6, 12, 4
+CAPTION = 18
 
 _README = """# {name}
 
@@ -46,16 +54,8 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 """
 
 
-def readme(dataset: Dataset, stack: Stack, facts: dict[str, Any]) -> str:
-    """Return the text of README.md.
-
-    Parameters
-    ----------
-    dataset : Dataset
-    stack : Stack
-    facts : dict
-        Further figures, by what they are.
-    """
+def readme(dataset: Dataset, stack: Photographs, facts: dict[str, Any]) -> str:
+    """Return the text of README.md; facts: further figures, by what they are."""
     camera, lights = stack.camera, stack.lights
     kind = "near: each has a position" if lights.positions_mm is not None else "distant"
     facts = {
@@ -83,7 +83,7 @@ def _rows(facts: dict[str, Any]) -> str:
     return "\n".join(f"| {key} | {value} |" for key, value in facts.items())
 
 
-def _camera_text(stack: Stack) -> str:
+def _camera_text(stack: Photographs) -> str:
     camera, middle = stack.camera, stack.lights.reference_point_mm
     return (
         f"\nThe camera: perspective, focal length {camera.fx:.2f} px, principal point "
@@ -92,7 +92,7 @@ def _camera_text(stack: Stack) -> str:
     )
 
 
-def session_toml(dataset: Dataset, stack: Stack) -> str:
+def session_toml(dataset: Dataset, stack: Photographs) -> str:
     """Return the text of session.toml, by which rgbn knows the camera and near lights."""
     camera = stack.camera
     files = "".join(f'  "{name}.png",\n' for name in stack.frames.names)
@@ -102,3 +102,58 @@ def session_toml(dataset: Dataset, stack: Stack) -> str:
         f"[camera]\nwidth = {camera.width}\nheight = {camera.height}\n{numbers}\n"
         '[lights]\nfile = "lights.json"\n\n[object]\nmask = "mask.png"\nnormals = "Normal_gt.mat"\n'
     )
+
+
+def preview(stack: Photographs) -> NDArray[np.uint8]:
+    """Return (h, w, 3) uint8: twelve frames, evenly chosen, then normals, albedo, height and shadows, each named."""
+    frames, truth, count = stack.frames, stack.truth, len(stack.lights)
+    box, exposure = Box.of_mask(truth.mask, margin=0.06), Exposure.for_frames(frames)
+    tiles = []
+    for index in np.unique(np.linspace(0, count - 1, min(SHOWN, count)).round().astype(int)):
+        x, y, z = stack.lights.directions[index]
+        name = f"{frames.names[index]}: {x:.2f} {y:.2f} {z:.2f}"
+        tiles.append(_tile(exposure.develop(thumbnail(frames, int(index), TILE, box)), name))
+    tiles += [_blank()] * (-len(tiles) % COLUMNS)
+    window = (box.rows, box.columns)
+    tiles.append(_tile(normal_picture(truth.normals[window], TILE), "normals"))
+    albedo = truth.albedo[window]
+    # Not white, or it could not be told from the paper.
+    white = 1.3 * max(float(np.nanquantile(albedo, 0.99)), 1e-6)
+    tiles.append(_tile(_gray(albedo / white), "albedo"))
+    tall = truth.height_mm[window]
+    top = max(float(np.nanmax(tall)), 1e-6)
+    tiles.append(_tile(_gray(np.repeat((tall / top)[..., None], 3, -1), 1.0), f"height, 0 to {top:.0f} mm"))
+    for name in ("attached", "cast"):
+        lost = lights_of(getattr(truth, name), count).mean(0, dtype=np.float32)
+        lost = np.where(truth.mask, lost, np.nan)[window]
+        tiles.append(_tile(_gray(np.repeat(lost[..., None], 3, -1), 1.0), f"{name} shadow"))
+    tiles += [_blank()] * (-len(tiles) % COLUMNS)
+    rows = [np.concatenate(tiles[i : i + COLUMNS], 1) for i in range(0, len(tiles), COLUMNS)]
+    return np.concatenate(rows, 0)
+
+
+def _gray(values: NDArray, gamma: float = 1 / 2.2) -> NDArray[np.uint8]:
+    """Return values 0 to 1 (h, w, 3) as a picture; paper where there is none."""
+    small = shrink(values, TILE)
+    shown = np.clip(np.nan_to_num(small), 0, 1) ** gamma
+    return np.where(np.isfinite(small), np.round(255 * shown), PAPER).astype(np.uint8)
+
+
+def _blank() -> NDArray[np.uint8]:
+    return np.full((TILE + CAPTION + GAP, TILE + GAP, 3), 255, np.uint8)
+
+
+def _tile(image: NDArray[np.uint8], caption: str) -> NDArray[np.uint8]:
+    """Return a picture, fitted into a square, with its name below."""
+    import cv2
+
+    height, width = image.shape[:2]
+    factor = TILE / max(height, width)
+    size = (max(1, round(width * factor)), max(1, round(height * factor)))
+    how = cv2.INTER_NEAREST if factor > 1 else cv2.INTER_AREA
+    image = np.asarray(cv2.resize(image, size, interpolation=how), np.uint8)
+    tile = _blank()
+    top, left = (TILE - image.shape[0]) // 2, (TILE - image.shape[1]) // 2
+    tile[top : top + image.shape[0], left : left + image.shape[1]] = image
+    font = {"fontFace": cv2.FONT_HERSHEY_SIMPLEX, "fontScale": 0.38, "color": (40, 40, 40), "lineType": cv2.LINE_AA}
+    return np.asarray(cv2.putText(tile, caption, (3, TILE + 13), **font), np.uint8)

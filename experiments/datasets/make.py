@@ -1,15 +1,13 @@
 """`rgbn dataset make`: what is missing is rendered, one dataset a core, written apart and moved to its place."""
 
-import os
 import shutil
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
-from experiments.datasets.catalogue import Dataset
 from experiments.datasets.write import mark_of, write_dataset
-from experiments.sweeps.workers import run_here
+from experiments.recipe import Dataset
+from experiments.workers import run_all
 from lab.progress import progress_bar, say
 from scene.errors import SceneError
 from scene.files import move_folder
@@ -18,25 +16,10 @@ from scene.record import Record
 
 
 def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = None) -> list[Path]:
-    """Make the datasets that are not on the shelf yet, or not by this recipe and code.
+    """Make the datasets that are not on the shelf yet, or not by this recipe and code; return all of their folders.
 
-    Parameters
-    ----------
-    shelf : Path
-        Each becomes a folder of its name in there; what counts as made is whole.
-    datasets : sequence of Dataset
-    processes : int, optional
-        Default: one a core.
-
-    Returns
-    -------
-    list of Path
-        All of their folders.
-
-    Raises
-    ------
-    SceneError
-        What could not be made, and why, after all others have been; or a folder of that name that rgbn did not make.
+    Each becomes a folder of its name; what counts as made is whole. SceneError: what could not be made, and why, after
+    all others have been; or a folder of that name that rgbn did not make.
     """
     with open_record(shelf) as record:
         for one in datasets:
@@ -46,23 +29,20 @@ def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = No
                     f"{folder}: is there already, and is not a dataset that rgbn made. Move it away, or choose another "
                     "--shelf."
                 )
-        missing: list[Any] = [one for one in datasets if not record.is_current(one.name, mark_of(one))]
+        missing = [one for one in datasets if not record.is_current(one.name, mark_of(one))]
         outdated = [one.name for one in missing if (shelf / one.name).exists()]
         if outdated:
             say(f"{len(outdated)} made anew, their recipe or the code has changed: {', '.join(outdated[:5])} ...")
         if missing:
-            _make(record, missing, min(processes or os.cpu_count() or 1, len(missing)))
+            _make(record, missing, processes)
     return [shelf / one.name for one in datasets]
 
 
-def _make(record: Record, missing: list[Any], processes: int) -> None:
-    failed: list[str] = []
-    unfinished = record.scratch("datasets")
-    work: Any = partial(make_one, unfinished)
+def _make(record: Record, missing: list[Dataset], processes: int | None) -> None:
+    failed, unfinished = [], record.scratch("datasets")
     with progress_bar("datasets") as report:
         report(0, len(missing))
-        made: Any = run_here(missing, work, processes=processes)
-        for done, (one, why) in enumerate(made, 1):
+        for done, (one, why) in enumerate(run_all(missing, partial(make_one, unfinished), processes=processes), 1):
             if why is None:
                 with record.making(one.name, mark_of(one)):
                     move_folder(unfinished / one.name, record.folder / one.name)

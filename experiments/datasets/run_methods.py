@@ -1,21 +1,24 @@
-"""`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept, and not made again."""
+"""`rgbn dataset run`: methods and other programs on datasets of the shelf, in one table; results are kept."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.datasets.results import write_results
 from experiments.datasets.shelf import Entry, contents_of, entries
+from experiments.tables import DATASETS, Row, Rows, errors_of, write_table
 from lab.options import BY_DEFAULT, Solving
 from lab.progress import say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
-from scene.files import write_json
+from scene.files import write_json, write_text
 from scene.output_folder import open_record
 from scene.reading import json_of
+
+FAILED = "failed"
 
 
 def run(
@@ -24,54 +27,37 @@ def run(
     *,
     solving: Solving = BY_DEFAULT,
     out: Path,
-) -> list[dict[str, Any]]:
-    """Run methods on datasets, as far as their results are not there yet, and write the tables.
+) -> Rows:
+    """Run methods on datasets, as far as their results are not there yet, write the tables, and return the rows.
 
-    Parameters
-    ----------
-    shelf : Path
-    patterns : sequence of str
-        Names of datasets that are on the shelf; none: all of them.
-    solving : Solving
-        Which methods, and how.
-    out : Path
-        Gets results.parquet, results.txt, index.html; results/ keeps each result, work/ what programs said.
-
-    Returns
-    -------
-    rows : list of dict
-        Of results.parquet.
-
-    Raises
-    ------
-    SceneError
-        No such dataset, method or program; a dataset that has changed.
+    patterns: names of datasets that are on the shelf; none: all of them. out gets results.parquet, results.txt,
+    index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or program; a
+    dataset that has changed.
     """
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    wanted = _wanted(shelf, patterns)
-    rows = []
+    wanted, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
     with open_record(out) as record:
         for number, entry in enumerate(wanted, 1):
-            digest = contents_of(shelf, entry)
-            keys = {name: _key(digest, name, solving.profile, programs) for name in names}
-            missing = [name for name in names if not record.is_intact(_place(out, keys[name]))]
-            made = {}
+            digest, kept = contents_of(shelf, entry), {}
+            for name in names:
+                how = (programs[name].command, programs[name].files) if name in programs else solving.profile
+                kept[name] = out / "results" / f"{fingerprint(digest, name, how, code=code)[:24]}.json"
+            made, missing = {}, [name for name in names if not record.is_intact(kept[name])]
             if missing:
                 say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
                 for name, row in _solve(out, entry, missing, solving):
                     made[name] = row
                     if row["status"] == "ok":
-                        write_json(_place(out, keys[name]), row)
+                        write_json(kept[name], row)
             for name in names:
-                row = made.get(name) or json_of(_place(out, keys[name]))
-                rows.append({"dataset": entry.name, "family": entry.family, **row})
+                rows.append({"dataset": entry.name, "family": entry.family, **(made.get(name) or json_of(kept[name]))})
         write_results(out, rows)
     return rows
 
 
 def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
-    from experiments.datasets.catalogue import chosen
+    from experiments.catalogue import chosen
 
     known = entries(shelf)
     there = [one for one in known if one.state]
@@ -90,31 +76,19 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
     return there
 
 
-def _key(digest: str, name: str, profile: str, programs: dict[str, Any]) -> str:
-    program = programs.get(name)
-    how = profile if program is None else (program.command, program.files)
-    return fingerprint(digest, name, how, code=code_fingerprint(__name__))[:24]
-
-
-def _place(out: Path, key: str) -> Path:
-    return out / "results" / f"{key}.json"
-
-
-def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Iterator[tuple[str, dict[str, Any]]]:
+def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Iterator[tuple[str, Row]]:
     """Yield the rows of some methods on one dataset, each as soon as it is made."""
     from lab.plan import STEPS
     from lab.run import open_job
-    from lab.steps import solve_all
 
-    folder = out / "work" / entry.name
     left = list(names)
     try:
-        with open_job(entry.folder, out=folder, solving=solving) as job:
+        with open_job(entry.folder, out=out / "work" / entry.name, solving=solving) as job:
             try:
                 job.run(STEPS, "align")
                 while left:
-                    one: Callable = lambda name=left[0]: solve_all(replace(job, methods=(name,)), job.store, entry.name)  # noqa: E731
-                    row = _row(left[0], solving.profile if left[0] not in job.externals else "", job.store, one)
+                    one = replace(job, methods=(left[0],))
+                    row = _row(left[0], "" if left[0] in job.externals else solving.profile, one, entry.name)
                     yield left.pop(0), row
             finally:
                 # The frames: half a gigabyte for a hundred datasets; made again in a second.
@@ -124,28 +98,93 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
             yield name, _failed(name, solving.profile, error)
 
 
-def _row(name: str, profile: str, store: Any, work: Callable) -> dict[str, Any]:
-    from compare.statistics.statistics import angular_statistics
-    from scene.normals import angular_error_deg
+def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
+    from lab.steps import solve_all
 
+    store = job.store
     try:
-        table, _ = work()
+        table, _ = solve_all(job, store, dataset)
     except SceneError as error:
         return _failed(name, profile, error)
-    mask, truth = store.load_mask(), store.load_normals("truth")
+    mask, truth, facts = store.load_mask(), store.load_normals("truth"), table["methods"][name]
     judged = mask & np.isfinite(truth[..., 0])
-    error = angular_error_deg(store.load_normals(name), truth)[judged]
-    numbers, facts = angular_statistics(error), table["methods"][name]
-    return {
-        "method": name,
-        "profile": profile,
-        "status": "ok" if numbers["pixels"] else "failed: no pixel has a normal",
-        **numbers,
-        "unanswered": 1 - int(numbers["pixels"]) / max(int(judged.sum()), 1),
-        "seconds": facts["seconds"],
-        "doubts": " ".join(facts["warnings"]),
-    }
+    errors = errors_of(store.load_normals(name)[judged], truth[judged], "failed")
+    more = {"seconds": facts["seconds"], "doubts": " ".join(facts["warnings"])}
+    return {"method": name, "profile": profile, **errors, **more}
 
 
-def _failed(name: str, profile: str, error: Exception) -> dict[str, Any]:
+def _failed(name: str, profile: str, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
+
+
+def write_results(folder: Path, rows: Rows) -> None:
+    """Write results.parquet, results.txt and index.html."""
+    write_table(folder / "results.parquet", rows, DATASETS)
+    write_text(folder / "results.txt", results_text(rows))
+    write_text(folder / "index.html", _page(rows))
+
+
+def grid(rows: Rows, quantity: str = "mean_deg") -> tuple[list[str], list[tuple[str, list[float | None]]]]:
+    """Return the methods, and for each dataset its values in their order, None where one failed; last, their means.
+
+    A mean is over the datasets that every method solved: else a method gained by failing on what is hard.
+    """
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    found: dict[str, dict[str, float]] = {}
+    for row in rows:
+        found.setdefault(row["dataset"], {})
+        if row["status"] == "ok":
+            found[row["dataset"]][row["method"]] = row[quantity]
+    lines = [(name, [values.get(method) for method in methods]) for name, values in found.items()]
+    whole = [[value for value in values if value is not None] for _, values in lines if None not in values]
+    if len(lines) > 1 and whole:
+        means: list[float | None] = [sum(column) / len(whole) for column in zip(*whole, strict=True)]
+        lines.append((f"mean of {len(whole)}", means))
+    return methods, lines
+
+
+def results_text(rows: Rows) -> str:
+    """Return the mean angular errors, degrees, as lines for a terminal."""
+    methods, lines = grid(rows)
+    title = "mean angular error, degrees"
+    wide = max(len(title), *(len(name) for name, _ in lines))
+    widths = [max(len(method), 7) for method in methods]
+    head = "".join(f"  {method:>{width}}" for method, width in zip(methods, widths, strict=True))
+    text = [f"{title:{wide}}{head}"]
+    for name, values in lines:
+        cells = (FAILED if value is None else f"{value:.2f}" for value in values)
+        text.append(f"{name:{wide}}" + "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True)))
+    text += [f"{row['dataset']}, {row['method']}: {row['status']}" for row in rows if row["status"] != "ok"]
+    return "\n".join(text) + "\n"
+
+
+def _page(rows: Rows) -> str:
+    from compare.report.page import number, table
+    from experiments.sweeps.sweep_page import STYLE
+
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Datasets</title>",
+        f"<style>{STYLE} .best{{font-weight:bold}}</style><h1>Methods on datasets</h1>",
+    ]
+    for quantity, title in (
+        ("mean_deg", "Mean angular error, degrees"),
+        ("median_deg", "Median angular error, degrees"),
+    ):
+        methods, lines = grid(rows, quantity)
+        body = []
+        for name, values in lines:
+            least = min((value for value in values if value is not None), default=None)
+            cells = [
+                FAILED if value is None else f"<span class='{'best' if value == least else ''}'>{number(value)}</span>"
+                for value in values
+            ]
+            body.append([escape(name), *cells])
+        parts.append(f"<h2>{title}</h2>{table(['dataset', *map(escape, methods)], body)}")
+    failures = [row for row in rows if row["status"] != "ok"]
+    if failures:
+        lines = "".join(
+            f"<li>{escape(row['dataset'])}, {escape(row['method'])}: {escape(row['status'])}</li>" for row in failures
+        )
+        parts.append(f"<h2>What failed</h2><ul>{lines}</ul>")
+    parts.append("<p>Bold: the least of a row. More figures, and each method's doubts: results.parquet.</p></html>")
+    return "\n".join(parts)

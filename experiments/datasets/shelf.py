@@ -1,11 +1,12 @@
-"""The shelf: one folder that holds the datasets that were made, and those of others that were checked and added."""
+"""The shelf: one folder of the datasets that were made, and of others' that were checked and added; and its list."""
 
 import re
 import shutil
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from experiments.datasets.catalogue import catalogue
+from experiments.catalogue import FAMILIES, catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.checksums import FILE, checksums_of, differences
 from experiments.datasets.write import mark_of
@@ -22,22 +23,13 @@ ADDED = ".added"
 
 @dataclass(frozen=True)
 class Entry:
-    """A dataset as the list shows it.
-
-    Parameters
-    ----------
-    name, family, text : str
-    state : {"", "made", "outdated", "added"}
-        Not made yet; made; made by another version; of others.
-    folder : Path
-        Where it is, or would be.
-    """
+    """A dataset as the list shows it."""
 
     name: str
     family: str
     text: str
-    state: str
-    folder: Path
+    state: str  # "": not made yet; "made"; "outdated": made by another version; "added": of others
+    folder: Path  # where it is, or would be
 
 
 def entries(shelf: Path) -> list[Entry]:
@@ -63,24 +55,10 @@ def _state(record: Record | None, dataset) -> str:
 
 
 def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", link: bool = False) -> Entry:
-    """Check a dataset, and put it on the shelf.
+    """Check a dataset in the DiLiGenT layout, and put it on the shelf, by default under its folder's name.
 
-    Parameters
-    ----------
-    shelf : Path
-    folder : Path
-        In the DiLiGenT layout.
-    name : str, optional
-        Default: the folder's.
-    text : str
-        What it is, in a line.
-    link : bool
-        Leave the files where they are and remember their checksums; else they are copied.
-
-    Raises
-    ------
-    SceneError
-        It does not pass the check, or the name is taken.
+    text: what it is, in a line. link: leave the files where they are and remember their checksums; else they are
+    copied. SceneError: it does not pass the check, or the name is taken.
     """
     verdict = check_dataset(folder)
     if verdict.faults:
@@ -114,27 +92,15 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
 
 
 def contents_of(shelf: Path, entry: Entry) -> str:
-    """Return the checksums of a dataset that is there and unchanged.
-
-    Raises
-    ------
-    SceneError
-        Files have changed since it was made or added, or are gone.
-    """
-    if entry.state == "added":
-        expected = json_of(shelf / ADDED / f"{entry.name}.json")["checksums"]
-    else:
-        expected = (entry.folder / FILE).read_text()
+    """Return the checksums of a dataset that is there and unchanged; raise SceneError where it is not."""
+    note, is_added = shelf / ADDED / f"{entry.name}.json", entry.state == "added"
     if not entry.folder.is_dir():
-        note = shelf / ADDED / f"{entry.name}.json"
-        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, add it again, or remove {note}.")
+        do = f"add it again, or remove {note}" if is_added else "or make it again"
+        raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, {do}.")
+    expected = json_of(note)["checksums"] if is_added else (entry.folder / FILE).read_text()
     if said := differences(expected, entry.folder):
         more = f" and {len(said) - 3} more" if len(said) > 3 else ""
-        do = (
-            "Put the files back, or add it under another name"
-            if entry.state == "added"
-            else "Remove it and make it again"
-        )
+        do = "Put the files back, or add it under another name" if is_added else "Remove it and make it again"
         raise SceneError(f"{entry.folder}: {'; '.join(said[:3])}{more}, since it was put on the shelf. {do}.")
     return expected
 
@@ -144,3 +110,48 @@ def faults_text(folder: Path, faults: tuple[str, ...], doing: str = "") -> str:
     if len(faults) == 1:
         return f"{folder}: {doing}{faults[0]}"
     return f"{folder}: {doing}{len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in faults)
+
+
+def tell(found: list[Entry]) -> None:
+    """Print a line a dataset, and how many there are."""
+    lines = [(one.name, one.state or "-", one.text) for one in found]
+    _tell_table(("name", "on the shelf", "what it is"), lines)
+    print(f"{len(found)} datasets, {sum(bool(one.state) for one in found)} on the shelf")
+
+
+def tell_families(found: list[Entry]) -> None:
+    """Print a line a family."""
+    _tell_table(("family", "datasets", "what is varied", "for instance"), _families(found))
+
+
+def families_markdown(found: list[Entry]) -> str:
+    """Return a Markdown table of the families."""
+    lines = ["| family | datasets | what is varied | for instance |", "|---|---|---|---|"]
+    lines += [f"| `{name}` | {count} | {varied} | `{example}` |" for name, count, varied, example in _families(found)]
+    return "\n".join([*lines, f"| all | {len(found)} | | |"]) + "\n"
+
+
+def _families(found: list[Entry]) -> list[tuple[str, str, str, str]]:
+    """Return of each family its name, how many datasets it has, what is varied, and one of them."""
+    names = {family: [one.name for one in found if one.family == family] for family in FAMILIES}
+    return [
+        (one, str(len(names[one])), text, names[one][len(names[one]) // 2])
+        for one, text in FAMILIES.items()
+        if names[one]
+    ]
+
+
+def _tell_table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0))
+    for column in head:
+        table.add_column(column, no_wrap=column == "name")
+    for line in lines:
+        table.add_row(*line)
+    console = Console()
+    # A pipe has no width: names and texts must not be cut there.
+    if not console.is_terminal:
+        console = Console(width=200)
+    console.print(table, markup=False)

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets.catalogue import Dataset
 from experiments.datasets.checksums import write_checksums
-from experiments.datasets.dataset_scene import Stack, stack_of
-from experiments.datasets.describe import readme, session_toml
+from experiments.datasets.describe import preview, readme, session_toml
+from experiments.photographs import Photographs, photograph_dataset
+from experiments.recipe import Dataset
 from scene.current import code_fingerprint, fingerprint
 
 RECIPE = "recipe.json"
@@ -36,7 +36,6 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     RenderError
         The scene cannot be rendered here.
     """
-    from experiments.datasets.overview_picture import preview
     from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
     from scene.files import write_json, write_png, write_text
     from scene.normals import encode_normals
@@ -44,7 +43,7 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     from twin.description.picture_files import write_exr
     from twin.ground_truth import save_ground_truth
 
-    stack = stack_of(dataset)
+    stack = photograph_dataset(dataset)
     truth = stack.truth
     write_diligent(folder, stack.frames, stack.lights, truth.mask)
     files = tuple(f"{name}.png" for name in stack.frames.names)
@@ -72,7 +71,7 @@ def _share_of_lights(bits: NDArray[np.uint8], count: int) -> NDArray[np.uint8]:
     return np.round(255 * lights_of(bits, count).mean(0)).astype(np.uint8)
 
 
-def _facts(stack: Stack) -> dict[str, Any]:
+def _facts(stack: Photographs) -> dict[str, Any]:
     from twin.ground_truth import lights_of
 
     mask, count = stack.truth.mask, len(stack.lights)

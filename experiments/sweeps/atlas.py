@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
-from experiments.sweeps.nine_experiments import EXPERIMENTS, SOLVERS
+from experiments.catalogue import EXPERIMENTS, SOLVERS
 from experiments.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS
 from experiments.sweeps.stability import GOOD_DEG, KINDS, Level, Strip, Tolerance
 
@@ -21,33 +21,26 @@ BOX_HEIGHT = 17.0
 
 
 def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
-    """Return the picture as SVG.
+    """Return the picture as SVG; without tolerances it has no columns of numbers.
 
-    Parameters
-    ----------
-    strips : sequence of Strip
-    tolerances : sequence of Tolerance
-        May be empty: then there are no columns of numbers.
-
-    Notes
-    -----
     A row for each method and profile, a column for each experiment: a box a level, in the experiment's own order. Under
     the boxes where it breaks, in the experiment's unit.
     """
     rows = list(dict.fromkeys((one.solver, one.profile) for one in strips))
-    names = [name for name in EXPERIMENTS if any(one.experiment == name for one in strips)]
-    by_place = {(one.experiment, one.solver, one.profile): one for one in strips}
-    counts = {name: max(len(one.levels) for one in strips if one.experiment == name) for name in names}
-    lefts, x = {}, LEFT
-    for name in names:
-        lefts[name] = x
-        longest = max(len(one.breaks) for one in strips if one.experiment == name)
-        x += max(counts[name] * BOX, NARROWEST, SMALL * longest) + GAP
-    borne = {(one.name, one.solver, one.profile): one for one in tolerances}
-    numbers = [name for name in PERTURBATIONS if any(one.name == name for one in tolerances)]
-    for name in numbers:
-        lefts[name] = x
-        x += NUMBER
+    columns, x = [], LEFT
+    for name in EXPERIMENTS:
+        members = {(one.solver, one.profile): one for one in strips if one.experiment == name}
+        if members:
+            columns.append((x, name, members))
+            words = max(len(one.breaks) for one in members.values())
+            boxes = max(len(one.levels) for one in members.values())
+            x += max(boxes * BOX, NARROWEST, SMALL * words) + GAP
+    numbers = []
+    for name in PERTURBATIONS:
+        borne = {(one.solver, one.profile): one for one in tolerances if one.name == name}
+        if borne:
+            numbers.append((x, name, borne))
+            x += NUMBER
     width, bottom = max(x, LEGEND), TOP + ROW * len(rows)
     height = bottom + 78
     parts = [
@@ -55,30 +48,33 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
         'aria-label="Where each method breaks" font-family="system-ui, \'DejaVu Sans\', sans-serif" font-size="12">',
         f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
     ]
-    for name in names:
-        first = next(one for one in strips if one.experiment == name).levels
+    for left, name, members in columns:
+        first = next(iter(members.values())).levels
         ends = f"{first[0].label} … {first[-1].label}" if name != "material" else "kinds"
-        parts.append(_text(lefts[name], 30, EXPERIMENTS[name].label, weight="600"))
-        parts.append(_text(lefts[name], 46, ends, fill="#555", size=10))
+        parts += _head(left, EXPERIMENTS[name].label, ends)
     if numbers:
-        parts.append(_text(lefts[numbers[0]], 12, "smallest error that breaks it", fill="#555", size=10))
-    for name in numbers:
-        parts.append(_text(lefts[name], 30, PERTURBATIONS[name].label, weight="600"))
-        parts.append(_text(lefts[name], 46, name, fill="#555", size=10))
+        parts.append(_text(numbers[0][0], 12, "smallest error that breaks it", fill="#555", size=10))
+    for left, name, _ in numbers:
+        parts += _head(left, PERTURBATIONS[name].label, name)
     for number, (solver, profile) in enumerate(rows):
         y = TOP + ROW * number
-        if number and rows[number - 1][0] != solver:
+        is_first = not number or rows[number - 1][0] != solver
+        if number and is_first:
             parts.append(f'<path d="M8 {y - 8:.0f}H{width - 8:.0f}" stroke="#c9d0d6"/>')
-        if not number or rows[number - 1][0] != solver:
+        if is_first:
             parts.append(_text(8, y + 13, SOLVERS.get(solver, solver), weight="600"))
         parts.append(_text(LEFT - 8, y + 13, profile, fill="#555", size=10, anchor="end"))
-        for name in names:
-            if (name, solver, profile) in by_place:
-                parts += _strip(by_place[name, solver, profile], lefts[name], y)
-        for name in numbers:
-            if (name, solver, profile) in borne:
-                parts += _tolerance(borne[name, solver, profile], lefts[name], y)
+        for left, _, members in columns:
+            if (solver, profile) in members:
+                parts += _strip(members[solver, profile], left, y)
+        for left, _, borne in numbers:
+            if (solver, profile) in borne:
+                parts += _tolerance(borne[solver, profile], left, y)
     return "\n".join([*parts, *_legend(bottom + 12), "</svg>"]) + "\n"
+
+
+def _head(x: float, label: str, below: str) -> list[str]:
+    return [_text(x, 30, label, weight="600"), _text(x, 46, below, fill="#555", size=10)]
 
 
 def _strip(strip: Strip, x: float, y: float) -> list[str]:

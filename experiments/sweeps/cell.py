@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from experiments.sweeps.error_kinds import error_kinds
+from compare.statistics.error_kinds import error_kinds
+from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
-from experiments.sweeps.recipe import RUNNER, Cell
+from experiments.tables import errors_of
 from scene.current import code_fingerprint
 from scene.errors import SceneError
 from solve.solve import UNCALIBRATED, solve
@@ -27,22 +28,18 @@ _ONE_AT_A_TIME = Lock()
 def run_cell(cell: Cell) -> dict[str, Any]:
     """Return what a cell gives; never raises for what its methods or its scene do.
 
-    Returns
-    -------
-    dict
-        rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
-        base64. code: hash of the code that made them, as this process has it.
+    rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
+    base64. code: hash of the code that made them, as this process has it.
     """
     with _ONE_AT_A_TIME, _one_thread(), ThreadPoolExecutor(1) as one_core:
         start = time.process_time()
         try:
-            from experiments.sweeps.photographs import photograph
+            from experiments.photographs import photograph
 
             photographs = photograph(cell.recipe)
         except Exception as error:
             return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
-        made = time.process_time() - start
-        rows, seconds = [], [{**_key(cell, "", ""), "seconds": made}]
+        rows, seconds = [], [{**_key(cell, "", ""), "seconds": time.process_time() - start}]
         for method in cell.methods:
             for profile in cell.profiles:
                 row, taken = _row(cell, photographs, method, profile, one_core)
@@ -84,10 +81,8 @@ def _row(
         else:
             estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
             extra = {}
-    except SceneError as error:
-        return {**key, "status": f"no answer: {_why(error)}"}, None
     except Exception as error:
-        return {**key, "status": f"failed: {_why(error)}"}, None
+        return {**key, "status": f"{'no answer' if isinstance(error, SceneError) else 'failed'}: {_why(error)}"}, None
     taken = time.process_time() - start
     row = {"status": "ok"} if estimate is None else measured(p, method, estimate)
     return {**key, **row, **extra}, taken
@@ -109,28 +104,19 @@ def _load(photographs: Any, method: str, profile: str, executor: Executor) -> No
 def measured(photographs: Any, method: str, estimate: Any) -> dict[str, Any]:
     """Return an estimate's columns of the table, by the truth.
 
-    Notes
-    -----
     status: "ok"; "no answer: why", where a method refused or gave no normal; "failed: why", a fault of ours, which says
     nothing of the method. albedo_error_percent: mean of |found - true| / true over pixels and channels. A method that
     is not told the lights finds albedo up to a factor: the one that makes the median right is put in.
     """
-    from compare.statistics.statistics import angular_statistics
-    from scene.normals import angular_error_deg
-
     p = photographs
-    numbers = angular_statistics(angular_error_deg(estimate.normals, p.normals)[p.mask])
-    found, true = estimate.albedo[p.mask].astype(np.float64), p.albedo[p.mask].astype(np.float64)
-    ratio = found / true
+    ratio = estimate.albedo[p.mask].astype(np.float64) / p.albedo[p.mask].astype(np.float64)
     known = ratio[np.isfinite(ratio)]
     if method in UNCALIBRATED and known.size and np.median(known) > 0:
         known = known / np.median(known)
     return {
-        "status": "ok" if numbers["pixels"] else "no answer: no pixel has a normal",
-        **numbers,
+        **errors_of(estimate.normals[p.mask], p.normals[p.mask], "no answer"),
         **error_kinds(estimate.normals[p.mask], p.normals[p.mask]),
         "albedo_error_percent": 100 * float(np.mean(np.abs(known - 1))) if known.size else None,
-        "unanswered": 1 - int(numbers["pixels"]) / int(p.mask.sum()),
         "frames": len(p.frames),
         "doubts": " ".join(estimate.warnings),
     }

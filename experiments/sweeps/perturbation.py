@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.sweeps.recipe import Cell, Recipe
+from experiments.recipe import Cell, Recipe
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
@@ -24,23 +24,12 @@ DRAWS = 5
 
 @dataclass(frozen=True)
 class Perturbation:
-    """One quantity that is made wrong.
+    """One quantity that is made wrong."""
 
-    Parameters
-    ----------
-    name : str
-        In the tables, as an experiment's.
-    label : str
-    unit : str
-        Of the strength.
-    least, most : float
-        The strengths that are looked between.
-    """
-
-    name: str
+    name: str  # in the tables, as an experiment's
     label: str
-    unit: str
-    least: float
+    unit: str  # of the strength
+    least: float  # the strengths that are looked between
     most: float
 
 
@@ -64,16 +53,9 @@ def perturbation_cells(methods: tuple[str, ...], *, quick: bool = False) -> Iter
 def perturbed(photographs: Any, name: str, strength: float, seed: int) -> tuple[Frames, Lights]:
     """Return the frames and the lights as a method is given them.
 
-    Parameters
-    ----------
-    photographs : Photographs
-    name : str
-        A key of `PERTURBATIONS`. light directions off: each is turned about an axis of its own, `strength` degrees
-        root mean square. intensities off: each is multiplied by exp(`strength` / 100 x a normal number). ambient left
-        in: to every frame is added `strength` % of what a flash along the normal gives.
-    strength : float
-    seed : int
-        Another draw; strengths of one draw have the same axes and numbers.
+    light directions off: each is turned about an axis of its own, `strength` degrees root mean square. intensities off:
+    each is multiplied by exp(`strength` / 100 x a normal number). ambient left in: to every frame is added `strength` %
+    of what a flash along the normal gives. Strengths of one draw, `seed`, have the same axes and numbers.
     """
     frames, lights = photographs.frames, photographs.lights
     generator = np.random.default_rng([seed, list(PERTURBATIONS).index(name), 4711])
@@ -95,33 +77,23 @@ def perturbed(photographs: Any, name: str, strength: float, seed: int) -> tuple[
 def breaking_point(
     photographs: Any, cell: Cell, method: str, profile: str, executor: Executor
 ) -> tuple[float | None, Any]:
-    """Return the smallest strength that breaks a method, and its estimate there.
+    """Return the smallest strength that breaks a method, and its estimate there, None where it refused.
 
-    Returns
-    -------
-    strength : float or None
-        Median error past `BREAKS_DEG`, or no result: 0 where that is so unperturbed, None where not even the greatest
-        strength does it.
-    estimate : Estimate or None
-        Of the broken result; unbroken, of the greatest strength. None: the method refused.
-
-    Notes
-    -----
-    Bisection of the logarithm: where the error does not rise evenly it finds one crossing, not the first.
+    Broken: a median error past `BREAKS_DEG`, or no result. 0 where that is so unperturbed; None where not even the
+    greatest strength does it, with the estimate of that. Bisection of the logarithm: where the error does not rise
+    evenly it finds one crossing, not the first.
     """
     from scene.normals import angular_error_deg
 
-    one = PERTURBATIONS[cell.experiment]
+    one, p = PERTURBATIONS[cell.experiment], photographs
 
     def breaks(strength: float) -> tuple[bool, Any]:
-        frames, lights = perturbed(photographs, one.name, strength, cell.recipe.seed)
+        frames, lights = perturbed(p, one.name, strength, cell.recipe.seed)
         try:
-            found = solve(
-                method, frames, lights, photographs.camera, photographs.mask, profile=profile, executor=executor
-            )
+            found = solve(method, frames, lights, p.camera, p.mask, profile=profile, executor=executor)
         except SceneError:
             return True, None
-        error = angular_error_deg(found.normals, photographs.normals)[photographs.mask]
+        error = angular_error_deg(found.normals, p.normals)[p.mask]
         known = error[np.isfinite(error)]
         return not (len(known) > len(error) / 2 and np.median(known) <= BREAKS_DEG), found
 

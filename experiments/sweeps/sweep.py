@@ -3,25 +3,24 @@
 Cells lie in OUT/cells, one file each, whoever asked for them; OUT/NAME holds what one sweep joins from them.
 """
 
-import os
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from experiments.catalogue import EXPERIMENTS, SOLVERS, experiments_of
+from experiments.recipe import RUNNER, Cell, code_times
 from experiments.sweeps.cell import failed_rows, run_cell
-from experiments.sweeps.cell_progress import cell_progress
-from experiments.sweeps.cell_table import cell_path, read_cells, write_cell, write_tables
-from experiments.sweeps.nine_experiments import EXPERIMENTS, SOLVERS, experiments_of
 from experiments.sweeps.perturbation import PERTURBATIONS, perturbation_cells
-from experiments.sweeps.recipe import RUNNER, Cell, code_times
-from experiments.sweeps.workers import Work, WorkerDied, run_here, run_there
-from lab.cluster.connect import executor_of
+from experiments.tables import PERTURBED, RESULTS, SECONDS, Row, Rows, write_table
+from experiments.workers import Work, WorkerDied, run_all
 from lab.options import Solving
-from lab.progress import say
+from lab.progress import progress_bar, say
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
+from scene.files import write_json
 from scene.output_folder import open_record
+from scene.reading import json_of
 from scene.record import Record
 
 
@@ -34,44 +33,33 @@ def sweep(
     scheduler: str | None = None,
     processes: int | None = None,
 ) -> Path:
-    """Run experiments, as far as their cells are not there yet.
+    """Run experiments, as far as their cells are not there yet; return the folder of the tables and the page.
 
-    Parameters
-    ----------
-    wanted : str
-        Names of experiments, with commas, or all.
-    out : Path, optional
-        Default: out/sweeps.
-    quick : bool
-        A first look: fewer levels, one shape, one draw, small pictures.
-    method : str
-        Solvers, with commas.
-    scheduler : str, optional
-        Address of a Dask scheduler; default: processes here.
-    processes : int, optional
-        Default: one a core.
-
-    Returns
-    -------
-    Path
-        The folder with the tables, index.html and the charts.
-
-    Raises
-    ------
-    SceneError
-        Unknown experiment or method, no cluster, a full disk, a folder in use.
+    wanted: names with commas, or all. quick: a first look, with fewer levels, one shape, one draw, small pictures.
+    method: solvers with commas. scheduler: address of a Dask scheduler; default: processes here, one a core.
+    SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
     """
     experiments, methods = experiments_of(wanted), Solving(method, "seed").methods()
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
+    names = "-".join(one.name for one in experiments)
     if len(experiments) == len(EXPERIMENTS):
         cells += perturbation_cells(methods, quick=quick)
-    root = out or Path("out") / "sweeps"
-    names = "all" if len(experiments) == len(EXPERIMENTS) else "-".join(one.name for one in experiments)
-    folder = root / (f"{names}-quick" if quick else names)
-    with open_record(root) as record:
+        names = "all"
+    folder = (out or Path("out") / "sweeps") / (f"{names}-quick" if quick else names)
+    with open_record(folder.parent) as record:
         run_cells(record, cells, scheduler=scheduler, processes=processes)
         join_cells(record, record.folder / folder.name, cells)
     return folder
+
+
+def cell_path(folder: Path, cell: Cell) -> Path:
+    """Return where a cell's file is, or would be."""
+    return folder / "cells" / f"{cell.key}.json"
+
+
+def read_cells(folder: Path, cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """Return what the cells' files hold."""
+    return [json_of(cell_path(folder, cell)) for cell in cells]
 
 
 def run_cells(
@@ -82,30 +70,18 @@ def run_cells(
     scheduler: str | None = None,
     processes: int | None = None,
 ) -> None:
-    """Run the cells whose files are not there, and write those.
+    """Run the cells whose files are not there, and write those, each whole or not at all.
 
-    Parameters
-    ----------
-    record : Record
-        Of the folder where `cells` is, or will be.
-    cells : sequence of Cell
-    work : callable
-        What runs a cell: gives what `run_cell` does.
-    scheduler, processes
-        See `sweep`.
-
-    Raises
-    ------
-    SceneError
-        The code that cells are named after was written to meanwhile, here or on a worker: who can tell what made them?
+    work: gives what `run_cell` does. SceneError: the code that cells are named after was written to meanwhile, here or
+    on a worker: who can tell what made them?
     """
     root = record.folder
     missing = [cell for cell in cells if not record.is_intact(cell_path(root, cell))]
     if not missing:
         return
     start, failed, times, code = time.perf_counter(), 0, code_times(), code_fingerprint(RUNNER)
-    with cell_progress(len(missing)) as report:
-        for done, (cell, found) in enumerate(_results(missing, work, scheduler, processes), 1):
+    with progress_bar("cells") as report:
+        for done, (cell, found) in enumerate(run_all(missing, work, processes=processes, scheduler=scheduler), 1):
             if isinstance(found, WorkerDied):
                 found = {"rows": failed_rows(cell, str(found)), "seconds": [], "picture": None}
             if code_times() != times or found.get("code", code) != code:
@@ -113,18 +89,10 @@ def run_cells(
                     f"sweep: the code changed while {cell.experiment} {cell.value} ran, here or on a worker. What is "
                     "done stays. Run the same command again, with the same code on all workers."
                 )
-            write_cell(root, cell, found)
+            write_json(cell_path(root, cell), found)
             failed += any(row["status"].startswith("failed") for row in found["rows"])
-            report(done, failed)
+            report(done, len(missing))
     say(f"{len(missing)} cells in {time.perf_counter() - start:.0f} s, {failed} with failures")
-
-
-def _results(cells: list[Cell], work: Work, scheduler: str | None, processes: int | None) -> Iterator[tuple[Cell, Any]]:
-    if scheduler is None:
-        yield from run_here(cells, work, processes=min(processes or os.cpu_count() or 1, len(cells)))
-        return
-    with executor_of(scheduler) as executor:
-        yield from run_there(cells, work, executor)
 
 
 def join_cells(record: Record, folder: Path, cells: Sequence[Cell]) -> None:
@@ -139,3 +107,27 @@ def join_cells(record: Record, folder: Path, cells: Sequence[Cell]) -> None:
         found = read_cells(root, cells)
         rows, perturbed, seconds = write_tables(folder, found, [*EXPERIMENTS, *PERTURBATIONS, *cells[0].methods])
         write_page(folder, rows, found, perturbed=perturbed, seconds=seconds)
+
+
+def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]) -> tuple[Rows, Rows, Rows]:
+    """Write results.parquet, perturbations.parquet, and what no two runs agree on, the times, as seconds.parquet.
+
+    found: the cells' files. order: of the experiments and solvers. Returns the rows of the three, sorted.
+    """
+    rank = {name: number for number, name in enumerate(order)}
+
+    def place(row: Row) -> tuple:
+        solver = row["solver"]
+        at = rank.get(solver, len(rank) if solver else -1)
+        experiment = rank.get(row["experiment"], len(rank))
+        return experiment, row["level"], row["shape"], row["seed"], at, solver, row["profile"]
+
+    every = sorted((row for one in found for row in one["rows"]), key=place)
+    rows = [row for row in every if row["experiment"] not in PERTURBATIONS]
+    perturbed = [row for row in every if row["experiment"] in PERTURBATIONS]
+    seconds = sorted((row for one in found for row in one["seconds"]), key=place)
+    write_table(folder / "results.parquet", rows, RESULTS)
+    write_table(folder / "seconds.parquet", seconds, SECONDS)
+    if perturbed:
+        write_table(folder / "perturbations.parquet", perturbed, PERTURBED)
+    return rows, perturbed, seconds

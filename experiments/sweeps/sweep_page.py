@@ -5,22 +5,22 @@ from pathlib import Path
 from typing import Any
 
 from compare.report.line_chart import line_chart
+from compare.report.page import table
 from compare.report.speed_chart import speed_chart
+from experiments.catalogue import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
 from experiments.sweeps.atlas import atlas
-from experiments.sweeps.nine_experiments import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
-from experiments.sweeps.pareto import speed_points
 from experiments.sweeps.perturbation import PERTURBATIONS
 from experiments.sweeps.stability import stability, strips, tolerances
 from experiments.sweeps.sweep_statistics import (
     STATISTICS,
-    Rows,
     Statistics,
     benchmark_statistics,
     curve,
-    has_failed,
     rank_correlation,
+    speed_points,
     statistics,
 )
+from experiments.tables import Rows, grouped, has_failed
 from scene.files import write_json, write_text
 
 QUANTITIES = {
@@ -44,15 +44,7 @@ def write_page(
 ) -> None:
     """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, atlas.svg, speed.svg, statistics.json and stability.json.
 
-    Parameters
-    ----------
-    folder : Path
-    rows : list of dict
-        Of results.parquet.
-    found : list of dict
-        The cells' files, for their pictures.
-    perturbed, seconds : list of dict
-        Of perturbations.parquet and seconds.parquet.
+    rows, perturbed, seconds: of the three tables. found: the cells' files, for their pictures.
     """
     perturbed, seconds = perturbed or [], seconds or []
     ours = statistics(rows)
@@ -98,12 +90,14 @@ def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
     write_text(folder / "atlas.svg", picture)
     write_json(folder / "stability.json", found)
     shapes = ", ".join(dict.fromkeys(row["shape"] for row in rows))
-    lines = "".join(
-        f"<tr><th>{escape(one['solver'])}, {escape(one['profile'])}</th>"
-        f"<td>{_share(one['broken_doubted'], one['broken'])}</td>"
-        f"<td>{_share(one['whole_doubted'], one['whole'])}</td></tr>"
+    lines = [
+        (
+            escape(f"{one['solver']}, {one['profile']}"),
+            _share(one["broken_doubted"], one["broken"]),
+            _share(one["whole_doubted"], one["whole"]),
+        )
         for one in found["doubts"]
-    )
+    ]
     return [
         f"<h2>What breaks whom</h2><div class='atlas'>{picture}</div>"
         f"<p>Of each level the median over {escape(shapes)} "
@@ -112,7 +106,7 @@ def _stability(folder: Path, rows: Rows, perturbed: Rows) -> list[str]:
         "draws.</p>",
         *(_without_result(perturbed, name) for name in PERTURBATIONS),
         "<details><summary>Do the methods know it? How often they doubt their results</summary>"
-        f"<table><tr><th></th><th>of the broken</th><th>of the others</th></tr>{lines}</table></details>",
+        f"{table(('', 'of the broken', 'of the others'), lines)}</details>",
     ]
 
 
@@ -147,47 +141,41 @@ def _correlations(rows: Rows, ours: Statistics) -> dict[str, dict[str, float]]:
 
 
 def _correlation_words(found: dict[str, dict[str, float]]) -> str:
-    rows = "".join(
-        f"<tr><th>{escape(what)}</th><td>{one['spearman']:.2f}</td><td>{one['pairs']}</td></tr>"
-        for what, one in found.items()
-    )
+    rows = [(escape(what), f"{one['spearman']:.2f}", str(one["pairs"])) for what, one in found.items()]
     return (
         "<p>Rank correlation of the mean errors with the benchmark's, calibrated methods:</p>"
-        f"<table><tr><th>shapes, profile</th><th>Spearman</th><th>pairs</th></tr>{rows}</table>"
+        f"{table(('shapes, profile', 'Spearman', 'pairs'), rows)}"
     )
 
 
 def _table(ours: Statistics, there: list[Experiment], solvers: list[str]) -> str:
     """Return the table in the benchmark's layout; each field: default, seed profile, the benchmark's own."""
-    theirs = benchmark_statistics()
-    head = "".join(f"<th>{escape(SOLVERS.get(name, name))}</th>" for name in solvers)
-    lines = []
+    theirs, lines = benchmark_statistics(), []
     for one in there:
+        found = [
+            (
+                ours.get((one.name, solver, "default"), {}),
+                ours.get((one.name, solver, "seed"), {}),
+                theirs.get((one.name, solver), {}),
+            )
+            for solver in solvers
+        ]
         for name in STATISTICS:
-            fields = ""
-            for solver in solvers:
-                values = [
-                    ("", ours.get((one.name, solver, "default"), {}).get(name)),
-                    ("seed", ours.get((one.name, solver, "seed"), {}).get(name)),
-                    ("theirs", theirs.get((one.name, solver), {}).get(name)),
-                ]
-                spans = (
-                    f"<span class='{kind}'>{'–' if value is None else f'{value:.2f}'}</span>" for kind, value in values
-                )
-                fields += f"<td>{''.join(spans)}</td>"
-            lines.append(f"<tr><th>{escape(one.label)}, {name}</th>{fields}</tr>")
-        counts = ""
-        for solver in solvers:
-            here = [ours.get((one.name, solver, profile), {}) for profile in ("default", "seed")]
-            spans = (f"<span class='{kind}'>{_counts(n)}</span>" for kind, n in zip(("", "seed"), here, strict=True))
-            counts += f"<td>{''.join(spans)}</td>"
-        lines.append(f"<tr><th>cells / without an answer / failed / pixels without one</th>{counts}</tr>")
+            fields = [_spans(*(f"{each[name]:.2f}" if name in each else "–" for each in three)) for three in found]
+            lines.append((f"{escape(one.label)}, {name}", *fields))
+        counts = [_spans(_counts(default), _counts(seed)) for default, seed, _ in found]
+        lines.append(("cells / without an answer / failed / pixels without one", *counts))
     return (
         "<p>Angular error in degrees, of each cell the mean. In each field: the methods as they are, "
         "<span class='seed'>their plain readings (profile seed)</span>, <span class='theirs'>the benchmark's own "
         "number</span>. What has no answer or failed is in no mean.</p>"
-        f"<div class='scroll'><table><tr><th></th>{head}</tr>{''.join(lines)}</table></div>"
+        f"{table(('', *(escape(SOLVERS.get(name, name)) for name in solvers)), lines)}"
     )
+
+
+def _spans(*values: str) -> str:
+    kinds = ("", "seed", "theirs")[: len(values)]
+    return "".join(f"<span class='{kind}'>{value}</span>" for kind, value in zip(kinds, values, strict=True))
 
 
 def _counts(numbers: dict[str, float]) -> str:
@@ -223,12 +211,12 @@ def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
 
 
 def _without_result(rows: Rows, experiment: str) -> str:
-    counts: dict[tuple[str, str], int] = {}
-    for row in rows:
-        if row["experiment"] == experiment and row["status"] not in ("ok", "not told"):
-            key = (f"{row['solver']}, {row['profile']}", row["status"])
-            counts[key] = counts.get(key, 0) + 1
+    lost = [row for row in rows if row["experiment"] == experiment and row["status"] not in ("ok", "not told")]
+    counts = grouped(lost, "solver", "profile", "status")
     if not counts:
         return ""
-    items = "".join(f"<li>{count} x {escape(who)}: {escape(why)}</li>" for (who, why), count in counts.items())
+    items = "".join(
+        f"<li>{len(group)} x {escape(f'{solver}, {profile}')}: {escape(status)}</li>"
+        for (solver, profile, status), group in counts.items()
+    )
     return f"<p>Without a result:</p><ul>{items}</ul>"

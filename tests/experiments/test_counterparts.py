@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from compare.report.counterpart_page import badge_of
-from experiments.counterparts.compare_folders import NUMBERS, PAGE, compare_folders
-from experiments.counterparts.compared_side import _moved_lights, _shifted, open_folder, shifts_of
+from compare.statistics.sigma_propagation import moved_lights, shifted
+from experiments.counterparts.compare_folders import NUMBERS, PAGE, compare_folders, open_folder, shifts_of
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_json, write_npy, write_text
@@ -94,7 +94,7 @@ def test_near_lights_are_turned_and_scaled_by_their_sigmas_and_keep_their_distan
         intensity_sigma=relative,
     )
     rng = np.random.default_rng(10000)
-    moved = [_moved_lights(near, rng) for _ in range(600)]
+    moved = [moved_lights(near, rng) for _ in range(600)]
     aside = np.array([angular_error_deg(one.directions, near.directions) for one in moved])
     # Two tangent components of one sigma each.
     assert np.sqrt((aside**2).mean(0)) == pytest.approx(np.sqrt(2) * off_deg, rel=0.1)
@@ -117,11 +117,11 @@ def test_the_poses_millimetres_shift_the_truth_by_as_many_pixels(tmp_path):
     along_one = sigma_mm / np.sqrt(3) * 400 / 800
     assert np.sqrt((medians**2).mean()) == pytest.approx(along_one, rel=0.15)
     # Pixel u shows what stood at u less the shift.
-    moved = _shifted(ramp, 2.5, 0.0)
+    moved = shifted(ramp, 2.5, 0.0)
     inside = np.roll(MASK, 2, 1) & np.roll(MASK, 3, 1)
     here = np.degrees(np.arctan2(moved[..., 0], moved[..., 2]))[inside]
     assert here == pytest.approx((U - CAMERA.cx - 2.5)[inside], abs=0.01)
-    tall = _shifted(np.swapaxes(ramp, 0, 1), 0.0, -2.5)
+    tall = shifted(np.swapaxes(ramp, 0, 1), 0.0, -2.5)
     assert np.swapaxes(tall, 0, 1)[20, 20, 0] == pytest.approx(np.sin(np.radians(20 - CAMERA.cx + 2.5)), abs=1e-4)
 
 

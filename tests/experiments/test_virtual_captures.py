@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from experiments.catalogue import VIRTUAL_EXPERIMENTS, Experiment
 from experiments.counterparts import pairs
-from experiments.counterparts.captures import _in_shadow, object_maps
+from experiments.counterparts.captures import in_shadow
 from experiments.counterparts.compare_folders import NUMBERS
-from experiments.counterparts.four_experiments import EXPERIMENTS, Experiment, Setup
-from experiments.counterparts.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene, object_scene
+from experiments.photographs import object_maps
+from experiments.recipe import Setup
+from experiments.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene, object_scene
 from scene.errors import SceneError
 from scene.files import write_json
 from scene.normals import angular_error_deg, unit
@@ -59,7 +61,7 @@ def test_a_pair_is_made_again_when_its_setup_or_the_code_has_changed(tmp_path, m
 
     def run(**fixed):
         made.clear()
-        one = Experiment("iso", "", "iso", (100.0, 400.0), "", fixed)
+        one = Experiment("iso", "", "iso", (100.0, 400.0), "", Setup(**fixed))
         ((_, found),) = pairs.run_experiments(tmp_path, (one,), tell=lambda text: None)
         assert [pair.level for pair in found] == [100.0, 400.0]
         return list(made)
@@ -106,14 +108,14 @@ def test_frames_are_left_out_in_which_the_white_ball_is_dark():
     rows, columns = np.indices((CAMERA.height, CAMERA.width))
     for frame, (x, y) in {1: (u, CAMERA.height - v), 2: (u, v), 4: (CAMERA.width - u, v)}.items():
         images[frame, np.hypot(columns - x, rows - y) < 30] = 0.02
-    assert _in_shadow(scene, images) == [scene.lights.names[2]]
+    assert in_shadow(scene.lights.names, images) == [scene.lights.names[2]]
 
 
 @pytest.mark.full
 @pytest.mark.render
 def test_a_pair_is_photographed_processed_and_compared(tmp_path):
     """One easy level, all the way: the lights are found as they were held, and the two sides err alike."""
-    one = Experiment("iso", "", "iso", (100.0,), "", {"frames": 12, "seed": 10001})
+    one = Experiment("iso", "", "iso", (100.0,), "", Setup(frames=12, seed=10001))
     ((_, (pair,)),) = pairs.run_experiments(tmp_path, (one,), tell=lambda text: None)
     capture, rendering = tmp_path / "processed-iso-100", tmp_path / "rendered-iso-100"
     setup = next(setup for _, setup in one.setups())
@@ -151,7 +153,7 @@ def test_a_pair_is_photographed_processed_and_compared(tmp_path):
 
 
 def test_every_experiment_goes_from_easy_to_hard_in_four_steps_or_more():
-    assert [one.name for one in EXPERIMENTS] == ["ambient", "cardboard", "iso", "ring"]
-    for one in EXPERIMENTS:
+    assert [one.name for one in VIRTUAL_EXPERIMENTS] == ["ambient", "cardboard", "iso", "ring"]
+    for one in VIRTUAL_EXPERIMENTS:
         setups = [setup for _, setup in one.setups()]
         assert 4 <= len(set(setups)) <= 6

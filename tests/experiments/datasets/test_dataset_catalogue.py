@@ -9,10 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.datasets.catalogue import DECIMALS, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
-from experiments.datasets.dataset_scene import DISTANCES, POWER_SPREAD, scene_of
-from experiments.datasets.listing import FAMILIES
-from experiments.sweeps.nine_experiments import EXPERIMENTS
+from experiments.catalogue import DECIMALS, EXPERIMENTS, FAMILIES, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
+from experiments.scenes import DISTANCES, POWER_SPREAD, dataset_scene
 from scene.errors import SceneError
 
 KNOWN = catalogue()
@@ -50,7 +48,7 @@ def test_patterns_choose_and_an_unknown_name_is_told():
 
 @pytest.mark.parametrize("distance", NEAR_MM)
 def test_near_lights_stand_at_their_distance(distance):
-    lights = scene_of(KNOWN[f"blob-near-{distance:04d}"]).lights
+    lights = dataset_scene(KNOWN[f"blob-near-{distance:04d}"]).lights
     assert lights.positions_mm is not None
     away = lights.positions_mm - lights.reference_point_mm
     np.testing.assert_allclose(np.linalg.norm(away, axis=1), distance)
@@ -59,7 +57,7 @@ def test_near_lights_stand_at_their_distance(distance):
 
 @pytest.mark.parametrize("count", HAND_HELD)
 def test_flashes_by_hand_are_uneven_and_fall_off(count):
-    lights = scene_of(KNOWN[f"knot-hand-{count:02d}"]).lights
+    lights = dataset_scene(KNOWN[f"knot-hand-{count:02d}"]).lights
     assert len(lights) == count
     assert lights.positions_mm is not None
     away = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1) / 1000
@@ -73,7 +71,7 @@ def test_flashes_by_hand_are_uneven_and_fall_off(count):
 
 
 def test_a_group_has_three_objects_apart_and_of_their_materials():
-    scene = scene_of(KNOWN["group-mixed"])
+    scene = dataset_scene(KNOWN["group-mixed"])
     boxes = []
     for one in scene.objects:
         points = one.placed.vertices

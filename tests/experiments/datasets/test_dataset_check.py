@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
-from experiments.datasets.axes_message import lights_fault, normals_fault
-from experiments.datasets.check import check_dataset
+from experiments.datasets.check import check_dataset, lights_fault, normals_fault
 from solve.axes import AXES, Axes
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "real" / "diligent"

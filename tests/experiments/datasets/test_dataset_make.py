@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import loadmat
 
-from experiments.datasets.catalogue import catalogue
+from experiments.catalogue import catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make, make_one
 from experiments.datasets.write import mark_of
@@ -172,7 +172,7 @@ LOADED = """
 import sys
 from dataclasses import replace
 from pathlib import Path
-from experiments.datasets.catalogue import catalogue
+from experiments.catalogue import catalogue
 from experiments.datasets.write import write_dataset
 one = catalogue()["knot-camera-canon"].sized(16)
 write_dataset(Path(sys.argv[1]), replace(one, recipe=replace(one.recipe, count=3)))
@@ -186,8 +186,9 @@ def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
     files = {Path(line).resolve() for line in done.stdout.splitlines()}
     house = {path for path in files if any(path.is_relative_to(ROOT / room) for room in ROOMS)}
     marked = set(sources("experiments.datasets.write"))
-    assert house - marked == set()
-    assert ROOT / "experiments/datasets/overview_picture.py" in house & marked
+    # The catalogue names recipes, which the mark holds themselves.
+    assert house - marked == {ROOT / "experiments/catalogue.py"}
+    assert ROOT / "experiments/datasets/describe.py" in house & marked
 
 
 def test_an_unknown_name_makes_nothing(tmp_path):

@@ -12,8 +12,7 @@ from pyarrow import parquet
 from scipy.io import loadmat
 
 from experiments.datasets import run_methods as run_module
-from experiments.datasets.results import grid
-from experiments.datasets.run_methods import run
+from experiments.datasets.run_methods import grid, run
 from experiments.datasets.shelf import add, entries
 from lab.options import Solving
 from scene.errors import SceneError

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.catalogue import SOLVERS
+from experiments.recipe import Cell, Recipe
 from experiments.sweeps.cell import run_cell
-from experiments.sweeps.nine_experiments import SOLVERS
-from experiments.sweeps.recipe import Cell, Recipe
 from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [
@@ -50,7 +50,7 @@ def test_threads_that_were_there_before_change_no_byte_of_the_photographs():
     """Dr.Jit's threads add up a pixel's samples in the order in which they come: with two of them no run is another."""
     import drjit
 
-    from experiments.sweeps.photographs import _render
+    from experiments.photographs import _render
 
     # Steep: nearly every pixel takes many samples.
     recipe = Recipe(shape="waves", relief=7.0, side=64, count=24)

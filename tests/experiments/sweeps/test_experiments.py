@@ -7,9 +7,9 @@ from dataclasses import fields, replace
 
 import pytest
 
-from experiments.sweeps import recipe
-from experiments.sweeps.nine_experiments import EXPERIMENTS, experiments_of
-from experiments.sweeps.recipe import Recipe
+from experiments import recipe
+from experiments.catalogue import EXPERIMENTS, experiments_of
+from experiments.recipe import Recipe
 from scene import current
 from scene.errors import SceneError
 
@@ -55,14 +55,14 @@ def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
         return current.code_fingerprint.__wrapped__(recipe.RUNNER)
 
     before = hash_with("experiments/sweeps/sweep_page.py")
-    assert hash_with("experiments/sweeps/sweep_page.py") == hash_with("experiments/sweeps/sweep_command.py") == before
+    assert hash_with("experiments/sweeps/sweep_page.py") == hash_with("experiments/commands.py") == before
     seen = {before}
     made = (
         "solve/pixelwise/ls.py",
         "solve/uncalibrated/tv.py",
         "twin/engines/direct.py",
         "scene/frames.py",
-        "experiments/sweeps/shapes.py",
+        "experiments/shapes.py",
     )
     for name in (*made, "compare/statistics/statistics.py"):
         changed = hash_with(name)

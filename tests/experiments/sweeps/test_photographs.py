@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.sweeps.photographs import photograph
-from experiments.sweeps.recipe import Recipe
-from experiments.sweeps.shapes import SHAPES
+from experiments.photographs import photograph
+from experiments.recipe import Recipe
+from experiments.shapes import SHAPES
 from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from compare.statistics.error_kinds import FLIP, error_kinds
 from experiments.sweeps import perturbation
 from experiments.sweeps.atlas import atlas
-from experiments.sweeps.error_kinds import FLIP, error_kinds
-from experiments.sweeps.pareto import speed_points
 from experiments.sweeps.perturbation import (
     BREAKS_DEG,
     PERTURBATIONS,
@@ -20,6 +19,7 @@ from experiments.sweeps.perturbation import (
     perturbed,
 )
 from experiments.sweeps.stability import candour, kind_of, stability, strips, tolerances
+from experiments.sweeps.sweep_statistics import speed_points
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights

@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
+from experiments.catalogue import CALIBRATED, EXPERIMENTS, SOLVERS
 from experiments.sweeps.cell import failed_rows
-from experiments.sweeps.cell_table import KEY, RESULTS, write_tables
-from experiments.sweeps.nine_experiments import CALIBRATED, EXPERIMENTS, SOLVERS
+from experiments.sweeps.sweep import write_tables
 from experiments.sweeps.sweep_page import write_page
 from experiments.sweeps.sweep_statistics import benchmark_statistics, curve, rank_correlation, statistics
+from experiments.tables import KEY, RESULTS
 
 
 def cells_with(error, experiments=EXPERIMENTS):

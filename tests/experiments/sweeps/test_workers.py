@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.sweeps import recipe, sweep
+from experiments import recipe
+from experiments.catalogue import EXPERIMENTS
+from experiments.recipe import RUNNER
+from experiments.sweeps import sweep
 from experiments.sweeps.cell import failed_rows
-from experiments.sweeps.nine_experiments import EXPERIMENTS
-from experiments.sweeps.recipe import RUNNER
 from scene.current import code_fingerprint
 from scene.errors import SceneError
 from scene.output_folder import open_record
@@ -23,7 +24,7 @@ from scene.output_folder import open_record
 PROGRAM = """
 import os, signal, sys, time
 from pathlib import Path
-from experiments.sweeps.nine_experiments import EXPERIMENTS
+from experiments.catalogue import EXPERIMENTS
 from experiments.sweeps.sweep import join_cells, run_cells
 from experiments.sweeps.cell import failed_rows
 from scene.output_folder import open_record
@@ -197,14 +198,14 @@ def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypa
     cells = list(EXPERIMENTS["ambient"].cells())[:6]
     made = {"rows": failed_rows(cells[0], "by the test"), "seconds": [], "picture": None}
 
-    def results(*_):
+    def results(*_, **__):
         for number, cell in enumerate(cells):
             if number == change:
                 source.write_text("one = 2")
                 source.write_text("one = 1")
             yield cell, made | {"code": code_fingerprint(RUNNER) if number != stranger else "another machine's"}
 
-    monkeypatch.setattr(sweep, "_results", results)
+    monkeypatch.setattr(sweep, "run_all", results)
     for change, stranger, kept in ((3, None, 3), (None, 2, 2), (None, None, 6)):
         root = tmp_path / f"{change}-{stranger}"
         with open_record(root) as record:

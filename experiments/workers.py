@@ -1,4 +1,4 @@
-"""Cells on this machine's cores or on a Dask cluster; a worker that dies costs only the cell that it had."""
+"""Cells or datasets on this machine's cores or a Dask cluster; a worker that dies costs only the cell that it had."""
 
 import os
 import signal
@@ -7,12 +7,13 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from multiprocessing import get_context, parent_process
-from typing import Any
+from typing import Any, TypeVar
 
-from experiments.sweeps.recipe import Cell
+from lab.cluster.connect import executor_of
 from lab.cluster.executor import WorkerDied
 
-Work = Callable[[Cell], Any]
+Unit = TypeVar("Unit")
+Work = Callable[[Any], Any]
 ATTEMPTS = 3
 """How often a cell may be in work when its worker dies."""
 CLUSTER_WINDOW = 256
@@ -20,31 +21,31 @@ CLUSTER_WINDOW = 256
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 
-def run_here(cells: Sequence[Cell], work: Work, *, processes: int) -> Iterator[tuple[Cell, Any]]:
-    """Run cells in processes of this machine, one thread each.
+def run_all(
+    cells: Sequence[Unit], work: Work, *, processes: int | None = None, scheduler: str | None = None
+) -> Iterator[tuple[Unit, Any]]:
+    """Yield each cell and what `work`, a function of a module, returned of it, or a `WorkerDied`; as they are done.
 
-    Parameters
-    ----------
-    cells : sequence of Cell
-    work : callable
-        A function of a module, of one cell.
-    processes : int
+    On the Dask cluster of that address, or in processes of this machine, one thread each; default: one a core.
+    """
+    if scheduler is None:
+        yield from _run_here(cells, work, min(processes or os.cpu_count() or 1, len(cells)))
+        return
+    with executor_of(scheduler) as executor:
+        yield from _run_there(cells, work, executor)
 
-    Yields
-    ------
-    cell, what `work` returned, or a `WorkerDied`
-        In the order in which they are done.
 
-    Notes
-    -----
+def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tuple[Unit, Any]]:
+    """Run cells in processes of this machine.
+
     When a process dies nobody can tell which of the cells in work it had. All of them are run again, one at a time, so
     that one that kills its worker takes no other along; the third time it counts as failed.
     """
-    waiting, suspects = deque(cells), deque[Cell]()
-    attempts: dict[Cell, int] = {}
+    waiting, suspects = deque(cells), deque[Unit]()
+    attempts: dict[Unit, int] = {}
     while waiting or suspects:
         queue, abreast = (waiting, processes) if waiting else (suspects, 1)
-        running: dict[Future, Cell] = {}
+        running: dict[Future, Unit] = {}
         with _pool(abreast) as pool:
             try:
                 while queue or running:
@@ -71,10 +72,10 @@ def run_here(cells: Sequence[Cell], work: Work, *, processes: int) -> Iterator[t
                 raise
 
 
-def run_there(cells: Sequence[Cell], work: Work, executor: Executor) -> Iterator[tuple[Cell, Any]]:
-    """Run cells on a cluster, which itself gives those of a dead worker to another; see `run_here`."""
+def _run_there(cells: Sequence[Unit], work: Work, executor: Executor) -> Iterator[tuple[Unit, Any]]:
+    """Run cells on a cluster, which itself gives those of a dead worker to another; see `_run_here`."""
     waiting = deque(cells)
-    running: dict[Future, Cell] = {}
+    running: dict[Future, Unit] = {}
     while waiting or running:
         while waiting and len(running) < CLUSTER_WINDOW:
             cell = waiting.popleft()
@@ -87,7 +88,7 @@ def run_there(cells: Sequence[Cell], work: Work, executor: Executor) -> Iterator
             yield cell, error or future.result()
 
 
-def _submitted(pool: Executor, work: Work, cell: Cell) -> Future:
+def _submitted(pool: Executor, work: Work, cell: Any) -> Future:
     try:
         return pool.submit(work, cell)
     except BrokenExecutor as error:

@@ -1,5 +1,7 @@
-"""`rgbn dataset` as the command line has it."""
+"""`rgbn sweep` and `rgbn dataset` as the command line has them."""
 
+import json as json_module
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -7,6 +9,32 @@ from cyclopts import App, Parameter
 
 from lab.progress import say
 from scene.errors import SceneError
+
+
+def sweep(
+    experiment: Annotated[
+        str,
+        Parameter(
+            help="ambient, interreflection, material, images, noise, ring, roughness, shadow, specularity; some, with "
+            "commas; or all."
+        ),
+    ],
+    /,
+    *,
+    quick: Annotated[bool, Parameter(help="A first look: few levels, one shape, small pictures.", negative="")] = False,
+    method: Annotated[str, Parameter(help="Methods, with commas.")] = "ls,rpca,iterative,hsh,ldr,entropy,tv",
+    out: Annotated[Path | None, Parameter(help="Output folder. Default: out/sweeps here.")] = None,
+    processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
+    scheduler: Annotated[
+        str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")
+    ] = None,
+) -> None:
+    """Make one factor harder and harder, and see which method breaks where: tables, charts and a page."""
+    from experiments.sweeps.sweep import sweep as run_sweep
+
+    folder = run_sweep(experiment, quick=quick, method=method, out=out, processes=processes, scheduler=scheduler)
+    print(folder / "index.html")
+
 
 dataset = App(
     name="dataset",
@@ -32,22 +60,21 @@ def list_datasets(
     json: Json = False,
 ) -> None:
     """List the datasets, and which of them are on the shelf."""
-    from experiments.datasets import listing
-    from experiments.datasets.catalogue import chosen
-    from experiments.datasets.shelf import entries
+    from experiments.catalogue import chosen
+    from experiments.datasets import shelf as on_shelf
 
-    found = entries(shelf)
+    found = on_shelf.entries(shelf)
     if pattern:
         names = set(chosen(pattern, [one.name for one in found]))
         found = [one for one in found if one.name in names]
     if json:
-        print(listing.as_json(found))
+        print(json_module.dumps([{**asdict(one), "folder": str(one.folder)} for one in found], indent=1))
     elif markdown:
-        print(listing.families_markdown(found), end="")
+        print(on_shelf.families_markdown(found), end="")
     elif families:
-        listing.tell_families(found)
+        on_shelf.tell_families(found)
     else:
-        listing.tell(found)
+        on_shelf.tell(found)
 
 
 @dataset.command(sort_key=2)
@@ -60,7 +87,7 @@ def make(
     processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
 ) -> None:
     """Make datasets: the DiLiGenT layout, true maps, a preview; what is there and current is left."""
-    from experiments.datasets.catalogue import catalogue, chosen
+    from experiments.catalogue import catalogue, chosen
     from experiments.datasets.make import make as make_datasets
 
     if side < 16:
@@ -75,14 +102,14 @@ def make(
 def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")], /, *, json: Json = False) -> None:
     """Check a dataset: its files, and by its photographs the axes, the intensities and the order of its lights."""
     from experiments.datasets.check import check_dataset
-    from experiments.datasets.listing import verdict_json
     from experiments.datasets.shelf import faults_text
 
     verdict = check_dataset(folder)
     for note in verdict.notes:
         say(f"note: {note}")
     if json:
-        print(verdict_json(verdict))
+        plain = {**asdict(verdict), "folder": str(verdict.folder), "ok": not verdict.faults}
+        print(json_module.dumps(plain, indent=1))
     if verdict.faults:
         raise SceneError(faults_text(folder, verdict.faults))
     if not json:
@@ -131,7 +158,7 @@ def run(
     out: Annotated[Path, Parameter(help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
     """Solve datasets of the shelf by methods and other programs: a table of angular errors."""
-    from experiments.datasets.results import results_text
+    from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
     from lab.options import Solving
 

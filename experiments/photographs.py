@@ -1,0 +1,260 @@
+"""Photographs of a recipe, of a dataset and of the virtual lab: rendered once, then lit, exposed and photographed."""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.recipe import Dataset, Recipe, Setup
+from experiments.scenes import DISTANCE_MM, MEAN_FREE_PATH_MM, dataset_scene, lab_scene, object_scene, recipe_scene
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+from twin.description.description import Environment, TwinScene
+from twin.engines.engine_choice import Engine
+from twin.ground_truth import GroundTruth, ground_truth
+
+Images = NDArray[np.float32]
+
+PATHS = 64
+"""A pixel, of light that goes from surface to surface."""
+MEDIUM_PATHS = 9
+"""A pixel and light, where there is a medium: each costs a hundred times as much."""
+MEDIUM_BLUR = 0.45
+"""Standard deviation, in mean free paths, of the smoothing of what comes out of a medium: less than it itself does."""
+LAB_SAMPLES = 4
+"""A pixel and flash, of light straight from the flash; without noise but at edges and in penumbras."""
+BRIGHTEST, LAB_BRIGHTEST, BRIGHTEST_SHARE = 0.9, 0.75, 0.995
+"""The exposure: so many of the object's samples are at most so bright, as a photographer would have it."""
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """A stack with its truth."""
+
+    frames: Frames
+    lights: Lights  # as they are, of mean intensity 1
+    camera: Camera
+    truth: (
+        GroundTruth  # its albedo is in the frames' exposure: pixel value under a light of intensity 1 along the normal
+    )
+
+    @property
+    def mask(self) -> NDArray[np.bool_]:
+        return self.truth.mask
+
+    @property
+    def normals(self) -> Images:
+        return self.truth.normals
+
+    @property
+    def albedo(self) -> Images:
+        return self.truth.albedo
+
+
+def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = False) -> Images:
+    """Return a scene's linear pictures (F, H, W, 3), or only the light that met more than one surface."""
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import render_layers
+
+    film = scene.film()
+    layers = render_layers(scene, film, Choice(engine, scene.sampling.error, samples, "the recipe's"))
+    shown = layers.onward if onward else layers.frames()
+    images = np.zeros((len(scene.lights), scene.camera.height, scene.camera.width, 3), np.float32)
+    if shown is not None:
+        images[:, film.rows, film.columns] = shown
+    return images
+
+
+def by_flash(scene: TwinScene) -> Images:
+    """Return a scene's pictures (F, H, W, 3) by the smallest engine that does its depth."""
+    from twin.engines.variant import FAST, pick_variant
+
+    # Stock Mitsuba is the only one that runs without LLVM; slow.
+    engine = "mitsuba" if pick_variant()[0] != FAST else "many" if scene.sampling.max_depth > 2 else "direct"
+    return rendered(scene, engine, PATHS)
+
+
+def by_surrounding(scene: TwinScene) -> Images:
+    """Return the picture (H, W, 3) of a scene in an even light of radiance 1 from everywhere."""
+    from twin.engines.engine_choice import Choice
+    from twin.engines.layers import standing_light
+
+    film = scene.film()
+    lit = replace(scene, environment=Environment(ambient=(1.0, 1.0, 1.0)))
+    light = standing_light(lit, film, Choice("mitsuba", 1.0, 1, "the recipe's"), apart=True)
+    assert light is not None
+    image = np.zeros((scene.camera.height, scene.camera.width, 3), np.float32)
+    image[film.rows, film.columns] = light
+    return image
+
+
+def _exposure(samples: NDArray) -> np.float32:
+    """Return the factor that makes `BRIGHTEST_SHARE` of samples (..., 3) at most `BRIGHTEST`; never above 1."""
+    bright = float(np.quantile(samples.max(-1), BRIGHTEST_SHARE))
+    return np.float32(min(1.0, BRIGHTEST / bright)) if bright > 0 else np.float32(1.0)
+
+
+def photograph(recipe: Recipe) -> Photographs:
+    """Return a recipe's photographs; raise RenderError where they cannot be rendered here.
+
+    Photons: a pixel of value v holds v / noise^2 of them on the mean, so that the standard deviation is noise at v = 1.
+    The true maps' shadows are of all lights, whichever were taken.
+    """
+    images, scene, truth = _render(recipe.scene)
+    lights = scene.lights
+    generator = np.random.default_rng([recipe.seed, recipe.images])
+    if recipe.images:
+        taken = np.sort(generator.choice(len(images), recipe.images, replace=False))
+        names = tuple(lights.names[i] for i in taken)
+        images = images[taken]
+        lights = Lights(
+            names, lights.directions[taken], lights.intensities[taken], reference_point_mm=lights.reference_point_mm
+        )
+    if recipe.ambient:
+        images = images + np.float32(recipe.ambient) * _ambient(recipe.scene)
+    exposure = _exposure(images[:, truth.mask])
+    images = images * exposure
+    if recipe.noise:
+        photons = 1 / recipe.noise**2
+        images = generator.poisson(images.astype(np.float64) * photons) / photons
+    frames = Frames.from_linear(lights.names, images)
+    return Photographs(frames, lights, scene.camera, replace(truth, albedo=truth.albedo * exposure))
+
+
+class _Rendered(NamedTuple):
+    images: Images
+    scene: TwinScene
+    truth: GroundTruth
+
+
+# Two, for the one after the other of cells that share a scene; more would be of no use, and each takes 25 MB.
+@lru_cache(maxsize=2)
+def _render(recipe: Recipe) -> _Rendered:
+    scene = recipe_scene(recipe)
+    truth = ground_truth(scene)
+    material = scene.materials[recipe.material]
+    below = getattr(material, "subsurface", None)
+    if below is None:
+        return _Rendered(by_flash(scene), scene, truth)
+    solid = by_flash(replace(scene, materials={recipe.material: replace(material, subsurface=None)}))
+    solid *= 1 - below.share
+    return _Rendered(solid + _medium_light(scene, solid, truth.mask), scene, truth)
+
+
+def _medium_light(scene: TwinScene, solid: Images, mask: NDArray[np.bool_]) -> Images:
+    """Return what comes out of the medium: everything by stock Mitsuba, less the solid share, smoothed on the object.
+
+    solid: what the solid share of the surface reflects.
+    """
+    import cv2
+
+    light = -solid
+    light += rendered(scene, "mitsuba", MEDIUM_PATHS)
+    sigma_px = MEDIUM_BLUR * MEAN_FREE_PATH_MM * scene.camera.fx / DISTANCE_MM
+    weight = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), sigma_px)[..., None]
+    for image in light:
+        smooth = cv2.GaussianBlur(image * mask[..., None], (0, 0), sigma_px)
+        image[:] = np.where(mask[..., None], smooth / np.maximum(weight, 1e-6), 0)
+    return light
+
+
+@lru_cache(maxsize=2)
+def _ambient(recipe: Recipe) -> Images:
+    return by_surrounding(recipe_scene(recipe))
+
+
+def photograph_dataset(dataset: Dataset) -> Photographs:
+    """Return a dataset's photographs, named 001, 002 ...; raise RenderError where they cannot be rendered here."""
+    scene = dataset_scene(dataset)
+    if dataset.near_mm or dataset.group:
+        images, lights, truth = by_flash(scene), scene.lights, ground_truth(scene)
+        exposure = _exposure(images[images.max(-1) > 0])
+        frames = Frames.from_linear(lights.names, images * exposure)
+        albedo = truth.albedo * exposure
+    else:
+        found = photograph(dataset.recipe)
+        frames, lights, truth, albedo = found.frames, found.lights, found.truth, found.albedo
+        if len(lights) < len(scene.lights):
+            truth = ground_truth(replace(scene, lights=lights, radii_mm=np.zeros(len(lights))))
+    names = tuple(f"{number:03d}" for number in range(1, len(frames) + 1))
+    frames = _developed(frames, names, dataset)
+    return Photographs(frames, replace(lights, names=names), scene.camera, replace(truth, albedo=albedo))
+
+
+def _developed(frames: Frames, names: tuple[str, ...], dataset: Dataset) -> Frames:
+    """Return the frames as the dataset's camera sees them; as they are without one."""
+    sensor = dataset.sensor
+    if sensor is None:
+        return replace(frames, names=names)
+    from twin.camera.virtual_camera import expose
+    from twin.camera.virtual_photograph import developed
+
+    seeds = [[dataset.recipe.seed, i, 2] for i in range(len(frames))]
+    images = [
+        developed(expose(frames.frame(i), sensor, np.random.default_rng(seed)), sensor) for i, seed in enumerate(seeds)
+    ]
+    return Frames.from_linear(names, np.stack(images))
+
+
+@lru_cache(maxsize=1)
+def object_maps(setup: Setup) -> tuple[NDArray[np.bool_], Images]:
+    """Return the lab object's mask (H, W) and true normals (H, W, 3), NaN elsewhere; its outermost pixels left out."""
+    import cv2
+
+    truth = ground_truth(object_scene(setup))
+    mask = cv2.erode(truth.mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
+    return mask, np.where(mask[..., None], truth.normals, np.float32(np.nan))
+
+
+def photograph_lab(setup: Setup) -> Images:
+    """Return the lab's pictures (F, H, W, 3), linear, noiseless, exposed for the object."""
+    images = _lab_by_flash(replace(setup, ambient=0.0, iso=100.0))
+    if setup.ambient:
+        images = np.asarray(images + setup.ambient * _lab_by_room(setup.shape, setup.fold_deg), np.float32)
+    return _exposed(images, object_maps(setup)[0])
+
+
+def photograph_object(setup: Setup) -> Images:
+    """Return pictures (F, H, W, 3) of the lab's object alone, linear, noiseless, exposed for it."""
+    scene = object_scene(setup)
+    images = by_flash(scene)
+    if setup.ambient:
+        images += np.float32(setup.ambient) * _by_room(scene)
+    return _exposed(images, object_maps(setup)[0])
+
+
+def _exposed(images: Images, mask: NDArray[np.bool_]) -> Images:
+    """Return images (F, H, W, 3) as bright as a photographer would have the object under the mask."""
+    return images * np.float32(LAB_BRIGHTEST / np.quantile(images[:, mask].max(-1), BRIGHTEST_SHARE))
+
+
+@lru_cache(maxsize=1)
+def _lab_by_flash(setup: Setup) -> Images:
+    scene = lab_scene(setup)
+    images = rendered(_to_depth(scene, 2), "mitsuba", LAB_SAMPLES)
+    # A mirror shows the table in the light. On the table itself one surface more would be a caustic, found one time in
+    # a million, and then as a white speck.
+    mirrors = [number for number, one in enumerate(scene.objects) if one.material == "chrome"]
+    shown = np.isin(ground_truth(scene).object, mirrors)
+    images[:, shown] = rendered(_to_depth(scene, 3), "mitsuba", LAB_SAMPLES)[:, shown]
+    if scene.sampling.max_depth > 2:
+        # What the halves send to each other: the object alone, and no speck of a mirror's.
+        images += rendered(replace(object_scene(setup), lights=scene.lights), "many", PATHS, onward=True)
+    return images
+
+
+@lru_cache(maxsize=4)
+def _lab_by_room(shape: str, fold_deg: float) -> Images:
+    return _by_room(lab_scene(Setup(shape, fold_deg)))
+
+
+def _by_room(scene: TwinScene) -> Images:
+    """Return the picture (H, W, 3) in an even light of radiance 1, by light that met one surface."""
+    return by_surrounding(_to_depth(scene, 2))
+
+
+def _to_depth(scene: TwinScene, depth: int) -> TwinScene:
+    return replace(scene, sampling=replace(scene.sampling, max_depth=depth))
