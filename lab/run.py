@@ -137,7 +137,7 @@ def methods_of(text: str, profile: str) -> tuple[str, ...]:
     SceneError
         There is no such method, or it has no such profile.
     """
-    from solve.solve import METHODS, settings_of
+    from solve.methods import METHODS, method_of
 
     names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
     unknown = [name for name in names if name not in METHODS]
@@ -146,7 +146,7 @@ def methods_of(text: str, profile: str) -> tuple[str, ...]:
             f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
         )
     for name in names:
-        settings_of(name, profile)
+        method_of(name).settings(profile)
     return names
 
 

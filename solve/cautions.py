@@ -7,7 +7,7 @@ ILL_CONDITIONED = 20.0
 """Condition number of a pixel's light vectors from which noise across their plane comes twentyfold."""
 
 
-def doubts(
+def cautions_of(
     mask: NDArray[np.bool_], normals: NDArray, samples: NDArray, condition: NDArray, dark: int
 ) -> tuple[str, ...]:
     """Return what is suspicious about the maps (H, W[, 3]) of an estimate.

@@ -5,14 +5,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
+from solve.methods import Problem
 from solve.pixelwise import iterative
-from solve.samples import GRAY, Geometry, bands, read_band, scale_of
+from solve.samples import Geometry, Samples, band_of, bands, samples_of, scale_of
 from solve.surface.integration import integrate
-from solve.whole import near
+from solve.whole.near_depth import Settings, find_depth
 
 Array = NDArray[np.float64]
 
@@ -37,51 +36,40 @@ LOOSE = 1e-3
 """Pull of each light's nearness to their mean, beside what its samples tell."""
 
 
-def find_positions(
-    frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]
-) -> tuple[Lights, tuple[str, ...]]:
-    """Return the lights with positions, if they are near enough to tell, and what was found.
+def find_positions(problem: Problem) -> Problem:
+    """Return the problem under lights with positions; as it is if they have them or are too far to tell.
 
-    Parameters
-    ----------
-    frames, lights, camera, mask
-        See `solve.solve.solve`; directions and intensities are taken to hold somewhere in the object.
-
-    Returns
-    -------
-    lights : Lights
-        As given, if they have positions already or are too far to tell.
-    said : tuple of str
+    Directions and intensities are taken to hold somewhere in the object.
 
     Notes
     -----
     A light at the distance d of an object of size s dims by some 2 s / d across it and turns by s / d. With
-    l_f(p) = |q_f - c|^2 (q_f - p) / |q_f - p|^3 and q_f = c + (s / k_f) direction_f: for a mean nearness k, `near`
-    makes the relief, also how far it stands before c; upon that, each k_f is found by Gauss and Newton on
+    l_f(p) = |q_f - c|^2 (q_f - p) / |q_f - p|^3 and q_f = c + (s / k_f) direction_f: for a mean nearness k,
+    `near_depth` makes the relief, also how far it stands before c; upon that, each k_f is found by Gauss and Newton on
     m = l_f(p) . b, each pixel's b eliminated (Schur complement [Triggs2000]). The mean is where the residuals are
     least then. Relief and mean in turn would drift off together: the one follows the other.
 
     Lengths have the camera's unit; under perspective, the object is taken to be where the lights' reference point
     is, or 1000 away.
     """
+    lights = problem.lights
     if lights.positions_mm is not None:
-        return lights, ()
-    small = _Small(frames, lights, camera, mask)
+        return problem
+    small = _Small(problem)
     if small.count < ENOUGH:
-        return lights, ("too few pixels to tell how far the lights are: they are taken as distant.",)
+        return problem.warned("too few pixels to tell how far the lights are: they are taken as distant.")
     small.raise_relief(lights)
     center, size = small.center(), small.size()
     distant = small.spread(lights)
     rough = [small.spread(_placed(lights, center, size / np.full(len(lights), near))) for near in NEARNESS]
     found = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
     if found is None or not found[0] < distant - GAIN:
-        return lights, ()
+        return problem
     far = size / found[1]
-    said = (
+    return problem.under(_placed(lights, center, far)).warned(
         f"the lights came without positions; by how the object is lit, they are {far.min():.1f} to {far.max():.1f} "
         "times its size away."
     )
-    return _placed(lights, center, far), (said,)
 
 
 def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, start: float) -> tuple[float, Array] | None:
@@ -121,7 +109,8 @@ def _placed(lights: Lights, center: Array, distance: Array) -> Lights:
 class _Small:
     """Every n-th pixel of the stack: its samples, and where they are."""
 
-    def __init__(self, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> None:
+    def __init__(self, problem: Problem) -> None:
+        frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
         step = max(1, round(np.sqrt(mask.sum() / PIXELS)))
         self.mask = np.ascontiguousarray(mask[::step, ::step])
         height, width = self.mask.shape
@@ -132,14 +121,15 @@ class _Small:
         ambient = None if frames.ambient is None else frames.ambient[::step, ::step]
         codes = np.ascontiguousarray(frames.codes[:, ::step, ::step])
         # What lay beside a clipped sample does not lie beside it here.
-        self.frames = replace(frames, codes=codes, ambient=ambient, is_mosaic=False)
+        small = replace(frames, codes=codes, ambient=ambient, is_mosaic=False)
+        self.problem = Problem(small, lights, self.camera, self.mask, slice(0, height))
         self.count = int(self.mask.sum())
         if not self.count:
             return
-        self.scale = scale_of(self.frames, lights, self.mask)
-        weights = (GRAY / lights.intensities).astype(np.float32)
-        parts = [read_band(self.frames, self.mask[rows], rows).gray(weights) for rows in bands(self.frames, self.mask)]
-        self.gray, self.valid = (np.concatenate([part[k] for part in parts]) for k in range(2))
+        self.scale = scale_of(small, lights, self.mask)
+        parts = [self.problem.part(rows) for rows in bands(small, self.mask)]
+        seen = [samples_of(band_of(part), part) for part in parts]
+        self.gray, self.valid = (np.concatenate([samples[k] for samples in seen]) for k in range(2))
         where = float(lights.reference_point_mm[2])
         self.depth = where if camera.is_orthographic or where < 0 else -1000.0
         self.z_mm = np.where(self.mask, self.depth, np.nan)
@@ -159,8 +149,8 @@ class _Small:
 
     def _fit(self, lights: Lights, chosen: NDArray | slice) -> tuple[Array, NDArray[np.bool_], Array]:
         points = self._points()[chosen]
-        rest: tuple = (points, *Geometry.of(lights), self.scale)
-        b, used = iterative.fit(self.gray[chosen], self.valid[chosen], *rest, **iterative.SETTINGS)
+        samples = Samples(self.gray[chosen], self.valid[chosen], points, Geometry.of(lights))
+        b, used = iterative.fit(samples, self.scale, iterative.Settings())
         return b, used, points
 
     def raise_relief(self, lights: Lights) -> None:
@@ -172,10 +162,10 @@ class _Small:
             self.z_mm = np.where(self.mask, np.where(np.isfinite(z_mm), z_mm, self.depth), np.nan)
 
     def follow(self, lights: Lights) -> None:
-        """Let `near` make the relief."""
-        z_mm, _ = near.find_depth(self.frames, lights, self.camera, self.mask, **near.SETTINGS)
-        assert z_mm is not None
-        self.z_mm = z_mm
+        """Let `near_depth` make the relief."""
+        found = find_depth(replace(self.problem, lights=lights), Settings()).z_mm
+        assert found is not None
+        self.z_mm = found
 
     def spread(self, lights: Lights) -> float:
         """Return the logarithm of the pixels' robust sigma, relative to their albedo: its mean."""
