@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.intensities import Intensities, evidence, solve_intensities
 from scene.lights import Lights
 from solve.medians import row_medians
 from solve.methods import Method, Problem
 from solve.pixelwise import iterative
 from solve.samples import GRAY, Geometry, Samples
-from solve.whole.intensities import GROUPS, Intensities, evidence, solve_intensities
 
 
 class Settings(NamedTuple):
@@ -77,7 +77,6 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
     """
     lights, camera, how = problem.lights, problem.camera, settings.pixelwise
     color, valid, pixel = _samples(problem.frames, problem.mask, settings.pixels)
-    groups = (np.arange(len(pixel)) * GROUPS) // len(pixel)
     found, here, used, parts = lights.intensities, lights, None, []
     for turn in range(settings.rounds):
         gray = np.einsum("pfc,fc->pf", color, (GRAY / found).astype(np.float32))
@@ -90,7 +89,7 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
             b, _ = iterative.fit(Samples(gray, valid, points, Geometry.of(here)), scale, how)
             used = _lambertian(gray, lit, toward, b, how.outlier_sigmas, how.noise_floor * scale)
         divided = color / found.astype(np.float32)
-        parts = evidence(divided, used, toward, groups)
+        parts = evidence(divided, used, toward)
         solved = [solve_intensities(part) for part in parts]
         if min(part.relative.min() for part in solved) <= 0:
             continue  # the next round believes other samples
@@ -100,7 +99,7 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
         change, found = np.abs(now / found - 1).max(), now
         there = here
         if turn and lights.positions_mm is not None:
-            there = _at_better_depth(here, camera, pixel, 0.5 * _width(points), (divided, used, groups), solved)
+            there = _at_better_depth(here, camera, pixel, 0.5 * _width(points), (divided, used), solved)
         if change < _STANDS_STILL and there is here:
             break
         here = there
@@ -114,9 +113,9 @@ def _at_better_depth(lights: Lights, camera: Camera, pixel, step: float, samples
     """Return near lights seen from the depth, some `step` (mm) away at most, that leaves less misfit; or themselves."""
 
     def misfit(depth: float) -> float:
-        divided, used, groups = samples
+        divided, used = samples
         _, toward = _seen(_at_depth(lights, depth), camera, pixel)
-        return sum(solve_intensities(part).misfit for part in evidence(divided, used, toward, groups))
+        return sum(solve_intensities(part).misfit for part in evidence(divided, used, toward))
 
     depth = float(lights.reference_point_mm[2])
     before, now, after = misfit(depth - step), sum(part.misfit for part in solved), misfit(depth + step)
