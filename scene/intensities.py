@@ -45,7 +45,9 @@ class Eliminated:
         """Fit b to values (P, F) under light vectors (P, F, 3)."""
         weighted = toward * weight[..., None]
         # The ridge only keeps pixels without any weight solvable.
-        inverse = np.linalg.inv(np.swapaxes(toward, 1, 2) @ weighted + 1e-12 * np.eye(3))
+        matrix = np.swapaxes(toward, 1, 2) @ weighted
+        ridge = 1e-12 * np.trace(matrix, axis1=1, axis2=2) + 1e-30
+        inverse = np.linalg.inv(matrix + ridge[:, None, None] * np.eye(3))
         right = np.swapaxes(weighted, 1, 2) @ values[..., None]
         root = np.linalg.cholesky((inverse + np.swapaxes(inverse, 1, 2)) / 2)
         return cls((inverse @ right)[..., 0], weight, weighted @ root)

@@ -29,7 +29,7 @@ _CAUTIOUS = 0.9
 _TELLING = 0.1
 """Share of the misfit of normals at random that least squares must remove, or the object tells nothing of axes."""
 _ALIKE = 0.05
-"""Axes whose misfit lies within this share of the best's gain are not told apart."""
+"""Axes whose misfit lies within this share of the best's gain count as equally good."""
 
 
 @dataclass(frozen=True)

@@ -42,18 +42,12 @@ def solve_external(
 ) -> Estimate:
     """Let another program find the normals.
 
-    Parameters
-    ----------
-    external : External
-    frames, lights, camera, mask, executor, progress
-        As in `solve.solve.solve`.
-    folder : Path
-        Where the program reads and writes; see `external.normals_by`.
+    `folder` is where the program reads and writes, see `external.normals_by`; all else is as in `solve.solve.solve`.
 
     Returns
     -------
     Estimate
-        In the camera frame: the axes in which the program writes are told by the photographs, and named in the
+        In the camera frame: the axes in which the program writes are found by the photographs, and named in the
         settings. Albedo and sigma are those of Lambert's law under its normals.
 
     Raises
@@ -64,7 +58,7 @@ def solve_external(
     start = time.perf_counter()
     lights.check()
     found = normals_by(external, frames, lights, mask, folder)[mask]
-    name, told = f"--external {external.name}", {"command": external.command, "timeout_s": external.timeout_s}
+    name = f"--external {external.name}"
     used_axes: list[Axes] = []
 
     def fit(_problem: Problem, samples: Samples, _settings: tuple) -> Whole:
@@ -74,7 +68,7 @@ def solve_external(
 
     method = Method(external.name, {"default": NoSettings()}, fit_whole=fit)
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
-    settings = told | {"axes": str(used_axes[0])}
+    settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": str(used_axes[0])}
     return replace(estimate, seconds=time.perf_counter() - start, settings=settings)
 
 

@@ -46,8 +46,8 @@ def cautions_of(directions, settings: Settings) -> tuple[str, ...]:
     if rank == terms:
         return ()
     condition = values[0] / values[-1] if len(values) == terms and values[-1] > 0 else np.inf
-    plain = settings.three_lights
-    worth = "Normals are not to be believed" if plain else "It is smoothed by the terms that can be told"
+    smoothed = "It is smoothed by the terms that can be told"
+    worth = "Normals are not to be believed" if settings.three_lights else smoothed
     return (
         f"order {order} has {terms} terms, and {len(directions)} lights where these stand tell {rank} of them "
         f"(condition number {condition:.0e}): a ring, a narrow set or too few. {worth}.",

@@ -37,23 +37,9 @@ def solve_grid(
 ) -> tuple[Array, bool]:
     """Solve (Laplacian + shift) x = rhs.
 
-    Parameters
-    ----------
-    right, down : (H, W) float64
-        Weight of the edge from each pixel to the next column, to the next row; the last column, row is 0.
-    shift : (H, W) float64
-        Above 0 on every pixel that is solved for, 0 elsewhere.
-    rhs, start : (H, W) float64
-    tolerance : float
-        Of the residual's length, as a share of the right side's.
-    iterations : int
-        At most.
-
-    Returns
-    -------
-    x : (H, W) float64
-    settled : bool
-        The tolerance was reached.
+    `right` and `down` are the weights of the edge from each pixel to the next column, to the next row (the last column,
+    row is 0); `shift` is above 0 on every pixel that is solved for, 0 elsewhere; all (H, W). The tolerance is that of
+    the residual's length, as a share of the right side's. Returns x, and whether the tolerance was reached.
     """
     levels = _levels(right, down, shift)
     top = levels[0]

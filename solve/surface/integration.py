@@ -10,8 +10,7 @@ from scipy.special import expit
 from scene.camera import Camera
 from scene.errors import SceneError
 from solve.surface.grid_laplacian import solve_grid
-from solve.surface.tangent_planes import Edges, edges_of
-from solve.whole.coarse_start import every_second, finer
+from solve.surface.tangent_planes import Edges, edges_of, every_second, finer
 
 Array = NDArray[np.float64]
 
@@ -163,7 +162,7 @@ def integrate(
         depth = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0) * edges.inside
         opinions = _opinions(edges, depth, sharpness)
     settled, count = sharpness == 0, 0
-    for count in range(1, rounds + 1):  # noqa: B007 (told afterwards)
+    for count in range(1, rounds + 1):  # noqa: B007 (reported afterwards)
         before = depth
         depth = _solved(edges, opinions, before, target, pull, 1e-5)
         gap = (depth - before)[edges.inside]

@@ -38,13 +38,7 @@ class SurfaceMesh:
     faces: NDArray[np.int64]
 
     def write(self, path: Path) -> None:
-        """Write binary PLY [Turk1994].
-
-        Raises
-        ------
-        SceneError
-            The file cannot be written.
-        """
+        """Write binary PLY [Turk1994]."""
         vertex = np.zeros(len(self.vertices), VERTEX)
         for names, values in (("xyz", self.vertices), (("nx", "ny", "nz"), self.normals)):
             for axis, name in enumerate(names):
@@ -73,19 +67,9 @@ class SurfaceMesh:
 def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera, *, gap_px: float = 2.0) -> SurfaceMesh:
     """Return the mesh of a surface.
 
-    Parameters
-    ----------
-    surface : Surface
-    normals, albedo : (H, W, 3) float
-        Of a method's estimate.
-    camera : Camera
-    gap_px : float
-        No face spans two neighbours that lie farther than this many pixels off each other's tangent planes.
-
-    Notes
-    -----
-    Each square of four pixels gives two triangles, where it is whole; where one corner is missing, the triangle of
-    the other three is given.
+    Normals and albedo (H, W, 3) are those of a method's estimate. No face spans two neighbours that lie farther than
+    `gap_px` off each other's tangent planes. Each square of four pixels gives two triangles, where it is whole; where
+    one corner is missing, the triangle of the other three is given.
     """
     inside = np.isfinite(surface.z_mm)
     number = np.full(inside.shape, -1)

@@ -54,8 +54,8 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
     step = max(1, -(-len(found.b) // settings.most_pixels))
     b = np.ascontiguousarray(found.b[::step])
     bins_per_mean = settings.bins_per_mean
-    surface = _grid(b, TILT, LOG_DEPTH, bins_per_mean)
-    minima = _lowest(surface)
+    grid = [[[_entropy(b, mu, nu, each, bins_per_mean) for each in LOG_DEPTH] for nu in TILT] for mu in TILT]
+    minima = _lowest(np.array(grid))
     refined = [_refine(b, np.array([TILT[i], TILT[j], LOG_DEPTH[k]]), bins_per_mean) for i, j, k in minima]
     refined.sort(key=lambda each: each[0])
     (entropy, best), others = refined[0], refined[1:]
@@ -158,16 +158,6 @@ def _entropy(b, mu, nu, log_depth, bins):  # pragma: no cover
         if histogram[k] > 0.0:
             out -= histogram[k] * np.log(histogram[k] / count)
     return out / count
-
-
-@numba.njit(nogil=True, cache=True)
-def _grid(b, tilt, log_depth, bins):  # pragma: no cover
-    out = np.empty((len(tilt), len(tilt), len(log_depth)))
-    for i in range(len(tilt)):
-        for j in range(len(tilt)):
-            for k in range(len(log_depth)):
-                out[i, j, k] = _entropy(b, tilt[i], tilt[j], log_depth[k], bins)
-    return out
 
 
 METHOD = Method("entropy", {"default": Settings(), "seed": Settings(PLAIN)}, fit_whole=fit_whole, is_calibrated=False)

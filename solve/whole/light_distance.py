@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.intensities import Eliminated
 from scene.lights import Lights
 from scene.normals import unit
 from solve.methods import Problem
@@ -22,7 +23,7 @@ SAMPLED = 2_000
 NEARNESS = (0.02, 0.04, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45)
 """Object's size over the lights' distance: what is tried first, upon the relief that distant lights make."""
 ENOUGH = 100
-"""Pixels that anything can be told from."""
+"""Fewest pixels that distances are estimated from."""
 GAIN = 0.15
 """By how much the residuals' logarithm must fall before lights are taken for near ones: gloss alone gives a tenth."""
 FARTHEST = 70.0
@@ -194,18 +195,15 @@ class _Small:
         sigma = 1.4826 * float(np.median(np.abs(relative[used]))) + 1e-9
         weight = np.where(used, 1 / (1 + (relative / (2 * sigma)) ** 2) ** 2, 0.0)
         weight /= np.maximum(albedo, 1e-9)[:, None] ** 2
-        block = np.einsum("pfa,pf,pfb->pab", vectors, weight, vectors, optimize=True)
+        block = np.swapaxes(vectors, 1, 2) @ (vectors * weight[..., None])
         third = np.maximum(np.trace(block, axis1=1, axis2=2) / 3, 1e-30)
         sound = (albedo > 0) & (np.linalg.det(block) > 1e-6 * third**3)
-        weight, block = weight[sound], np.linalg.inv(block[sound])
-        vectors, slope, residuals = vectors[sound], slope[sound], residuals[sound]
-        coupling = np.einsum("pfa,pf,pf->paf", vectors, weight, slope)
-        reduced = np.einsum("pab,pbf->paf", block, coupling)
-        hessian = np.diag(np.einsum("pf,pf->f", weight, slope**2)) - np.einsum(
-            "paf,pag->fg", coupling, reduced, optimize=True
-        )
-        pixel = np.einsum("pfa,pf,pf->pa", vectors, weight, residuals)
-        gradient = np.einsum("pf,pf,pf->f", weight, slope, residuals) - np.einsum("paf,pa->f", reduced, pixel)
+        slope, residuals = slope[sound], residuals[sound]
+        pixels = Eliminated.of(vectors[sound], weight[sound], residuals)
+        hessian = pixels.left_over(slope, slope)
+        # What b cannot take up of the residuals pulls at the distances.
+        unexplained = residuals - np.einsum("pfk,pk->pf", vectors[sound], pixels.b)
+        gradient = np.einsum("pf,pf,pf->f", pixels.weight, slope, unexplained)
         pull = LOOSE * float(np.trace(hessian)) / len(nearness)
         logs = np.log(nearness)
         step = np.linalg.solve(hessian + pull * np.eye(len(nearness)), gradient + pull * (logs.mean() - logs))

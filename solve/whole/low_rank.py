@@ -42,18 +42,8 @@ def low_rank(
 ) -> LowRank:
     """Split data (P, F), P >= F, known where `there` (P, F), into A of low rank and E of few entries.
 
-    Parameters
-    ----------
-    data : (P, F) float
-    there : (P, F) bool
-    weight : float
-        lambda.
-    rank : int
-        0: the nuclear norm of A is small. Above: A has this rank, and its singular values are not shrunk.
-    tolerance : float
-        Stops at |D - A - E| <= tolerance |D|.
-    rounds : int
-        At most.
+    `weight` is lambda. `rank` 0: the nuclear norm of A is small; above: A has this rank, and its singular values are
+    not shrunk. It stops at |D - A - E| <= tolerance |D|.
 
     Notes
     -----
@@ -134,14 +124,8 @@ def _pass(known, there, state, first, second, ratio, limit):  # pragma: no cover
         stop = min(start + step, pixels)
         x = state[start:stop]
         low = np.dot(np.dot(x, first), second)
-        square += _shrink(
-            known[start:stop].ravel(),
-            there[start:stop].ravel(),
-            low.ravel(),
-            x.ravel(),
-            ratio,
-            limit,
-        )
+        d, present = known[start:stop].ravel(), there[start:stop].ravel()
+        square += _shrink(d, present, low.ravel(), x.ravel(), ratio, limit)
         np.dot(x.T, x, part)
         gram += part
     return gram, square

@@ -19,7 +19,7 @@ from solve.whole.depth_evidence import depth_evidence
 Array = NDArray[np.float64]
 
 _SCALE_PIXELS = 20_000
-"""Pixels that the object's distance is told by, at most."""
+"""Pixels that the object's distance is estimated from, at most."""
 _UNKNOWN = 0.05
 """Standard deviation of the distance, as a share of the lights', from which the shading is not asked about depth."""
 _ALIKE = 100

@@ -105,12 +105,13 @@ def _prepare(i, given, room):  # pragma: no cover
 @numba.njit(nogil=True, cache=True)
 def _tangents(n, out):  # pragma: no cover
     """Fill `out` (2, 3) with two unit vectors across n."""
-    axis = 0 if abs(n[0]) < 0.6 else 1
-    helper = np.zeros(3)
-    helper[axis] = 1.0
-    out[0] = np.cross(n, helper)
-    out[0] /= np.sqrt((out[0] ** 2).sum())
-    out[1] = np.cross(n, out[0])
+    x, y, z = n[0], n[1], n[2]
+    # n x (1, 0, 0) or n x (0, 1, 0), written out: a tenth of the time to compile.
+    u, v, w = (0.0, z, -y) if abs(x) < 0.6 else (-z, 0.0, x)
+    length = np.sqrt(u * u + v * v + w * w)
+    u, v, w = u / length, v / length, w / length
+    out[0, 0], out[0, 1], out[0, 2] = u, v, w
+    out[1, 0], out[1, 1], out[1, 2] = y * w - z * v, z * u - x * w, x * v - y * u
 
 
 @numba.njit(nogil=True, cache=True)

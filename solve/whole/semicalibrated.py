@@ -72,7 +72,7 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
     everywhere, and be believed never again.
 
     The intensities that are given play no part in those that are found. From a plane, or with three lights, they
-    cannot be told: then the given ones stay, and a doubt says so. Nor can that of a light without which the rest
+    are undetermined: then the given ones stay, and a caution says so. Nor can that of a light without which the rest
     lie in one plane: it keeps what was given.
     """
     lights, camera, how = problem.lights, problem.camera, settings.pixelwise
@@ -164,7 +164,7 @@ def _believed(
         return given, (said,)
     found, cautions = lights.intensities, []
     if silent.any():
-        # A frame that no pixel ties to the others keeps what was given, on the scale of those that are told.
+        # A frame that no pixel ties to the others keeps what was given, on the scale of those that are found.
         factor = np.exp(np.mean(np.log(found[~silent] / given.intensities[~silent]), axis=0))
         found = np.where(silent[:, None], given.intensities * factor, found)
         cautions.append(f"nothing on the object tells the intensity of {_named(given, silent)}: as given.")
