@@ -138,12 +138,13 @@ def _of_directions(
     """Return the covariance (F, F) of log e that the directions' own errors make; `axis` (F, 3): those directions."""
     turn = np.deg2rad(np.nan_to_num(sigma_deg))
     axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    side = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    side: Array = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]]))
     side = side / np.linalg.norm(side, axis=1, keepdims=True)
     out = np.zeros_like(inverse)
     for tangent in (side, np.cross(axis, side)):
         # A light turned by t changes its own shading by b.t; through b, that of the others.
-        moved = inverse @ pixels.left_over(part, facing @ (tangent * turn[:, None]).T)
+        turned: Array = facing @ (tangent * turn[:, None]).T
+        moved = inverse @ pixels.left_over(part, turned)
         out += moved @ moved.T
     return out
 

@@ -130,7 +130,8 @@ class _Small:
         self.scale = scale_of(small, lights, self.mask)
         parts = [self.problem.part(rows) for rows in bands(small, self.mask)]
         seen = [samples_of(band_of(part), part) for part in parts]
-        self.gray, self.valid = (np.concatenate([samples[k] for samples in seen]) for k in range(2))
+        self.gray = np.concatenate([samples.gray for samples in seen])
+        self.valid = np.concatenate([samples.valid for samples in seen])
         where = float(lights.reference_point_mm[2])
         self.depth = where if camera.is_orthographic or where < 0 else -1000.0
         self.z_mm = np.where(self.mask, self.depth, np.nan)
