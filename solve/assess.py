@@ -69,11 +69,10 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
 
     Returns
     -------
-    normals : (P, 3) float32
-        Unit; NaN where b is zero.
-    albedo : (P, 3) float32
-        Per channel sum(m s) / sum(s^2) over the used samples that face the light, s = v . n, m the sample
-        divided by its light's intensity, as in the fit of the normal: how strong a flash was changes nothing.
+    normals, albedo : (P, 3) float32
+        Unit; NaN where b is zero. Per channel sum(m s) / sum(s^2) over the used samples that face the light, s = v . n,
+        m the sample divided by its light's intensity, as in the fit of the normal: how strong a flash was changes
+        nothing.
     count : (P,) uint16
         Used samples.
     condition, sigma : (P,) float32

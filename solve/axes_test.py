@@ -29,14 +29,9 @@ _LIT = 0.15
 class PlausibleAxes:
     """Which axes, of some candidates, a normal map makes sense in.
 
-    Parameters
-    ----------
-    plain : int
-        By its slopes; 0, the first, where they do not speak against it. Where they do, the rim chooses.
-    by_rim : int
-        The same, taking it that normals point out of the mask at its rim: a hollow's do not.
-    is_unique : bool
-        `by_rim` is clearly better than all others.
+    `plain`: by its slopes; 0, the first, where they do not speak against it. Where they do, the rim chooses.
+    `by_rim`: the same, taking it that normals point out of the mask at its rim: a hollow's do not. `is_unique`:
+    `by_rim` is clearly better than all others.
     """
 
     plain: int

@@ -114,13 +114,9 @@ def solve(
 
 def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
     """Return normals, albedo, samples, condition and sigma with nothing known yet."""
-    return (
-        np.full((*shape, 3), np.nan, np.float32),
-        np.full((*shape, 3), np.nan, np.float32),
-        np.zeros(shape, np.uint16),
-        np.full(shape, np.nan, np.float32),
-        np.full(shape, np.nan, np.float32),
-    )
+    normals, albedo = (np.full((*shape, 3), np.nan, np.float32) for _ in range(2))
+    condition, sigma = (np.full(shape, np.nan, np.float32) for _ in range(2))
+    return normals, albedo, np.zeros(shape, np.uint16), condition, sigma
 
 
 def _finished(pool: Executor, work: Iterator[Call]) -> Iterator[Any]:

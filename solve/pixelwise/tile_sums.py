@@ -59,20 +59,11 @@ def read_ambient(ambient, at, count, out):  # pragma: no cover
 
 
 class Reading(NamedTuple):
-    """How one frame's tile is read: what is taken from the codes, and where the samples go.
+    """How one frame's tile is read.
 
-    Parameters
-    ----------
-    black, factor : float32
-        A sample is code - black - ambient * factor.
-    weights : three float32
-        Of the channels, for gray.
-    threshold : float32
-        Samples whose gray is not above it are zero.
-    place, word : int
-        Of the first of the frame's rows in `samples`, and of its word in `bits`.
-    bit : int32
-        The frame's in that word, set where a sample is lit.
+    A sample is code - black - ambient * factor; gray is its sum over the channels by `weights`, and a sample whose
+    gray is not above the threshold is zero. `place`: of the first of the frame's rows in `samples`. `word`: the place
+    of its word in `bits`. `bit`: the frame's in that word, set where a sample is lit.
     """
 
     black: np.float32

@@ -20,16 +20,8 @@ FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 class SurfaceMesh:
     """A surface as triangles.
 
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        Millimetres, camera frame.
-    normals : (V, 3) float64
-        Unit, camera frame, toward the camera's side.
-    colors : (V, 3) uint8
-        Albedo, sRGB, the 99th percentile at nine tenths of white.
-    faces : (T, 3) int64
-        Counter-clockwise seen from the camera.
+    Vertices (V, 3) in mm, camera frame; unit normals (V, 3) toward the camera's side; colors (V, 3): albedo, sRGB, the
+    99th percentile at nine tenths of white; faces (T, 3), counter-clockwise seen from the camera.
     """
 
     vertices: NDArray[np.float64]

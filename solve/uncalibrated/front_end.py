@@ -30,15 +30,8 @@ EIGEN_GAP = 0.1
 class Family:
     """Pseudo-normals and lights up to a generalised bas-relief transform, with a convention for its three numbers.
 
-    Parameters
-    ----------
-    b : (P, 3) float64
-        Pseudo-normals times pseudo-albedo; the mean of the third component is positive.
-    lights : (F, 3) float64
-        gray = b @ lights.T where lit.
-    used : (P, F) bool
-        The samples that agree.
-    cautions : tuple of str
+    Pseudo-normals times pseudo-albedo (P, 3), the mean of the third component being positive; lights (F, 3), with gray
+    = b @ lights.T where lit; the samples that agree (P, F); and cautions.
     """
 
     b: Array

@@ -96,15 +96,9 @@ def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
 def maxima(images, mask, smooth_px, brightness):
     """Find the maxima of each image, away from the outline.
 
-    `images` are (P, F) float32, those under the mask; for `smooth_px` and `brightness` see `Settings`.
-
-    Returns
-    -------
-    pixel, frame : (M,) int
-    height : (M,) float
-        0 at the image's darkest, 1 at its brightest pixel.
-    times : (M,) int
-        In how many images a maximum lies here or beside.
+    `images` are (P, F) float32, those under the mask; for `smooth_px` and `brightness` see `Settings`. Returns, for
+    each maximum, pixel, frame, height (0 at the image's darkest, 1 at its brightest pixel), and in how many images
+    one lies here or beside.
     """
     top, left = (int(np.flatnonzero(mask.any(axis)).min()) for axis in (1, 0))
     bottom, right = (int(np.flatnonzero(mask.any(axis)).max()) + 1 for axis in (1, 0))

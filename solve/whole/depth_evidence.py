@@ -12,14 +12,8 @@ def depth_evidence(samples, b, way):  # pragma: no cover
 
     `samples.valid` are the samples that b is fitted to, `way` (P, 3) how the point moves with the unknown t.
 
-    Returns
-    -------
-    slope, information : (P,) float64
-        The best step is slope / information, its variance that of a sample over the information.
-    squares : (P,) float64
-        Sum of the squared residuals.
-    count : (P,) int64
-        Used samples.
+    Returns slope and information (P,): the best step is slope / information, its variance that of a sample over the
+    information; the sum of the squared residuals (P,); and how many samples are used (P,).
 
     Notes
     -----

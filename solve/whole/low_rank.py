@@ -18,17 +18,8 @@ _SINGLE_THREAD = 1 << 18
 
 @dataclass(frozen=True)
 class LowRank:
-    """What `low_rank` found.
-
-    Parameters
-    ----------
-    low : (P, F) float64
-        The low-rank part A, the gaps filled in.
-    right : (F, rank) float64
-        The right singular vectors of A, orthonormal.
-    rounds : int
-    residual : float
-        |D - A - E| / |D|, both over the samples that are there.
+    """The low-rank part A (P, F), the gaps filled in; its right singular vectors (F, rank), orthonormal; the
+    rounds that it took; and |D - A - E| / |D|, both over the samples that are there.
     """
 
     low: Array
@@ -68,8 +59,7 @@ def low_rank(
     state /= max(largest, max(float(known.max()), -float(known.min())) / weight) * strength
     right, factor = np.zeros((frames, 0)), np.zeros(0)
     before = strength
-    residual = np.inf
-    turn = 0
+    residual, turn = np.inf, 0
     chunks = [slice(start, start + _CHUNK) for start in range(0, pixels, _CHUNK)]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
 

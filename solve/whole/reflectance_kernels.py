@@ -199,15 +199,9 @@ def _step(n, albedo, across, move):  # pragma: no cover
 def accumulate(given, pixels, table, joint):  # pragma: no cover
     """Return the table's normal equations over the pixels, their normals and albedos eliminated if `joint`.
 
-    Returns
-    -------
-    hessian, slope : (SIZE, SIZE), (SIZE,)
-    samples : float
-        How many took part.
-    sigma : (K,)
-        Of each pixel's residuals, in units of the samples.
-    inverse, own, coupling : (K, 3, 3), (K, 3), (K, 3, SIZE)
-        For `back_substitute`.
+    They are hessian (SIZE, SIZE) and slope (SIZE,); then how many samples took part, the sigma of each pixel's
+    residuals (K,) in units of the samples, and for `back_substitute` inverse (K, 3, 3), own (K, 3) and coupling
+    (K, 3, SIZE).
     """
     count, frames = len(pixels.index), given.samples.gray.shape[1]
     hessian, slope, samples, sigma = np.zeros((SIZE, SIZE)), np.zeros(SIZE), 0.0, np.zeros(count)

@@ -57,12 +57,9 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
 
     Directions (and positions) are taken as they are; intensities only where the object tells none.
 
-    Returns
-    -------
-    lights : Lights
-        Intensities on the scale of the given ones, at the reference point; of near lights it is moved to the depth
-        of the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the
-        object, and what that depth's own error does.
+    Intensities are on the scale of the given ones, at the reference point; of near lights that is moved to the depth of
+    the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the object,
+    and what that depth's own error does.
 
     Notes
     -----
