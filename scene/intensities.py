@@ -43,14 +43,14 @@ class Eliminated:
     @classmethod
     def of(cls, toward: Array, weight: Array, values: Array) -> "Eliminated":
         """Fit b to values (P, F) under light vectors (P, F, 3)."""
-        weighted = toward * weight[..., None]
+        weighted = np.swapaxes(toward * weight[..., None], 1, 2)
+        matrix = weighted @ toward
         # The ridge only keeps pixels without any weight solvable.
-        matrix = np.swapaxes(toward, 1, 2) @ weighted
         ridge = 1e-12 * np.trace(matrix, axis1=1, axis2=2) + 1e-30
-        inverse = np.linalg.inv(matrix + ridge[:, None, None] * np.eye(3))
-        right = np.swapaxes(weighted, 1, 2) @ values[..., None]
-        root = np.linalg.cholesky((inverse + np.swapaxes(inverse, 1, 2)) / 2)
-        return cls((inverse @ right)[..., 0], weight, weighted @ root)
+        root = np.linalg.cholesky(matrix + ridge[:, None, None] * np.eye(3))
+        adapted = np.linalg.solve(root, weighted)
+        b = np.linalg.solve(np.swapaxes(root, 1, 2), adapted @ values[..., None])[..., 0]
+        return cls(b, weight, np.swapaxes(adapted, 1, 2))
 
     def left_over(self, left: Array, right: Array, chosen: NDArray | slice = slice(None)) -> Array:
         """Return the sum over chosen pixels of diag(left) (W - Q Q') diag(right), (F, F); left, right (P, F)."""

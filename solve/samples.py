@@ -144,6 +144,19 @@ def samples_of(band: Band, part: Problem, chosen: NDArray | slice = slice(None))
     return Samples(gray, valid, points, Geometry.of(part.lights))
 
 
+def all_samples(problem: Problem) -> Samples:
+    """Return what is seen of all pixels of the mask, read band by band."""
+    shape = int(problem.mask.sum()), len(problem.frames)
+    gray, valid, done = np.empty(shape, np.float32), np.empty(shape, bool), 0
+    for rows in bands(problem.frames, problem.mask):
+        part = problem.part(rows)
+        some = samples_of(band_of(part), part)
+        gray[done : done + len(some.gray)], valid[done : done + len(some.gray)] = some.gray, some.valid
+        done += len(some.gray)
+    points = points_of(problem.camera, problem.lights, problem.mask, problem.rows, problem.z_mm)
+    return Samples(gray, valid, points, Geometry.of(problem.lights))
+
+
 def band_of(part: Problem) -> Band:
     """Return where the pixels of a problem's rows lie in the store."""
     return read_band(part.frames, part.mask, part.rows)

@@ -44,7 +44,7 @@ def solve(
     Parameters
     ----------
     method : str or Method
-        One of `METHODS`, or one that is not in the table; see `solve.given_normals`.
+        One of `METHODS`; or one that is not in the table, with `fit_whole`, as in `solve.given_normals`.
     frames : Frames
     lights : Lights
         Near lights are evaluated at each pixel's ray, at the depth of `lights.reference_point_mm`.
@@ -192,23 +192,16 @@ def _fit_whole(
     fit: Callable[[Problem, "Samples", Settings], Whole], settings: Settings, problem: Problem, is_calibrated: bool
 ) -> tuple[Problem, int, Iterator[Call]]:
     """Fit all pixels; return the problem with what was found, the number of bands, and the call that judges each."""
-    from solve.samples import Geometry, Samples, band_of, bands, points_of, samples_of
+    from solve.samples import Geometry, all_samples, bands
 
-    frames, lights, mask = problem.frames, problem.lights, problem.mask
+    lights = problem.lights
     if not is_calibrated:
         nowhere = np.full_like(lights.directions, np.nan)
         problem = replace(problem, lights=replace(lights, directions=nowhere, positions_mm=None))
-    parts = [problem.part(rows) for rows in bands(frames, mask)]
-    total, done = int(mask.sum()), 0
-    gray, valid = np.empty((total, len(frames)), np.float32), np.empty((total, len(frames)), bool)
-    for part in parts:
-        some = samples_of(band_of(part), part)
-        gray[done : done + len(some.gray)], valid[done : done + len(some.gray)] = some.gray, some.valid
-        done += len(some.gray)
-    points = points_of(problem.camera, problem.lights, mask, problem.rows, problem.z_mm)
-    samples = Samples(gray, valid, points, Geometry.of(problem.lights))
+    parts = [problem.part(rows) for rows in bands(problem.frames, problem.mask)]
+    samples = all_samples(problem)
     found = fit(problem, samples, settings)
-    scale = samples._replace(valid=np.isfinite(gray)).scale()
+    scale = samples._replace(valid=np.isfinite(samples.gray)).scale()
     used = samples._replace(valid=found.used)
     if found.lights is not None:
         used = used._replace(lights=Geometry.distant(found.lights))

@@ -96,16 +96,16 @@ def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tup
     return Edges(inside, cosine, (axes[0], axes[1]))
 
 
-def every_second(camera: Camera) -> Camera:
-    """Return the camera whose pixels are every second one of a camera's, from the first on."""
+def every_nth(camera: Camera, step: int) -> Camera:
+    """Return the camera whose pixels are every n-th one of a camera's, from the first on."""
     return replace(
         camera,
-        width=(camera.width + 1) // 2,
-        height=(camera.height + 1) // 2,
-        fx=camera.fx / 2,
-        fy=camera.fy / 2,
-        cx=camera.cx / 2,
-        cy=camera.cy / 2,
+        width=-(-camera.width // step),
+        height=-(-camera.height // step),
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=camera.cx / step,
+        cy=camera.cy / step,
     )
 
 

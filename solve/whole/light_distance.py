@@ -10,8 +10,9 @@ from scene.lights import Lights
 from scene.normals import unit
 from solve.methods import Problem
 from solve.pixelwise import iterative
-from solve.samples import Geometry, Samples, band_of, bands, samples_of, scale_of
+from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
+from solve.surface.tangent_planes import every_nth
 from solve.whole.near_depth import Settings, find_depth
 
 Array = NDArray[np.float64]
@@ -114,24 +115,17 @@ class _Small:
         frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
         step = max(1, round(np.sqrt(mask.sum() / PIXELS)))
         self.mask = np.ascontiguousarray(mask[::step, ::step])
-        height, width = self.mask.shape
-        self.camera = replace(
-            camera, width=width, height=height, fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step,
-            cy=camera.cy / step,
-        )  # fmt: skip
+        self.camera = every_nth(camera, step)
         ambient = None if frames.ambient is None else frames.ambient[::step, ::step]
         codes = np.ascontiguousarray(frames.codes[:, ::step, ::step])
         # What lay beside a clipped sample does not lie beside it here.
         small = replace(frames, codes=codes, ambient=ambient, is_mosaic=False)
-        self.problem = Problem(small, lights, self.camera, self.mask, slice(0, height))
+        self.problem = Problem(small, lights, self.camera, self.mask, slice(0, len(self.mask)))
         self.count = int(self.mask.sum())
         if not self.count:
             return
         self.scale = scale_of(small, lights, self.mask)
-        parts = [self.problem.part(rows) for rows in bands(small, self.mask)]
-        seen = [samples_of(band_of(part), part) for part in parts]
-        self.gray = np.concatenate([samples.gray for samples in seen])
-        self.valid = np.concatenate([samples.valid for samples in seen])
+        self.samples = all_samples(self.problem)
         where = float(lights.reference_point_mm[2])
         self.depth = where if camera.is_orthographic or where < 0 else -1000.0
         self.z_mm = np.where(self.mask, self.depth, np.nan)
@@ -150,10 +144,9 @@ class _Small:
         return 2 * float(np.sqrt(np.sum(self._points()[:, :2].var(0))))
 
     def _fit(self, lights: Lights, chosen: NDArray | slice) -> tuple[Array, NDArray[np.bool_], Array]:
-        points = self._points()[chosen]
-        samples = Samples(self.gray[chosen], self.valid[chosen], points, Geometry.of(lights))
+        samples = self.samples._replace(points=self._points(), lights=Geometry.of(lights)).some(chosen)
         b, used = iterative.fit(samples, self.scale, iterative.Settings())
-        return b, used, points
+        return b, used, samples.points
 
     def raise_relief(self, lights: Lights) -> None:
         """Let the normals under these lights make the relief."""
@@ -172,7 +165,7 @@ class _Small:
     def spread(self, lights: Lights) -> float:
         """Return the logarithm of the pixels' robust sigma, relative to their albedo: its mean."""
         b, used, points = self._fit(lights, self.some)
-        residuals = np.where(used, self.gray[self.some] - self._shade(lights, points, b), np.nan)
+        residuals = np.where(used, self.samples.gray[self.some] - self._shade(lights, points, b), np.nan)
         count, albedo = used.sum(1), np.linalg.norm(b, axis=1)
         known = (count > 4) & (albedo > 0)
         sigma = np.nanmedian(np.abs(residuals[known]), 1) / albedo[known]
@@ -190,7 +183,7 @@ class _Small:
         vectors = lights.toward(points).transpose(1, 0, 2)
         moved = _placed(lights, center, size / (nearness * (1 + small)))
         slope = (np.einsum("fpk,pk->pf", moved.toward(points), b) - np.einsum("pfk,pk->pf", vectors, b)) / small
-        residuals = np.where(used, self.gray[self.some] - np.einsum("pfk,pk->pf", vectors, b), 0.0)
+        residuals = np.where(used, self.samples.gray[self.some] - np.einsum("pfk,pk->pf", vectors, b), 0.0)
         albedo = np.linalg.norm(b, axis=1)
         relative = residuals / np.maximum(albedo, 1e-9)[:, None]
         sigma = 1.4826 * float(np.median(np.abs(relative[used]))) + 1e-9
