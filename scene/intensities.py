@@ -45,8 +45,8 @@ class Eliminated:
         """Fit b to values (P, F) under light vectors (P, F, 3)."""
         weighted = np.swapaxes(toward * weight[..., None], 1, 2)
         matrix = weighted @ toward
-        # The ridge only keeps pixels without any weight solvable.
-        ridge = 1e-12 * np.trace(matrix, axis1=1, axis2=2) + 1e-30
+        # The ridge keeps pixels without any weight solvable; it must leave less misfit than `_ROUNDING`.
+        ridge = 1e-14 * np.trace(matrix, axis1=1, axis2=2) + 1e-30
         root = np.linalg.cholesky(matrix + ridge[:, None, None] * np.eye(3))
         adapted = np.linalg.solve(root, weighted)
         b = np.linalg.solve(np.swapaxes(root, 1, 2), adapted @ values[..., None])[..., 0]
