@@ -16,6 +16,7 @@ from benchmarks.bench_intensities import session, true_normals
 from benchmarks.pages import put
 from scene.lights import Lights
 from scene.normals import angular_error_deg
+from solve.methods import Problem
 from solve.solve import solve
 from solve.whole.light_distance import find_positions
 
@@ -38,7 +39,7 @@ def row(shape: str, seed: int, farther: float) -> str:
         return f"{np.nanmedian(angular_error_deg(found.normals, normals)[mask]):.2f}"
 
     start = time.process_time()
-    found, _ = find_positions(frames, given, camera, mask)
+    found = find_positions(Problem(frames, given, camera, mask, slice(0, len(mask)))).lights
     seconds = time.process_time() - start
     far = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)
     told = "distant"

@@ -17,7 +17,7 @@ from pathlib import Path
 from benchmarks.pages import put
 from compare.report.speed import speed_points
 from compare.report.speed_chart import speed_chart
-from solve.solve import METHODS
+from solve.methods import METHODS
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT / ".." / "shared"

@@ -24,6 +24,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.pixelwise import l1, sbl
+from solve.samples import Geometry, Samples
 from solve.solve import solve
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -101,7 +102,6 @@ def against_loops() -> list[str]:
     gray = frames.read().mean(-1).reshape(LIGHTS, -1).T
     truth = normals.reshape(-1, 3)
     scale = float(np.percentile(gray, 99))
-    zero = np.zeros_like(lights.directions)
     lines = [
         "| method | tolerance | this, µs a pixel | loop, µs a pixel | times | error | loop's |",
         "|---|---|---|---|---|---|---|",
@@ -110,21 +110,14 @@ def against_loops() -> list[str]:
         (l1, l1_loop, ("residual_floor", "tolerance", "iterations")),
         (sbl, sbl_loop, ("prior", "residual_floor", "tolerance", "iterations")),
     ):
-        for settings in (module.SETTINGS, module.SEED_SETTINGS):
-            settings = {**settings, "shadow_threshold": -np.inf}
-            rest = (
-                np.ones(gray.shape, bool),
-                np.zeros((len(gray), 3)),
-                lights.directions,
-                zero,
-                zero[:, 0],
-                False,
-                scale,
-            )
-            b, _ = module.fit(gray, *rest, **settings)
-            _, ours = clocked(lambda m=module, r=rest, s=settings: m.fit(gray, *r, **s))
+        for settings in module.METHOD.profiles.values():
+            settings = settings._replace(shadow_threshold=-np.inf)
+            points = np.zeros((len(gray), 3))
+            samples = Samples(gray, np.ones(gray.shape, bool), points, Geometry.distant(lights.directions))
+            b, _ = module.fit(samples, scale, settings)
+            _, ours = clocked(lambda m=module, r=samples, s=settings: m.fit(r, scale, s))
             start = time.process_time()
-            other = loop(gray[chosen] / scale, lights.directions, **{name: settings[name] for name in names})
+            other = loop(gray[chosen] / scale, lights.directions, **{name: getattr(settings, name) for name in names})
             theirs = (time.process_time() - start) / LOOP_PIXELS
             ours /= len(gray)
             errors = [
@@ -132,7 +125,7 @@ def against_loops() -> list[str]:
                 for v in (b[chosen], other)
             ]
             lines.append(
-                f"| `{module.__name__.removeprefix('solve.')}` | {settings['tolerance']:.0e} | {ours * 1e6:.1f} | "
+                f"| `{module.__name__.removeprefix('solve.')}` | {settings.tolerance:.0e} | {ours * 1e6:.1f} | "
                 f"{theirs * 1e6:.0f} | {theirs / ours:.0f} | {errors[0]:.3f}° | {errors[1]:.3f}° |"
             )
     return lines

@@ -9,7 +9,6 @@ settings are the default ones, tuned on neither. --write puts the tables into do
 """
 
 import argparse
-import importlib
 import os
 import subprocess
 import sys
@@ -23,7 +22,9 @@ from benchmarks.pages import put
 from compare.statistics.four_ways import four_ways
 from scene.normals import unit
 from scene.store import Store
-from solve.solve import UNCALIBRATED, solve
+from solve.methods import UNCALIBRATED, Problem, method_of
+from solve.samples import Geometry, Samples
+from solve.solve import solve
 from solve.whole.low_rank import low_rank
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -100,11 +101,13 @@ def low_rank_rows() -> list[str]:
 def uncalibrated_rows() -> list[str]:
     """Time the uncalibrated methods on 45 kpx x 96."""
     gray, _, mask = scene(257, 96, 10_001)
-    valid = np.ones(gray.shape, bool)
+    nowhere = Geometry.distant(np.full((gray.shape[1], 3), np.nan))
+    samples = Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), nowhere)
+    problem = Problem(None, None, None, mask, slice(0, len(mask)))
     lines = [f"| method, {len(gray) / 1e3:.0f} kpx x 96 | CPU s | wall s |", "|---|---|---|"]
     for name in UNCALIBRATED:
-        module = importlib.import_module(f"solve.uncalibrated.{name}")
-        spent, passed, _ = cpu(lambda m=module: m.fit_whole(gray, valid, None, None, mask, **m.SETTINGS))
+        method = method_of(name)
+        spent, passed, _ = cpu(lambda m=method: m.fit_whole(problem, samples, m.settings("default")))
         lines.append(f"| `{name}` | {spent:.2f} | {passed:.2f} |")
     return lines
 

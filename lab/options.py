@@ -60,7 +60,7 @@ class Solving:
         SceneError
             There is no such method, or it has no such profile.
         """
-        from solve.solve import METHODS, settings_of
+        from solve.methods import METHODS, method_of
 
         text = DEFAULT_METHODS if self.method is None else self.method
         names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
@@ -70,7 +70,7 @@ class Solving:
                 f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
             )
         for name in names:
-            settings_of(name, self.profile)
+            method_of(name).settings(self.profile)
         return names
 
     def programs(self) -> "dict[str, External]":

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 import rgbn
 from lab.options import Solving, TwinSettings
 from scene.current import ROOT
-from solve.solve import METHODS
+from solve.methods import METHODS
 
 
 def compile_kernels() -> None:

@@ -15,7 +15,7 @@ def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
     """Return the condition number of light vectors, and the inverse of their normal matrix, from its upper triangle.
 
     The matrix is the sum of v v^T: its eigenvalues are the squares of the singular values. In closed form
-    [Smith1961].
+    [Smith1961]. The inverse is an upper triangle too.
     """
     mean = (a + d + f) / 3.0
     x, y, z = a - mean, d - mean, f - mean
@@ -36,26 +36,16 @@ def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
         spans = det > 0.0 and middle > 1e-7 * mean
         condition = np.sqrt(most * (most * middle) / det) if spans else np.inf
     if det <= 0.0:
-        return np.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    return condition, ia / det, ib / det, ic / det, id_ / det, ie / det, if_ / det
+        return np.inf, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return condition, (ia / det, ib / det, ic / det, id_ / det, ie / det, if_ / det)
 
 
 @numba.njit(nogil=True, cache=True)
-def sigma_deg(length, x, y, z, squares, count, ia, ib, ic, id_, ie, if_):  # pragma: no cover
+def sigma_deg(length, normal, squares, count, inverse):  # pragma: no cover
     """Return the standard deviation of a normal, degrees along one tangent axis; NaN where nothing checks the fit.
 
-    Parameters
-    ----------
-    length : float
-        Of b.
-    x, y, z : float
-        The normal.
-    squares : float
-        Sum of the squared residuals.
-    count : int
-        Samples in the fit.
-    ia, ..., if_ : float
-        Upper triangle of the inverse of the normal matrix.
+    `length` is that of b, `squares` the sum of the squared residuals of `count` samples, `inverse` the upper triangle
+    of the inverse of the normal matrix.
 
     Notes
     -----
@@ -64,25 +54,25 @@ def sigma_deg(length, x, y, z, squares, count, ia, ib, ic, id_, ie, if_):  # pra
     """
     if count <= 3:
         return np.nan
+    x, y, z = normal
+    ia, ib, ic, id_, ie, if_ = inverse
     along = x * (ia * x + 2.0 * (ib * y + ic * z)) + y * (id_ * y + 2.0 * ie * z) + z * z * if_
     across = max(ia + id_ + if_ - along, 0.0) * squares / (count - 3)
     return min(np.degrees(np.sqrt(0.5 * across) / length), 90.0)
 
 
 @numba.njit(nogil=True, cache=True)
-def assess(
-    codes, shape, ambient, black, unit, runs, gray, b, used, points, directions, positions, reach, is_near,
-    intensities, dark,
-):  # pragma: no cover  # fmt: skip
-    """Judge the fits b (P, 3) to the samples `used` (P, F) bool.
+def assess(band, samples, b, intensities, dark):  # pragma: no cover
+    """Judge the fits b (P, 3) of the pixels of a band to their samples, `samples.valid` being those that were used.
+
+    `intensities` (F, 3) are the lights', `dark` the gray value under which a sample is not lit.
 
     Returns
     -------
-    normals : (P, 3) float32
-        Unit; NaN where b is zero.
-    albedo : (P, 3) float32
-        Per channel sum(m s) / sum(s^2) over the used samples that face the light, s = v . n, m the sample
-        divided by its light's intensity, as in the fit of the normal: how strong a flash was changes nothing.
+    normals, albedo : (P, 3) float32
+        Unit; NaN where b is zero. Per channel sum(m s) / sum(s^2) over the used samples that face the light, s = v . n,
+        m the sample divided by its light's intensity, as in the fit of the normal: how strong a flash was changes
+        nothing.
     count : (P,) uint16
         Used samples.
     condition, sigma : (P,) float32
@@ -90,6 +80,8 @@ def assess(
     is_dark : (P,) bool
         Fewer than three used samples are lit.
     """
+    gray, used, points, geometry = samples
+    codes, shape, ambient, black, unit, runs = band.codes, band.shape, band.ambient, band.black, band.unit, band.runs
     pixels, lights = used.shape
     normals = np.full((pixels, 3), np.nan, np.float32)
     albedo = np.full((pixels, 3), np.nan, np.float32)
@@ -99,7 +91,7 @@ def assess(
     is_dark = np.zeros(pixels, np.bool_)
     normal, top = np.empty(3), np.empty(3)
     # Three divisions a sample would take as long as all the rest.
-    inverse = 1.0 / intensities
+    per_intensity = 1.0 / intensities
     for run in range(len(runs)):
         row, start, total, place = runs[run]
         for i in range(place, place + total):
@@ -116,7 +108,7 @@ def assess(
             for k in range(lights):
                 if not used[i, k]:
                     continue
-                x, y, z = light_vector(k, points[i], directions, positions, reach, is_near)
+                x, y, z = light_vector(k, points[i], geometry)
                 xx += x * x
                 xy += x * y
                 xz += x * z
@@ -136,13 +128,12 @@ def assess(
                     value = (np.float32(codes[at + channel]) - black) * unit[k]
                     if len(ambient):
                         value -= ambient[behind + channel]
-                    top[channel] += value * inverse[k, channel] * shade
+                    top[channel] += value * per_intensity[k, channel] * shade
             normals[i] = normal
             count[i] = size
             is_dark[i] = lit < 3
-            found, ia, ib, ic, id_, ie, if_ = condition_and_inverse(xx, xy, xz, yy, yz, zz)
-            condition[i] = found
-            sigma[i] = sigma_deg(length, normal[0], normal[1], normal[2], squares, size, ia, ib, ic, id_, ie, if_)
+            condition[i], inverse = condition_and_inverse(xx, xy, xz, yy, yz, zz)
+            sigma[i] = sigma_deg(length, (normal[0], normal[1], normal[2]), squares, size, inverse)
             if bottom > 0.0:
                 for channel in range(3):
                     albedo[i, channel] = top[channel] / bottom

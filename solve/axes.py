@@ -2,11 +2,15 @@
 
 from dataclasses import dataclass
 from itertools import permutations, product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
+
+if TYPE_CHECKING:
+    from solve.samples import Samples
 
 Array = NDArray[np.float64]
 
@@ -21,11 +25,11 @@ _EXPLAINED = 0.75
 """Share of what least squares explains of the photographs, beyond normals at random, under which a map is refused.
 
 True normals of glossy objects explain 0.96 and more, right normals in wrong axes 0.64 at most, a shifted map 0.7."""
-_DOUBTED = 0.9
+_CAUTIOUS = 0.9
 _TELLING = 0.1
 """Share of the misfit of normals at random that least squares must remove, or the object tells nothing of axes."""
 _ALIKE = 0.05
-"""Axes whose misfit lies within this share of the best's gain are not told apart."""
+"""Axes whose misfit lies within this share of the best's gain count as equally good."""
 
 
 @dataclass(frozen=True)
@@ -36,32 +40,19 @@ class Axes:
     ----------
     matrix : (3, 3) float64
         Camera frame from the map's: n = matrix @ (its first, second, third component).
-    doubts : tuple of str
+    cautions : tuple of str
     """
 
     matrix: Array
-    doubts: tuple[str, ...] = ()
+    cautions: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         rows = [(int(np.abs(row).argmax()), row.sum() < 0) for row in self.matrix]
         return "(" + ", ".join(f"{'-' if flipped else ''}{'xyz'[axis]}" for axis, flipped in rows) + ")"
 
 
-def find_axes(normals: Array, gray: NDArray, valid: NDArray[np.bool_], toward: Array, *, name: str) -> Axes:
-    """Return the axes that explain the photographs.
-
-    Parameters
-    ----------
-    normals : (P, 3) float64
-        Unit, in whatever axes.
-    gray : (P, F) float32
-        Samples divided by the lights' intensities.
-    valid : (P, F) bool
-        Not clipped.
-    toward : (P, F, 3) float64
-        Light vectors; see `Lights.toward`.
-    name : str
-        For messages.
+def find_axes(normals: Array, samples: "Samples", *, name: str) -> Axes:
+    """Return the axes in which unit normals (P, 3) explain the photographs; `name` stands in messages.
 
     Raises
     ------
@@ -74,15 +65,16 @@ def find_axes(normals: Array, gray: NDArray, valid: NDArray[np.bool_], toward: A
     the same normals dealt out to the pixels at random, and that of least squares, so that gloss, which no normal
     explains, counts neither way.
     """
-    weights = valid * np.maximum(gray, 0).astype(np.float64)
+    valid, toward = samples.valid, samples.toward()
+    weights = valid * np.maximum(samples.gray, 0).astype(np.float64)
     misfit = np.array([_misfit(normals @ axes.T, weights, valid, toward) for axes in AXES])
     best = int(misfit.argmin())
     shuffled = normals[np.random.default_rng(0).permutation(len(normals))] @ AXES[best].T
     by_chance = _misfit(shuffled, weights, valid, toward)
     least = min(misfit[best], _least_squares(weights, valid, toward))
     if by_chance - least < _TELLING * by_chance:
-        doubt = "the object is too flat to tell the axes of its normals from the photographs: taken as x, y, z."
-        return Axes(AXES[0], (doubt,))
+        said = "the object is too flat to tell the axes of its normals from the photographs: taken as x, y, z."
+        return Axes(AXES[0], (said,))
     explained = (by_chance - misfit[best]) / (by_chance - least)
     if explained < _EXPLAINED:
         raise SceneError(
@@ -91,15 +83,15 @@ def find_axes(normals: Array, gray: NDArray, valid: NDArray[np.bool_], toward: A
             f"expected {_EXPLAINED:.0%}). Is the picture upside down, of another object, or in a frame that is turned?"
         )
     alike = misfit <= misfit[best] + _ALIKE * (by_chance - misfit[best])
-    doubts = ()
-    if explained < _DOUBTED:
-        doubts = (f"its normals explain {explained:.0%} only of what least squares does of the photographs.",)
+    cautions = ()
+    if explained < _CAUTIOUS:
+        cautions = (f"its normals explain {explained:.0%} only of what least squares does of the photographs.",)
     if alike[0]:
-        return Axes(AXES[0], doubts)
+        return Axes(AXES[0], cautions)
     if alike.sum() > 1:
         other = Axes(AXES[next(k for k in np.argsort(misfit) if k != best)])
-        doubts += (f"its axes may be {Axes(AXES[best])} or {other}: both explain the photographs.",)
-    return Axes(AXES[best], doubts)
+        cautions += (f"its axes may be {Axes(AXES[best])} or {other}: both explain the photographs.",)
+    return Axes(AXES[best], cautions)
 
 
 def some_pixels(known: NDArray[np.bool_]) -> NDArray[np.intp]:

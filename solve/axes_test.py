@@ -1,4 +1,4 @@
-"""What a normal map tells of its own axes: it faces the viewer, is a surface's slope, and points out at the rim."""
+"""Test a normal map's axes by the map itself: it faces the viewer, is a surface's slope, and points out at the rim."""
 
 from dataclasses import dataclass
 
@@ -26,34 +26,23 @@ _LIT = 0.15
 
 
 @dataclass(frozen=True)
-class OwnAxes:
+class PlausibleAxes:
     """Which axes, of some candidates, a normal map makes sense in.
 
-    Parameters
-    ----------
-    plain : int
-        By its slopes; 0, the first, where they do not speak against it. Where they do, the rim chooses.
-    by_rim : int
-        The same, taking it that normals point out of the mask at its rim: a hollow's do not.
-    told : bool
-        `by_rim` is told from all others.
+    `plain`: by its slopes; 0, the first, where they do not speak against it. Where they do, the rim chooses.
+    `by_rim`: the same, taking it that normals point out of the mask at its rim: a hollow's do not. `is_unique`:
+    `by_rim` is clearly better than all others.
     """
 
     plain: int
     by_rim: int
-    told: bool
+    is_unique: bool
 
 
-def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...]) -> OwnAxes:
+def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[Array, ...]) -> PlausibleAxes:
     """Return the axes in which a normal map makes sense by itself.
 
-    Parameters
-    ----------
-    normals : (H, W, 3) float64
-        NaN where there is none.
-    mask : (H, W) bool
-    all_axes : tuple of (3, 3) float64
-        Camera frame from the map's; the first changes nothing.
+    `normals` are NaN where there is none; `all_axes` are camera frame from the map's, the first changes nothing.
     """
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     box = (slice(max(rows[0] - 1, 0), rows[-1] + 2), slice(max(columns[0] - 1, 0), columns[-1] + 2))
@@ -61,7 +50,7 @@ def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[
     known = normals[np.isfinite(normals[..., 0])]
     facing = [k for k, axes in enumerate(all_axes) if len(known) and np.mean(known @ axes[2] > 0) > FACING]
     if not facing:
-        return OwnAxes(0, 0, False)
+        return PlausibleAxes(0, 0, False)
     # The third axis as it stands, where that will do.
     toward = [all_axes[k][2] for k in facing]
     third = next((row for row in toward if np.array_equal(row, [0, 0, 1])), toward[0])
@@ -72,7 +61,7 @@ def axes_by_themselves(normals: Array, mask: NDArray[np.bool_], all_axes: tuple[
     most = max(outs.values())
     best = [k for k in left if most <= _OUT or outs[k] > most - _OUT]
     by_rim = 0 if 0 in best else max(best, key=lambda k: outs[k])
-    return OwnAxes(0 if 0 in left else by_rim, by_rim, len(best) == 1)
+    return PlausibleAxes(0 if 0 in left else by_rim, by_rim, len(best) == 1)
 
 
 def _curl(turned: Array) -> float:
@@ -114,13 +103,6 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
 def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]) -> str | None:
     """Say in which axes known lights must be for the object to be a surface; None where they make sense as they are.
 
-    Parameters
-    ----------
-    mask : (H, W) bool
-        The object.
-
-    Notes
-    -----
     Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
     it at its rim.
     """
@@ -134,11 +116,11 @@ def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]
     weight = (values > _LIT * bright) & (values < 3 * np.maximum(np.median(values, 1, keepdims=True), 0.3 * bright))
     light = lights.directions * weight[..., None]
     matrix = np.swapaxes(light, 1, 2) @ light + 1e-6 * np.eye(3)
-    found = np.linalg.solve(matrix, np.swapaxes(light, 1, 2) @ values[..., None])[..., 0]
+    fitted = np.linalg.solve(matrix, np.swapaxes(light, 1, 2) @ values[..., None])[..., 0]
     normals = np.full((*inside.shape, 3), np.nan)
-    normals[inside] = np.where((weight.sum(1) >= 4)[:, None], unit(found), np.nan)
-    own = axes_by_themselves(normals, inside, AXES)
-    best = own.by_rim if own.told else own.plain
+    normals[inside] = np.where((weight.sum(1) >= 4)[:, None], unit(fitted), np.nan)
+    found = axes_by_themselves(normals, inside, AXES)
+    best = found.by_rim if found.is_unique else found.plain
     if not best:
         return None
     return (

@@ -17,12 +17,13 @@ def tile_at(shape, frame, row, column):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def tile_gray(codes, at, count, black, red, green, blue, gray):  # pragma: no cover
+def tile_gray(codes, at, count, black, weights, gray):  # pragma: no cover
     """Write the weighted sum of the channels of `count` pixels from `at` on to `gray` (count,) float32.
 
     The weights hold the frame's gain and the code of white. Unsigned indices: with signed ones numba looks for negative
     ones, and the loop is five times slower.
     """
+    red, green, blue = weights
     pixels = codes[at : at + 3 * count]
     for i in range(count):
         j = np.uint64(3 * i)
@@ -34,8 +35,9 @@ def tile_gray(codes, at, count, black, red, green, blue, gray):  # pragma: no co
 
 
 @numba.njit(nogil=True, cache=True)
-def tile_without_ambient(ambient, at, count, red, green, blue, gray):  # pragma: no cover
+def tile_without_ambient(ambient, at, count, weights, gray):  # pragma: no cover
     """Subtract the weighted ambient light (linear, flat) from `gray`."""
+    red, green, blue = weights
     pixels = ambient[at : at + 3 * count]
     for i in range(count):
         j = np.uint64(3 * i)
@@ -43,11 +45,12 @@ def tile_without_ambient(ambient, at, count, red, green, blue, gray):  # pragma:
 
 
 @numba.njit(nogil=True, cache=True)
-def tile_clipped(codes, shape, frame, row, column, count, limit, margin, clipped):  # pragma: no cover
-    """Write to `clipped` (count,) whether a pixel, or one within `margin` of it, reaches `limit`; say whether any does.
+def tile_clipped(band, frame, row, column, count, clipped):  # pragma: no cover
+    """Write to `clipped` (count,) whether a pixel, or one within the margin of it, is clipped; say whether any is.
 
-    `clipped` is written only where one does: most tiles have none, and finding that out costs a look at each code.
+    `clipped` is written only where one is: most tiles have none, and finding that out costs a look at each code.
     """
+    codes, shape, limit, margin = band.codes, band.shape, band.limit, band.margin
     first, last = max(row - margin, 0), min(row + margin, shape[1] - 1)
     left, right = max(column - margin, 0), min(column + count + margin, shape[2])
     top = codes[tile_at(shape, frame, row, column)]
@@ -69,25 +72,12 @@ def tile_clipped(codes, shape, frame, row, column, count, limit, margin, clipped
 
 
 @numba.njit(nogil=True, cache=True)
-def read_gray(codes, shape, ambient, black, unit, weights, limit, margin, runs):  # pragma: no cover
-    """Return the gray samples (P, F) float32 of runs of pixels, and whether each is not clipped (P, F) bool.
+def read_gray(band, weights):  # pragma: no cover
+    """Return the gray samples (P, F) float32 of a `solve.samples.Band`, and which are not clipped (P, F) bool.
 
-    Parameters
-    ----------
-    codes : (F h w 3,) uint16 or float32
-    shape : (F, h, w)
-    ambient : (h w 3,) float32
-        Linear; empty where there is none.
-    black : float32
-    unit : (F,) float32
-        Linear value of one code.
-    weights : (F, 3) float32
-        Of linear values, for gray.
-    limit : as codes
-    margin : int
-    runs : (R, 4) int64
-        Row, column, how many, where they start among the P.
+    `weights` (F, 3) float32 are those of the linear channels.
     """
+    codes, shape, ambient, runs = band.codes, band.shape, band.ambient, band.runs
     lights = shape[0]
     pixels = runs[-1, 3] + runs[-1, 2]
     gray = np.empty((pixels, lights), np.float32)
@@ -100,13 +90,15 @@ def read_gray(codes, shape, ambient, black, unit, weights, limit, margin, runs):
             count, column = min(TILE, total - done), start + done
             for k in range(lights):
                 red, green, blue = weights[k]
-                at, u = tile_at(shape, k, row, column), unit[k]
-                tile_gray(codes, at, count, black, red * u, green * u, blue * u, line)
+                u = band.unit[k]
+                tile_gray(
+                    codes, tile_at(shape, k, row, column), count, band.black, (red * u, green * u, blue * u), line
+                )
                 if len(ambient):
-                    tile_without_ambient(ambient, tile_at(shape, 0, row, column), count, red, green, blue, line)
+                    tile_without_ambient(ambient, tile_at(shape, 0, row, column), count, (red, green, blue), line)
                 for i in range(count):
                     gray[place + done + i, k] = line[i]
-                if tile_clipped(codes, shape, k, row, column, count, limit, margin, clipped):
+                if tile_clipped(band, k, row, column, count, clipped):
                     for i in range(count):
                         valid[place + done + i, k] = not clipped[i]
     return gray, valid

@@ -47,13 +47,7 @@ class External:
 
     @classmethod
     def parse(cls, text: str, timeout_s: float) -> "External":
-        """Return what NAME=COMMAND says.
-
-        Raises
-        ------
-        SceneError
-            No name, no command, no place to read from or write to.
-        """
+        """Return what NAME=COMMAND says; a SceneError without a name, or a place to read from or write to."""
         name, _, command = (part.strip() for part in text.partition("="))
         where = f"--external {text}"
         if not re.fullmatch(r"[A-Z][A-Za-z0-9_-]*", name):
@@ -90,15 +84,8 @@ class External:
 def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray[np.bool_], folder: Path) -> NDArray:
     """Run the program and read what it wrote.
 
-    Parameters
-    ----------
-    external : External
-    frames : Frames
-    lights : Lights
-        Near ones are told as seen from the reference point.
-    mask : (H, W) bool
-    folder : Path
-        Gets data/ and out/, and stdout.txt and stderr.txt. data/ is removed when all went well.
+    `folder` gets data/ and out/, and stdout.txt and stderr.txt; data/ is removed when all went well. Near lights are
+    written as seen from the reference point.
 
     Returns
     -------

@@ -1,11 +1,11 @@
-"""A normal map that another program found, judged as a method of ours is: albedo, samples, sigma, doubts."""
+"""A normal map that another program found, judged as a method of ours is: albedo, samples, sigma, cautions."""
 
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,12 @@ from scene.camera import Camera
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.axes import find_axes, some_pixels
+from solve.axes import Axes, find_axes, some_pixels
 from solve.external import External, normals_by
 from solve.medians import row_medians
+from solve.methods import Method, Problem, Whole
+from solve.samples import Samples
 from solve.solve import solve
-from solve.whole_result import Whole, scale_of_samples
 
 _FACING = 0.1
 """Cosine under which a sample says nothing of the albedo."""
@@ -41,18 +42,12 @@ def solve_external(
 ) -> Estimate:
     """Let another program find the normals.
 
-    Parameters
-    ----------
-    external : External
-    frames, lights, camera, mask, executor, progress
-        As in `solve.solve.solve`.
-    folder : Path
-        Where the program reads and writes; see `external.normals_by`.
+    `folder` is where the program reads and writes, see `external.normals_by`; all else is as in `solve.solve.solve`.
 
     Returns
     -------
     Estimate
-        In the camera frame: the axes in which the program writes are told by the photographs, and named in the
+        In the camera frame: the axes in which the program writes are found by the photographs, and named in the
         settings. Albedo and sigma are those of Lambert's law under its normals.
 
     Raises
@@ -62,53 +57,46 @@ def solve_external(
     """
     start = time.perf_counter()
     lights.check()
-    found = normals_by(external, frames, lights, mask, folder)
-    fit = _Given(external, found[mask])
-    estimate = solve(external.name, frames, lights, camera, mask, module=fit, executor=executor, progress=progress)
-    return replace(estimate, seconds=time.perf_counter() - start, settings=fit.SETTINGS)
+    found = normals_by(external, frames, lights, mask, folder)[mask]
+    name = f"--external {external.name}"
+    used_axes: list[Axes] = []
+
+    def fit(_problem: Problem, samples: Samples, _settings: tuple) -> Whole:
+        whole, axes = _judge_given(found, samples, name)
+        used_axes.append(axes)
+        return whole
+
+    method = Method(external.name, {"default": NoSettings()}, fit_whole=fit)
+    estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
+    settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": str(used_axes[0])}
+    return replace(estimate, seconds=time.perf_counter() - start, settings=settings)
 
 
-@dataclass
-class _Given:
-    """What `solve` takes for a module: normals (P, 3) that are known already, in axes that are not."""
-
-    external: External
-    normals: NDArray[np.float64]
-    WHOLE: bool = True
-    SETTINGS: dict[str, Any] = field(default_factory=dict)
-
-    def fit_whole(self, gray, valid, points, geometry, mask, **settings) -> Whole:
-        known = np.isfinite(self.normals[:, 0])
-        some = some_pixels(known)
-        toward = _toward(points[some], *geometry)
-        axes = find_axes(self.normals[some], gray[some], valid[some], toward, name=f"--external {self.external.name}")
-        self.SETTINGS |= {
-            "command": self.external.command, "timeout_s": self.external.timeout_s, "axes": str(axes)
-        }  # fmt: skip
-        normals = np.where(known[:, None], self.normals, 0) @ axes.matrix.T
-        scale = scale_of_samples(gray, valid)
-        b, used = np.zeros(normals.shape), np.zeros(gray.shape, bool)
-        for first in range(0, len(gray), _BLOCK):
-            part = slice(first, first + _BLOCK)
-            shade = np.einsum("pfi,pi->pf", _toward(points[part], *geometry), normals[part])
-            albedo, used[part] = _albedo(gray[part], valid[part], shade, scale)
-            b[part] = albedo[:, None] * normals[part]
-        return Whole(b, used, axes.doubts)
+class NoSettings(NamedTuple):
+    """A method without any."""
 
 
-def _toward(points, directions, positions, reach, is_near) -> NDArray[np.float64]:
-    """Return the light vectors (P, F, 3) at points (P, 3); see `Lights.toward`."""
-    if not is_near:
-        return np.broadcast_to(directions, (len(points), *directions.shape))
-    arm = positions - points[:, None]
-    return arm * (reach / np.linalg.norm(arm, axis=-1) ** 3)[..., None]
+def _judge_given(normals: NDArray[np.float64], samples: Samples, name: str) -> tuple[Whole, Axes]:
+    """Return normals (P, 3), known already, with their albedo; and the axes that they turned out to be in."""
+    known = np.isfinite(normals[:, 0])
+    axes = find_axes(normals[some := some_pixels(known)], samples.some(some), name=name)
+    normals = np.where(known[:, None], normals, 0) @ axes.matrix.T
+    scale = samples.scale()
+    b, used = np.zeros(normals.shape), np.zeros(samples.gray.shape, bool)
+    for first in range(0, len(b), _BLOCK):
+        part = slice(first, first + _BLOCK)
+        albedo, used[part] = _albedo(samples.some(part), normals[part], scale)
+        b[part] = albedo[:, None] * normals[part]
+    return Whole(b, used, axes.cautions), axes
 
 
-def _albedo(gray, valid, shade, scale) -> tuple[NDArray, NDArray[np.bool_]]:
+def _albedo(samples: Samples, normals: NDArray, scale: float) -> tuple[NDArray, NDArray[np.bool_]]:
     """Return the median ratio of sample to shading (P,), and the samples (P, F) that agree with it.
 
     A pixel without any lit sample keeps its normal: its albedo is the least that is not zero.
     """
+    gray, valid = samples.gray, samples.valid
+    shade = np.einsum("pfi,pi->pf", samples.toward(), normals)
     facing = valid & (shade > _FACING) & (gray > _DARK * scale)
     ratio = row_medians(gray / np.where(facing, shade, 1), facing)
     residual = np.abs(gray - ratio[:, None] * shade)

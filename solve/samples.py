@@ -1,7 +1,7 @@
 """From the frames to what the solvers see: the pixels of a band as the kernels read them, and where the light is."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames, decode
 from scene.lights import Lights
 from solve.codes import read_gray
+from solve.methods import Problem
 
 GRAY = np.array([0.2989, 0.5870, 0.1140])
 """Rec. 601 weights, as the published DiLiGenT figures use them [Shi2019]."""
@@ -17,9 +18,8 @@ GRAY = np.array([0.2989, 0.5870, 0.1140])
 _BAND_BYTES = 64 << 20
 
 
-@dataclass(frozen=True)
-class Band:
-    """The masked pixels of one row band, where they lie in the store.
+class Band(NamedTuple):
+    """The masked pixels of one row band, where they lie in the store, as kernels read them.
 
     Parameters
     ----------
@@ -51,9 +51,7 @@ class Band:
 
     def gray(self, weights: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
         """Return the samples (P, F), weighted over channels by `weights` (F, 3), and which are not clipped (P, F)."""
-        return read_gray(
-            self.codes, self.shape, self.ambient, self.black, self.unit, weights, self.limit, self.margin, self.runs
-        )
+        return read_gray(self, weights)
 
     def only(self, chosen: NDArray[np.bool_]) -> "Band":
         """Return the band of some of its P pixels."""
@@ -65,12 +63,11 @@ class Band:
         count = np.diff(begins, append=len(place))
         place, run = place[begins], run[begins]
         runs = np.stack([row[run], start[run] + place - first[run], count, begins], -1)
-        return replace(self, runs=runs.astype(np.int64))
+        return self._replace(runs=runs.astype(np.int64))
 
 
-@dataclass(frozen=True)
-class Geometry:
-    """Where the light comes from, as the kernels read it; `tuple(geometry)` is what a `fit` takes.
+class Geometry(NamedTuple):
+    """Where the light comes from, as kernels read it; see `Lights.toward`.
 
     Parameters
     ----------
@@ -100,8 +97,69 @@ class Geometry:
         vectors = np.ascontiguousarray(vectors)
         return cls(vectors, np.zeros_like(vectors), np.zeros(len(vectors)), False)
 
-    def __iter__(self) -> Iterator:
-        return iter((self.directions, self.positions, self.reach, self.is_near))
+
+class Samples(NamedTuple):
+    """What is seen of some pixels, as kernels read it.
+
+    Parameters
+    ----------
+    gray : (P, F) float32
+        Divided by the lights' intensities.
+    valid : (P, F) bool
+        Not clipped.
+    points : (P, 3) float64
+        Where the pixels are, mm, for near lights.
+    lights : Geometry
+    """
+
+    gray: NDArray[np.float32]
+    valid: NDArray[np.bool_]
+    points: NDArray[np.float64]
+    lights: Geometry
+
+    def some(self, chosen: NDArray | slice) -> "Samples":
+        """Return those of some of the pixels."""
+        return Samples(self.gray[chosen], self.valid[chosen], self.points[chosen], self.lights)
+
+    def scale(self) -> float:
+        """Return the 99th percentile of what is not clipped, from at most some 5,000 pixels."""
+        step = max(1, len(self.gray) // 5_000)
+        values = self.gray[::step][self.valid[::step]]
+        scale = float(np.percentile(values, 99)) if len(values) else 0.0
+        return scale if scale > 0 else 1.0
+
+    def toward(self) -> NDArray[np.float64]:
+        """Return the light vectors (P, F, 3)."""
+        directions, positions, reach, is_near = self.lights
+        if not is_near:
+            return np.broadcast_to(directions, (len(self.points), *directions.shape))
+        arm = positions - self.points[:, None]
+        return arm * (reach / np.linalg.norm(arm, axis=-1) ** 3)[..., None]
+
+
+def samples_of(band: Band, part: Problem, chosen: NDArray | slice = slice(None)) -> Samples:
+    """Return what is seen of the pixels of a problem's rows; `band` holds those of its P pixels that are chosen."""
+    gray, valid = band.gray((GRAY / part.lights.intensities).astype(np.float32))
+    points = points_of(part.camera, part.lights, part.mask, part.rows, part.z_mm)[chosen]
+    return Samples(gray, valid, points, Geometry.of(part.lights))
+
+
+def all_samples(problem: Problem) -> Samples:
+    """Return what is seen of all pixels of the mask, read band by band."""
+    shape = int(problem.mask.sum()), len(problem.frames)
+    gray, valid, done = np.empty(shape, np.float32), np.empty(shape, bool), 0
+    for rows in bands(problem.frames, problem.mask):
+        part = problem.part(rows)
+        some = samples_of(band_of(part), part)
+        gray[done : done + len(some.gray)], valid[done : done + len(some.gray)] = some.gray, some.valid
+        done += len(some.gray)
+    points = points_of(problem.camera, problem.lights, problem.mask, problem.rows, problem.z_mm)
+    return Samples(gray, valid, points, Geometry.of(problem.lights))
+
+
+def band_of(part: Problem) -> Band:
+    """Return where the pixels of a problem's rows lie in the store."""
+    return read_band(part.frames, part.mask, part.rows)
 
 
 def bands(frames: Frames, mask: NDArray[np.bool_]) -> Iterator[slice]:

@@ -1,14 +1,13 @@
 """Run a method over a stack, band by band."""
 
-import importlib
 import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import nullcontext
+from dataclasses import replace
 from itertools import islice
-from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,30 +17,25 @@ from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
+from solve.cautions import cautions_of
+from solve.methods import METHODS, UNCALIBRATED, Method, Problem, Settings, Whole, as_dict, method_of
 
-UNCALIBRATED = ("ldr", "entropy", "tv")  # they know the intensities, where those were calibrated, and no more
-FOLDERS = {
-    "pixelwise": ("ls", "iterative", "position", "l1", "sbl", "hsh"),
-    "whole": ("rpca", "semicalibrated", "near", "reflectance"), "uncalibrated": UNCALIBRATED,
-}  # fmt: skip
-METHODS = tuple(name for names in FOLDERS.values() for name in names)
-"""Each a module with `SETTINGS`, `SEED_SETTINGS` and `fit`, or `fit_whole` where it says `WHOLE`.
+if TYPE_CHECKING:
+    from solve.samples import Band, Samples
 
-One with VIEWS is given the unit vectors toward the camera, too. A module with `find_lights` corrects the lights first:
-fit, albedo and sigma are under those. One with POSITIONS is given positions for lights that have none, where the
-object tells them (`solve.whole.light_distance`). One with `find_depth` finds each pixel's depth first: they are there.
-"""
+__all__ = ["METHODS", "UNCALIBRATED", "method_of", "solve"]
+
+Call = tuple[Callable, tuple]
 
 
 def solve(
-    method: str,
+    method: str | Method,
     frames: Frames,
     lights: Lights,
     camera: Camera,
     mask: NDArray[np.bool_],
     *,
     profile: str = "default",
-    module: Any = None,
     executor: Executor | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:
@@ -49,18 +43,15 @@ def solve(
 
     Parameters
     ----------
-    method : str
-        One of `METHODS`.
+    method : str or Method
+        One of `METHODS`; or one that is not in the table, with `fit_whole`, as in `solve.given_normals`.
     frames : Frames
     lights : Lights
         Near lights are evaluated at each pixel's ray, at the depth of `lights.reference_point_mm`.
     camera : Camera
     mask : (H, W) bool
     profile : str
-        `default`: what serves best. `seed`: the plain reading of the benchmark's text, where a method breaks as it
-        breaks there [Berkiten2016]. A method may have more: every NAME_SETTINGS of its module is one.
-    module : optional
-        What fits, when it is no method of ours: has WHOLE, SETTINGS and `fit_whole`; see `solve.given_normals`.
+        See `solve.methods.Method`.
     executor : Executor, optional
         Runs the row bands. Default: threads, one a core (the kernels release the interpreter).
     progress : callable, optional
@@ -78,54 +69,26 @@ def solve(
     CalibrationError
         Fewer than three lights, or coplanar lights.
     """
-    if module is None and method not in METHODS:
-        raise SceneError(f"solve: unknown method {method!r}; there are {', '.join(METHODS)}.")
+    what = method if isinstance(method, Method) else method_of(method)
     if mask.shape != (frames.height, frames.width):
         raise SceneError(
             f"solve: the mask is {mask.shape[1]} x {mask.shape[0]} px, the frames are {frames.width} x {frames.height}."
         )
     if not mask.any():
         raise SceneError("solve: the object's mask is empty. Give one under [object] mask in session.toml.")
-    settings = settings_of(method, profile) if module is None else dict(module.SETTINGS)
-    module = module or _module(method)
-    if getattr(module, "CALIBRATED", True):
+    settings = what.settings(profile)
+    if what.is_calibrated:
         lights.check()
-    from solve.cautions import doubts
-    from solve.samples import bands, scale_of
-
-    said = module.doubts(lights.directions, **settings) if hasattr(module, "doubts") else ()
-    if not getattr(module, "WHOLE", False):
-        _compile(method, settings, frames, lights, camera, mask)
+    problem = Problem(frames, lights, camera, mask, slice(0, len(mask)))
+    if what.fit:
+        _compile(what, settings, problem)
     start = time.perf_counter()
-    own_lights = None
-    if hasattr(module, "find_lights"):
-        own_lights, more = module.find_lights(frames, lights, camera, mask, **settings)
-        lights, said = own_lights, (*said, *more)
-    if getattr(module, "POSITIONS", False) and lights.positions_mm is None:
-        from solve.whole.light_distance import find_positions
-
-        placed, more = find_positions(frames, lights, camera, mask)
-        said = (*said, *more)
-        if placed.positions_mm is not None:
-            lights = own_lights = placed
-    z_mm = None
-    if hasattr(module, "find_depth"):
-        z_mm, more = module.find_depth(frames, lights, camera, mask, **settings)
-        said = (*said, *more)
-    parts = list(bands(frames, mask))
-    maps = _empty_maps(mask.shape)
-    work: Iterator[tuple[Callable, tuple]]
-    if getattr(module, "WHOLE", False):
-        found, gray, geometry = _fit_whole(module, settings, frames, lights, camera, mask, parts, z_mm)
-        said += found.doubts
-        if found.lights is not None:
-            own_lights = _own_lights(lights, found.lights)
-        work = _judgements(frames, lights, camera, mask, parts, found, gray, geometry, z_mm)
+    problem = what.prepare(problem, settings) if what.prepare else problem
+    if what.fit_whole:
+        problem, parts, work = _fit_whole(what.fit_whole, settings, problem, what.is_calibrated)
     else:
-        scale = scale_of(frames, lights, mask)
-        task = (method, settings, frames, lights, camera)
-        depth = {} if z_mm is None else {rows.start: z_mm[rows] for rows in parts}
-        work = ((_solve_band, (*task, mask[rows], rows, scale, depth.get(rows.start))) for rows in parts)
+        parts, work = _fit_bands(what.name, settings, problem)
+    maps = _empty_maps(mask.shape)
     dark = 0
     with nullcontext(executor) if executor else ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         assert pool is not None
@@ -139,54 +102,24 @@ def solve(
                     place[rows][inside] = value
             dark += int(np.count_nonzero(values[-1]))
             if progress:
-                progress(done, len(parts))
+                progress(done, parts)
     normals, albedo, samples, condition, sigma_deg = maps
     seconds = time.perf_counter() - start
-    said += doubts(mask, normals, samples, condition, dark)
-    return Estimate(method, normals, albedo, samples, seconds, settings, said, condition, sigma_deg, own_lights, z_mm)
-
-
-def settings_of(method: str, profile: str) -> dict[str, Any]:
-    """Return the settings of a method's profile.
-
-    Raises
-    ------
-    SceneError
-        The method has no such profile.
-    """
-    module = _module(method)
-    named = {"default": "SETTINGS"} | {
-        name.removesuffix("_SETTINGS").lower(): name for name in vars(module) if name.endswith("_SETTINGS")
-    }
-    if profile not in named:
-        raise SceneError(f"solve: {method} has no profile {profile!r}; there are {', '.join(named)}.")
-    return dict(getattr(module, named[profile]))
-
-
-def _module(method: str) -> ModuleType:
-    return importlib.import_module(f"solve.{next(key for key, names in FOLDERS.items() if method in names)}.{method}")
+    cautions = (*problem.cautions, *cautions_of(mask, normals, samples, condition, dark))
+    return Estimate(
+        what.name, normals, albedo, samples, seconds, as_dict(settings), cautions, condition, sigma_deg,
+        problem.own_lights, problem.z_mm,
+    )  # fmt: skip
 
 
 def _empty_maps(shape: tuple[int, ...]) -> tuple[NDArray, ...]:
     """Return normals, albedo, samples, condition and sigma with nothing known yet."""
-    return (
-        np.full((*shape, 3), np.nan, np.float32),
-        np.full((*shape, 3), np.nan, np.float32),
-        np.zeros(shape, np.uint16),
-        np.full(shape, np.nan, np.float32),
-        np.full(shape, np.nan, np.float32),
-    )
+    normals, albedo = (np.full((*shape, 3), np.nan, np.float32) for _ in range(2))
+    condition, sigma = (np.full(shape, np.nan, np.float32) for _ in range(2))
+    return normals, albedo, np.zeros(shape, np.uint16), condition, sigma
 
 
-def _compile(method, settings, frames, lights, camera, mask) -> None:
-    """Solve one pixel, so that compiling the kernels does not count as the method's time."""
-    row, column = np.unravel_index(int(mask.argmax()), mask.shape)
-    one = np.zeros((1, mask.shape[1]), bool)
-    one[0, column] = True
-    _solve_band(method, settings, frames, lights, camera, one, slice(int(row), int(row) + 1), 1.0)
-
-
-def _finished(pool: Executor, work: Iterator[tuple[Callable, tuple]]) -> Iterator[Any]:
+def _finished(pool: Executor, work: Iterator[Call]) -> Iterator[Any]:
     """Run the calls and yield their results as they come.
 
     A window of calls at a time: results that wait for their turn would add up to another set of maps.
@@ -207,64 +140,87 @@ def _finished(pool: Executor, work: Iterator[tuple[Callable, tuple]]) -> Iterato
         raise
 
 
-def _solve_band(method, settings, frames, lights, camera, mask, rows, scale, z_mm=None):
-    """Return the rows, and what `assess` returns of the pixels of their mask (h, W), in its order."""
-    from solve.samples import points_of, read_band
+def _compile(what: Method, settings: Settings, problem: Problem) -> None:
+    """Solve one pixel, so that compiling the kernels does not count as the method's time."""
+    row, column = np.unravel_index(int(problem.mask.argmax()), problem.mask.shape)
+    one = np.zeros((1, problem.mask.shape[1]), bool)
+    one[0, column] = True
+    _fit_band(what.name, settings, replace(problem, mask=one, rows=slice(int(row), int(row) + 1)), 1.0)
 
-    module = _module(method)
-    band = read_band(frames, mask, rows)
-    streamed = module.stream(band, lights, scale, **settings) if hasattr(module, "stream") else None
+
+def _fit_bands(name: str, settings: Settings, problem: Problem) -> tuple[int, Iterator[Call]]:
+    """Return how many bands there are, and the call that fits each."""
+    from solve.samples import bands, scale_of
+
+    scale = scale_of(problem.frames, problem.lights, problem.mask)
+    parts = list(bands(problem.frames, problem.mask))
+    return len(parts), ((_fit_band, (name, settings, problem.part(rows), scale)) for rows in parts)
+
+
+def _fit_band(name: str, settings: Settings, part: Problem, scale: float) -> tuple[slice, tuple]:
+    """Return the rows, and what `assess` returns of the pixels of their mask, in its order."""
+    from solve.samples import band_of, samples_of
+
+    what, band = method_of(name), band_of(part)
+    streamed = what.stream(band, part.lights, scale, settings) if what.stream else None
     if streamed is None:
-        points = points_of(camera, lights, mask, rows, z_mm)
-        return rows, _fit_and_judge(module, settings, band, points, lights, scale)
+        return part.rows, _fit_and_judge(what, settings, band, samples_of(band, part), part, scale)
     *values, left = streamed
     if left.any():
-        points = points_of(camera, lights, mask, rows, z_mm)
-        rest = _fit_and_judge(module, settings, band.only(left), points[left], lights, scale)
+        some = band.only(left)
+        rest = _fit_and_judge(what, settings, some, samples_of(some, part, left), part, scale)
         for value, more in zip(values, rest, strict=False):
             value[left] = more
         left[left] = rest[-1]
-    return rows, (*values, left)
+    return part.rows, (*values, left)
 
 
-def _fit_and_judge(module, settings, band, points, lights, scale):
-    """Return what `assess` returns of the pixels of a band."""
-    from solve.samples import GRAY, Geometry
-
-    geometry = Geometry.of(lights)
-    gray, valid = band.gray((GRAY / lights.intensities).astype(np.float32))
-    b, used = module.fit(gray, valid, points, *geometry, scale, **settings)
-    return _judge(band, gray, b, used, points, geometry, lights.intensities, scale)
+def _fit_and_judge(what: Method, settings: Settings, band: "Band", samples: "Samples", part: Problem, scale: float):
+    assert what.fit
+    b, used = what.fit(samples, scale, settings)
+    return _judged(band, samples._replace(valid=used), b, part, scale)
 
 
-def _judge(band, gray, b, used, points, geometry, intensities, scale):
+def _judged(band: "Band", used: "Samples", b: NDArray, part: Problem, scale: float) -> tuple:
     """Return normals, albedo, samples, condition, sigma and darkness of the pixels of a band; see `assess`."""
     from solve.assess import DARK, assess
 
-    store: tuple = (band.codes, band.shape, band.ambient, band.black, band.unit, band.runs)
-    rest: tuple = (gray, b, used, points, *geometry, np.ascontiguousarray(intensities), DARK * scale)
-    return assess(*store, *rest)
+    return assess(band, used, b, np.ascontiguousarray(part.lights.intensities), DARK * scale)
 
 
-def _fit_whole(module: ModuleType, settings, frames, lights, camera, mask, parts, z_mm):
-    """Fit a method that looks at all pixels at once; return its `Whole`, the samples, and the lights' geometry."""
-    from solve.samples import GRAY, Geometry, points_of, read_band
+def _fit_whole(
+    fit: Callable[[Problem, "Samples", Settings], Whole], settings: Settings, problem: Problem, is_calibrated: bool
+) -> tuple[Problem, int, Iterator[Call]]:
+    """Fit all pixels; return the problem with what was found, the number of bands, and the call that judges each."""
+    from solve.samples import Geometry, all_samples, bands
 
-    calibrated = getattr(module, "CALIBRATED", True)
-    weights = GRAY / lights.intensities
-    total, done = int(mask.sum()), 0
-    gray, valid = np.empty((total, len(frames)), np.float32), np.empty((total, len(frames)), bool)
-    for rows in parts:
-        some, good = read_band(frames, mask[rows], rows).gray(weights.astype(np.float32))
-        gray[done : done + len(some)], valid[done : done + len(some)] = some, good
-        done += len(some)
-    points = points_of(camera, lights, mask, slice(0, len(mask)), z_mm)
-    geometry = Geometry.of(lights) if calibrated else None
-    if getattr(module, "VIEWS", False):
-        row, column = np.nonzero(mask)
-        settings = {**settings, "views": -camera.rays(np.stack([column, row], -1))[1]}
-    found = module.fit_whole(gray, valid, points, None if geometry is None else tuple(geometry), mask, **settings)
-    return found, gray, geometry or Geometry.distant(found.lights)
+    lights = problem.lights
+    if not is_calibrated:
+        nowhere = np.full_like(lights.directions, np.nan)
+        problem = replace(problem, lights=replace(lights, directions=nowhere, positions_mm=None))
+    parts = [problem.part(rows) for rows in bands(problem.frames, problem.mask)]
+    samples = all_samples(problem)
+    found = fit(problem, samples, settings)
+    scale = samples._replace(valid=np.isfinite(samples.gray)).scale()
+    used = samples._replace(valid=found.used)
+    if found.lights is not None:
+        used = used._replace(lights=Geometry.distant(found.lights))
+        problem = replace(problem, own_lights=_own_lights(lights, found.lights))
+
+    def calls() -> Iterator[Call]:
+        done = 0
+        for part in parts:
+            some = slice(done, done + int(np.count_nonzero(part.mask)))
+            done = some.stop
+            yield _judge_band, (part, used.some(some), np.nan_to_num(found.b[some]), scale)
+
+    return problem.warned(*found.cautions), len(parts), calls()
+
+
+def _judge_band(part: Problem, used: "Samples", b: NDArray, scale: float) -> tuple[slice, tuple]:
+    from solve.samples import band_of
+
+    return part.rows, _judged(band_of(part), used, b, part, scale)
 
 
 def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
@@ -275,26 +231,3 @@ def _own_lights(lights: Lights, found: NDArray[np.float64]) -> Lights:
     strength = np.linalg.norm(found, axis=1, keepdims=True)
     directions = np.divide(found, strength, out=np.full_like(found, np.nan), where=strength > 0)
     return Lights(lights.names, directions, lights.intensities * strength).normalised()
-
-
-def _judgements(frames, lights, camera, mask, parts, found, gray, geometry, z_mm):
-    """Yield the call that judges each band of a method that has fitted all pixels at once."""
-    from solve.whole_result import scale_of_samples
-
-    scale = scale_of_samples(gray, np.isfinite(gray))
-    done = 0
-    for rows in parts:
-        some = slice(done, done + int(np.count_nonzero(mask[rows])))
-        done = some.stop
-        rest = (geometry, lights.intensities, scale, None if z_mm is None else z_mm[rows])
-        yield (
-            _judge_band,
-            (frames, lights, camera, mask[rows], rows, gray[some], found.b[some], found.used[some], *rest),
-        )
-
-
-def _judge_band(frames, lights, camera, mask, rows, gray, b, used, geometry, intensities, scale, z_mm):
-    from solve.samples import points_of, read_band
-
-    band, points = read_band(frames, mask, rows), points_of(camera, lights, mask, rows, z_mm)
-    return rows, _judge(band, gray, np.nan_to_num(b), used, points, geometry, intensities, scale)

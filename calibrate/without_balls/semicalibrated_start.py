@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
 from calibrate.without_balls.probe import Probe
+from scene.intensities import Eliminated
 
 Array = NDArray[np.float64]
 FEWEST_FRAMES = 5
@@ -80,19 +81,19 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
     weight = believable.astype(np.float64)
     for turn in range(ROUNDS):
         scaled = values / energy
-        b, adapted = _eliminate(light, weight, scaled)
-        shading = np.einsum("pfi,pi->pf", light, b)
-        length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
+        pixels = Eliminated.of(light, weight, scaled)
+        shading = np.einsum("pfi,pi->pf", light, pixels.b)
+        length = np.maximum(np.linalg.norm(pixels.b, axis=1), 1e-9)[:, None]
         residual = (scaled - shading) / length
         if turn < ROUNDS // 3:
             # Globally right for these weights, whatever the start.
             part = scaled / length
-            matrix = _left_over(weight, adapted, part, part)
+            matrix = pixels.left_over(part, part)
             inverse = np.abs(np.linalg.eigh(matrix)[1][:, 0])
             step = -np.log(np.maximum(inverse, 1e-6))
         else:
             part = shading / length
-            hessian = _left_over(weight, adapted, part, part)
+            hessian = pixels.left_over(part, part)
             step = np.linalg.pinv(hessian, rcond=1e-9) @ np.sum(part * weight * residual, 0)
         energy = energy * np.exp(np.clip(step - step.mean(), -1, 1))
         energy /= energy.mean()
@@ -104,59 +105,46 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
         weight[np.count_nonzero(weight, axis=1) < FEWEST_FRAMES] = 0
         if np.count_nonzero(weight.any(1)) < FEWEST_PIXELS:
             return None
-    b, adapted = _eliminate(light, weight, values / energy)
-    shading = np.einsum("pfi,pi->pf", light, b)
-    length = np.maximum(np.linalg.norm(b, axis=1), 1e-9)[:, None]
+    pixels = Eliminated.of(light, weight, values / energy)
+    shading = np.einsum("pfi,pi->pf", light, pixels.b)
+    length = np.maximum(np.linalg.norm(pixels.b, axis=1), 1e-9)[:, None]
     part, residual = shading / length, (values / energy - shading) / length
-    hessian = _left_over(weight, adapted, part, part)
+    hessian = pixels.left_over(part, part)
     spectrum = np.linalg.eigvalsh(hessian)
     # The smallest belongs to the common scale and is zero; the next must not be.
     if spectrum[1] < 1e-5 * spectrum[-1]:
         return None
     inverse = np.asarray(np.linalg.pinv(hessian, rcond=1e-7), np.float64)
-    covariance = _between_sectors(b / length, part, weight, adapted, residual)
-    covariance += _of_directions(light, b / length, part, weight, adapted, inverse, sigma_deg)
+    facing = pixels.b / length
+    covariance = _between_sectors(pixels, facing, part, residual)
+    covariance += _of_directions(light.mean(0), sigma_deg, pixels, facing, part, inverse)
     each = _by_channel(colours, energy, shading, weight)
     return ObjectPhotometry(each, np.sqrt(np.diag(covariance)), scale, int(np.count_nonzero(weight.any(1))))
 
 
-def _eliminate(light: Array, weight: Array, scaled: Array) -> tuple[Array, Array]:
-    """Return every pixel's b (P, 3), and Q (P, F, 3): W - Q Q' is what is left of its weights once b has adapted."""
-    weighted = light * weight[..., None]
-    # The ridge only keeps pixels without any weight solvable.
-    inverse = np.linalg.inv(np.swapaxes(light, 1, 2) @ weighted + 1e-9 * np.eye(3))
-    right = np.swapaxes(weighted, 1, 2) @ scaled[..., None]
-    return (inverse @ right)[..., 0], weighted @ np.linalg.cholesky((inverse + np.swapaxes(inverse, 1, 2)) / 2)
-
-
-def _left_over(weight: Array, adapted: Array, left: Array, right: Array) -> Array:
-    """Return sum over the pixels of diag(left) (W - Q Q') diag(right), (F, F)."""
-    both = (np.swapaxes(x[..., None] * adapted, 1, 2).reshape(-1, x.shape[1]) for x in (left, right))
-    return np.diag(np.sum(weight * left * right, 0)) - next(both).T @ next(both)
-
-
-def _between_sectors(facing: Array, part: Array, weight: Array, adapted: Array, residual: Array) -> Array:
+def _between_sectors(pixels: Eliminated, facing: Array, part: Array, residual: Array) -> Array:
     """Return the covariance (F, F) of log e: how far apart the pixels that face different ways want it."""
     moves = []
+    pull = part * pixels.weight * residual
     for here in sectors(facing):
-        hessian = _left_over(weight[here], adapted[here], part[here], part[here])
-        moves.append(np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ np.sum((part * weight * residual)[here], 0))
+        hessian = pixels.left_over(part, part, here)
+        moves.append(np.linalg.pinv(hessian, rcond=1e-4, hermitian=True) @ np.sum(pull[here], 0))
     return np.array(moves).T @ np.array(moves) / len(moves)
 
 
 def _of_directions(
-    light: Array, b: Array, part: Array, weight: Array, adapted: Array, inverse: Array, sigma_deg: Array
+    axis: Array, sigma_deg: Array, pixels: Eliminated, facing: Array, part: Array, inverse: Array
 ) -> Array:
-    """Return the covariance (F, F) of log e that the directions' own errors make."""
+    """Return the covariance (F, F) of log e that the directions' own errors make; `axis` (F, 3): those directions."""
     turn = np.deg2rad(np.nan_to_num(sigma_deg))
-    axis = light.mean(0)
     axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    side = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]]))
+    side: Array = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]]))
     side = side / np.linalg.norm(side, axis=1, keepdims=True)
     out = np.zeros_like(inverse)
     for tangent in (side, np.cross(axis, side)):
         # A light turned by t changes its own shading by b.t; through b, that of the others.
-        moved = inverse @ _left_over(weight, adapted, part, b @ (tangent * turn[:, None]).T)
+        turned: Array = facing @ (tangent * turn[:, None]).T
+        moved = inverse @ pixels.left_over(part, turned)
         out += moved @ moved.T
     return out
 

@@ -186,7 +186,8 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
     """
     from compare.report.facts import read_optional
     from compare.statistics.sigma_propagation import Processed, Registration, propagated_shifts
-    from solve.solve import METHODS, solve
+    from solve.methods import METHODS
+    from solve.solve import solve
 
     store, lights = folder.store, folder.store.load_lights()
     pose = store.read_json("pose.json") if store.path("pose.json").exists() else {}

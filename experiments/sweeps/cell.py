@@ -16,7 +16,8 @@ from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_to
 from experiments.tables import errors_of
 from scene.current import code_fingerprint
 from scene.errors import SceneError
-from solve.solve import UNCALIBRATED, solve
+from solve.methods import UNCALIBRATED
+from solve.solve import solve
 
 PICTURE_SIDE = 96
 SOME_SIDE = 32

@@ -12,7 +12,8 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
-from solve.solve import UNCALIBRATED, solve
+from solve.methods import UNCALIBRATED
+from solve.solve import solve
 
 BREAKS_DEG = 10.0
 """Median angular error past which a method counts as broken."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS
 from experiments.tables import Row, Rows, grouped, has_failed
-from solve.solve import UNCALIBRATED
+from solve.methods import UNCALIBRATED
 
 GOOD_DEG = 5.0
 KINDS = {

@@ -1,54 +1,20 @@
 """Iterated least squares that drops shadows and highlights by their residuals. The default method."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
+from solve.methods import Method
 from solve.pixelwise.kernels import SINGULAR, light_vector, residuals_of, solve_sums, weighted_sums
 from solve.pixelwise.selection import NO_KEY, keys_of, median, smallest_key, value_of
 
-SETTINGS = {
-    "shadow_threshold": 0.05,
-    "highlight_share": 0.25,
-    "outlier_sigmas": 2.5,
-    "noise_floor": 0.004,
-    "iterations": 20,
-    "support": 4,
-}
 
-SEED_SETTINGS = {
-    **SETTINGS,
-    "shadow_threshold": -np.inf,
-    "highlight_share": 0.0,
-    "noise_floor": 0.0,
-    "support": 0,
-}
-"""The plain reading: fit all, drop what does not agree, again, and nothing guards what is left. In deep shadow most
-samples agree with darkness, and the good ones are trimmed: the benchmark's 38 degrees there have this signature."""
-
-
-def fit(
-    gray,
-    valid,
-    points,
-    directions,
-    positions,
-    reach,
-    is_near,
-    scale,
-    *,
-    shadow_threshold,
-    highlight_share,
-    outlier_sigmas,
-    noise_floor,
-    iterations,
-    support,
-):
-    """Fit b = albedo x normal to the samples of each pixel that agree with a Lambertian surface.
+class Settings(NamedTuple):
+    """Settings of `iterative`.
 
     Parameters
     ----------
-    gray, valid, points, directions, positions, reach, is_near, scale
-        See `solve.pixelwise.ls.fit`.
     shadow_threshold : float
         Shadowed is what lies under this share of the pixel's own 75th percentile (not of its
         maximum, which a highlight would lift).
@@ -57,16 +23,29 @@ def fit(
     outlier_sigmas : float
         Samples farther from the fit than this many robust sigmas are dropped.
     noise_floor : float
-        Least sigma, as a share of `scale`.
+        Least sigma, as a share of the stack's 99th percentile.
     iterations : int
         At most; two or three are typical.
     support : int
         A pixel that has fewer samples left keeps the fit before.
+    """
 
-    Returns
-    -------
-    b : (P, 3) float64
-    used : (P, F) bool
+    shadow_threshold: float = 0.05
+    highlight_share: float = 0.25
+    outlier_sigmas: float = 2.5
+    noise_floor: float = 0.004
+    iterations: int = 20
+    support: int = 4
+
+
+SEED = Settings(shadow_threshold=-np.inf, highlight_share=0.0, noise_floor=0.0, support=0)
+"""The plain reading: fit all, drop what does not agree, again, and nothing guards what is left. In deep shadow most
+samples agree with darkness, and the good ones are trimmed: the benchmark's 38 degrees there have this signature."""
+
+
+@numba.njit(nogil=True, cache=True)
+def fit(samples, scale, settings):  # pragma: no cover
+    """Fit b = albedo x normal to the samples that agree with a Lambertian surface; see `solve.methods.Method`.
 
     Notes
     -----
@@ -76,68 +55,42 @@ def fit(
     last fit. The seed names the method without giving it; this is the reading that is measured in
     docs/methods.md.
     """
-    return _fit(
-        gray,
-        valid,
-        points,
-        directions,
-        positions,
-        reach,
-        is_near,
-        shadow_threshold,
-        highlight_share,
-        outlier_sigmas,
-        noise_floor * scale,
-        iterations,
-        support,
-    )
-
-
-@numba.njit(nogil=True, cache=True)
-def _fit(
-    gray, valid, points, directions, positions, reach, is_near, threshold, highlights, sigmas, floor, iterations,
-    support,
-):  # pragma: no cover  # fmt: skip
+    gray, valid, points, geometry = samples
+    floor = settings.noise_floor * scale
     pixels, lights = gray.shape
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
     # By component: the loops over lights then run over memory in order.
-    vectors = np.ascontiguousarray(directions.T)
+    vectors = np.ascontiguousarray(geometry.directions.T)
     columns = vectors.astype(np.float32)
     lit, now, before = np.empty(lights, np.float32), np.empty(lights, np.float32), np.empty(lights, np.float32)
     residual, keys, room = np.empty(lights, np.float32), np.empty(lights, np.int32), np.empty(1, np.float32)
-    sums = np.empty(9)
     for i in range(pixels):
         values = gray[i]
-        if is_near:
+        if geometry.is_near:
             for k in range(lights):
-                vectors[0, k], vectors[1, k], vectors[2, k] = light_vector(
-                    k, points[i], directions, positions, reach, is_near
-                )
+                vectors[0, k], vectors[1, k], vectors[2, k] = light_vector(k, points[i], geometry)
                 columns[0, k], columns[1, k], columns[2, k] = vectors[0, k], vectors[1, k], vectors[2, k]
         keys_of(values, keys)
-        limit = threshold * value_of(smallest_key(keys, int(0.75 * (lights - 1))), room)
+        limit = settings.shadow_threshold * value_of(smallest_key(keys, int(0.75 * (lights - 1))), room)
         count = _choose(values, valid[i], limit, lit)
         if count < 4:
             count = _choose(values, valid[i], -np.inf, lit)
-        _without_brightest(lit, count, highlights, keys, now)
-        weighted_sums(vectors, values, now, sums)
-        x, y, z, well = solve_sums(sums, SINGULAR)
+        _without_brightest(lit, count, settings.highlight_share, keys, now)
+        x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
         if not well:
             now[:] = lit
-            weighted_sums(vectors, values, now, sums)
-            x, y, z, well = solve_sums(sums, SINGULAR)
+            x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
         if well:
-            for _ in range(iterations):
-                count = residuals_of(columns, values, now, np.float32(x), np.float32(y), np.float32(z), residual)
-                limit = sigmas * max(1.4826 * median(residual.view(np.int32), count, room), floor)
+            for _ in range(settings.iterations):
+                count = residuals_of(columns, values, now, (x, y, z), residual)
+                limit = settings.outlier_sigmas * max(1.4826 * median(residual.view(np.int32), count, room), floor)
                 before[:] = now
-                size, changed = _agreeing(columns, values, lit, before, x, y, z, limit, now)
+                size, changed = _agreeing(columns, values, lit, before, (x, y, z), limit, now)
                 if not changed:
                     break
-                weighted_sums(vectors, values, now, sums)
-                p, q, r, well = solve_sums(sums, SINGULAR)
-                if size < support or not well:
+                p, q, r, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
+                if size < settings.support or not well:
                     now[:] = before
                     break
                 x, y, z = p, q, r
@@ -145,6 +98,9 @@ def _fit(
         for k in range(lights):
             used[i, k] = now[k] > 0.0
     return b, used
+
+
+METHOD = Method("iterative", {"default": Settings(), "seed": SEED}, fit=fit)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
@@ -158,9 +114,9 @@ def _choose(values, valid, limit, out):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _agreeing(columns, values, lit, before, x, y, z, limit, out):  # pragma: no cover
+def _agreeing(columns, values, lit, before, b, limit, out):  # pragma: no cover
     """Write 1 to `out` where a lit sample is within the limit of b and faces it; say how many, and if one changed."""
-    x, y, z, limit = np.float32(x), np.float32(y), np.float32(z), np.float32(limit)
+    x, y, z, limit = np.float32(b[0]), np.float32(b[1]), np.float32(b[2]), np.float32(limit)
     size = changed = np.float32(0)
     for k in range(len(values)):
         shade = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z

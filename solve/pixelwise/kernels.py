@@ -1,12 +1,13 @@
 """Compiled kernels of one pixel: which samples are lit, normal equations, which samples agree.
 
-float64 accumulation and a 3 x 3 closed form: no Python and no allocation per pixel.
+float64 accumulation and a 3 x 3 closed form: no Python and no allocation per pixel. Where the light comes from is a
+`solve.samples.Geometry`.
 """
 
 import numba
 import numpy as np
 
-from solve.pixelwise.selection import NO_KEY, keys_of, median, smallest_key, value_of
+from solve.pixelwise.selection import NO_KEY, keys_of, smallest_key, value_of
 
 SINGULAR = 1e-6
 """det / (trace / 3)^3 of the 3 x 3 normal matrix under which a pixel's lit lights lie in a plane."""
@@ -15,8 +16,9 @@ SINGULAR_WEIGHTED = 1e-12
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
-def light_vector(light, point, directions, positions, reach, is_near):  # pragma: no cover
+def light_vector(light, point, lights):  # pragma: no cover
     """Return the light vector (3 floats) of one light at one point; see `Lights.toward`."""
+    directions, positions, reach, is_near = lights
     if not is_near:
         return directions[light, 0], directions[light, 1], directions[light, 2]
     x = positions[light, 0] - point[0]
@@ -28,21 +30,17 @@ def light_vector(light, point, directions, positions, reach, is_near):  # pragma
 
 
 @numba.njit(nogil=True, cache=True)
+def light_vectors(point, lights, out):  # pragma: no cover
+    """Write the light vectors of every light at one point to `out` (F, 3)."""
+    for k in range(len(out)):
+        out[k] = light_vector(k, point, lights)
+
+
+@numba.njit(nogil=True, cache=True)
 def normal_equations(vectors, values, used):  # pragma: no cover
-    """Solve min_b sum over used of (v . b - m)^2.
+    """Solve min_b sum over used of (v . b - m)^2; vectors (F, 3) float64, values (F,) float32, used (F,) bool.
 
-    Parameters
-    ----------
-    vectors : (F, 3) float64
-    values : (F,) float32
-    used : (F,) bool
-
-    Returns
-    -------
-    x, y, z : float
-        b = albedo x normal; zeros where singular.
-    well : bool
-        The lights in use span space.
+    Returns x, y, z of b, zeros where singular, and whether the lights in use span space.
     """
     a = b = c = d = e = f = p = q = r = 0.0
     for i in range(len(values)):
@@ -57,14 +55,7 @@ def normal_equations(vectors, values, used):  # pragma: no cover
             p += x * m
             q += y * m
             r += z * m
-    return _solve_symmetric(a, b, c, d, e, f, p, q, r, SINGULAR)
-
-
-@numba.njit(nogil=True, cache=True)
-def light_vectors(point, directions, positions, reach, is_near, out):  # pragma: no cover
-    """Write the light vectors of every light at one point to `out` (F, 3)."""
-    for k in range(len(directions)):
-        out[k] = light_vector(k, point, directions, positions, reach, is_near)
+    return solve_sums((a, b, c, d, e, f, p, q, r), SINGULAR)
 
 
 @numba.njit(nogil=True, cache=True)
@@ -90,8 +81,8 @@ def lit_samples(values, valid, threshold, lit):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
-def weighted_sums(vectors, values, weights, sums):  # pragma: no cover
-    """Write the normal equations of min_b sum w (v . b - m)^2 to `sums` (9,): upper triangle, then right side.
+def weighted_sums(vectors, values, weights):  # pragma: no cover
+    """Return the normal equations of min_b sum w (v . b - m)^2, nine floats: upper triangle, then right side.
 
     `vectors` are (3, F), by component, and the order of summation is left to the compiler: it makes vectors of it.
     """
@@ -110,30 +101,16 @@ def weighted_sums(vectors, values, weights, sums):  # pragma: no cover
         p += x * m
         q += y * m
         r += z * m
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = a, b, c, d, e, f
-    sums[6], sums[7], sums[8] = p, q, r
-
-
-@numba.njit(nogil=True, cache=True)
-def move_residual(vectors, x, y, z, residual):  # pragma: no cover
-    """Take v . (x, y, z) from `residual` (F,) float32, reckoned in float64; `vectors` (F, 3)."""
-    for k in range(len(residual)):
-        residual[k] -= vectors[k, 0] * x + vectors[k, 1] * y + vectors[k, 2] * z
+    return a, b, c, d, e, f, p, q, r
 
 
 @numba.njit(nogil=True, cache=True)
 def solve_sums(sums, singular):  # pragma: no cover
-    """Solve the normal equations of `weighted_sums`; return as `normal_equations`.
+    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; return as `normal_equations`.
 
     `singular` is `SINGULAR` where weights are alike, `SINGULAR_WEIGHTED` where they span decades.
     """
     a, b, c, d, e, f, p, q, r = sums
-    return _solve_symmetric(a, b, c, d, e, f, p, q, r, singular)
-
-
-@numba.njit(nogil=True, cache=True)
-def _solve_symmetric(a, b, c, d, e, f, p, q, r, singular):  # pragma: no cover
-    """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; zeros and False where it is singular."""
     ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
     id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
     det = a * ia + b * ib + c * ic
@@ -143,27 +120,13 @@ def _solve_symmetric(a, b, c, d, e, f, p, q, r, singular):  # pragma: no cover
     return (ia * p + ib * q + ic * r) / det, (ib * p + id_ * q + ie * r) / det, (ic * p + ie * q + if_ * r) / det, True
 
 
-@numba.njit(nogil=True, cache=True)
-def agreeing_samples(columns, values, lit, x, y, z, sigmas, floor, residual, out):  # pragma: no cover
-    """Write to `out` (F,) the lit samples within some robust sigmas of b = (x, y, z) and facing it.
-
-    sigma = max(1.4826 x median |m - v . b| over the lit samples, floor). `columns` (3, F), `values`, `lit` (0 or 1)
-    and `residual` (F,), which is room to work in, are float32.
-    """
-    x, y, z = np.float32(x), np.float32(y), np.float32(z)
-    size = residuals_of(columns, values, lit, x, y, z, residual)
-    limit = (
-        sigmas * max(1.4826 * median(residual.view(np.int32), size, np.empty(1, np.float32)), floor) if size else 0.0
-    )
-    _within(columns, values, lit, x, y, z, np.float32(limit), out)
-
-
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def residuals_of(columns, values, lit, x, y, z, out):  # pragma: no cover
+def residuals_of(columns, values, lit, b, out):  # pragma: no cover
     """Write |m - v . b| of the `lit` samples to `out`, and NaN, whose key is last, of the others; return how many.
 
     All in float32: half the time, and closer than any sample is.
     """
+    x, y, z = np.float32(b[0]), np.float32(b[1]), np.float32(b[2])
     bits, size = out.view(np.int32), np.float32(0)
     for k in range(len(values)):
         out[k] = abs(values[k] - (columns[0, k] * x + columns[1, k] * y + columns[2, k] * z))
@@ -171,10 +134,3 @@ def residuals_of(columns, values, lit, x, y, z, out):  # pragma: no cover
     for k in range(len(values)):
         bits[k] = bits[k] if lit[k] > 0 else NO_KEY
     return int(size)
-
-
-@numba.njit(nogil=True, cache=True)
-def _within(columns, values, lit, x, y, z, limit, out):  # pragma: no cover
-    for k in range(len(values)):
-        shade = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
-        out[k] = (lit[k] > 0) & (shade > 0) & (abs(values[k] - shade) <= limit)

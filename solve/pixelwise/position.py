@@ -1,34 +1,35 @@
 """Least squares over the middle of each pixel's samples by rank: shadows below, highlights above."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
+from solve.methods import Method
 from solve.pixelwise.kernels import light_vectors, lit_samples, normal_equations
 from solve.pixelwise.selection import NO_KEY, keys_of, smallest_key
 
-SETTINGS = {"shadow_threshold": 0.05, "low": 0.2, "high": 0.8}
-"""Ranked are the samples that are lit at all: an attached shadow takes no place in the band."""
 
-SEED_SETTINGS = {"shadow_threshold": -np.inf, "low": 0.2, "high": 0.8}
-"""The plain reading: every sample that is not clipped has a rank. (The seed has no such method.)"""
-
-
-def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, shadow_threshold, low, high):
-    """Fit b = albedo x normal to the samples whose rank lies in a band.
+class Settings(NamedTuple):
+    """Settings of `position`.
 
     Parameters
     ----------
-    gray, valid, points, directions, positions, reach, is_near, scale
-        See `solve.pixelwise.ls.fit`.
     shadow_threshold : float
-        Shadowed, and without a rank, is what lies under this share of the pixel's own 75th percentile.
+        Shadowed, and without a rank, is what lies under this share of the pixel's own 75th percentile: an attached
+        shadow takes no place in the band.
     low, high : float
         The band, as shares of the ranked samples, darkest first.
+    """
 
-    Returns
-    -------
-    b : (P, 3) float64
-    used : (P, F) bool
+    shadow_threshold: float = 0.05
+    low: float = 0.2
+    high: float = 0.8
+
+
+@numba.njit(nogil=True, cache=True)
+def fit(samples, scale, settings):  # pragma: no cover
+    """Fit b = albedo x normal to the samples whose rank lies in a band; see `solve.methods.Method`.
 
     Notes
     -----
@@ -41,11 +42,7 @@ def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, sh
     remains lies on a belt around the normal, which is worse conditioned than the whole. `iterative` keeps what
     agrees.
     """
-    return _fit(gray, valid, points, directions, positions, reach, is_near, shadow_threshold, low, high)
-
-
-@numba.njit(nogil=True, cache=True)
-def _fit(gray, valid, points, directions, positions, reach, is_near, threshold, low, high):  # pragma: no cover
+    gray, valid, points, geometry = samples
     pixels, lights = gray.shape
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
@@ -54,15 +51,15 @@ def _fit(gray, valid, points, directions, positions, reach, is_near, threshold, 
     keys = np.empty(lights, np.int32)
     for i in range(pixels):
         values = gray[i]
-        light_vectors(points[i], directions, positions, reach, is_near, vectors)
-        count = lit_samples(values, valid[i], threshold, lit)
+        light_vectors(points[i], geometry, vectors)
+        count = lit_samples(values, valid[i], settings.shadow_threshold, lit)
         if count == 0:
             continue
         keys_of(values, keys)
         for k in range(lights):
             keys[k] = keys[k] if lit[k] else NO_KEY
-        first = smallest_key(keys, int(np.floor(low * count)))
-        last = smallest_key(keys, max(int(np.ceil(high * count)) - 1, 0))
+        first = smallest_key(keys, int(np.floor(settings.low * count)))
+        last = smallest_key(keys, max(int(np.ceil(settings.high * count)) - 1, 0))
         for k in range(lights):
             used[i, k] = first <= keys[k] <= last
         x, y, z, well = normal_equations(vectors, values, used[i])
@@ -71,3 +68,7 @@ def _fit(gray, valid, points, directions, positions, reach, is_near, threshold, 
             x, y, z, well = normal_equations(vectors, values, used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
     return b, used
+
+
+# The plain reading: every sample that is not clipped has a rank. (The seed has no such method.)
+METHOD = Method("position", {"default": Settings(), "seed": Settings(shadow_threshold=-np.inf)}, fit=fit)

@@ -24,10 +24,9 @@ def matrices(bits, directions, of_all, n, out):  # pragma: no cover
     """
     lights = len(directions)
     before = np.empty(len(bits) // TILE, np.int32)
-    sums, size = np.zeros(9), lights
-    sums[:6] = of_all[:6]
-    found, ia, ib, ic, id_, ie, if_ = condition_and_inverse(sums[0], sums[1], sums[2], sums[3], sums[4], sums[5])
-    well = True
+    xx, xy, xz, yy, yz, zz = of_all
+    size, well = lights, True
+    found, (ia, ib, ic, id_, ie, if_) = condition_and_inverse(xx, xy, xz, yy, yz, zz)
     for word in range(len(before)):
         there = min(lights - word * WORD, WORD)
         before[word] = np.int32(np.int64(-1) if there == WORD else (np.int64(1) << there) - 1)
@@ -44,18 +43,16 @@ def matrices(bits, directions, of_all, n, out):  # pragma: no cover
                     sign = 1 if bits[_u(word * TILE + i)] & bit else -1
                     x, y, z = directions[k, 0], directions[k, 1], directions[k, 2]
                     size += sign
-                    sums[0] += sign * x * x
-                    sums[1] += sign * x * y
-                    sums[2] += sign * x * z
-                    sums[3] += sign * y * y
-                    sums[4] += sign * y * z
-                    sums[5] += sign * z * z
+                    xx += sign * x * x
+                    xy += sign * x * y
+                    xz += sign * x * z
+                    yy += sign * y * y
+                    yz += sign * y * z
+                    zz += sign * z * z
             before[word] = bits[_u(word * TILE + i)]
         if changed:
-            well = size >= 3 and solve_sums(sums, SINGULAR)[3]
-            found, ia, ib, ic, id_, ie, if_ = condition_and_inverse(
-                sums[0], sums[1], sums[2], sums[3], sums[4], sums[5]
-            )
+            well = size >= 3 and solve_sums((xx, xy, xz, yy, yz, zz, 0.0, 0.0, 0.0), SINGULAR)[3]
+            found, (ia, ib, ic, id_, ie, if_) = condition_and_inverse(xx, xy, xz, yy, yz, zz)
         out[_u(i)], out[_u(TILE + i)], out[_u(2 * TILE + i)], out[_u(3 * TILE + i)] = ia, ib, ic, id_
         out[_u(4 * TILE + i)], out[_u(5 * TILE + i)], out[_u(6 * TILE + i)] = ie, if_, found
         out[_u(7 * TILE + i)] = size if well else 0.0
@@ -97,14 +94,19 @@ def fit_and_judge(total, matrix, weights, n, out):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def albedo_of_facing(store, row, column, i, directions, factors, bits, total, normals, albedo, p):  # pragma: no cover
-    """Write the albedo of pixel `p` without its kept samples whose light is behind the normal; those do not count."""
-    codes, shape, ambient, black, unit, _, _ = store
-    x, y, z = normals[p, 0], normals[p, 1], normals[p, 2]
+def albedo_of_facing(band, where, lights, bits, total, normal, albedo):  # pragma: no cover
+    """Write a pixel's `albedo` (3,) without its kept samples whose light is behind the `normal`; those do not count.
+
+    `where`: its row, its column and its place in the tile. `lights`: directions (F, 3), and what one code is divided
+    by the intensities (F, 3).
+    """
+    codes, shape, ambient, black, unit = band.codes, band.shape, band.ambient, band.black, band.unit
+    (row, column, i), (directions, factors) = where, lights
+    x, y, z = normal[0], normal[1], normal[2]
     bottom = 0.0
     for c in range(3):
         at = 3 * c * TILE + i
-        albedo[p, c] = total[at] * x + total[at + TILE] * y + total[at + 2 * TILE] * z
+        albedo[c] = total[at] * x + total[at + TILE] * y + total[at + 2 * TILE] * z
     for k in range(shape[0]):
         if bits[k // WORD * TILE + i] & (np.int32(1) << np.int32(k % WORD)):
             shade = directions[k, 0] * x + directions[k, 1] * y + directions[k, 2] * z
@@ -116,9 +118,9 @@ def albedo_of_facing(store, row, column, i, directions, factors, bits, total, no
                 value = np.float32(codes[at + c]) - black
                 if len(ambient):
                     value -= ambient[below + c] / unit[k]
-                albedo[p, c] -= value * factors[k, c] * shade
+                albedo[c] -= value * factors[k, c] * shade
     for c in range(3):
-        albedo[p, c] = albedo[p, c] / bottom if bottom > 0.0 else np.nan
+        albedo[c] = albedo[c] / bottom if bottom > 0.0 else np.nan
 
 
 @numba.njit(nogil=True, cache=True, error_model="numpy", fastmath={"reassoc", "contract"})
@@ -136,8 +138,9 @@ def _cone(result, n):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def _add_behind(u, v, w, bits, word, bit, result, n, behind):  # pragma: no cover
-    """Note in `behind` the pixels that keep a sample whose light (u, v, w) is behind the normal."""
+def _add_behind(light, bits, word, bit, result, n, behind):  # pragma: no cover
+    """Note in `behind` the pixels that keep a sample whose light (three floats) is behind the normal."""
+    u, v, w = light
     for i in range(n):
         shade = u * result[_u(i)] + v * result[_u(TILE + i)] + w * result[_u(2 * TILE + i)]
         behind[_u(i)] |= (bits[_u(word * TILE + i)] & bit) if shade <= np.float32(0) else np.int32(0)
@@ -151,4 +154,4 @@ def find_behind(directions, bits, result, n, behind):  # pragma: no cover
     for k in range(len(directions)):
         x, y, z = np.float32(directions[k, 0]), np.float32(directions[k, 1]), np.float32(directions[k, 2])
         if not x * u + y * v + z * w > enough:
-            _add_behind(x, y, z, bits, k // WORD, np.int32(1) << np.int32(k % WORD), result, n, behind)
+            _add_behind((x, y, z), bits, k // WORD, np.int32(1) << np.int32(k % WORD), result, n, behind)

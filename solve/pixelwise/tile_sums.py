@@ -5,7 +5,7 @@ do not overlap and no index is negative, and make vectors of the loops. No views
 costs as much as a loop. The codes of the next tile are asked for while this one is summed.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -58,14 +58,27 @@ def read_ambient(ambient, at, count, out):  # pragma: no cover
         out[_u(i)], out[_u(TILE + i)], out[_u(2 * TILE + i)] = ambient[j], ambient[j + _u(1)], ambient[j + _u(2)]
 
 
-@numba.njit(nogil=True, cache=True, fastmath={"contract"})
-def read_lit(
-    codes, at, count, black, ambient, factor, red, green, blue, threshold, bit, samples, place, bits, word
-):  # pragma: no cover
-    """Write red, green, blue (codes less black, less ambient light times `factor`) and gray to `samples`.
+class Reading(NamedTuple):
+    """How one frame's tile is read.
 
-    Zero where gray is not above the threshold; where it is, the `bit` of the pixel's word is set.
+    A sample is code - black - ambient * factor; gray is its sum over the channels by `weights`, and a sample whose
+    gray is not above the threshold is zero. `place`: of the first of the frame's rows in `samples`. `word`: the place
+    of its word in `bits`. `bit`: the frame's in that word, set where a sample is lit.
     """
+
+    black: np.float32
+    factor: np.float32
+    weights: tuple[np.float32, np.float32, np.float32]
+    threshold: np.float32
+    place: int
+    word: int
+    bit: np.int32
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"contract"})
+def read_lit(codes, at, count, ambient, how, samples, bits):  # pragma: no cover
+    """Write red, green, blue and gray of a tile to `samples`, and which are lit to `bits`; `how` is a `Reading`."""
+    black, factor, (red, green, blue), threshold, place, word, bit = how
     none, no_bit = np.float32(0), np.int32(0)
     for i in range(count):
         j = _u(at + 3 * i)
@@ -82,13 +95,13 @@ def read_lit(
 
 
 @numba.njit(nogil=True, cache=True)
-def drop_clipped(clipped, count, bit, samples, place, bits, word):  # pragma: no cover
+def drop_clipped(clipped, count, how, samples, bits):  # pragma: no cover
     """Undo for the clipped pixels what `read_lit` did."""
     for i in range(count):
         if clipped[i]:
-            bits[word * TILE + i] &= ~bit
+            bits[how.word * TILE + i] &= ~how.bit
             for row in range(SAMPLE_ROWS):
-                samples[place + row * TILE + i] = np.float32(0)
+                samples[how.place + row * TILE + i] = np.float32(0)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})

@@ -5,7 +5,7 @@ weight is a cut. A coarser grid merges 2 x 2 pixels and adds up the weights betw
 steps of conjugate gradients at every level make up for so plain a coarsening [Notay2008].
 """
 
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -20,16 +20,21 @@ _WEIGHTS = (0.562, 1.390)
 row-by-row sweeps would need one of takes two, but no pixel waits for its neighbour: seven times faster."""
 
 
-@dataclass(frozen=True)
-class _Level:
-    """All (H, W): edges, diagonal and one over it (0 where there is no unknown); Cholesky's factor at the coarsest."""
+class _Level(NamedTuple):
+    """All (H, W): edges, shift, diagonal and one over it (0 where there is no unknown)."""
 
     right: Array
     down: Array
     shift: Array
     diagonal: Array
     reciprocal: Array
-    factor: Array | None = None
+
+
+class _Grids(NamedTuple):
+    """The levels, finest first, and Cholesky's factor of the last one's matrix."""
+
+    levels: list[_Level]
+    factor: Array
 
 
 def solve_grid(
@@ -37,39 +42,25 @@ def solve_grid(
 ) -> tuple[Array, bool]:
     """Solve (Laplacian + shift) x = rhs.
 
-    Parameters
-    ----------
-    right, down : (H, W) float64
-        Weight of the edge from each pixel to the next column, to the next row; the last column, row is 0.
-    shift : (H, W) float64
-        Above 0 on every pixel that is solved for, 0 elsewhere.
-    rhs, start : (H, W) float64
-    tolerance : float
-        Of the residual's length, as a share of the right side's.
-    iterations : int
-        At most.
-
-    Returns
-    -------
-    x : (H, W) float64
-    settled : bool
-        The tolerance was reached.
+    `right` and `down` are the weights of the edge from each pixel to the next column, to the next row (the last column,
+    row is 0); `shift` is above 0 on every pixel that is solved for, 0 elsewhere; all (H, W). The tolerance is that of
+    the residual's length, as a share of the right side's. Returns x, and whether the tolerance was reached.
     """
-    levels = _levels(right, down, shift)
-    top = levels[0]
+    grids = _grids(right, down, shift)
+    top = grids.levels[0]
     x = start.copy()
-    residual = rhs - _applied(top, x)
+    residual = rhs - _apply(top, x)
     goal = tolerance * _length(rhs)
     step, before, slope = np.zeros_like(x), residual, 1.0
     for count in range(iterations):
         if _length(residual) <= goal:
             return x, True
-        z = _cycle(levels, 0, residual)
+        z = _cycle(grids, 0, residual)
         # Flexible conjugate gradients: a cycle is not the same linear map twice.
         beta = _dot(z, residual - before) / slope if count else 0.0
         step = z + beta * step
         slope = _dot(z, residual)
-        image = _applied(top, step)
+        image = _apply(top, step)
         bend = _dot(step, image)
         if not bend > 0.0:
             break
@@ -80,7 +71,7 @@ def solve_grid(
     return x, _length(residual) <= goal
 
 
-def _levels(right: Array, down: Array, shift: Array) -> list[_Level]:
+def _grids(right: Array, down: Array, shift: Array) -> _Grids:
     levels = [_level(right, down, shift)]
     while np.prod(levels[-1].shift.shape) > _COARSEST:
         levels.append(_level(*_coarser(levels[-1].right, levels[-1].down, levels[-1].shift)))
@@ -92,47 +83,44 @@ def _levels(right: Array, down: Array, shift: Array) -> list[_Level]:
         matrix[a, b] = matrix[b, a] = -weight[: a.shape[0], : a.shape[1]]
     # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
     least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * float(last.diagonal.max()))
-    levels[-1] = replace(last, factor=_factorised(matrix, least))
-    return levels
+    return _Grids(levels, _factorised(matrix, least))
 
 
-def _cycle(levels: list[_Level], depth: int, rhs: Array) -> Array:
+def _cycle(grids: _Grids, depth: int, rhs: Array) -> Array:
     """Return an approximate solution: smooth, correct from the coarser grid, smooth."""
-    level = levels[depth]
-    if level.factor is not None:
-        return _substituted(level.factor, rhs.ravel()).reshape(rhs.shape)
+    if depth == len(grids.levels) - 1:
+        return _substituted(grids.factor, rhs.ravel()).reshape(rhs.shape)
+    level = grids.levels[depth]
     # Two steps of Jacobi's method from zero; the first needs no product.
     x = _smoothed(level, rhs, (_WEIGHTS[0] * rhs) * level.reciprocal, _WEIGHTS[1:])
-    coarse = np.zeros_like(levels[depth + 1].shift)
-    _restrict(level.right, level.down, level.diagonal, rhs, x, coarse)
-    _prolong(_coarse_solution(levels, depth + 1, coarse), level.diagonal, x)
+    coarse = np.zeros_like(grids.levels[depth + 1].shift)
+    _restrict(level, rhs, x, coarse)
+    _prolong(_coarse_solution(grids, depth + 1, coarse), level.diagonal, x)
     return _smoothed(level, rhs, x, _WEIGHTS)
 
 
 def _smoothed(level: _Level, rhs: Array, x: Array, weights: tuple[float, ...]) -> Array:
     for weight in weights:
-        out = np.zeros_like(x)
-        _jacobi(level.right, level.down, level.diagonal, level.reciprocal, rhs, x, weight, out)
-        x = out
+        x = _jacobi(level, rhs, x, weight)
     return x
 
 
-def _coarse_solution(levels: list[_Level], depth: int, rhs: Array) -> Array:
+def _coarse_solution(grids: _Grids, depth: int, rhs: Array) -> Array:
     """Return one or two steps of conjugate gradients, each preconditioned by a cycle [Notay2008]."""
-    level = levels[depth]
-    first = _cycle(levels, depth, rhs)
-    if level.factor is not None:
+    level = grids.levels[depth]
+    first = _cycle(grids, depth, rhs)
+    if depth == len(grids.levels) - 1:
         return first
-    image = _applied(level, first)
+    image = _apply(level, first)
     bend, slope = _dot(first, image), _dot(first, rhs)
     if not bend > 0.0:
         return first
     left = rhs - (slope / bend) * image
     if _length(left) <= 0.25 * _length(rhs):
         return (slope / bend) * first
-    second = _cycle(levels, depth, left)
+    second = _cycle(grids, depth, left)
     shared, slope_2 = _dot(second, image), _dot(second, left)
-    bend_2 = _dot(second, _applied(level, second)) - shared * shared / bend
+    bend_2 = _dot(second, _apply(level, second)) - shared * shared / bend
     if not bend_2 > 0.0:
         return (slope / bend) * first
     return (slope / bend - shared * slope_2 / (bend * bend_2)) * first + (slope_2 / bend_2) * second
@@ -205,15 +193,11 @@ def _coarser(right: Array, down: Array, shift: Array) -> tuple[Array, Array, Arr
     return np.ascontiguousarray(across), np.ascontiguousarray(along), np.ascontiguousarray(total)
 
 
-def _applied(level: _Level, x: Array) -> Array:
-    out = np.zeros_like(x)
-    _apply(level.right, level.down, level.diagonal, x, out)
-    return out
-
-
 @numba.njit(nogil=True, cache=True, inline="always")
-def _neighbours(right, down, x, i, j, height, width):  # pragma: no cover
+def _neighbours(level, x, i, j):  # pragma: no cover
     """Return the weighted sum of a pixel's neighbours."""
+    right, down = level.right, level.down
+    height, width = x.shape
     total = 0.0
     if j + 1 < width:
         total += right[i, j] * x[i, j + 1]
@@ -227,30 +211,31 @@ def _neighbours(right, down, x, i, j, height, width):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def _apply(right, down, diagonal, x, out):  # pragma: no cover
-    height, width = x.shape
-    for i in range(height):
-        for j in range(width):
-            out[i, j] = diagonal[i, j] * x[i, j] - _neighbours(right, down, x, i, j, height, width)
+def _apply(level, x):  # pragma: no cover
+    out = np.zeros_like(x)
+    for i in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            out[i, j] = level.diagonal[i, j] * x[i, j] - _neighbours(level, x, i, j)
+    return out
 
 
 @numba.njit(nogil=True, cache=True)
-def _jacobi(right, down, diagonal, reciprocal, rhs, x, weight, out):  # pragma: no cover
-    """Write x + weight (rhs - A x) / diagonal to `out`."""
-    height, width = x.shape
-    for i in range(height):
-        for j in range(width):
-            gap = rhs[i, j] - diagonal[i, j] * x[i, j] + _neighbours(right, down, x, i, j, height, width)
-            out[i, j] = x[i, j] + weight * reciprocal[i, j] * gap
+def _jacobi(level, rhs, x, weight):  # pragma: no cover
+    """Return x + weight (rhs - A x) / diagonal."""
+    out = np.zeros_like(x)
+    for i in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            gap = rhs[i, j] - level.diagonal[i, j] * x[i, j] + _neighbours(level, x, i, j)
+            out[i, j] = x[i, j] + weight * level.reciprocal[i, j] * gap
+    return out
 
 
 @numba.njit(nogil=True, cache=True)
-def _restrict(right, down, diagonal, rhs, x, coarse):  # pragma: no cover
-    height, width = x.shape
-    for i in range(height):
-        for j in range(width):
-            if diagonal[i, j] > 0.0:
-                gap = rhs[i, j] - diagonal[i, j] * x[i, j] + _neighbours(right, down, x, i, j, height, width)
+def _restrict(level, rhs, x, coarse):  # pragma: no cover
+    for i in range(x.shape[0]):
+        for j in range(x.shape[1]):
+            if level.diagonal[i, j] > 0.0:
+                gap = rhs[i, j] - level.diagonal[i, j] * x[i, j] + _neighbours(level, x, i, j)
                 coarse[i // 2, j // 2] += gap
 
 

@@ -10,8 +10,7 @@ from scipy.special import expit
 from scene.camera import Camera
 from scene.errors import SceneError
 from solve.surface.grid_laplacian import solve_grid
-from solve.surface.tangent_planes import Edges, edges_of
-from solve.whole.coarse_start import every_second, finer
+from solve.surface.tangent_planes import Edges, edges_of, every_nth, finer
 
 Array = NDArray[np.float64]
 
@@ -74,8 +73,7 @@ def integrate(
     rounds: int = 60,
     tolerance: float = 1e-3,
     start: Array | None = None,
-    hint_mm: Array | None = None,
-    hint_weight: Array | None = None,
+    hint: tuple[Array, Array] | None = None,
 ) -> Surface:
     """Integrate normals to depth.
 
@@ -98,8 +96,8 @@ def integrate(
         Come to rest when the depth moves less than this many pixels (rms) in a round.
     start : (H, W) float64, optional
         A depth to begin from, mm, such as that of nearly the same normals. Default: least squares.
-    hint_mm, hint_weight : (H, W) float64, optional
-        What else is known of the depth, and how much it weighs beside the equations of an edge: the variance of a
+    hint : two (H, W) float64, optional
+        What else is known of the depth, mm, and how much it weighs beside the equations of an edge: the variance of a
         neighbour's distance from the tangent plane over that of the hint, both in pixels squared. `z_mm` is then
         where a pixel without hint is taken to be at the beginning, no longer the median.
 
@@ -137,15 +135,24 @@ def integrate(
     if not camera.is_orthographic and not z_mm < 0:
         raise SceneError(f"integration: the surface must stand in front of the camera, z < 0; found z = {z_mm:g} mm.")
     if start is None and sharpness > 0 and np.count_nonzero(inside) > _LARGE:
-        start = _coarser(normals, inside, camera, z_mm, sharpness, rounds, tolerance, hint_mm, hint_weight)
+        some = (slice(None, None, 2), slice(None, None, 2))
+        if inside[some].any():
+            # Tears that creep from pixel to pixel creep twice as fast on every second one. Edges of that grid weigh the
+            # same, and a pixel of it stands for four.
+            coarse = integrate(
+                normals[some], inside[some], every_nth(camera, 2), z_mm=z_mm, sharpness=sharpness, rounds=rounds,
+                tolerance=tolerance, hint=None if hint is None else (hint[0][some], 4 * hint[1][some]),
+            )  # fmt: skip
+            start = finer(coarse.z_mm, normals, camera)
         rounds = min(rounds, _FINER_ROUNDS)
     rows, columns = np.flatnonzero(inside.any(1)), np.flatnonzero(inside.any(0))
     box = (slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1))
     edges = edges_of(np.where(inside[..., None], normals, 0.0)[box], inside[box], camera, box)
-    depth = np.zeros(edges.inside.shape) if hint_mm is None else _unknown(np.full(edges.inside.shape, z_mm), camera)
+    depth = np.zeros(edges.inside.shape) if hint is None else _unknown(np.full(edges.inside.shape, z_mm), camera)
     opinions = _even(edges)
     target, pull = None, _PULL * edges.inside
-    if hint_mm is not None and hint_weight is not None:
+    if hint is not None:
+        hint_mm, hint_weight = hint
         has = edges.inside & np.isfinite(hint_mm[box]) & (hint_weight[box] > 0)
         pull = pull + np.where(has, hint_weight[box], 0.0)
         target = np.where(has, _unknown(np.where(has, hint_mm[box], z_mm), camera), np.nan)
@@ -155,7 +162,7 @@ def integrate(
         depth = np.where(known, depth, np.median(depth[known]) if known.any() else 0.0) * edges.inside
         opinions = _opinions(edges, depth, sharpness)
     settled, count = sharpness == 0, 0
-    for count in range(1, rounds + 1):  # noqa: B007 (told afterwards)
+    for count in range(1, rounds + 1):  # noqa: B007 (reported afterwards)
         before = depth
         depth = _solved(edges, opinions, before, target, pull, 1e-5)
         gap = (depth - before)[edges.inside]
@@ -164,25 +171,8 @@ def integrate(
             break
         opinions = _opinions(edges, depth, sharpness)
     depth = _solved(edges, opinions, depth, target, pull, 1e-11)
-    anchor = z_mm if hint_mm is None else None
+    anchor = z_mm if hint is None else None
     return _surface(edges, depth, inside, camera, box, anchor, count, settled)
-
-
-def _coarser(
-    normals: NDArray, inside: NDArray[np.bool_], camera: Camera, z_mm: float, sharpness: float, rounds: int,
-    tolerance: float, hint_mm: Array | None, hint_weight: Array | None,
-) -> Array | None:  # fmt: skip
-    """Return a start from every second pixel: tears that creep from pixel to pixel creep twice as fast there."""
-    some = (slice(None, None, 2), slice(None, None, 2))
-    if not inside[some].any():
-        return None
-    # Edges of a coarser grid weigh the same, and a pixel of it stands for four.
-    hint = None if hint_mm is None or hint_weight is None else (hint_mm[some], 4 * hint_weight[some])
-    coarse = integrate(
-        normals[some], inside[some], every_second(camera), z_mm=z_mm, sharpness=sharpness, rounds=rounds,
-        tolerance=tolerance, hint_mm=hint and hint[0], hint_weight=hint and hint[1],
-    )  # fmt: skip
-    return finer(coarse.z_mm, normals, camera)
 
 
 def surface_at(z_mm: Array, normals: NDArray, camera: Camera) -> Surface:

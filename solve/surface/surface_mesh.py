@@ -20,16 +20,8 @@ FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 class SurfaceMesh:
     """A surface as triangles.
 
-    Parameters
-    ----------
-    vertices : (V, 3) float64
-        Millimetres, camera frame.
-    normals : (V, 3) float64
-        Unit, camera frame, toward the camera's side.
-    colors : (V, 3) uint8
-        Albedo, sRGB, the 99th percentile at nine tenths of white.
-    faces : (T, 3) int64
-        Counter-clockwise seen from the camera.
+    Vertices (V, 3) in mm, camera frame; unit normals (V, 3) toward the camera's side; colors (V, 3): albedo, sRGB, the
+    99th percentile at nine tenths of white; faces (T, 3), counter-clockwise seen from the camera.
     """
 
     vertices: NDArray[np.float64]
@@ -38,13 +30,7 @@ class SurfaceMesh:
     faces: NDArray[np.int64]
 
     def write(self, path: Path) -> None:
-        """Write binary PLY [Turk1994].
-
-        Raises
-        ------
-        SceneError
-            The file cannot be written.
-        """
+        """Write binary PLY [Turk1994]."""
         vertex = np.zeros(len(self.vertices), VERTEX)
         for names, values in (("xyz", self.vertices), (("nx", "ny", "nz"), self.normals)):
             for axis, name in enumerate(names):
@@ -73,19 +59,9 @@ class SurfaceMesh:
 def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera, *, gap_px: float = 2.0) -> SurfaceMesh:
     """Return the mesh of a surface.
 
-    Parameters
-    ----------
-    surface : Surface
-    normals, albedo : (H, W, 3) float
-        Of a method's estimate.
-    camera : Camera
-    gap_px : float
-        No face spans two neighbours that lie farther than this many pixels off each other's tangent planes.
-
-    Notes
-    -----
-    Each square of four pixels gives two triangles, where it is whole; where one corner is missing, the triangle of
-    the other three is given.
+    Normals and albedo (H, W, 3) are those of a method's estimate. No face spans two neighbours that lie farther than
+    `gap_px` off each other's tangent planes. Each square of four pixels gives two triangles, where it is whole; where
+    one corner is missing, the triangle of the other three is given.
     """
     inside = np.isfinite(surface.z_mm)
     number = np.full(inside.shape, -1)

@@ -1,9 +1,10 @@
 """What the normals say of each pixel's neighbours: the steps of depth from one to the next by their tangent planes."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from scene.camera import Camera
 
@@ -11,6 +12,8 @@ Array = NDArray[np.float64]
 
 _STEEPEST = 0.03
 """Least cosine between normal and ray: a surface seen more edge-on than 88 degrees is taken as 88."""
+_FARTHEST = 0.1
+"""No pixel of a finer grid is placed nearer or farther than its parent by more than this share."""
 
 
 @dataclass(frozen=True)
@@ -91,3 +94,39 @@ def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tup
         weight = np.where(pair, np.minimum(cosine, shifted(cosine)) ** 2, 0.0)
         axes.append(Axis(step, pair, top, bottom, weight, float(focal), camera.is_orthographic))
     return Edges(inside, cosine, (axes[0], axes[1]))
+
+
+def every_nth(camera: Camera, step: int) -> Camera:
+    """Return the camera whose pixels are every n-th one of a camera's, from the first on."""
+    return replace(
+        camera,
+        width=-(-camera.width // step),
+        height=-(-camera.height // step),
+        fx=camera.fx / step,
+        fy=camera.fy / step,
+        cx=camera.cx / step,
+        cy=camera.cy / step,
+    )
+
+
+def finer(z_mm: Array, normals: NDArray, camera: Camera) -> Array:
+    """Return a depth (H, W) from that of every second pixel, each pixel in the tangent plane of its parent.
+
+    `z_mm` (ceil(H / 2), ceil(W / 2)) is NaN where unknown, `normals` (H, W, 3) are finite where it is known, and
+    `camera` is that of the finer grid. The parent is the pixel of the coarser grid with a depth that is nearest to the
+    one above and left.
+    """
+    height, width = normals.shape[:2]
+    nearest = np.asarray(distance_transform_edt(~np.isfinite(z_mm), return_distances=False, return_indices=True))
+    rows, columns = (np.arange(size) // 2 for size in (height, width))
+    row, column = nearest[:, rows[:, None], columns[None]]
+    depth, normal = z_mm[row, column], normals[2 * row, 2 * column]
+    base, rays = camera.rays(camera.grid())
+    if camera.is_orthographic:
+        way = base - base[2 * row, 2 * column]
+        slope = -np.sum(normal[..., :2] * way[..., :2], -1) / np.maximum(normal[..., 2], 0.03)
+        return depth + slope
+    rays = rays / -rays[..., 2:]
+    ratio = np.sum(normal * rays[2 * row, 2 * column], -1) / np.sum(normal * rays, -1)
+    # A parent seen edge-on says little of how deep its children are.
+    return depth * np.clip(np.nan_to_num(ratio, nan=1.0), 1 / (1 + _FARTHEST), 1 + _FARTHEST)

@@ -1,20 +1,17 @@
 """Uncalibrated normals by the plainest albedo: few colours on the object make a peaked histogram.
 
-Looks at all pixels at once. Memory: 9 bytes a sample beside the samples themselves.
+Memory: 9 bytes a sample beside the samples themselves.
 """
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
-from solve.uncalibrated.front_end import family
+from solve.methods import Method, Problem, Whole
+from solve.samples import Samples
+from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
 from solve.uncalibrated.normals_and_lights import finish
-
-WHOLE = True
-CALIBRATED = False
-
-SETTINGS = {"robust": True, "sign": "outline", "smooth_px": 2.0, "bins_per_mean": 64, "most_pixels": 6000}
-SEED_SETTINGS = SETTINGS | {"robust": False, "sign": "arbitrary"}
-"""The plain reading: no cleaning of the samples, no rescue of the sign."""
 
 TILT = np.linspace(-4, 4, 17)
 LOG_DEPTH = np.linspace(-np.log(8), np.log(8), 21)
@@ -24,30 +21,25 @@ DOUBLE = 0.05
 FLAT = 0.15
 
 
-def fit_whole(gray, valid, points, geometry, mask, *, robust, sign, smooth_px, bins_per_mean, most_pixels):
-    """Fit b = albedo x normal, and the lights.
+class Settings(NamedTuple):
+    """Settings of `entropy`.
 
     Parameters
     ----------
-    gray : (P, F) float32
-    valid : (P, F) bool
-        Not clipped.
-    points, geometry
-        Not used.
-    mask : (H, W) bool
-        Of P pixels.
-    robust, smooth_px
-        See `front_end.family`.
-    sign : str
-        See `finish.finish`.
+    front_end : NamedTuple
     bins_per_mean : int
         The histogram's bins have the mean albedo divided by this for width.
     most_pixels : int
         Every so many pixels are taken, to have at most about these.
+    """
 
-    Returns
-    -------
-    Whole
+    front_end: FrontEnd = FrontEnd()
+    bins_per_mean: int = 64
+    most_pixels: int = 6000
+
+
+def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+    """Fit b = albedo x normal, and the lights.
 
     Notes
     -----
@@ -58,18 +50,19 @@ def fit_whole(gray, valid, points, geometry, mask, *, robust, sign, smooth_px, b
     Do not believe it on texture, where every albedo is as likely as another, nor on shadows that were not cleaned
     away. It says so by a minimum that is flat, or one of two: the second is looked for, and its depth compared.
     """
-    found = family(gray, valid, mask, robust=robust, smooth_px=smooth_px)
-    step = max(1, -(-len(found.b) // most_pixels))
+    found = family(samples, problem.mask, settings.front_end)
+    step = max(1, -(-len(found.b) // settings.most_pixels))
     b = np.ascontiguousarray(found.b[::step])
-    surface = _grid(b, TILT, LOG_DEPTH, bins_per_mean)
-    minima = _lowest(surface)
+    bins_per_mean = settings.bins_per_mean
+    grid = [[[_entropy(b, mu, nu, each, bins_per_mean) for each in LOG_DEPTH] for nu in TILT] for mu in TILT]
+    minima = _lowest(np.array(grid))
     refined = [_refine(b, np.array([TILT[i], TILT[j], LOG_DEPTH[k]]), bins_per_mean) for i, j, k in minima]
     refined.sort(key=lambda each: each[0])
     (entropy, best), others = refined[0], refined[1:]
-    doubts = []
+    cautions = []
     far = [value for value, place in others if _apart(best, place) > 0.3]
     if far and min(far) - entropy < DOUBLE:
-        doubts.append(
+        cautions.append(
             f"the entropy has a second minimum, only {min(far) - entropy:.3f} higher: another relief makes the albedo "
             "as plain."
         )
@@ -77,13 +70,14 @@ def fit_whole(gray, valid, points, geometry, mask, *, robust, sign, smooth_px, b
     around = [best + np.array(d) * [depth, depth, 1] * 0.15 for d in np.concatenate([np.eye(3), -np.eye(3)])]
     rise = min(_at(b, each, bins_per_mean) for each in around) - entropy
     if rise < FLAT:
-        doubts.append(
+        cautions.append(
             f"the entropy's minimum is flat (it rises by {rise:.3f} for a relief that differs by 15 %, expected "
             f"{FLAT}): the albedo varies too smoothly."
         )
     if np.max(np.abs(best[:2])) > 0.99 * TILT[-1] or abs(best[2]) > 0.99 * LOG_DEPTH[-1]:
-        doubts.append("the entropy is least at the edge of the range that is searched.")
-    return finish(found, float(best[0]), float(best[1]), float(depth), mask, sign, doubts)
+        cautions.append("the entropy is least at the edge of the range that is searched.")
+    relief = float(best[0]), float(best[1]), float(depth)
+    return finish(found, relief, problem.mask, settings.front_end, *cautions)
 
 
 def _at(b, place, bins):
@@ -91,8 +85,9 @@ def _at(b, place, bins):
     return _entropy(b, place[0], place[1], place[2], bins)
 
 
-def plainest_depth(b, mu, nu, bins_per_mean=SETTINGS["bins_per_mean"], most_pixels=SETTINGS["most_pixels"]):
+def plainest_depth(b, mu, nu):
     """Return lambda of least entropy for a tilt that is given; b (P, 3) float64."""
+    bins_per_mean, most_pixels = Settings().bins_per_mean, Settings().most_pixels
     some = np.ascontiguousarray(b[:: max(1, -(-len(b) // most_pixels))])
     fine = np.linspace(LOG_DEPTH[0], LOG_DEPTH[-1], 401)
     return float(np.exp(fine[np.argmin([_entropy(some, mu, nu, each, bins_per_mean) for each in fine])]))
@@ -165,11 +160,4 @@ def _entropy(b, mu, nu, log_depth, bins):  # pragma: no cover
     return out / count
 
 
-@numba.njit(nogil=True, cache=True)
-def _grid(b, tilt, log_depth, bins):  # pragma: no cover
-    out = np.empty((len(tilt), len(tilt), len(log_depth)))
-    for i in range(len(tilt)):
-        for j in range(len(tilt)):
-            for k in range(len(log_depth)):
-                out[i, j, k] = _entropy(b, tilt[i], tilt[j], log_depth[k], bins)
-    return out
+METHOD = Method("entropy", {"default": Settings(), "seed": Settings(PLAIN)}, fit_whole=fit_whole, is_calibrated=False)

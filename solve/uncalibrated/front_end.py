@@ -7,14 +7,15 @@ M = B S' by a robust rank-3 factorisation, B then made integrable: what remains 
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import CalibrationError
 from solve.pixelwise import iterative
+from solve.samples import Geometry, Samples
 from solve.uncalibrated.integrability import integrable
-from solve.whole_result import scale_of_samples
 
 Array = NDArray[np.float64]
 
@@ -29,21 +30,14 @@ EIGEN_GAP = 0.1
 class Family:
     """Pseudo-normals and lights up to a generalised bas-relief transform, with a convention for its three numbers.
 
-    Parameters
-    ----------
-    b : (P, 3) float64
-        Pseudo-normals times pseudo-albedo; the mean of the third component is positive.
-    lights : (F, 3) float64
-        gray = b @ lights.T where lit.
-    used : (P, F) bool
-        The samples that agree.
-    doubts : tuple of str
+    Pseudo-normals times pseudo-albedo (P, 3), the mean of the third component being positive; lights (F, 3), with gray
+    = b @ lights.T where lit; the samples that agree (P, F); and cautions.
     """
 
     b: Array
     lights: Array
     used: NDArray[np.bool_]
-    doubts: tuple[str, ...]
+    cautions: tuple[str, ...]
 
     def rendered(self) -> NDArray[np.float32]:
         """Return the matte images (P, F), shadows at zero."""
@@ -59,23 +53,32 @@ class Family:
         return sign * self.b @ matrix, sign * self.lights @ np.linalg.inv(matrix).T
 
 
-def family(
-    gray: NDArray, valid: NDArray[np.bool_], mask: NDArray[np.bool_], *, robust: bool, smooth_px: float
-) -> Family:
-    """Factorise the samples and make the pseudo-normals integrable.
+class FrontEnd(NamedTuple):
+    """Settings that all uncalibrated methods share.
 
     Parameters
     ----------
-    gray : (P, F) float32
-    valid : (P, F) bool
-        Not clipped.
-    mask : (H, W) bool
-        Of P pixels.
     robust : bool
         Drop shadows and highlights: each pixel's samples that disagree with the pseudo-lights. Otherwise
         the plain singular value decomposition of all samples.
+    sign : str
+        `outline`: of (b1, b2, b3) and (-b1, -b2, b3), which give the same pictures under mirrored lights, that
+        whose normals point outward along the mask's outline. `arbitrary`: as the eigenvectors left it.
     smooth_px : float
         Standard deviation of the Gaussian under the derivatives.
+    """
+
+    robust: bool = True
+    sign: str = "outline"
+    smooth_px: float = 2.0
+
+
+PLAIN = FrontEnd(robust=False, sign="arbitrary")
+"""The plain reading: no cleaning of the samples, no rescue of the sign."""
+
+
+def family(samples: Samples, mask: NDArray[np.bool_], settings: FrontEnd) -> Family:
+    """Factorise the samples of the mask's pixels and make the pseudo-normals integrable.
 
     Raises
     ------
@@ -88,12 +91,13 @@ def family(
     difference between lights and any linear image of them: `solve.pixelwise.iterative` serves as it is, in turn with
     least squares for the lights over the samples that it keeps.
     """
+    gray = samples.gray
     if gray.shape[1] < FEWEST_FRAMES:
         raise CalibrationError(
             f"uncalibrated methods: found {gray.shape[1]} frames, expected {FEWEST_FRAMES} or more, each lit from "
             "another side. Shoot more flash frames, or calibrate the lights."
         )
-    doubts = []
+    cautions = []
     moments = np.zeros((gray.shape[1],) * 2)
     for start in range(0, len(gray), 4096):
         some = gray[start : start + 4096].astype(np.float64)
@@ -104,31 +108,31 @@ def family(
     lights = np.ascontiguousarray(vectors[:, :-4:-1])
     # The decomposition leaves three signs open.
     lights *= np.sign((gray @ lights).sum(0))
-    if robust:
+    if settings.robust:
         # The lights from every so many pixels; then each pixel by them.
         some = slice(None, None, max(1, len(gray) // 5_000))
-        scale = scale_of_samples(gray, valid)
+        scale, few = samples.scale(), samples.some(some)
         for _ in range(ROUNDS):
-            b, used = _robust_pixels(gray[some], valid[some], lights, scale)
+            b, used = _robust_pixels(few, lights, scale)
             # Orthonormal, so that a pixel's lights look as spread as they can.
-            basis, triangle = np.linalg.qr(_lights(gray[some], used, b))
+            basis, triangle = np.linalg.qr(_lights(few.gray, used, b))
             lights = np.ascontiguousarray(basis * np.where(np.diag(triangle) < 0, -1.0, 1.0))
-        b, used = _robust_pixels(gray, valid, lights, scale)
+        b, used = _robust_pixels(samples, lights, scale)
         # Of what was kept: the least dimension against a fourth one of noise.
         singular = np.linalg.svd(b, compute_uv=False)
         misfit = (gray[some] - b[some] @ lights.T)[used[some]]
         rest = float(np.sqrt(len(gray) * np.mean(misfit**2))) if len(misfit) else 0.0
     else:
-        b, used = gray @ lights, np.ones_like(valid)
+        b, used = gray @ lights, np.ones_like(samples.valid)
     if singular[2] < RANK_GAP * rest:
-        doubts.append(
+        cautions.append(
             f"the third singular value of the samples is only {singular[2] / rest:.1f} times the fourth, expected "
             f"{RANK_GAP:g}: shadows, gloss or too few lights hide the surface's three dimensions."
         )
     known = np.linalg.norm(b, axis=1) > 0
-    matrix, gap = integrable(np.where(known[:, None], b, b.mean(0)), mask, smooth_px)
+    matrix, gap = integrable(np.where(known[:, None], b, b.mean(0)), mask, settings.smooth_px)
     if gap > EIGEN_GAP:
-        doubts.append(
+        cautions.append(
             f"integrability hardly tells the surface from others (eigenvalues at a ratio of {gap:.2f}, expected under "
             f"{EIGEN_GAP}): too flat, too small or too noisy."
         )
@@ -137,24 +141,21 @@ def family(
     if facing < 0.5:
         b, lights, facing = -b, -lights, 1 - facing
     if facing < 0.97:
-        doubts.append(f"{1 - facing:.0%} of the pseudo-normals face away from the camera: this is no visible surface.")
-    return Family(b, lights, used, tuple(doubts))
+        cautions.append(
+            f"{1 - facing:.0%} of the pseudo-normals face away from the camera: this is no visible surface."
+        )
+    return Family(b, lights, used, tuple(cautions))
 
 
-def _robust_pixels(
-    gray: NDArray, valid: NDArray[np.bool_], lights: Array, scale: float
-) -> tuple[Array, NDArray[np.bool_]]:
+def _robust_pixels(samples: Samples, lights: Array, scale: float) -> tuple[Array, NDArray[np.bool_]]:
     """Return b (P, 3) and the samples that agree (P, F), the pseudo-lights being given."""
-    nowhere = np.zeros((len(lights), 3))
+    samples = samples._replace(points=np.zeros((len(samples.gray), 3)), lights=Geometry.distant(lights))
 
     def each(start: int) -> tuple[Array, NDArray[np.bool_]]:
-        part = slice(start, start + _CHUNK)
-        points = np.zeros((len(gray[part]), 3))
-        geometry = (lights, nowhere, np.zeros(len(lights)), False)
-        return iterative.fit(gray[part], valid[part], points, *geometry, scale, **iterative.SETTINGS)
+        return iterative.fit(samples.some(slice(start, start + _CHUNK)), scale, iterative.Settings())
 
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        b, used = zip(*pool.map(each, range(0, len(gray), _CHUNK)), strict=True)
+        b, used = zip(*pool.map(each, range(0, len(samples.gray), _CHUNK)), strict=True)
     return np.concatenate(b), np.concatenate(used)
 
 

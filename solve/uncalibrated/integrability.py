@@ -11,20 +11,10 @@ ROUNDS = 15
 def integrable(pseudo: Array, mask: NDArray[np.bool_], smooth_px: float) -> tuple[Array, float]:
     """Return (3, 3) T, with b = pseudo @ T integrable, and how well T is determined.
 
-    Parameters
-    ----------
-    pseudo : (P, 3) float64
-        Any linear image of albedo x normal, of the pixels of the mask.
-    mask : (H, W) bool
-    smooth_px : float
-        Standard deviation of the Gaussian under the derivatives, within the mask.
-
-    Returns
-    -------
-    matrix : (3, 3) float64
-        Its third column is a convention: b G is as integrable for every bas-relief transform G.
-    gap : float
-        The smallest eigenvalue as a share of the next: near 1, other surfaces explain the pictures as well.
+    `pseudo` (P, 3) is any linear image of albedo x normal of the mask's pixels, `smooth_px` the standard deviation of
+    the Gaussian under the derivatives, within the mask. The third column of T is a convention: b G is as integrable for
+    every bas-relief transform G. How well: the smallest eigenvalue as a share of the next; near 1, other surfaces
+    explain the pictures as well.
 
     Notes
     -----

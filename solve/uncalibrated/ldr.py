@@ -1,29 +1,18 @@
 """Uncalibrated normals from diffuse maxima: where an image of a matte surface peaks, the normal faces the light.
 
-Looks at all pixels at once. Memory: 9 bytes a sample beside the samples themselves.
+Memory: 9 bytes a sample beside the samples themselves.
 """
+
+from typing import NamedTuple
 
 import cv2
 import numba
 import numpy as np
 
-from solve.uncalibrated.front_end import family
+from solve.methods import Method, Problem, Whole
+from solve.samples import Samples
+from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
 from solve.uncalibrated.normals_and_lights import finish
-
-WHOLE = True
-CALIBRATED = False
-
-SETTINGS = {
-    "robust": True,
-    "sign": "outline",
-    "smooth_px": 2.0,
-    "brightness": 0.5,
-    "most_maxima": 2500,
-    "agreement": 0.3,
-    "fewest_distinct": 25,
-}
-SEED_SETTINGS = SETTINGS | {"robust": False, "sign": "arbitrary", "agreement": np.inf, "fewest_distinct": 0}
-"""The plain reading: no cleaning of the samples, no rescue of the sign, every crossing has a vote."""
 
 FEWEST_CROSSINGS = 3
 CONCENTRATED = 0.5
@@ -31,38 +20,13 @@ _NEAR = 0.25
 _MARGIN = 8
 
 
-def fit_whole(
-    gray,
-    valid,
-    points,
-    geometry,
-    mask,
-    *,
-    robust,
-    sign,
-    smooth_px,
-    brightness,
-    most_maxima,
-    agreement,
-    fewest_distinct,
-):
-    """Fit b = albedo x normal, and the lights.
+class Settings(NamedTuple):
+    """Settings of `ldr`.
 
     Parameters
     ----------
-    gray : (P, F) float32
-    valid : (P, F) bool
-        Not clipped.
-    points, geometry
-        Not used.
-    mask : (H, W) bool
-        Of P pixels.
-    robust : bool
-        See `front_end.family`. The maxima are then those of the matte images that it leaves.
-    sign : str
-        See `finish.finish`.
-    smooth_px : float
-        Gaussian under the derivatives, and under the images before their maxima are looked for.
+    front_end : NamedTuple
+        If robust, the maxima are those of the matte images that it leaves; its Gaussian smooths them, too.
     brightness : float
         Maxima under this share of an image's range are none.
     most_maxima : int
@@ -72,10 +36,21 @@ def fit_whole(
     fewest_distinct : int
         A pixel that is a maximum under two lights is a bright spot of the albedo, and dropped. With fewer maxima
         than this left, all in the brightest quarter are taken.
+    """
 
-    Returns
-    -------
-    Whole
+    front_end: FrontEnd = FrontEnd()
+    brightness: float = 0.5
+    most_maxima: int = 2500
+    agreement: float = 0.3
+    fewest_distinct: int = 25
+
+
+SEED = Settings(PLAIN, agreement=np.inf, fewest_distinct=0)
+"""The plain reading: no cleaning of the samples, no rescue of the sign, every crossing has a vote."""
+
+
+def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+    """Fit b = albedo x normal, and the lights.
 
     Notes
     -----
@@ -89,51 +64,41 @@ def fit_whole(
     without smooth regions, nor on gloss that is not cleaned away: its maxima face halfway to the camera. It says so
     by crossings that do not concentrate.
     """
-    found = family(gray, valid, mask, robust=robust, smooth_px=smooth_px)
-    clean = found.rendered() if robust else gray
-    doubts = []
-    pixel, frame, height, times = maxima(clean, mask, smooth_px, brightness)
+    mask, front_end = problem.mask, settings.front_end
+    found = family(samples, mask, front_end)
+    clean = found.rendered() if front_end.robust else samples.gray
+    cautions = []
+    pixel, frame, height, times = maxima(clean, mask, front_end.smooth_px, settings.brightness)
     distinct = times < 2
-    if np.count_nonzero(distinct) < fewest_distinct:
-        doubts.append(
-            f"only {np.count_nonzero(distinct)} maxima move with the light, expected {fewest_distinct}: texture hides "
-            "the others."
+    if np.count_nonzero(distinct) < settings.fewest_distinct:
+        cautions.append(
+            f"only {np.count_nonzero(distinct)} maxima move with the light, expected {settings.fewest_distinct}: "
+            "texture hides the others."
         )
-        distinct = height > 0.5 + brightness / 2
+        distinct = height > 0.5 + settings.brightness / 2
     chosen = np.flatnonzero(distinct)
-    chosen = chosen[np.lexsort((pixel[chosen], -height[chosen]))[:most_maxima]]
-    numbers = crossings(found.b[pixel[chosen]], found.lights[frame[chosen]], agreement)
+    chosen = chosen[np.lexsort((pixel[chosen], -height[chosen]))[: settings.most_maxima]]
+    numbers = crossings(found.b[pixel[chosen]], found.lights[frame[chosen]], settings.agreement)
     if len(numbers) < FEWEST_CROSSINGS:
-        doubts.append(f"only {len(numbers)} pairs of diffuse maxima agree on a relief: tilt and depth are not known.")
-        return finish(found, 0.0, 0.0, 1.0, mask, sign, doubts)
+        cautions.append(f"only {len(numbers)} pairs of diffuse maxima agree on a relief: tilt and depth are not known.")
+        return finish(found, (0.0, 0.0, 1.0), mask, front_end, *cautions)
     middle = np.median(numbers, axis=0)
     depth = float(np.exp(middle[2]))
     near = np.mean(np.all(np.abs((numbers - middle) / [depth, depth, 1]) < _NEAR, axis=1))
     if near < CONCENTRATED:
-        doubts.append(
+        cautions.append(
             f"{near:.0%} of the crossings of diffuse maxima are near their median, expected {CONCENTRATED:.0%}: "
             "maxima that are none (texture, gloss) outvote the others."
         )
-    return finish(found, float(middle[0]), float(middle[1]), depth, mask, sign, doubts)
+    return finish(found, (float(middle[0]), float(middle[1]), depth), mask, front_end, *cautions)
 
 
 def maxima(images, mask, smooth_px, brightness):
     """Find the maxima of each image, away from the outline.
 
-    Parameters
-    ----------
-    images : (P, F) float32
-    mask : (H, W) bool
-    smooth_px, brightness : float
-        See `fit_whole`.
-
-    Returns
-    -------
-    pixel, frame : (M,) int
-    height : (M,) float
-        0 at the image's darkest, 1 at its brightest pixel.
-    times : (M,) int
-        In how many images a maximum lies here or beside.
+    `images` are (P, F) float32, those under the mask; for `smooth_px` and `brightness` see `Settings`. Returns, for
+    each maximum, pixel, frame, height (0 at the image's darkest, 1 at its brightest pixel), and in how many images
+    one lies here or beside.
     """
     top, left = (int(np.flatnonzero(mask.any(axis)).min()) for axis in (1, 0))
     bottom, right = (int(np.flatnonzero(mask.any(axis)).max()) + 1 for axis in (1, 0))
@@ -164,12 +129,7 @@ def maxima(images, mask, smooth_px, brightness):
 def crossings(normals, lights, agreement):
     """Return (C, 3) mu, nu, log lambda where the segments of two maxima cross; see `fit_whole`.
 
-    Parameters
-    ----------
-    normals, lights : (M, 3) float64
-        Pseudo-normal and pseudo-light of each maximum.
-    agreement : float
-        Greatest difference of log lambda.
+    Each maximum has a pseudo-normal and a pseudo-light, (M, 3) float64.
     """
     usable = np.abs(normals[:, 2]) > 1e-9
     return _crossings(normals[usable], lights[usable], agreement)
@@ -199,3 +159,6 @@ def _crossings(normals, lights, agreement):  # pragma: no cover
                 out[size, 2] = 0.25 * np.log(first * second)
                 size += 1
     return out[:size]
+
+
+METHOD = Method("ldr", {"default": Settings(), "seed": SEED}, fit_whole=fit_whole, is_calibrated=False)

@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from solve.uncalibrated.front_end import Family
-from solve.whole_result import Whole
+from solve.methods import Whole
+from solve.uncalibrated.front_end import Family, FrontEnd
 
 Array = NDArray[np.float64]
 RIM_PX = (1.5, 6.5)
@@ -14,29 +14,16 @@ CLEAR_VOTE = 0.75
 STEEP = 0.4
 
 
-def finish(found: Family, mu: float, nu: float, depth: float, mask: NDArray[np.bool_], sign: str, doubts=()) -> Whole:
-    """Return normals and lights for the three numbers of the bas-relief transform.
+def finish(
+    found: Family, relief: tuple[float, float, float], mask: NDArray[np.bool_], settings: FrontEnd, *cautions: str
+) -> Whole:
+    """Return normals and lights for mu, nu and depth > 0 of the bas-relief transform; see `Family.relief`.
 
-    Parameters
-    ----------
-    found : Family
-    mu, nu, depth : float
-        depth > 0 is lambda; its sign belongs to `sign`.
-    mask : (H, W) bool
-    sign : str
-        `outline`: of (b1, b2, b3) and (-b1, -b2, b3), which give the same pictures under mirrored lights, that
-        whose normals point outward along the mask's outline. `arbitrary`: as the eigenvectors left it.
-    doubts : sequence of str
-        Added to the family's.
-
-    Returns
-    -------
-    Whole
-        Lights relative to their mean length, which b takes.
+    Lights are relative to their mean length, which b takes. The cautions are added to the family's.
     """
-    b, lights = found.relief(mu, nu, depth)
-    said = [*found.doubts, *doubts]
-    if sign == "outline":
+    b, lights = found.relief(*relief)
+    said = [*found.cautions, *cautions]
+    if settings.sign == "outline":
         vote, steepness = outward_vote(b, mask)
         if np.isnan(vote):
             said.append("convex or concave is not known: the object's outline is not in the picture.")

@@ -1,46 +1,23 @@
 """Uncalibrated normals by the least total variation of the depth.
 
-Looks at all pixels at once. Memory: 9 bytes a sample beside the samples themselves.
+Memory: 9 bytes a sample beside the samples themselves.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
+from solve.methods import Method, Problem, Whole
+from solve.samples import Samples
 from solve.uncalibrated.entropy import plainest_depth
-from solve.uncalibrated.equal_lights import depth_of_equal_lights
-from solve.uncalibrated.front_end import family
+from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
 from solve.uncalibrated.normals_and_lights import finish
 
-WHOLE = True
-CALIBRATED = False
-
-SETTINGS = {"robust": True, "sign": "outline", "smooth_px": 2.0}
-SEED_SETTINGS = SETTINGS | {"robust": False, "sign": "arbitrary"}
-"""The plain reading: no cleaning of the samples, no rescue of the sign. Of the authors' four variants the benchmark
-names none."""
-
+Array = NDArray[np.float64]
 UNEQUAL = 0.15
 
 
-def fit_whole(gray, valid, points, geometry, mask, *, robust, sign, smooth_px):
+def fit_whole(problem: Problem, samples: Samples, settings: FrontEnd) -> Whole:
     """Fit b = albedo x normal, and the lights.
-
-    Parameters
-    ----------
-    gray : (P, F) float32
-    valid : (P, F) bool
-        Not clipped.
-    points, geometry
-        Not used.
-    mask : (H, W) bool
-        Of P pixels.
-    robust, smooth_px
-        See `front_end.family`.
-    sign : str
-        See `finish.finish`.
-
-    Returns
-    -------
-    Whole
 
     Notes
     -----
@@ -52,19 +29,41 @@ def fit_whole(gray, valid, points, geometry, mask, *, robust, sign, smooth_px):
     Do not believe it where slopes do not balance: a leaning object, half a ball, a mask that ends where the object
     does not; nor under unequal intensities that nobody has measured.
     """
-    found = family(gray, valid, mask, robust=robust, smooth_px=smooth_px)
+    found = family(samples, problem.mask, settings)
     slopes = found.b[:, :2] / np.where(np.abs(found.b[:, 2:]) > 1e-12, found.b[:, 2:], np.nan)
     mu, nu = -geometric_median(slopes[np.isfinite(slopes).all(1)])
     depth, spread = depth_of_equal_lights(found.lights, mu, nu)
-    doubts = []
-    if depth is None or spread > UNEQUAL:
-        doubts.append(
-            "no depth of the relief gives the lights one intensity (they would differ by "
-            f"{'any amount' if depth is None else f'{spread:.0%}'}, expected under {UNEQUAL:.0%}): it comes from the "
-            "entropy of the albedo instead."
-        )
-        depth = plainest_depth(found.b, mu, nu)
-    return finish(found, mu, nu, depth, mask, sign, doubts)
+    if depth is not None and spread <= UNEQUAL:
+        return finish(found, (mu, nu, depth), problem.mask, settings)
+    return finish(
+        found, (mu, nu, plainest_depth(found.b, mu, nu)), problem.mask, settings,
+        "no depth of the relief gives the lights one intensity (they would differ by "
+        f"{'any amount' if depth is None else f'{spread:.0%}'}, expected under {UNEQUAL:.0%}): it comes from the "
+        "entropy of the albedo instead.",
+    )  # fmt: skip
+
+
+def depth_of_equal_lights(lights: Array, mu: float, nu: float) -> tuple[float | None, float]:
+    """Return lambda that makes lights (F, 3) equally strong for a given tilt, and their relative spread then.
+
+    None where no lambda does. Least absolute deviations of L1^2 + L2^2 + x (L3 - mu L1 - nu L2)^2 = c,
+    x = 1 / lambda^2: some lights may be off.
+    """
+    flat = np.sum(lights[:, :2] ** 2, 1)
+    deep = (lights[:, 2] - mu * lights[:, 0] - nu * lights[:, 1]) ** 2
+    weight = np.ones(len(lights))
+    x = 0.0
+    for _ in range(30):
+        total = weight.sum()
+        a, d = flat - weight @ flat / total, deep - weight @ deep / total
+        x = -float(np.sum(weight * a * d)) / max(float(np.sum(weight * d * d)), 1e-300)
+        residual = np.abs(a + x * d)
+        weight = 1 / np.maximum(residual, 0.5 * np.median(residual) + 1e-12 * flat.mean())
+    if x <= 0:
+        return None, np.inf
+    strength = np.sqrt(flat + x * deep)
+    middle = float(np.median(strength))
+    return float(x**-0.5), 1.4826 * float(np.median(np.abs(strength - middle))) / middle
 
 
 def geometric_median(points, tolerance=1e-10, rounds=500):
@@ -83,3 +82,7 @@ def geometric_median(points, tolerance=1e-10, rounds=500):
         if moved < tolerance * scale:
             break
     return center
+
+
+# The plain reading; of the authors' four variants the benchmark names none.
+METHOD = Method("tv", {"default": FrontEnd(), "seed": PLAIN}, fit_whole=fit_whole, is_calibrated=False)

@@ -7,44 +7,31 @@ from solve.pixelwise.kernels import SINGULAR, light_vector, solve_sums
 
 
 @numba.njit(nogil=True, cache=True)
-def depth_evidence(gray, b, used, points, way, directions, positions, reach, is_near):  # pragma: no cover
-    """Linearise the fit of every pixel in its place on its ray.
+def depth_evidence(samples, b, way):  # pragma: no cover
+    """Linearise the fit b (P, 3) of every pixel in its place on its ray.
 
-    Parameters
-    ----------
-    gray, points, directions, positions, reach, is_near
-        See `solve.pixelwise.ls.fit`.
-    b : (P, 3) float64
-        The fit at `points`.
-    used : (P, F) bool
-    way : (P, 3) float64
-        How the point moves with the unknown t.
+    `samples.valid` are the samples that b is fitted to, `way` (P, 3) how the point moves with the unknown t.
 
-    Returns
-    -------
-    slope, information : (P,) float64
-        The best step is slope / information, its variance that of a sample over the information.
-    squares : (P,) float64
-        Sum of the squared residuals.
-    count : (P,) int64
-        Used samples.
+    Returns slope and information (P,): the best step is slope / information, its variance that of a sample over the
+    information; the sum of the squared residuals (P,); and how many samples are used (P,).
 
     Notes
     -----
     m_f = l_f(t) . b with l = reach (q - p) / |q - p|^3; j_f = (dl_f / dt) . b. What b can follow of j is taken out
     (L the used light vectors): j' = j - L (L^T L)^-1 L^T j; slope = j' . r, information = j' . j'.
     """
+    gray, used, points, geometry = samples
+    positions, reach = geometry.positions, geometry.reach
     pixels, lights = gray.shape
     slope, information = np.zeros(pixels), np.zeros(pixels)
     squares, count = np.zeros(pixels), np.zeros(pixels, np.int64)
-    sums = np.empty(9)
     for i in range(pixels):
-        sums[:] = 0.0
+        xx = xy = xz = yy = yz = zz = sx = sy = sz = 0.0
         along = across = p = q = r = 0.0
         for k in range(lights):
             if not used[i, k]:
                 continue
-            x, y, z = light_vector(k, points[i], directions, positions, reach, is_near)
+            x, y, z = light_vector(k, points[i], geometry)
             gap = gray[i, k] - (x * b[i, 0] + y * b[i, 1] + z * b[i, 2])
             u = positions[k, 0] - points[i, 0]
             v = positions[k, 1] - points[i, 1]
@@ -55,15 +42,15 @@ def depth_evidence(gray, b, used, points, way, directions, positions, reach, is_
                 b[i, 0] * (toward * u - way[i, 0]) + b[i, 1] * (toward * v - way[i, 1])
                 + b[i, 2] * (toward * w - way[i, 2])
             )  # fmt: skip
-            sums[0] += x * x
-            sums[1] += x * y
-            sums[2] += x * z
-            sums[3] += y * y
-            sums[4] += y * z
-            sums[5] += z * z
-            sums[6] += x * step
-            sums[7] += y * step
-            sums[8] += z * step
+            xx += x * x
+            xy += x * y
+            xz += x * z
+            yy += y * y
+            yz += y * z
+            zz += z * z
+            sx += x * step
+            sy += y * step
+            sz += z * step
             p += x * gap
             q += y * gap
             r += z * gap
@@ -71,8 +58,8 @@ def depth_evidence(gray, b, used, points, way, directions, positions, reach, is_
             across += step * gap
             squares[i] += gap * gap
             count[i] += 1
-        x, y, z, well = solve_sums(sums, SINGULAR)
+        x, y, z, well = solve_sums((xx, xy, xz, yy, yz, zz, sx, sy, sz), SINGULAR)
         if well:
-            information[i] = max(along - (x * sums[6] + y * sums[7] + z * sums[8]), 0.0)
+            information[i] = max(along - (x * sx + y * sy + z * sz), 0.0)
             slope[i] = across - (x * p + y * q + z * r)
     return slope, information, squares, count

@@ -5,14 +5,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
-from scene.frames import Frames
+from scene.intensities import Eliminated
 from scene.lights import Lights
 from scene.normals import unit
+from solve.methods import Problem
 from solve.pixelwise import iterative
-from solve.samples import GRAY, Geometry, bands, read_band, scale_of
+from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
-from solve.whole import near
+from solve.surface.tangent_planes import every_nth
+from solve.whole.near_depth import Settings, find_depth
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,7 @@ SAMPLED = 2_000
 NEARNESS = (0.02, 0.04, 0.07, 0.1, 0.14, 0.2, 0.3, 0.45)
 """Object's size over the lights' distance: what is tried first, upon the relief that distant lights make."""
 ENOUGH = 100
-"""Pixels that anything can be told from."""
+"""Fewest pixels that distances are estimated from."""
 GAIN = 0.15
 """By how much the residuals' logarithm must fall before lights are taken for near ones: gloss alone gives a tenth."""
 FARTHEST = 70.0
@@ -37,51 +38,40 @@ LOOSE = 1e-3
 """Pull of each light's nearness to their mean, beside what its samples tell."""
 
 
-def find_positions(
-    frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]
-) -> tuple[Lights, tuple[str, ...]]:
-    """Return the lights with positions, if they are near enough to tell, and what was found.
+def find_positions(problem: Problem) -> Problem:
+    """Return the problem under lights with positions; as it is if they have them or are too far to tell.
 
-    Parameters
-    ----------
-    frames, lights, camera, mask
-        See `solve.solve.solve`; directions and intensities are taken to hold somewhere in the object.
-
-    Returns
-    -------
-    lights : Lights
-        As given, if they have positions already or are too far to tell.
-    said : tuple of str
+    Directions and intensities are taken to hold somewhere in the object.
 
     Notes
     -----
     A light at the distance d of an object of size s dims by some 2 s / d across it and turns by s / d. With
-    l_f(p) = |q_f - c|^2 (q_f - p) / |q_f - p|^3 and q_f = c + (s / k_f) direction_f: for a mean nearness k, `near`
-    makes the relief, also how far it stands before c; upon that, each k_f is found by Gauss and Newton on
+    l_f(p) = |q_f - c|^2 (q_f - p) / |q_f - p|^3 and q_f = c + (s / k_f) direction_f: for a mean nearness k,
+    `near_depth` makes the relief, also how far it stands before c; upon that, each k_f is found by Gauss and Newton on
     m = l_f(p) . b, each pixel's b eliminated (Schur complement [Triggs2000]). The mean is where the residuals are
     least then. Relief and mean in turn would drift off together: the one follows the other.
 
     Lengths have the camera's unit; under perspective, the object is taken to be where the lights' reference point
     is, or 1000 away.
     """
+    lights = problem.lights
     if lights.positions_mm is not None:
-        return lights, ()
-    small = _Small(frames, lights, camera, mask)
+        return problem
+    small = _Small(problem)
     if small.count < ENOUGH:
-        return lights, ("too few pixels to tell how far the lights are: they are taken as distant.",)
+        return problem.warned("too few pixels to tell how far the lights are: they are taken as distant.")
     small.raise_relief(lights)
     center, size = small.center(), small.size()
     distant = small.spread(lights)
     rough = [small.spread(_placed(lights, center, size / np.full(len(lights), near))) for near in NEARNESS]
     found = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
     if found is None or not found[0] < distant - GAIN:
-        return lights, ()
+        return problem
     far = size / found[1]
-    said = (
+    return problem.under(_placed(lights, center, far)).warned(
         f"the lights came without positions; by how the object is lit, they are {far.min():.1f} to {far.max():.1f} "
         "times its size away."
     )
-    return _placed(lights, center, far), (said,)
 
 
 def _by_trials(small: "_Small", lights: Lights, center: Array, size: float, start: float) -> tuple[float, Array] | None:
@@ -121,25 +111,21 @@ def _placed(lights: Lights, center: Array, distance: Array) -> Lights:
 class _Small:
     """Every n-th pixel of the stack: its samples, and where they are."""
 
-    def __init__(self, frames: Frames, lights: Lights, camera: Camera, mask: NDArray[np.bool_]) -> None:
+    def __init__(self, problem: Problem) -> None:
+        frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
         step = max(1, round(np.sqrt(mask.sum() / PIXELS)))
         self.mask = np.ascontiguousarray(mask[::step, ::step])
-        height, width = self.mask.shape
-        self.camera = replace(
-            camera, width=width, height=height, fx=camera.fx / step, fy=camera.fy / step, cx=camera.cx / step,
-            cy=camera.cy / step,
-        )  # fmt: skip
+        self.camera = every_nth(camera, step)
         ambient = None if frames.ambient is None else frames.ambient[::step, ::step]
         codes = np.ascontiguousarray(frames.codes[:, ::step, ::step])
         # What lay beside a clipped sample does not lie beside it here.
-        self.frames = replace(frames, codes=codes, ambient=ambient, is_mosaic=False)
+        small = replace(frames, codes=codes, ambient=ambient, is_mosaic=False)
+        self.problem = Problem(small, lights, self.camera, self.mask, slice(0, len(self.mask)))
         self.count = int(self.mask.sum())
         if not self.count:
             return
-        self.scale = scale_of(self.frames, lights, self.mask)
-        weights = (GRAY / lights.intensities).astype(np.float32)
-        parts = [read_band(self.frames, self.mask[rows], rows).gray(weights) for rows in bands(self.frames, self.mask)]
-        self.gray, self.valid = (np.concatenate([part[k] for part in parts]) for k in range(2))
+        self.scale = scale_of(small, lights, self.mask)
+        self.samples = all_samples(self.problem)
         where = float(lights.reference_point_mm[2])
         self.depth = where if camera.is_orthographic or where < 0 else -1000.0
         self.z_mm = np.where(self.mask, self.depth, np.nan)
@@ -158,10 +144,9 @@ class _Small:
         return 2 * float(np.sqrt(np.sum(self._points()[:, :2].var(0))))
 
     def _fit(self, lights: Lights, chosen: NDArray | slice) -> tuple[Array, NDArray[np.bool_], Array]:
-        points = self._points()[chosen]
-        rest: tuple = (points, *Geometry.of(lights), self.scale)
-        b, used = iterative.fit(self.gray[chosen], self.valid[chosen], *rest, **iterative.SETTINGS)
-        return b, used, points
+        samples = self.samples._replace(points=self._points(), lights=Geometry.of(lights)).some(chosen)
+        b, used = iterative.fit(samples, self.scale, iterative.Settings())
+        return b, used, samples.points
 
     def raise_relief(self, lights: Lights) -> None:
         """Let the normals under these lights make the relief."""
@@ -172,15 +157,15 @@ class _Small:
             self.z_mm = np.where(self.mask, np.where(np.isfinite(z_mm), z_mm, self.depth), np.nan)
 
     def follow(self, lights: Lights) -> None:
-        """Let `near` make the relief."""
-        z_mm, _ = near.find_depth(self.frames, lights, self.camera, self.mask, **near.SETTINGS)
-        assert z_mm is not None
-        self.z_mm = z_mm
+        """Let `near_depth` make the relief."""
+        found = find_depth(replace(self.problem, lights=lights), Settings()).z_mm
+        assert found is not None
+        self.z_mm = found
 
     def spread(self, lights: Lights) -> float:
         """Return the logarithm of the pixels' robust sigma, relative to their albedo: its mean."""
         b, used, points = self._fit(lights, self.some)
-        residuals = np.where(used, self.gray[self.some] - self._shade(lights, points, b), np.nan)
+        residuals = np.where(used, self.samples.gray[self.some] - self._shade(lights, points, b), np.nan)
         count, albedo = used.sum(1), np.linalg.norm(b, axis=1)
         known = (count > 4) & (albedo > 0)
         sigma = np.nanmedian(np.abs(residuals[known]), 1) / albedo[known]
@@ -198,24 +183,21 @@ class _Small:
         vectors = lights.toward(points).transpose(1, 0, 2)
         moved = _placed(lights, center, size / (nearness * (1 + small)))
         slope = (np.einsum("fpk,pk->pf", moved.toward(points), b) - np.einsum("pfk,pk->pf", vectors, b)) / small
-        residuals = np.where(used, self.gray[self.some] - np.einsum("pfk,pk->pf", vectors, b), 0.0)
+        residuals = np.where(used, self.samples.gray[self.some] - np.einsum("pfk,pk->pf", vectors, b), 0.0)
         albedo = np.linalg.norm(b, axis=1)
         relative = residuals / np.maximum(albedo, 1e-9)[:, None]
         sigma = 1.4826 * float(np.median(np.abs(relative[used]))) + 1e-9
         weight = np.where(used, 1 / (1 + (relative / (2 * sigma)) ** 2) ** 2, 0.0)
         weight /= np.maximum(albedo, 1e-9)[:, None] ** 2
-        block = np.einsum("pfa,pf,pfb->pab", vectors, weight, vectors, optimize=True)
+        block = np.swapaxes(vectors, 1, 2) @ (vectors * weight[..., None])
         third = np.maximum(np.trace(block, axis1=1, axis2=2) / 3, 1e-30)
         sound = (albedo > 0) & (np.linalg.det(block) > 1e-6 * third**3)
-        weight, block = weight[sound], np.linalg.inv(block[sound])
-        vectors, slope, residuals = vectors[sound], slope[sound], residuals[sound]
-        coupling = np.einsum("pfa,pf,pf->paf", vectors, weight, slope)
-        reduced = np.einsum("pab,pbf->paf", block, coupling)
-        hessian = np.diag(np.einsum("pf,pf->f", weight, slope**2)) - np.einsum(
-            "paf,pag->fg", coupling, reduced, optimize=True
-        )
-        pixel = np.einsum("pfa,pf,pf->pa", vectors, weight, residuals)
-        gradient = np.einsum("pf,pf,pf->f", weight, slope, residuals) - np.einsum("paf,pa->f", reduced, pixel)
+        slope, residuals = slope[sound], residuals[sound]
+        pixels = Eliminated.of(vectors[sound], weight[sound], residuals)
+        hessian = pixels.left_over(slope, slope)
+        # What b cannot take up of the residuals pulls at the distances.
+        unexplained = residuals - np.einsum("pfk,pk->pf", vectors[sound], pixels.b)
+        gradient = np.einsum("pf,pf,pf->f", pixels.weight, slope, unexplained)
         pull = LOOSE * float(np.trace(hessian)) / len(nearness)
         logs = np.log(nearness)
         step = np.linalg.solve(hessian + pull * np.eye(len(nearness)), gradient + pull * (logs.mean() - logs))

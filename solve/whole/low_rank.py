@@ -18,17 +18,8 @@ _SINGLE_THREAD = 1 << 18
 
 @dataclass(frozen=True)
 class LowRank:
-    """What `low_rank` found.
-
-    Parameters
-    ----------
-    low : (P, F) float64
-        The low-rank part A, the gaps filled in.
-    right : (F, rank) float64
-        The right singular vectors of A, orthonormal.
-    rounds : int
-    residual : float
-        |D - A - E| / |D|, both over the samples that are there.
+    """The low-rank part A (P, F), the gaps filled in; its right singular vectors (F, rank), orthonormal; the
+    rounds that it took; and |D - A - E| / |D|, both over the samples that are there.
     """
 
     low: Array
@@ -42,18 +33,8 @@ def low_rank(
 ) -> LowRank:
     """Split data (P, F), P >= F, known where `there` (P, F), into A of low rank and E of few entries.
 
-    Parameters
-    ----------
-    data : (P, F) float
-    there : (P, F) bool
-    weight : float
-        lambda.
-    rank : int
-        0: the nuclear norm of A is small. Above: A has this rank, and its singular values are not shrunk.
-    tolerance : float
-        Stops at |D - A - E| <= tolerance |D|.
-    rounds : int
-        At most.
+    `weight` is lambda. `rank` 0: the nuclear norm of A is small; above: A has this rank, and its singular values are
+    not shrunk. It stops at |D - A - E| <= tolerance |D|.
 
     Notes
     -----
@@ -78,8 +59,7 @@ def low_rank(
     state /= max(largest, max(float(known.max()), -float(known.min())) / weight) * strength
     right, factor = np.zeros((frames, 0)), np.zeros(0)
     before = strength
-    residual = np.inf
-    turn = 0
+    residual, turn = np.inf, 0
     chunks = [slice(start, start + _CHUNK) for start in range(0, pixels, _CHUNK)]
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
 
@@ -134,14 +114,8 @@ def _pass(known, there, state, first, second, ratio, limit):  # pragma: no cover
         stop = min(start + step, pixels)
         x = state[start:stop]
         low = np.dot(np.dot(x, first), second)
-        square += _shrink(
-            known[start:stop].ravel(),
-            there[start:stop].ravel(),
-            low.ravel(),
-            x.ravel(),
-            ratio,
-            limit,
-        )
+        d, present = known[start:stop].ravel(), there[start:stop].ravel()
+        square += _shrink(d, present, low.ravel(), x.ravel(), ratio, limit)
         np.dot(x.T, x, part)
         gram += part
     return gram, square

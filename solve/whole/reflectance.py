@@ -6,31 +6,16 @@ object reflects. All pixels share that, but for their albedo; the pixels teach i
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 
+from solve.methods import Method, Problem, Whole
 from solve.pixelwise import iterative
-from solve.whole import near
-from solve.whole.reflectance_kernels import DIFFERENCE, HALF, SIZE, accumulate, back_substitute, refine
-from solve.whole_result import Whole, scale_of_samples
-
-POSITIONS = True
-WHOLE = True
-VIEWS = True
-CALIBRATED = True
-
-SETTINGS = {
-    "pixels": 8000,
-    "rounds": 12,
-    "steps": 12,
-    "shadow_threshold": 0.02,
-    "noise_floor": 0.004,
-    "smoothness": 1e-4,
-    "sigmas": 2.0,
-}
-
-SEED_SETTINGS = SETTINGS
-"""The benchmark has no such method."""
+from solve.samples import Samples
+from solve.whole import near_depth
+from solve.whole.light_distance import find_positions
+from solve.whole.reflectance_kernels import DIFFERENCE, HALF, SIZE, Given, Pixels, accumulate, back_substitute, refine
 
 RIDGE = 1e-8
 """Pull of the table to 1 where nothing is seen, per sample; it also settles what is albedo and what is table."""
@@ -39,37 +24,11 @@ WORSE = 1.02
 """Where the table leaves more than this times what the matte model leaves unexplained, it has gone astray."""
 
 
-def find_depth(frames, lights, camera, mask, **_):
-    """Return what `solve.whole.near.find_depth` does: near lights are taken as each pixel's own place sees them."""
-    if lights.positions_mm is None:
-        return None, ()
-    return near.find_depth(frames, lights, camera, mask, **near.SETTINGS)
-
-
-def fit_whole(
-    gray,
-    valid,
-    points,
-    geometry,
-    mask,
-    *,
-    views,
-    pixels,
-    rounds,
-    steps,
-    shadow_threshold,
-    noise_floor,
-    smoothness,
-    sigmas,
-):
-    """Fit normals, albedos and one table of reflectance.
+class Settings(NamedTuple):
+    """Settings of `reflectance`.
 
     Parameters
     ----------
-    gray, valid, points, geometry, mask
-        See `solve.whole.rpca.fit_whole`.
-    views : (P, 3) float64
-        Unit, from the pixels' points to the camera.
     pixels : int
         How many pixels, evenly spread, the table is learnt from; the others are fitted to it.
     rounds, steps : int
@@ -82,10 +41,33 @@ def fit_whole(
         Weight of the table's second differences, per sample.
     sigmas : float
         Residuals beyond this times their pixel's own robust sigma count ever less.
+    """
 
-    Returns
-    -------
-    Whole
+    pixels: int = 8000
+    rounds: int = 12
+    steps: int = 12
+    shadow_threshold: float = 0.02
+    noise_floor: float = 0.004
+    smoothness: float = 1e-4
+    sigmas: float = 2.0
+
+
+def _prepare(problem: Problem, settings: Settings) -> Problem:
+    """Near lights are taken as each pixel's own place sees them."""
+    problem = find_positions(problem)
+    is_near = problem.lights.positions_mm is not None
+    return near_depth.find_depth(problem, near_depth.Settings()) if is_near else problem
+
+
+def _fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+    row, column = np.nonzero(problem.mask)
+    return fit_to_views(samples, -problem.camera.rays(np.stack([column, row], -1))[1], settings)
+
+
+def fit_to_views(samples: Samples, views, settings: Settings) -> Whole:
+    """Fit normals, albedos and one table of reflectance.
+
+    `views` (P, 3) are the unit vectors from the pixels' points to the camera.
 
     Notes
     -----
@@ -98,26 +80,22 @@ def fit_whole(
     Starts from `iterative`; where the table goes astray, that is what is returned. One table serves one material: of
     an object of several, the best is a compromise.
     """
-    scale = scale_of_samples(gray, valid)
-    samples: tuple = (gray, valid, points, *geometry, scale)
-    b, used = iterative.fit(*samples, **iterative.SETTINGS)
+    scale = samples.scale()
+    b, used = iterative.fit(samples, scale, iterative.Settings())
     known = np.flatnonzero((b != 0).any(1))
     if len(known) < SIZE:
         return Whole(b, used, ("reflectance: too few pixels to learn from; the normals are those of `iterative`.",))
     albedo = np.linalg.norm(b[known], axis=1)
     normals = b[known] / albedo[:, None]
-    given: tuple = (valid, points, views, *geometry, shadow_threshold * scale, noise_floor * scale, sigmas)
-    chosen = known[np.unique(np.linspace(0, len(known) - 1, min(pixels, len(known))).astype(int))]
-    place = np.searchsorted(known, chosen)
-    table, before, after = _learn(gray, given, chosen, normals[place], albedo[place], rounds, smoothness)
+    given = Given(samples, views, settings.shadow_threshold * scale, settings.noise_floor * scale, settings.sigmas)
+    place = np.unique(np.linspace(0, len(known) - 1, min(settings.pixels, len(known))).astype(int))
+    table, before, after = _learn(given, Pixels(known, normals, albedo).some(place), settings)
     if not after <= WORSE * before:
         said = "reflectance: no one table explains the object better than matte; the normals are those of `iterative`."
         return Whole(b, used, (said,))
 
     def run(first: int) -> None:
-        some = slice(first, first + CHUNK)
-        arguments: tuple = (gray, *given, known[some], normals[some], albedo[some], table, steps, used)
-        refine(*arguments)
+        refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), table, settings.steps, used)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(run, range(0, len(known), CHUNK)))
@@ -125,24 +103,25 @@ def fit_whole(
     return Whole(b, used, ())
 
 
-def _learn(gray, given: tuple, chosen, normals, albedo, rounds, smoothness):
-    """Return the table (SIZE,), and the residuals' middle sigma with the matte table and with it."""
-    normals, albedo = normals.copy(), albedo.copy()
+def _learn(given: Given, chosen: Pixels, settings: Settings):
+    """Return the table (SIZE,), and the residuals' middle sigma with the matte table and with it.
+
+    Moves the normals and albedos of the pixels that are chosen, in place.
+    """
+    smoothness = settings.smoothness
     table = np.ones(SIZE)
     bend = _second_differences()
     before = sigma = 0.0
-    for turn in range(rounds + 1):
-        parts = [chosen[first : first + CHUNK] for first in range(0, len(chosen), CHUNK)]
+    parts = [chosen.some(slice(first, first + CHUNK)) for first in range(0, len(chosen.index), CHUNK)]
+    for turn in range(settings.rounds + 1):
         # At first the table alone: highlights must not look like outliers only because no table knows them yet.
         joint = turn > 0
 
-        def work(first: int, joint=joint, table=table):
-            some = slice(first, first + CHUNK)
-            arguments: tuple = (gray, *given, chosen[some], normals[some], albedo[some], table, joint)
-            return accumulate(*arguments)
+        def work(part: Pixels, joint=joint, table=table):
+            return accumulate(given, part, table, joint)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
-            found = list(pool.map(work, range(0, len(chosen), CHUNK)))
+            found = list(pool.map(work, parts))
         hessian, slope, samples = (sum(part[k] for part in found) for k in range(3))
         sigma = float(np.median(np.concatenate([part[3] for part in found])))
         before = before or sigma
@@ -151,10 +130,8 @@ def _learn(gray, given: tuple, chosen, normals, albedo, rounds, smoothness):
         step = np.linalg.solve(hessian, slope)
         table = np.maximum(table + step, 0.05)
         if joint:
-            for part, place in zip(found, range(0, len(chosen), CHUNK), strict=True):
-                some = slice(place, place + len(parts[place // CHUNK]))
-                inverse, own, coupling = part[4:]
-                back_substitute(normals[some], albedo[some], inverse, own, coupling, step)
+            for part, (*_, inverse, own, coupling) in zip(parts, found, strict=True):
+                back_substitute(part, inverse, own, coupling, step)
     return table, before, sigma
 
 
@@ -169,3 +146,6 @@ def _second_differences():
         for triple in rows.reshape(-1, 3):
             out[np.ix_(triple, triple)] += weight * np.outer([1, -2, 1], [1, -2, 1])
     return out
+
+
+METHOD = Method("reflectance", {"default": Settings(), "seed": Settings()}, fit_whole=_fit_whole, prepare=_prepare)

@@ -1,9 +1,13 @@
 """Compiled kernels of the shared reflectance: normal equations of pixels and table, and each pixel's own refinement."""
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from solve.pixelwise.kernels import light_vector
+from solve.samples import Samples
 
 HALF = np.radians(np.array([0.0, 2, 4, 7, 10, 14, 19, 25, 32, 40, 50, 65, 90]))
 """Half angles of the table's knots: dense where highlights are."""
@@ -18,11 +22,69 @@ LARGEST = 0.15
 MATTE = 0.2
 
 
+class Given(NamedTuple):
+    """What pixels are fitted to: samples, unit vectors to the camera (P, 3), the gray value under which a sample is
+    shadowed, the least sigma, and the sigmas beyond which a residual counts ever less.
+    """
+
+    samples: Samples
+    views: NDArray[np.float64]
+    threshold: float
+    floor: float
+    sigmas: float
+
+
+class Pixels(NamedTuple):
+    """Some of the pixels: which they are (K,), their normals (K, 3) and albedos (K,), which kernels move in place."""
+
+    index: NDArray[np.intp]
+    normals: NDArray[np.float64]
+    albedo: NDArray[np.float64]
+
+    def some(self, chosen: NDArray | slice) -> "Pixels":
+        """Return those of them that are chosen; of a slice, the same memory."""
+        return Pixels(self.index[chosen], self.normals[chosen], self.albedo[chosen])
+
+
+class _Room(NamedTuple):
+    """One pixel's numbers, for its F lights.
+
+    Light vectors and unit half vectors (F, 3); place and share of each difference angle (F, 2); two tangents (2, 3);
+    slopes along both and along the log albedo (F, 3); entry (F, 5): the first of four table entries, their weights;
+    state (F, 4): residual, weight, n . l, f; all relative to the albedo. Last, the residuals (F,) that are lit.
+    """
+
+    lights: NDArray[np.float64]
+    halves: NDArray[np.float64]
+    gains: NDArray[np.float64]
+    across: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    entry: NDArray[np.float64]
+    state: NDArray[np.float64]
+    rest: NDArray[np.float64]
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def _room(frames):  # pragma: no cover
+    return _Room(
+        np.empty((frames, 3)),
+        np.empty((frames, 3)),
+        np.empty((frames, 2)),
+        np.empty((2, 3)),
+        np.empty((frames, 3)),
+        np.empty((frames, 5)),
+        np.empty((frames, 4)),
+        np.empty(frames),
+    )
+
+
 @numba.njit(nogil=True, cache=True)
-def _prepare(i, valid, points, views, directions, positions, reach, is_near, lights, halves, gains):  # pragma: no cover
-    """Fill the pixel's light vectors (F, 3), unit half vectors (F, 3), and place and share of each difference angle."""
-    for k in range(len(valid)):
-        x, y, z = light_vector(k, points[i], directions, positions, reach, is_near)
+def _prepare(i, given, room):  # pragma: no cover
+    """Fill in what does not change with the normal."""
+    points, geometry, views = given.samples.points, given.samples.lights, given.views
+    lights, halves, gains = room.lights, room.halves, room.gains
+    for k in range(len(lights)):
+        x, y, z = light_vector(k, points[i], geometry)
         lights[k, 0], lights[k, 1], lights[k, 2] = x, y, z
         length = np.sqrt(x * x + y * y + z * z)
         total = 0.0
@@ -43,32 +105,27 @@ def _prepare(i, valid, points, views, directions, positions, reach, is_near, lig
 @numba.njit(nogil=True, cache=True)
 def _tangents(n, out):  # pragma: no cover
     """Fill `out` (2, 3) with two unit vectors across n."""
-    axis = 0 if abs(n[0]) < 0.6 else 1
-    helper = np.zeros(3)
-    helper[axis] = 1.0
-    out[0] = np.cross(n, helper)
-    out[0] /= np.sqrt((out[0] ** 2).sum())
-    out[1] = np.cross(n, out[0])
+    x, y, z = n[0], n[1], n[2]
+    # n x (1, 0, 0) or n x (0, 1, 0), written out: a tenth of the time to compile.
+    u, v, w = (0.0, z, -y) if abs(x) < 0.6 else (-z, 0.0, x)
+    length = np.sqrt(u * u + v * v + w * w)
+    u, v, w = u / length, v / length, w / length
+    out[0, 0], out[0, 1], out[0, 2] = u, v, w
+    out[1, 0], out[1, 1], out[1, 2] = y * w - z * v, z * u - x * w, x * v - y * u
 
 
 @numba.njit(nogil=True, cache=True)
-def _model(
-    values, valid, n, albedo, table, threshold, floor, sigmas, lights, halves, gains, across, slopes, entry, state
-):  # pragma: no cover
-    """Fill, per sample, slopes (F, 3) along both tangents and the log albedo, table entries, and state (F, 4).
-
-    entry (F, 5): the first of four table entries, their weights; state: residual, weight, n . l, f; all relative to
-    the albedo. Returns the robust sigma of the residuals and how many samples are lit.
-    """
-    count = len(values)
-    wide = len(DIFFERENCE)
-    size = 0
-    rest = np.empty(count)
+def _model(i, given, n, albedo, table, room):  # pragma: no cover
+    """Fill in what changes with the normal; return the robust sigma of the residuals and how many samples are lit."""
+    gray, valid = given.samples.gray, given.samples.valid
+    lights, halves, gains, across, slopes, entry, state, rest = room
+    _tangents(n, across)
+    count, wide, size = gray.shape[1], len(DIFFERENCE), 0
     for k in range(count):
         state[k, 1] = 0.0
         c = n[0] * lights[k, 0] + n[1] * lights[k, 1] + n[2] * lights[k, 2]
         state[k, 2] = c
-        if not valid[k] or values[k] <= threshold or c <= GRAZING:
+        if not valid[i, k] or gray[i, k] <= given.threshold or c <= GRAZING:
             continue
         cosine = n[0] * halves[k, 0] + n[1] * halves[k, 1] + n[2] * halves[k, 2]
         cosine = min(max(cosine, -1.0), 1.0)
@@ -91,72 +148,75 @@ def _model(
             dh = across[j, 0] * halves[k, 0] + across[j, 1] * halves[k, 1] + across[j, 2] * halves[k, 2]
             slopes[k, j] = dc * f + c * fall * dh
         slopes[k, 2] = c * f
-        state[k, 0] = values[k] / albedo - c * f
+        state[k, 0] = gray[i, k] / albedo - c * f
         state[k, 1] = 1.0
         state[k, 3] = f
         rest[size] = abs(state[k, 0])
         size += 1
     if size < 4:
         return 0.0, size
-    sigma = max(1.4826 * np.median(rest[:size]), floor / albedo)
+    sigma = max(1.4826 * np.median(rest[:size]), given.floor / albedo)
     for k in range(count):
         if state[k, 1] > 0:
             loose = 1.0 + STEEP * abs(state[k, 3] - 1.0)
-            ratio = state[k, 0] / (sigmas * sigma * loose)
+            ratio = state[k, 0] / (given.sigmas * sigma * loose)
             state[k, 1] = 1.0 / (loose * (1.0 + ratio * ratio) ** 2)
     return sigma, size
 
 
 @numba.njit(nogil=True, cache=True)
-def _step(n, albedo, across, first, second, third):  # pragma: no cover
-    """Turn n in place by two angles along its tangents, and return the albedo times exp(third), both within limits."""
-    first = min(max(first, -LARGEST), LARGEST)
-    second = min(max(second, -LARGEST), LARGEST)
+def _own_equations(room, block, own):  # pragma: no cover
+    """Write the damped normal equations, (3, 3) and (3,), of one pixel's two angles and log albedo."""
+    slopes, state = room.slopes, room.state
+    block[:] = 0.0
+    own[:] = 0.0
+    for k in range(len(state)):
+        w = state[k, 1]
+        if w > 0:
+            for j in range(3):
+                own[j] += w * slopes[k, j] * state[k, 0]
+                for m in range(3):
+                    block[j, m] += w * slopes[k, j] * slopes[k, m]
+    damping = 1e-3 * (block[0, 0] + block[1, 1] + block[2, 2]) / 3 + 1e-12
+    for j in range(3):
+        block[j, j] += damping
+
+
+@numba.njit(nogil=True, cache=True)
+def _step(n, albedo, across, move):  # pragma: no cover
+    """Turn n in place by two angles along its tangents, and return the albedo times exp(move[2]), within limits."""
+    first = min(max(move[0], -LARGEST), LARGEST)
+    second = min(max(move[1], -LARGEST), LARGEST)
     total = 0.0
     for axis in range(3):
         n[axis] += first * across[0, axis] + second * across[1, axis]
         total += n[axis] ** 2
     n /= np.sqrt(total)
-    return albedo * np.exp(min(max(third, -0.5), 0.5))
+    return albedo * np.exp(min(max(move[2], -0.5), 0.5))
 
 
 @numba.njit(nogil=True, cache=True)
-def accumulate(
-    gray, valid, points, views, directions, positions, reach, is_near, threshold, floor, sigmas,
-    chosen, normals, albedo, table, joint,
-):  # fmt: skip  # pragma: no cover
-    """Return the table's normal equations over the pixels chosen, their normals and albedos eliminated if `joint`.
+def accumulate(given, pixels, table, joint):  # pragma: no cover
+    """Return the table's normal equations over the pixels, their normals and albedos eliminated if `joint`.
 
-    Returns
-    -------
-    hessian, slope : (SIZE, SIZE), (SIZE,)
-    samples : float
-        How many took part.
-    sigma : (K,)
-        Of each pixel's residuals, in units of the samples.
-    inverse, own, coupling : (K, 3, 3), (K, 3), (K, 3, SIZE)
-        For `back_substitute`.
+    They are hessian (SIZE, SIZE) and slope (SIZE,); then how many samples took part, the sigma of each pixel's
+    residuals (K,) in units of the samples, and for `back_substitute` inverse (K, 3, 3), own (K, 3) and coupling
+    (K, 3, SIZE).
     """
-    count, frames = len(chosen), gray.shape[1]
+    count, frames = len(pixels.index), given.samples.gray.shape[1]
     hessian, slope, samples, sigma = np.zeros((SIZE, SIZE)), np.zeros(SIZE), 0.0, np.zeros(count)
     inverse, own, coupling = np.zeros((count, 3, 3)), np.zeros((count, 3)), np.zeros((count, 3, SIZE))
-    lights, halves, gains = np.empty((frames, 3)), np.empty((frames, 3)), np.empty((frames, 2))
-    slopes, entry, state = np.empty((frames, 3)), np.empty((frames, 5)), np.empty((frames, 4))
-    across, place = np.empty((2, 3)), np.empty(4, np.int64)
+    room, block, place = _room(frames), np.empty((3, 3)), np.empty(4, np.int64)
+    slopes, entry, state = room.slopes, room.entry, room.state
     wide = len(DIFFERENCE)
     for p in range(count):
-        i = chosen[p]
-        _prepare(i, valid[i], points, views, directions, positions, reach, is_near, lights, halves, gains)
-        _tangents(normals[p], across)
-        spread, size = _model(
-            gray[i], valid[i], normals[p], albedo[p], table, threshold, floor, sigmas, lights, halves, gains,
-            across, slopes, entry, state,
-        )  # fmt: skip
-        sigma[p] = spread * albedo[p]
+        i = pixels.index[p]
+        _prepare(i, given, room)
+        spread, size = _model(i, given, pixels.normals[p], pixels.albedo[p], table, room)
+        sigma[p] = spread * pixels.albedo[p]
         if size < 4:
             continue
         samples += size
-        block = np.zeros((3, 3))
         for k in range(frames):
             if state[k, 1] <= 0:
                 continue
@@ -170,15 +230,9 @@ def accumulate(
                     hessian[place[a], place[b]] += left * c * entry[k, 1 + b]
                 for j in range(3):
                     coupling[p, j, place[a]] += left * slopes[k, j]
-            for j in range(3):
-                own[p, j] += w * slopes[k, j] * r
-                for m in range(3):
-                    block[j, m] += w * slopes[k, j] * slopes[k, m]
         if not joint:
             continue
-        damping = 1e-3 * np.trace(block) / 3 + 1e-12
-        for j in range(3):
-            block[j, j] += damping
+        _own_equations(room, block, own[p])
         inverse[p] = np.linalg.inv(block)
         reduced = inverse[p] @ coupling[p]
         hessian -= coupling[p].T @ reduced
@@ -187,50 +241,33 @@ def accumulate(
 
 
 @numba.njit(nogil=True, cache=True)
-def back_substitute(normals, albedo, inverse, own, coupling, step):  # pragma: no cover
-    """Move normals (K, 3) and albedos (K,), in place, as the table's step asks."""
+def back_substitute(pixels, inverse, own, coupling, step):  # pragma: no cover
+    """Move normals and albedos, in place, as the table's step asks."""
     across = np.empty((2, 3))
+    normals, albedo = pixels.normals, pixels.albedo
     for p in range(len(albedo)):
         move = inverse[p] @ (own[p] - coupling[p] @ step)
         _tangents(normals[p], across)
-        albedo[p] = _step(normals[p], albedo[p], across, move[0], move[1], move[2])
+        albedo[p] = _step(normals[p], albedo[p], across, move)
 
 
 @numba.njit(nogil=True, cache=True)
-def refine(
-    gray, valid, points, views, directions, positions, reach, is_near, threshold, floor, sigmas,
-    chosen, normals, albedo, table, steps, used,
-):  # fmt: skip  # pragma: no cover
-    """Fit each pixel chosen to the table, in place; `used` (P, F): matte samples that agree with the fit."""
-    frames = gray.shape[1]
-    lights, halves, gains = np.empty((frames, 3)), np.empty((frames, 3)), np.empty((frames, 2))
-    slopes, entry, state = np.empty((frames, 3)), np.empty((frames, 5)), np.empty((frames, 4))
-    across, block, own = np.empty((2, 3)), np.empty((3, 3)), np.empty(3)
-    for p in range(len(chosen)):
-        i = chosen[p]
-        _prepare(i, valid[i], points, views, directions, positions, reach, is_near, lights, halves, gains)
+def refine(given, pixels, table, steps, used):  # pragma: no cover
+    """Fit each pixel to the table, in place; `used` (P, F): matte samples that agree with the fit."""
+    frames = given.samples.gray.shape[1]
+    room, block, own = _room(frames), np.empty((3, 3)), np.empty(3)
+    state = room.state
+    index, normals, albedo = pixels
+    for p in range(len(index)):
+        i = index[p]
+        _prepare(i, given, room)
         for _ in range(steps):
-            _tangents(normals[p], across)
-            _, size = _model(
-                gray[i], valid[i], normals[p], albedo[p], table, threshold, floor, sigmas, lights, halves, gains,
-                across, slopes, entry, state,
-            )  # fmt: skip
+            _, size = _model(i, given, normals[p], albedo[p], table, room)
             if size < 4:
                 break
-            block[:] = 0.0
-            own[:] = 0.0
-            for k in range(frames):
-                w = state[k, 1]
-                if w > 0:
-                    for j in range(3):
-                        own[j] += w * slopes[k, j] * state[k, 0]
-                        for m in range(3):
-                            block[j, m] += w * slopes[k, j] * slopes[k, m]
-            damping = 1e-3 * (block[0, 0] + block[1, 1] + block[2, 2]) / 3 + 1e-12
-            for j in range(3):
-                block[j, j] += damping
+            _own_equations(room, block, own)
             move = np.linalg.solve(block, own)
-            albedo[p] = _step(normals[p], albedo[p], across, move[0], move[1], move[2])
+            albedo[p] = _step(normals[p], albedo[p], room.across, move)
             if abs(move[0]) + abs(move[1]) < 1e-5:
                 break
         matte = 0

@@ -1,62 +1,24 @@
 """Robust principal components: the stack is a low-rank matrix, sparsely corrupted, with shadows missing.
 
-Looks at all pixels at once. Memory: some 20 bytes a sample beside the samples themselves, 1 GB for a megapixel under
-48 lights.
+Memory: some 20 bytes a sample beside the samples themselves, 1 GB for a megapixel under 48 lights.
 """
+
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
+from solve.methods import Method, Problem, Whole
 from solve.pixelwise.kernels import light_vectors, normal_equations
+from solve.samples import Samples
 from solve.whole.low_rank import low_rank
-from solve.whole_result import Whole, scale_of_samples
-
-WHOLE = True
-CALIBRATED = True
-
-SETTINGS = {
-    "shadow_threshold": 0.03,
-    "sparsity": 7.0,
-    "rank": 0,
-    "outlier_share": 0.04,
-    "tolerance": 1e-5,
-    "rounds": 100,
-}
-
-SEED_SETTINGS = {
-    "shadow_threshold": None,
-    "sparsity": None,
-    "rank": 0,
-    "outlier_share": None,
-    "tolerance": 1e-6,
-    "rounds": 100,
-}
-"""The textbook's: nothing is missing, and lambda counts the background's pixels too, which makes it too small. The
-benchmark names neither; an error that no gloss moves, as it has, is what such a lambda does."""
-
-WRONG_SUBSPACE = 0.1
-"""Sine of the angle from the lights' span, above which a fixed rank is not believed."""
-FEWEST_LIGHTS = 10
-COMMON_GLOSS = 0.3
 
 
-def fit_whole(
-    gray, valid, points, geometry, mask, *, shadow_threshold, sparsity, rank, outlier_share, tolerance, rounds
-):
-    """Fit b = albedo x normal to the samples that a low-rank stack explains.
+class Settings(NamedTuple):
+    """Settings of `rpca`.
 
     Parameters
     ----------
-    gray : (P, F) float32
-        Samples divided by the lights' intensities.
-    valid : (P, F) bool
-        Not clipped.
-    points : (P, 3) float64
-        Where the pixels are, mm, for near lights.
-    geometry : tuple
-        The lights' directions, positions (F, 3), reach (F,) and is_near; see `solve.pixelwise.ls.fit`.
-    mask : (H, W) bool
-        Of P pixels.
     shadow_threshold : float or None
         Missing is what lies under this share of the pixel's own 75th percentile, and what is clipped.
         None: nothing is missing.
@@ -72,10 +34,28 @@ def fit_whole(
     tolerance : float
         Of |D - A - E| / |D|.
     rounds : int
+    """
 
-    Returns
-    -------
-    Whole
+    shadow_threshold: float | None = 0.03
+    sparsity: float | None = 7.0
+    rank: int = 0
+    outlier_share: float | None = 0.04
+    tolerance: float = 1e-5
+    rounds: int = 100
+
+
+SEED = Settings(shadow_threshold=None, sparsity=None, outlier_share=None, tolerance=1e-6)
+"""The textbook's: nothing is missing, and lambda counts the background's pixels too, which makes it too small. The
+benchmark names neither; an error that no gloss moves, as it has, is what such a lambda does."""
+
+WRONG_SUBSPACE = 0.1
+"""Sine of the angle from the lights' span, above which a fixed rank is not believed."""
+FEWEST_LIGHTS = 10
+COMMON_GLOSS = 0.3
+
+
+def fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
+    """Fit b = albedo x normal to the samples that a low-rank stack explains.
 
     Notes
     -----
@@ -86,59 +66,67 @@ def fit_whole(
     Do not believe it where gloss covers a third of the samples, nor under fewer than ten lights: low rank and
     sparse cannot be told apart. With a lambda too small the error has a floor of several degrees.
     """
-    scale = scale_of_samples(gray, valid)
+    gray, valid, _, lights = samples
+    shadow_threshold, sparsity, rank, outlier_share, tolerance, rounds = settings
+    scale = samples.scale()
     data = gray / np.float32(scale)
     pixels, frames = data.shape
     place = int(0.75 * (frames - 1))
     level = np.partition(np.where(valid, data, 0), place, axis=1)[:, place].astype(np.float64)
     there = np.ones_like(valid) if shadow_threshold is None else valid & (data > shadow_threshold * level[:, None])
-    weight = 1 / np.sqrt(max(mask.size, frames)) if sparsity is None else sparsity / np.sqrt(pixels * frames)
+    weight = 1 / np.sqrt(max(problem.mask.size, frames)) if sparsity is None else sparsity / np.sqrt(pixels * frames)
     options = {"tolerance": tolerance, "rounds": rounds}
     found = low_rank(data, there, weight, rank=rank, **options)
-    doubts = []
-    directions, _, _, is_near = geometry
-    if rank and not is_near:
-        basis = np.linalg.qr(directions)[0]
+    cautions = []
+    if rank and not lights.is_near:
+        basis = np.linalg.qr(lights.directions)[0]
         away = float(np.linalg.norm(found.right - basis @ (basis.T @ found.right), 2))
         if away > WRONG_SUBSPACE:
-            doubts.append(
+            cautions.append(
                 f"rank {rank} follows something else than the lights (sine {away:.2f} from their span): "
                 "the nuclear norm was used."
             )
             found = low_rank(data, there, weight, rank=0, **options)
     if found.residual > tolerance:
-        doubts.append(f"it did not converge in {rounds} rounds: |D - A - E| is {found.residual:.1g} of |D|.")
-    b, used = fit_to_low_rank(data, there, found.low, level, points, geometry, outlier_share)
+        cautions.append(f"it did not converge in {rounds} rounds: |D - A - E| is {found.residual:.1g} of |D|.")
+    b, used = _fit_to_low_rank(samples._replace(gray=data, valid=there), found.low, level, outlier_share)
     corrupted = 1 - np.count_nonzero(used) / max(np.count_nonzero(there), 1)
     if corrupted > COMMON_GLOSS:
-        doubts.append(f"{corrupted:.0%} of the lit samples are taken as corrupted: sparse is what a few are.")
+        cautions.append(f"{corrupted:.0%} of the lit samples are taken as corrupted: sparse is what a few are.")
     if frames < FEWEST_LIGHTS:
-        doubts.append(f"{frames} lights: low rank and sparse are hard to tell apart under fewer than {FEWEST_LIGHTS}.")
-    return Whole(b * scale, used, tuple(doubts))
+        cautions.append(
+            f"{frames} lights: low rank and sparse are hard to tell apart under fewer than {FEWEST_LIGHTS}."
+        )
+    return Whole(b * scale, used, tuple(cautions))
 
 
-def fit_to_low_rank(data, there, low, level, points, geometry, outlier_share):
-    """Return b (P, 3) and the samples used (P, F); see `fit_whole` for the arguments."""
+def _fit_to_low_rank(samples, low, level, outlier_share):
+    """Return b (P, 3) and the samples used (P, F); `low` (P, F) is the low-rank part, `level` (P,) a pixel's own."""
+    data, there = samples.gray, samples.valid
     if outlier_share is None:
         values, used = low, np.ones_like(there)
     else:
         values, used = data, there & (np.abs(data - low) <= outlier_share * level[:, None])
         few = used.sum(1) < 4
         used[few] = there[few]
-    return _fit(values, used, low, points, *geometry)
+    return _fit(samples._replace(gray=values, valid=used), low), used
 
 
 @numba.njit(nogil=True, cache=True)
-def _fit(values, used, low, points, directions, positions, reach, is_near):  # pragma: no cover
+def _fit(samples, low):  # pragma: no cover
+    values, used, points, geometry = samples
     pixels, frames = values.shape
     b = np.zeros((pixels, 3))
     vectors = np.empty((frames, 3))
     for i in range(pixels):
-        light_vectors(points[i], directions, positions, reach, is_near, vectors)
+        light_vectors(points[i], geometry, vectors)
         x, y, z, well = normal_equations(vectors, values[i], used[i])
         if not well:
             # The low rank has filled the gaps in: a bound where the samples themselves say nothing.
             used[i] = True
             x, y, z, well = normal_equations(vectors, low[i], used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
-    return b, used
+    return b
+
+
+METHOD = Method("rpca", {"default": Settings(), "seed": SEED}, fit_whole=fit_whole)

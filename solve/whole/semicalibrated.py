@@ -4,21 +4,38 @@ First each flash's intensity, per channel, from some thousand pixels; then the n
 """
 
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.intensities import Intensities, evidence, solve_intensities
 from scene.lights import Lights
 from solve.medians import row_medians
+from solve.methods import Method, Problem
 from solve.pixelwise import iterative
-from solve.samples import GRAY, Geometry
-from solve.whole.intensities import GROUPS, Intensities, evidence, solve_intensities
+from solve.samples import GRAY, Geometry, Samples
 
-SETTINGS = iterative.SETTINGS | {"pixels": 12_000, "rounds": 12}
-SEED_SETTINGS = SETTINGS
-"""The seed has no such method."""
+
+class Settings(NamedTuple):
+    """Settings of `semicalibrated`.
+
+    Parameters
+    ----------
+    pixelwise : NamedTuple
+        Of `solve.pixelwise.iterative`, which fits the normals.
+    pixels : int
+        That the intensities are found from, at most; evenly spread over the mask.
+    rounds : int
+        At most; three to six are typical.
+    """
+
+    pixelwise: iterative.Settings = iterative.Settings()
+    pixels: int = 12_000
+    rounds: int = 12
+
 
 CONTRAST = 3.0
 """The next best intensities must leave this many times the misfit of the best."""
@@ -31,47 +48,18 @@ _WORTH_MOVING = 0.02
 """Of a step of depth."""
 
 
-def fit(gray, valid, points, directions, positions, reach, is_near, scale, *, pixels, rounds, **settings):
-    """Fit b = albedo x normal as `iterative` does; the lights are those of `find_lights`."""
-    return iterative.fit(gray, valid, points, directions, positions, reach, is_near, scale, **settings)
+def _fit(samples: Samples, scale: float, settings: Settings):
+    return iterative.fit(samples, scale, settings.pixelwise)
 
 
-def find_lights(
-    frames: Frames,
-    lights: Lights,
-    camera: Camera,
-    mask: NDArray[np.bool_],
-    *,
-    pixels: int,
-    rounds: int,
-    shadow_threshold: float,
-    outlier_sigmas: float,
-    noise_floor: float,
-    **settings,
-) -> tuple[Lights, tuple[str, ...]]:
-    """Return the lights with the intensities that the object itself tells.
+def find_lights(problem: Problem, settings: Settings) -> Problem:
+    """Return the problem under lights with the intensities that the object itself tells, and cautions.
 
-    Parameters
-    ----------
-    frames : Frames
-    lights : Lights
-        Directions (and positions) are taken as they are; intensities only where the object tells none.
-    camera : Camera
-    mask : (H, W) bool
-    pixels : int
-        At most; evenly spread over the mask.
-    rounds : int
-        At most; three to six are typical.
-    shadow_threshold, outlier_sigmas, noise_floor, settings
-        See `iterative.fit`.
+    Directions (and positions) are taken as they are; intensities only where the object tells none.
 
-    Returns
-    -------
-    lights : Lights
-        Intensities on the scale of the given ones, at the reference point; of near lights it is moved to the depth
-        of the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the
-        object, and what that depth's own error does.
-    doubts : tuple of str
+    Intensities are on the scale of the given ones, at the reference point; of near lights that is moved to the depth of
+    the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the object,
+    and what that depth's own error does.
 
     Notes
     -----
@@ -81,25 +69,24 @@ def find_lights(
     everywhere, and be believed never again.
 
     The intensities that are given play no part in those that are found. From a plane, or with three lights, they
-    cannot be told: then the given ones stay, and a doubt says so. Nor can that of a light without which the rest
+    are undetermined: then the given ones stay, and a caution says so. Nor can that of a light without which the rest
     lie in one plane: it keeps what was given.
     """
-    color, valid, pixel = _samples(frames, mask, pixels)
-    groups = (np.arange(len(pixel)) * GROUPS) // len(pixel)
-    options = {"shadow_threshold": shadow_threshold, "outlier_sigmas": outlier_sigmas} | settings
+    lights, camera, how = problem.lights, problem.camera, settings.pixelwise
+    color, valid, pixel = _samples(problem.frames, problem.mask, settings.pixels)
     found, here, used, parts = lights.intensities, lights, None, []
-    for turn in range(rounds):
+    for turn in range(settings.rounds):
         gray = np.einsum("pfc,fc->pf", color, (GRAY / found).astype(np.float32))
         scale = float(np.percentile(gray[valid], 99)) if valid.any() else 1.0
-        lit = valid & (gray > shadow_threshold * np.quantile(gray, 0.75, axis=1)[:, None])
+        lit = valid & (gray > how.shadow_threshold * np.quantile(gray, 0.75, axis=1)[:, None])
         points, toward = _seen(here, camera, pixel)
         if used is None:
             used = lit
         else:
-            b, _ = iterative.fit(gray, valid, points, *Geometry.of(here), scale, noise_floor=noise_floor, **options)
-            used = _lambertian(gray, lit, toward, b, outlier_sigmas, noise_floor * scale)
+            b, _ = iterative.fit(Samples(gray, valid, points, Geometry.of(here)), scale, how)
+            used = _lambertian(gray, lit, toward, b, how.outlier_sigmas, how.noise_floor * scale)
         divided = color / found.astype(np.float32)
-        parts = evidence(divided, used, toward, groups)
+        parts = evidence(divided, used, toward)
         solved = [solve_intensities(part) for part in parts]
         if min(part.relative.min() for part in solved) <= 0:
             continue  # the next round believes other samples
@@ -109,22 +96,23 @@ def find_lights(
         change, found = np.abs(now / found - 1).max(), now
         there = here
         if turn and lights.positions_mm is not None:
-            there = _at_better_depth(here, camera, pixel, 0.5 * _width(points), (divided, used, groups), solved)
+            there = _at_better_depth(here, camera, pixel, 0.5 * _width(points), (divided, used), solved)
         if change < _STANDS_STILL and there is here:
             break
         here = there
     solved = [solve_intensities(part, with_sigma=True) for part in parts]
     points, _ = _seen(here, camera, pixel)
-    return _believed(lights, replace(here, intensities=found), solved, _fall_off(here, points))
+    own, cautions = _believed(lights, replace(here, intensities=found), solved, _fall_off(here, points))
+    return problem.under(own).warned(*cautions)
 
 
 def _at_better_depth(lights: Lights, camera: Camera, pixel, step: float, samples: tuple, solved) -> Lights:
     """Return near lights seen from the depth, some `step` (mm) away at most, that leaves less misfit; or themselves."""
 
     def misfit(depth: float) -> float:
-        divided, used, groups = samples
+        divided, used = samples
         _, toward = _seen(_at_depth(lights, depth), camera, pixel)
-        return sum(solve_intensities(part).misfit for part in evidence(divided, used, toward, groups))
+        return sum(solve_intensities(part).misfit for part in evidence(divided, used, toward))
 
     depth = float(lights.reference_point_mm[2])
     before, now, after = misfit(depth - step), sum(part.misfit for part in solved), misfit(depth + step)
@@ -171,17 +159,17 @@ def _believed(
             "those given are used, as by `iterative`."
         )
         return given, (said,)
-    found, doubts = lights.intensities, []
+    found, cautions = lights.intensities, []
     if silent.any():
-        # A frame that no pixel ties to the others keeps what was given, on the scale of those that are told.
+        # A frame that no pixel ties to the others keeps what was given, on the scale of those that are found.
         factor = np.exp(np.mean(np.log(found[~silent] / given.intensities[~silent]), axis=0))
         found = np.where(silent[:, None], given.intensities * factor, found)
-        doubts.append(f"nothing on the object tells the intensity of {_named(given, silent)}: as given.")
+        cautions.append(f"nothing on the object tells the intensity of {_named(given, silent)}: as given.")
     if (vague := sigma > SIGMA).any():
-        doubts.append(
+        cautions.append(
             f"the intensity of {_named(given, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
         )
-    return replace(lights, intensities=found, intensity_sigma=np.hypot(sigma, shared)), tuple(doubts)
+    return replace(lights, intensities=found, intensity_sigma=np.hypot(sigma, shared)), tuple(cautions)
 
 
 def _named(lights: Lights, which: NDArray[np.bool_]) -> str:
@@ -220,3 +208,7 @@ def _lambertian(gray, lit, toward, b, sigmas, floor) -> NDArray[np.bool_]:
     # One spread for all pixels: one that is shadowed half the time would believe anything by its own.
     spread = 1.4826 * np.median(residual[facing]) if facing.any() else 0.0
     return facing & (residual <= sigmas * np.maximum(spread, floor / np.maximum(size, 1e-12)))
+
+
+# The seed has no such method.
+METHOD = Method("semicalibrated", {"default": Settings(), "seed": Settings()}, fit=_fit, prepare=find_lights)

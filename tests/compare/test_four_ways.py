@@ -63,7 +63,7 @@ def test_the_method_that_took_the_other_sign_is_named_and_nothing_is_nothing(tru
 
 
 def test_the_summary_has_them_for_the_methods_without_lights():
-    from solve.solve import UNCALIBRATED as solved
+    from solve.methods import UNCALIBRATED as solved
 
     assert solved == UNCALIBRATED
     assert all(is_measured_so(name) for name in (*solved, "rpca", "Learned"))

@@ -166,7 +166,7 @@ def test_methods_without_an_error_come_last_in_their_order():
 
 
 def test_every_method_has_a_word_for_who_reads_the_page():
-    from solve.solve import METHODS
+    from solve.methods import METHODS
 
     assert set(words("methods")) == set(METHODS)
 

@@ -3,7 +3,7 @@
 from typing import get_args, get_type_hints
 
 from lab.options import Solving
-from solve.solve import METHODS
+from solve.methods import METHODS
 
 
 def test_the_help_lists_the_methods_that_there_are():

@@ -38,7 +38,7 @@ def test_condition_and_inverse_are_numpys():
     for narrow in (1.0, 0.1, 1e-3):
         vectors = rng.normal(size=(9, 3)) * [1, 1, narrow] @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
         m = vectors.T @ vectors
-        condition, *inverse = condition_and_inverse(m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2])
+        condition, inverse = condition_and_inverse(m[0, 0], m[0, 1], m[0, 2], m[1, 1], m[1, 2], m[2, 2])
         assert condition == pytest.approx(np.linalg.cond(vectors), rel=1e-6)
         np.testing.assert_allclose(inverse, np.linalg.inv(m)[np.triu_indices(3)], rtol=1e-6)
     assert condition_and_inverse(2.0, 0.0, 0.0, 2.0, 0.0, 2.0)[0] == 1

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from solve.pixelwise import hsh
+from solve.samples import Geometry, Samples
 
 
 def lights(count, low, high):
@@ -13,11 +14,10 @@ def lights(count, low, high):
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
 
 
-def fitted(samples, directions, settings, valid=None):
-    zero = np.zeros_like(directions)
-    valid = np.ones(samples.shape, bool) if valid is None else valid
-    values = samples.astype(np.float32)
-    return hsh.fit(values, valid, np.zeros((len(samples), 3)), directions, zero, zero[:, 0], False, 1.0, **settings)
+def fitted(gray, directions, settings, valid=None):
+    valid = np.ones(gray.shape, bool) if valid is None else valid
+    points = np.zeros((len(gray), 3))
+    return hsh.fit(Samples(gray.astype(np.float32), valid, points, Geometry.distant(directions)), 1.0, settings)
 
 
 def away_deg(b, truth):
@@ -47,8 +47,8 @@ def test_lambertian_samples_are_exact_by_default_and_nearly_so_by_three_lights()
     directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(100)
     samples = 0.4 * normals @ directions.T
     assert (samples > 0).all()
-    assert away_deg(fitted(samples, directions, hsh.SETTINGS)[0], normals).max() < 1e-4
-    plain = away_deg(fitted(samples, directions, hsh.SEED_SETTINGS)[0], normals)
+    assert away_deg(fitted(samples, directions, hsh.Settings())[0], normals).max() < 1e-4
+    plain = away_deg(fitted(samples, directions, hsh.SEED)[0], normals)
     assert 0.01 < plain.max() < 0.5
 
 
@@ -57,7 +57,7 @@ def test_three_lights_see_the_shadow_at_45_degrees():
     directions = lights(96, 0.3, 0.98)
     normal = np.array([[np.sin(np.radians(65.0)), 0.0, np.cos(np.radians(65.0))]])
     samples = 0.4 * np.maximum(normal @ directions.T, 0)
-    assert away_deg(fitted(samples, directions, hsh.SEED_SETTINGS)[0], normal)[0] > 5
+    assert away_deg(fitted(samples, directions, hsh.SEED)[0], normal)[0] > 5
 
 
 def test_gloss_narrower_than_the_harmonics_is_smoothed_away_better_than_by_least_squares():
@@ -66,28 +66,28 @@ def test_gloss_narrower_than_the_harmonics_is_smoothed_away_better_than_by_least
     half /= np.linalg.norm(half, axis=1, keepdims=True)
     samples = 0.4 * normals @ directions.T + 0.3 * np.clip(normals @ half.T, 0, 1) ** 400
     plain = away_deg(samples @ np.linalg.pinv(directions).T, normals)
-    assert away_deg(fitted(samples, directions, hsh.SETTINGS)[0], normals).mean() < 1.05 * plain.mean()
+    assert away_deg(fitted(samples, directions, hsh.Settings())[0], normals).mean() < 1.05 * plain.mean()
 
 
 def test_clipped_samples_do_not_enter():
     directions, normals = lights(48, 0.5, 0.98), normals_near_the_axis(20, 2)
     samples = 0.4 * normals @ directions.T
     valid = np.random.default_rng(0).random(samples.shape) > 0.2
-    b, used = fitted(np.where(valid, samples, 9.0), directions, hsh.SETTINGS, valid)
+    b, used = fitted(np.where(valid, samples, 9.0), directions, hsh.Settings(), valid)
     assert away_deg(b, normals).max() < 1e-4
     np.testing.assert_array_equal(used, valid)
 
 
 @pytest.mark.parametrize("directions", [lights(24, 0.7, 0.7), lights(24, 0.96, 0.99), lights(8, 0.4, 0.98)])
 def test_a_ring_a_narrow_set_and_too_few_lights_are_said_to_be_singular(directions):
-    (said,) = hsh.doubts(directions, **hsh.SEED_SETTINGS)
+    (said,) = hsh.cautions_of(directions, hsh.SEED)
     assert "order 2 has 9 terms" in said
     assert "not to be believed" in said
-    assert hsh.doubts(lights(48, 0.3, 0.98), **hsh.SEED_SETTINGS) == ()
+    assert hsh.cautions_of(lights(48, 0.3, 0.98), hsh.SEED) == ()
 
 
 def test_on_a_ring_with_noise_the_seeds_reading_breaks_and_the_default_does_not():
     directions, normals = lights(24, 0.75, 0.7500001), normals_near_the_axis(200, 3)
     samples = 0.4 * normals @ directions.T + np.random.default_rng(4).normal(0, 0.002, (200, 24))
-    assert away_deg(fitted(samples, directions, hsh.SETTINGS)[0], normals).mean() < 1
-    assert away_deg(fitted(samples, directions, hsh.SEED_SETTINGS)[0], normals).mean() > 10
+    assert away_deg(fitted(samples, directions, hsh.Settings())[0], normals).mean() < 1
+    assert away_deg(fitted(samples, directions, hsh.SEED)[0], normals).mean() > 10

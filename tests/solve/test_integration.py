@@ -92,9 +92,7 @@ def test_a_step_keeps_its_height_free():
     z_mm = np.where(left, -600.0, -640.0)
     mask = np.ones((SIZE, SIZE), bool)
     noisy = z_mm + 5.0 * np.random.default_rng(0).standard_normal(z_mm.shape)
-    surface = integrate(
-        normals, mask, PERSPECTIVE, z_mm=-620.0, hint_mm=noisy, hint_weight=np.full(z_mm.shape, 0.02), rounds=100
-    )
+    surface = integrate(normals, mask, PERSPECTIVE, z_mm=-620.0, hint=(noisy, np.full(z_mm.shape, 0.02)), rounds=100)
     assert abs(np.median(surface.z_mm[left]) + 600) < 1.5
     assert abs(np.median(surface.z_mm[~left]) + 640) < 1.5
     # A plate's relief is the hint's noise, much reduced.

@@ -10,6 +10,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
+from solve.methods import Problem
 from solve.solve import solve
 from solve.whole.light_distance import find_positions
 
@@ -26,11 +27,16 @@ def directions_only(lights: Lights) -> Lights:
     return Lights(lights.names, lights.directions, lights.intensities).normalised()
 
 
+def problem_of(frames, lights, camera, mask):
+    return Problem(frames, lights, camera, mask, slice(0, len(mask)))
+
+
 def test_distances_and_normals(near_session):
     frames, lights, camera, mask, normals = near_session
     given = directions_only(lights)
-    found, said = find_positions(frames, given, camera, mask)
-    assert "without positions" in said[0]
+    placed = find_positions(problem_of(frames, given, camera, mask))
+    found = placed.lights
+    assert "without positions" in placed.cautions[0]
     # Of perspective pictures without a scale, everything is told up to one: the object is put at 1000.
     scale = -lights.reference_point_mm[2] / 1000
     far = np.linalg.norm(found.positions_mm - found.reference_point_mm, axis=1) * scale
@@ -51,14 +57,14 @@ def test_distant_lights_stay_distant():
     scene = session(20_402, "blob", 16, 40.0)
     given = directions_only(scene.lights)
     _, mask = true_normals(scene)
-    found, said = find_positions(scene.photograph(), given, scene.camera, mask)
-    assert found is given
-    assert said == ()
+    problem = problem_of(scene.photograph(), given, scene.camera, mask)
+    assert find_positions(problem) is problem
 
 
 def test_known_positions_are_kept(near_session):
     frames, lights, camera, mask, _ = near_session
-    assert find_positions(frames, lights, camera, mask) == (lights, ())
+    problem = problem_of(frames, lights, camera, mask)
+    assert find_positions(problem) is problem
 
 
 def test_few_pixels_say_so():
@@ -66,11 +72,10 @@ def test_few_pixels_say_so():
     names = tuple("abcd")
     directions = np.array([[0, 0, 1], [0.6, 0, 0.8], [0, 0.6, 0.8], [-0.6, 0, 0.8]], float)
     given = Lights(names, directions, np.ones((4, 3)))
-    found, said = find_positions(
-        Frames(names, codes, np.ones(4)), given, Camera.orthographic(5, 5), np.ones((5, 5), bool)
-    )
-    assert found is given
-    assert "too few pixels" in said[0]
+    frames, camera = Frames(names, codes, np.ones(4)), Camera.orthographic(5, 5)
+    found = find_positions(problem_of(frames, given, camera, np.ones((5, 5), bool)))
+    assert found.lights is given
+    assert "too few pixels" in found.cautions[0]
 
 
 def test_the_unit_of_length_changes_nothing(near_session):
@@ -78,7 +83,7 @@ def test_the_unit_of_length_changes_nothing(near_session):
     frames, lights, camera, mask, _ = near_session
     given = directions_only(lights)
     plain = Camera.orthographic(camera.width, camera.height)
-    one, _ = find_positions(frames, given, plain, mask)
-    two, _ = find_positions(frames, given, replace(plain, fx=2.0, fy=2.0), mask)
+    one = find_positions(problem_of(frames, given, plain, mask)).lights
+    two = find_positions(problem_of(frames, given, replace(plain, fx=2.0, fy=2.0), mask)).lights
     far = [np.linalg.norm(found.positions_mm - found.reference_point_mm, axis=1) for found in (one, two)]
     assert far[0] == pytest.approx(2 * far[1], rel=1e-3)

@@ -1,5 +1,7 @@
 """Near lights and depth in turn, on balls whose normals and depth the test made."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,8 +9,9 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.samples import Geometry
+from solve.samples import Geometry, Samples
 from solve.solve import solve
+from solve.whole import near
 from solve.whole.depth_evidence import depth_evidence
 
 SIZE = 64
@@ -105,14 +108,12 @@ def test_lights_that_are_all_but_distant_make_it_no_worse():
     assert any("tell the object's distance" in text for text in near.warnings)
 
 
-def test_a_depth_that_does_not_come_to_rest_is_said(monkeypatch):
+def test_a_depth_that_does_not_come_to_rest_is_said():
     camera = CAMERAS["perspective"]
     points, normals, mask = ball(camera)
     lights = lights_at(600.0, [15.0, -10.0, -560.0])
-    monkeypatch.setattr(
-        "solve.whole.near.SETTINGS", __import__("solve.whole.near", fromlist=["x"]).SETTINGS | {"rounds": 0}
-    )
-    estimate = solve("near", photographs(points, normals, mask, lights), lights, camera, mask)
+    method = replace(near.METHOD, profiles={"default": near.Settings(rounds=0)})
+    estimate = solve(method, photographs(points, normals, mask, lights), lights, camera, mask)
     assert any("did not come to rest" in text for text in estimate.warnings)
 
 
@@ -136,7 +137,7 @@ def test_the_evidence_is_the_derivative_of_the_fit():
 
     for t in (0.002, -0.002, rng.uniform(-0.002, 0.002)):
         place, (found, squares, *_) = fitted(t)
-        slope, information, left, count = depth_evidence(gray, found[None], used, place, place, *geometry)
+        slope, information, left, count = depth_evidence(Samples(gray, used, place, geometry), found[None], place)
         assert count[0] == gray.shape[1]
         np.testing.assert_allclose(left, squares, rtol=1e-3)
         np.testing.assert_allclose(slope / information, -t, rtol=0.02)

@@ -2,7 +2,10 @@
 
 import numpy as np
 
-from solve.pixelwise import position
+from solve.pixelwise.position import METHOD, fit
+from solve.samples import Geometry, Samples
+
+DEFAULT, SEED = METHOD.settings("default"), METHOD.settings("seed")
 
 LIGHTS = 20
 
@@ -18,25 +21,16 @@ def scene(seed=0, pixels=200):
     return directions, normals, normals @ directions.T
 
 
-def fitted(samples, directions, settings):
-    zero = np.zeros_like(directions)
-    return position.fit(
-        samples.astype(np.float32),
-        np.ones(samples.shape, bool),
-        np.zeros((len(samples), 3)),
-        directions,
-        zero,
-        zero[:, 0],
-        False,
-        1.0,
-        **settings,
-    )
+def fitted(gray, directions, settings, valid=None):
+    valid = np.ones(gray.shape, bool) if valid is None else valid
+    points = np.zeros((len(gray), 3))
+    return fit(Samples(gray.astype(np.float32), valid, points, Geometry.distant(directions)), 1.0, settings)
 
 
 def test_outside_the_band_any_value_is_as_good_inside_it_is_not():
     """Four highlights of twenty above the band: exact. A fifth stands inside: wrong."""
     directions, b, samples = scene()
-    for settings in (position.SETTINGS, position.SEED_SETTINGS):
+    for settings in (DEFAULT, SEED):
         glossy = samples.copy()
         np.put_along_axis(glossy, np.argsort(samples, 1)[:, -4:], 3.0, 1)
         found, used = fitted(glossy, directions, settings)
@@ -51,16 +45,12 @@ def test_shadows_take_no_rank_by_default_and_do_in_the_plain_reading():
     """Eight of twenty are dark: the plain band reaches into them."""
     directions, b, samples = scene(1)
     np.put_along_axis(samples, np.argsort(samples, 1)[:, :8], 0.001, 1)
-    np.testing.assert_allclose(fitted(samples, directions, position.SETTINGS)[0], b, atol=1e-6)
-    assert np.abs(fitted(samples, directions, position.SEED_SETTINGS)[0] - b).max() > 0.05
+    np.testing.assert_allclose(fitted(samples, directions, DEFAULT)[0], b, atol=1e-6)
+    assert np.abs(fitted(samples, directions, SEED)[0] - b).max() > 0.05
 
 
 def test_a_pixel_whose_samples_are_all_clipped_is_unknown():
     directions, _, samples = scene(2, 1)
-    zero = np.zeros_like(directions)
-    values, none = samples.astype(np.float32), np.zeros(samples.shape, bool)
-    found, used = position.fit(
-        values, none, np.zeros((1, 3)), directions, zero, zero[:, 0], False, 1.0, **position.SETTINGS
-    )
+    found, used = fitted(samples, directions, DEFAULT, np.zeros(samples.shape, bool))
     assert not found.any()
     assert not used.any()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from scene.errors import SceneError
-from solve.pixelwise import iterative, ls
-from solve.solve import METHODS, settings_of
+from solve.methods import METHODS, method_of
+from solve.samples import Geometry, Samples
 
 COUNT = 16
 
@@ -17,22 +17,11 @@ def cap():
     return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
 
 
-def fitted(module, samples, valid=None, profile="default"):
-    directions = cap()
-    zero = np.zeros_like(directions)
-    valid = np.ones(samples.shape, bool) if valid is None else valid
-    settings = settings_of(module.__name__.rpartition(".")[2], profile)
-    b, used = module.fit(
-        samples.astype(np.float32),
-        valid,
-        np.zeros((len(samples), 3)),
-        directions,
-        zero,
-        zero[:, 0],
-        False,
-        1.0,
-        **settings,
-    )
+def fitted(name, gray, valid=None, profile="default"):
+    valid = np.ones(gray.shape, bool) if valid is None else valid
+    samples = Samples(gray.astype(np.float32), valid, np.zeros((len(gray), 3)), Geometry.distant(cap()))
+    method = method_of(name)
+    b, used = method.fit(samples, 1.0, method.settings(profile))
     return b / np.linalg.norm(b, axis=1, keepdims=True), used
 
 
@@ -42,9 +31,11 @@ def away_deg(normals):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_has_the_seeds_profile_with_the_same_names(method):
-    assert settings_of(method, "seed").keys() == settings_of(method, "default").keys()
+    found = method_of(method)
+    assert found.name == method
+    assert type(found.settings("seed")) is type(found.settings("default"))
     with pytest.raises(SceneError, match=r"no profile 'x'; there are default, .*seed"):
-        settings_of(method, "x")
+        found.settings("x")
 
 
 def test_in_deep_shadow_unguarded_trimming_throws_the_good_samples_away():
@@ -52,26 +43,26 @@ def test_in_deep_shadow_unguarded_trimming_throws_the_good_samples_away():
     samples = 0.5 * cap()[:, 2][None].repeat(COUNT, 0)
     for i, row in enumerate(samples):
         row[(np.arange(10) + i) % COUNT] = 0.002
-    normals, used = fitted(iterative, samples)
+    normals, used = fitted("iterative", samples)
     assert away_deg(normals).max() < 0.1
     assert (used.sum(1) == 6).all()
-    assert np.median(away_deg(fitted(iterative, samples, profile="seed")[0])) > 5
+    assert np.median(away_deg(fitted("iterative", samples, profile="seed")[0])) > 5
 
 
 def test_the_seeds_least_squares_keeps_what_is_clipped():
     samples = 1.5 * cap()[:, 2][None]
     clipped = samples > 1
     samples = np.minimum(samples, 1.0)
-    assert away_deg(fitted(ls, samples, ~clipped)[0])[0] < 1e-3
-    normals, used = fitted(ls, samples, ~clipped, "seed")
+    assert away_deg(fitted("ls", samples, ~clipped)[0])[0] < 1e-3
+    normals, used = fitted("ls", samples, ~clipped, "seed")
     assert used.all()
     assert away_deg(normals)[0] > 1
 
 
 def test_the_published_reading_takes_every_sample_and_ends_gray_at_one():
     samples = 0.5 * cap()[:, 2][None] - 0.45
-    assert fitted(ls, samples, profile="published")[1].all()
+    assert fitted("ls", samples, profile="published")[1].all()
     bright, ceiled = np.full((1, COUNT), 3.0), np.ones((1, COUNT))
     np.testing.assert_array_equal(
-        fitted(ls, bright, profile="published")[0], fitted(ls, ceiled, profile="published")[0]
+        fitted("ls", bright, profile="published")[0], fitted("ls", ceiled, profile="published")[0]
     )

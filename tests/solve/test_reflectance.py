@@ -5,7 +5,8 @@ import pytest
 
 from scene.normals import angular_error_deg, unit
 from solve.pixelwise import iterative
-from solve.whole import reflectance
+from solve.samples import Geometry, Samples
+from solve.whole.reflectance import Settings, fit_to_views
 
 FRONT = np.array([0.0, 0.0, 1.0])
 
@@ -31,19 +32,16 @@ def photographs(lobe, *, count=32, size=44, noise=0.001, seed=20_000):
     return (gray + noise * generator.standard_normal(gray.shape)).astype(np.float32), normals, lights
 
 
+def seen(gray, lights):
+    return Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), Geometry.distant(lights))
+
+
 def fit(gray, lights, **changes):
-    geometry = (lights, np.zeros_like(lights), np.ones(len(lights)), False)
-    points, views = np.zeros((len(gray), 3)), np.tile(FRONT, (len(gray), 1))
-    settings = reflectance.SETTINGS | changes
-    return reflectance.fit_whole(gray, np.ones(gray.shape, bool), points, geometry, None, views=views, **settings)
+    return fit_to_views(seen(gray, lights), np.tile(FRONT, (len(gray), 1)), Settings(**changes))
 
 
 def of_iterative(gray, lights):
-    geometry = (lights, np.zeros_like(lights), np.ones(len(lights)), False)
-    scale = float(np.percentile(gray, 99))
-    return iterative.fit(
-        gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), *geometry, scale, **iterative.SETTINGS
-    )[0]
+    return iterative.fit(seen(gray, lights), float(np.percentile(gray, 99)), iterative.Settings())[0]
 
 
 LOBES = {
@@ -92,10 +90,8 @@ def test_a_table_learnt_from_some_pixels_serves_the_others():
 def test_a_view_from_the_side_is_not_one_from_the_front():
     """Half angles count from the direction to the camera: with the wrong one, the table explains nothing."""
     gray, normals, lights = photographs(LOBES["satin"])
-    geometry = (lights, np.zeros_like(lights), np.ones(len(lights)), False)
     views = np.tile(unit(np.array([0.6, 0.0, 0.8])), (len(gray), 1))
-    args = (gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), geometry, None)
-    wrong = reflectance.fit_whole(*args, views=views, **reflectance.SETTINGS)
+    wrong = fit_to_views(seen(gray, lights), views, Settings())
     right = fit(gray, lights)
     error = [angular_error_deg(unit(found.b), normals).mean() for found in (wrong, right)]
     assert error[1] < 0.1 * error[0]
@@ -103,4 +99,4 @@ def test_a_view_from_the_side_is_not_one_from_the_front():
 
 def test_too_few_pixels_say_so():
     gray, _, lights = photographs(LOBES["satin"], size=10)
-    assert "too few pixels" in fit(gray, lights).doubts[0]
+    assert "too few pixels" in fit(gray, lights).cautions[0]

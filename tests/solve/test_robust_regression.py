@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 from solve.pixelwise import l1, sbl
+from solve.samples import Geometry, Samples
 
 LIGHTS = 16
 
@@ -22,27 +23,16 @@ def scene(outliers, *, pixels=40, seed=0):
     return directions, b, samples
 
 
-def fitted(module, samples, directions, settings):
-    zero = np.zeros_like(directions)
-    shape = samples.shape
-    return module.fit(
-        samples.astype(np.float32),
-        np.ones(shape, bool),
-        np.zeros((shape[0], 3)),
-        directions,
-        zero,
-        zero[:, 0],
-        False,
-        1.0,
-        **settings,
-    )
+def fitted(module, gray, directions, settings, scale=1.0):
+    valid, points = np.ones(gray.shape, bool), np.zeros((len(gray), 3))
+    return module.fit(Samples(gray.astype(np.float32), valid, points, Geometry.distant(directions)), scale, settings)
 
 
 @pytest.mark.parametrize("module", [l1, sbl])
-@pytest.mark.parametrize("profile", ["SETTINGS", "SEED_SETTINGS"])
+@pytest.mark.parametrize("profile", ["default", "seed"])
 def test_a_quarter_of_outliers_leaves_the_rest_exact_and_they_are_not_counted(module, profile):
     directions, b, samples = scene(4)
-    found, used = fitted(module, samples, directions, getattr(module, profile))
+    found, used = fitted(module, samples, directions, module.METHOD.settings(profile))
     error = np.linalg.norm(found - b, axis=1)
     assert np.median(error) < 1e-4
     good = error < 1e-3
@@ -53,7 +43,7 @@ def test_a_quarter_of_outliers_leaves_the_rest_exact_and_they_are_not_counted(mo
 def test_l1_reaches_the_least_sum_that_linear_programming_finds():
     directions, _, samples = scene(7, seed=1)
     samples += np.random.default_rng(2).normal(0, 0.01, samples.shape)
-    found, _ = fitted(l1, samples, directions, l1.SEED_SETTINGS)
+    found, _ = fitted(l1, samples, directions, l1.SEED)
     one = np.eye(LIGHTS)
     for m, b in zip(samples, found, strict=True):
         limits = np.block([[directions, -one], [-directions, -one]])
@@ -69,7 +59,7 @@ def test_l1_reaches_the_least_sum_that_linear_programming_finds():
 def test_sbl_is_the_loop_over_matrices_written_out():
     directions, _, samples = scene(5, seed=3)
     samples += np.random.default_rng(4).normal(0, 0.01, samples.shape)
-    settings = {**sbl.SEED_SETTINGS, "iterations": 12, "tolerance": 0.0}
+    settings = sbl.SEED._replace(iterations=12, tolerance=0.0)
     found, _ = fitted(sbl, samples, directions, settings)
     for m, b in zip(samples, found, strict=True):
         inverse = np.ones(LIGHTS)
@@ -86,8 +76,6 @@ def test_sbl_is_the_loop_over_matrices_written_out():
 @pytest.mark.parametrize("module", [l1, sbl])
 def test_exposure_changes_the_length_alone(module):
     directions, _, samples = scene(5, seed=5)
-    zero = np.zeros_like(directions)
-    rest = (np.ones(samples.shape, bool), np.zeros((len(samples), 3)), directions, zero, zero[:, 0], False)
-    plain, _ = module.fit(samples.astype(np.float32), *rest, 0.7, **module.SETTINGS)
-    dim, _ = module.fit((0.125 * samples).astype(np.float32), *rest, 0.7 * 0.125, **module.SETTINGS)
+    plain, _ = fitted(module, samples, directions, module.Settings(), 0.7)
+    dim, _ = fitted(module, 0.125 * samples, directions, module.Settings(), 0.7 * 0.125)
     np.testing.assert_allclose(dim, 0.125 * plain, rtol=1e-6)

@@ -7,10 +7,18 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
+from solve.methods import Problem
 from solve.solve import solve
-from solve.whole.semicalibrated import SETTINGS, find_lights
+from solve.whole import semicalibrated
 
 SIZE = 48
+
+
+def find_lights(frames, lights, camera, mask):
+    """The lights that `semicalibrated` finds, and its cautions."""
+    problem = Problem(frames, lights, camera, mask, slice(0, len(mask)))
+    found = semicalibrated.find_lights(problem, semicalibrated.Settings())
+    return found.lights, found.cautions
 
 
 @pytest.fixture
@@ -64,7 +72,7 @@ def test_exact_on_noiseless_lambertian_pixels_whatever_the_intensities(count, ne
     lights = lights_around(count, seed=10000 + count, near=near)
     images = photographs(lights, normals, albedo, camera)
     frames = as_floats(lights, images)
-    found, doubts = find_lights(frames, wrong(lights, 0.5), camera, mask, **SETTINGS)
+    found, doubts = find_lights(frames, wrong(lights, 0.5), camera, mask)
     assert not doubts
     relative = found.intensities / found.intensities.mean(0)
     np.testing.assert_allclose(relative, lights.intensities, rtol=1e-6)
@@ -82,13 +90,13 @@ def test_laws_order_and_strength_of_the_frames(camera):
     images = photographs(lights, normals, albedo, camera) + 0.002 * np.random.default_rng(10021).standard_normal(
         (9, SIZE, SIZE, 3)
     )
-    plain, _ = find_lights(as_floats(lights, images), lights, camera, mask, **SETTINGS)
+    plain, _ = find_lights(as_floats(lights, images), lights, camera, mask)
     order = np.random.default_rng(3).permutation(9)
     mixed = Lights(tuple(lights.names[i] for i in order), lights.directions[order], lights.intensities[order])
-    permuted, _ = find_lights(as_floats(mixed, images[order]), mixed, camera, mask, **SETTINGS)
+    permuted, _ = find_lights(as_floats(mixed, images[order]), mixed, camera, mask)
     np.testing.assert_allclose(permuted.intensities, plain.intensities[order], rtol=1e-6)
     factor = np.linspace(0.7, 1.6, 9)
-    brighter, _ = find_lights(as_floats(lights, images * factor[:, None, None, None]), lights, camera, mask, **SETTINGS)
+    brighter, _ = find_lights(as_floats(lights, images * factor[:, None, None, None]), lights, camera, mask)
     ratio = brighter.intensities / plain.intensities / factor[:, None]
     np.testing.assert_allclose(ratio / ratio[0], 1, rtol=2e-3)
 
@@ -121,7 +129,7 @@ def test_it_does_not_care_what_is_given_and_loses_little_where_that_is_right(see
     assert mine < 1.15 * right
     assert mine < 0.6 * off
     assert error("semicalibrated", wrong(lights, 0.3, seed)) == pytest.approx(mine, abs=0.02)
-    found, _ = find_lights(frames, wrong(lights, 0.3, seed), camera, mask, **SETTINGS)
+    found, _ = find_lights(frames, wrong(lights, 0.3, seed), camera, mask)
     relative = found.intensities / found.intensities.mean(0) / lights.intensities
     assert np.abs(relative - 1).max() < 0.03
     assert np.nanmax(found.intensity_sigma) < 0.03
@@ -132,7 +140,7 @@ def test_near_lights_over_a_surface_before_the_reference_depth(camera):
     normals, mask, albedo = ball()
     lights = lights_around(12, seed=10061, near=True)
     frames = Frames.from_linear(lights.names, 0.5 * photographs(lights, normals, albedo, camera, depth=-550.0))
-    found, _ = find_lights(frames, wrong(lights, 0.2), camera, mask, **SETTINGS)
+    found, _ = find_lights(frames, wrong(lights, 0.2), camera, mask)
     assert found.reference_point_mm[2] == pytest.approx(-550, abs=5)
     relative = found.seen_from([0, 0, -600]).intensities / lights.intensities
     assert np.abs(relative - 1).max() < 0.01
@@ -149,7 +157,7 @@ def test_a_plane_and_three_lights_tell_nothing(camera):
         for noise in (0, 0.002):
             images = images + noise * np.random.default_rng(10041).standard_normal(images.shape)
             given = wrong(lights, 0.1)
-            found, doubts = find_lights(as_floats(lights, images), given, camera, mask, **SETTINGS)
+            found, doubts = find_lights(as_floats(lights, images), given, camera, mask)
             assert "cannot be told" in doubts[0]
             np.testing.assert_array_equal(found.intensities, given.intensities)
 
@@ -162,7 +170,7 @@ def test_a_light_that_alone_leaves_the_plane_of_the_rest_keeps_its_intensity(cam
     lights = Lights(six.names, fan, six.intensities)
     frames = as_floats(lights, photographs(lights, normals, albedo, camera))
     given = wrong(lights, 0.1)
-    found, doubts = find_lights(frames, given, camera, mask, **SETTINGS)
+    found, doubts = find_lights(frames, given, camera, mask)
     assert "flash_005" in doubts[0]
     told = found.intensities[:5] / lights.intensities[:5]
     np.testing.assert_allclose(told / told[0], 1, rtol=1e-5)
@@ -173,7 +181,7 @@ def test_a_flash_that_lights_no_pixel_keeps_what_is_given_and_is_named(camera):
     lights = lights_around(10, seed=10051)
     images = photographs(lights, normals, albedo, camera)
     images[4] = 0
-    found, doubts = find_lights(as_floats(lights, images), lights, camera, mask, **SETTINGS)
+    found, doubts = find_lights(as_floats(lights, images), lights, camera, mask)
     assert "flash_004" in doubts[0]
     np.testing.assert_allclose(found.intensities, lights.intensities, rtol=1e-5)
     assert np.isnan(found.intensity_sigma[4])

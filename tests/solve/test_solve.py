@@ -11,7 +11,8 @@ from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.solve import METHODS, UNCALIBRATED, solve
+from solve.methods import METHODS, UNCALIBRATED
+from solve.solve import solve
 
 SIZE = 48
 CALIBRATED = [method for method in METHODS if method not in UNCALIBRATED]

@@ -7,7 +7,8 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from solve.solve import UNCALIBRATED, solve
+from solve.methods import UNCALIBRATED
+from solve.solve import solve
 
 
 def ball(count=24, dark=()):

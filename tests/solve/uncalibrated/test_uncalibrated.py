@@ -8,8 +8,10 @@ from scipy.optimize import minimize
 
 from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
+from solve.methods import Problem
+from solve.samples import Geometry, Samples
 from solve.uncalibrated import entropy, ldr, tv
-from solve.uncalibrated.front_end import family
+from solve.uncalibrated.front_end import FrontEnd, family
 from solve.uncalibrated.tv import geometric_median
 
 METHODS = {"ldr": ldr, "entropy": entropy, "tv": tv}
@@ -43,9 +45,20 @@ def scene():
     return photographs(normals, mask, directions), normals[mask], directions, mask
 
 
-def run(name, gray, mask, **settings):
+def samples_of(gray):
+    """All valid, under lights that nobody knows."""
+    nowhere = Geometry.distant(np.full((gray.shape[1], 3), np.nan))
+    return Samples(gray, np.ones(gray.shape, bool), np.zeros((len(gray), 3)), nowhere)
+
+
+def run(name, gray, mask, **changes):
+    """The method's result; `changes` are settings, its own or the front end's."""
     module = METHODS[name]
-    return module.fit_whole(gray, np.ones(gray.shape, bool), None, None, mask, **{**module.SETTINGS, **settings})
+    settings = module.METHOD.settings("default")
+    own = {key: value for key, value in changes.items() if key not in FrontEnd._fields}
+    front_end = FrontEnd(**{key: value for key, value in changes.items() if key in FrontEnd._fields})
+    settings = front_end if isinstance(settings, FrontEnd) else settings._replace(front_end=front_end, **own)
+    return module.fit_whole(Problem(None, None, None, mask, slice(0, len(mask))), samples_of(gray), settings)
 
 
 def error(b, normals):
@@ -69,7 +82,7 @@ def test_pseudo_normals_are_the_true_ones_up_to_a_bas_relief_transform(scene, ro
     directions = around(40, 15)
     gray = photographs(dome()[0], mask, directions)
     lit = (normals @ directions.T > 0.02).all(1)
-    found = family(gray, np.ones(gray.shape, bool), mask, robust=robust, smooth_px=1.0)
+    found = family(samples_of(gray), mask, FrontEnd(robust=robust, smooth_px=1.0))
     matrix = np.linalg.lstsq(found.b[lit], normals[lit], rcond=None)[0]
     assert error(found.b @ matrix, normals)[lit].mean() < (0.01 if robust else 1)
     matrix = matrix / matrix[0, 0]
@@ -80,7 +93,7 @@ def test_pseudo_normals_are_the_true_ones_up_to_a_bas_relief_transform(scene, ro
 
 def test_every_member_of_the_family_gives_the_same_pictures_and_faces_the_camera(scene):
     gray, _, _, mask = scene
-    found = family(gray, np.ones(gray.shape, bool), mask, robust=True, smooth_px=2.0)
+    found = family(samples_of(gray), mask, FrontEnd())
     for numbers in ((0.7, -0.4, 2.5), (-0.3, 0.2, -0.6)):
         b, lights = found.relief(*numbers)
         np.testing.assert_allclose(b @ lights.T, found.b @ found.lights.T, atol=1e-9)
@@ -95,7 +108,7 @@ def test_normals_and_lights_of_a_plain_object_are_found(name, scene):
     assert angular_error_deg(unit(found.lights), directions).max() < 1
     np.testing.assert_allclose(np.linalg.norm(found.lights, axis=1), 1, atol=0.02)
     np.testing.assert_allclose(np.linalg.norm(found.b, axis=1).mean(), 0.5, rtol=0.02)
-    assert not found.doubts
+    assert not found.cautions
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -134,7 +147,7 @@ def test_ldr_and_entropy_need_no_equal_intensities_and_tv_says_that_it_does(scen
         found = run(name, gray, mask)
         assert error(found.b, normals).mean() < 0.5
         np.testing.assert_allclose(np.linalg.norm(found.lights, axis=1), strength / strength.mean(), rtol=0.02)
-    assert any("one intensity" in doubt for doubt in run("tv", gray, mask).doubts)
+    assert any("one intensity" in doubt for doubt in run("tv", gray, mask).cautions)
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -186,29 +199,29 @@ def test_each_says_when_it_should_not_be_believed(scene):
     gray, _, directions, mask = scene
     v, u = np.mgrid[:SIZE, :SIZE]
     smooth = photographs(dome()[0], mask, directions, (0.4 + 0.2 * np.sin(u / 3) * np.cos(v / 4))[mask][:, None])
-    assert any("texture" in doubt for doubt in run("ldr", smooth, mask).doubts)
-    assert any("flat" in doubt for doubt in run("entropy", smooth, mask).doubts)
+    assert any("texture" in doubt for doubt in run("ldr", smooth, mask).cautions)
+    assert any("flat" in doubt for doubt in run("entropy", smooth, mask).cautions)
 
     flat = np.tile(directions @ [0.1, 0.2, 0.97], (len(gray), 1)).astype(np.float32)
     flat += np.random.default_rng(20_015).normal(0, 0.004, flat.shape).astype(np.float32)
     for name in METHODS:
         assert any(
-            "third singular value" in doubt or "integrability" in doubt for doubt in run(name, flat, mask).doubts
+            "third singular value" in doubt or "integrability" in doubt for doubt in run(name, flat, mask).cautions
         )
 
     all_of_it = np.zeros((SIZE, SIZE), bool)
     all_of_it[24:48, 24:48] = True
     crop = gray[all_of_it[mask]]
     edge = run("tv", crop, np.ones((24, 24), bool))
-    assert any("outline is not in the picture" in doubt for doubt in edge.doubts)
+    assert any("outline is not in the picture" in doubt for doubt in edge.cautions)
     inner = run("tv", crop, all_of_it)
-    assert any("no limb" in doubt or "uncertain" in doubt for doubt in inner.doubts)
+    assert any("no limb" in doubt or "uncertain" in doubt for doubt in inner.cautions)
 
 
 def test_fewer_than_three_crossings_are_said_not_guessed(scene):
     gray, _, _, mask = scene
     found = run("ldr", gray[:, :4], mask, most_maxima=2)
-    assert any("pairs of diffuse maxima" in doubt for doubt in found.doubts)
+    assert any("pairs of diffuse maxima" in doubt for doubt in found.cautions)
     assert np.isfinite(found.b).all()
 
 

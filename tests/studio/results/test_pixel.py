@@ -11,7 +11,7 @@ from scene.errors import SceneError
 from scene.files import write_json, write_npy
 from scene.normals import angular_error_deg
 from solve.pixelwise import ls
-from solve.samples import GRAY, Geometry, points_of, read_band, scale_of
+from solve.samples import GRAY, Geometry, Samples, points_of, read_band, scale_of
 from studio.results.panel import lacks
 from studio.results.pixel import lit_from, numbers_at, read_pixel
 from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pixel_chart, shares
@@ -36,7 +36,7 @@ def test_a_fit_is_the_solvers_own_prediction(make, near):
         gray, valid = band.gray((GRAY / made.lights.intensities).astype(np.float32))
         points = points_of(made.camera, made.lights, made.mask, slice(0, frames.height))
         scale = scale_of(frames, made.lights, made.mask)
-        b, used = ls.fit(gray, valid, points, *Geometry.of(made.lights), scale, **ls.SETTINGS)
+        b, used = ls.fit(Samples(gray, valid, points, Geometry.of(made.lights)), scale, ls.Settings())
         vectors = made.lights.toward(points)
         number = np.cumsum(made.mask).reshape(made.mask.shape) - 1
         checked = 0

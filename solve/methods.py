@@ -1,0 +1,172 @@
+"""Every method by name, what a method is, and what it is given. Nothing here loads a compiler: `rgbn --help` asks."""
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.frames import Frames
+from scene.lights import Lights
+
+if TYPE_CHECKING:
+    from solve.samples import Band, Samples
+
+FAMILIES = {
+    "ls": "pixelwise",
+    "iterative": "pixelwise",
+    "position": "pixelwise",
+    "l1": "pixelwise",
+    "sbl": "pixelwise",
+    "hsh": "pixelwise",
+    "rpca": "whole",
+    "semicalibrated": "whole",
+    "near": "whole",
+    "reflectance": "whole",
+    "ldr": "uncalibrated",
+    "entropy": "uncalibrated",
+    "tv": "uncalibrated",
+}
+"""The table of methods. The file solve/FAMILY/NAME.py defines `METHOD`; a new method is its file and its line here."""
+
+METHODS = tuple(FAMILIES)
+UNCALIBRATED = tuple(name for name, family in FAMILIES.items() if family == "uncalibrated")
+"""They know the intensities, where those were calibrated, and no more."""
+
+Settings = Any
+"""A NamedTuple of a method's own, each field with its default: kernels take it as it is."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a method is given, and what it has found out before it fits normals.
+
+    Parameters
+    ----------
+    frames : Frames
+    lights : Lights
+    camera : Camera
+    mask : (h, W) bool
+        The object's pixels.
+    rows : slice
+        The rows of the frames that `mask` and `z_mm` cover.
+    z_mm : (h, W) float64 or None
+        Each pixel's depth. None: near lights are evaluated at the depth of `lights.reference_point_mm`.
+    own_lights : Lights or None
+        The lights that the method itself has found, once it has; `lights` are then the same.
+    cautions : tuple of str
+        Why the result should not be believed.
+    """
+
+    frames: Frames
+    lights: Lights
+    camera: Camera
+    mask: NDArray[np.bool_]
+    rows: slice
+    z_mm: NDArray[np.float64] | None = None
+    own_lights: Lights | None = None
+    cautions: tuple[str, ...] = ()
+
+    def part(self, rows: slice) -> "Problem":
+        """Return some rows of a problem that covers the whole frames."""
+        return replace(self, mask=self.mask[rows], rows=rows, z_mm=None if self.z_mm is None else self.z_mm[rows])
+
+    def under(self, lights: Lights) -> "Problem":
+        """Return the problem under the lights that the method has found."""
+        return replace(self, lights=lights, own_lights=lights)
+
+    def warned(self, *cautions: str) -> "Problem":
+        """Return the problem with more cautions."""
+        return replace(self, cautions=(*self.cautions, *cautions))
+
+
+@dataclass(frozen=True)
+class Whole:
+    """What a method that fits all pixels together returns.
+
+    Parameters
+    ----------
+    b : (P, 3) float64
+        Albedo x normal; zero or NaN where unknown.
+    used : (P, F) bool
+        The samples that it is based on.
+    cautions : tuple of str
+    lights : (F, 3) float64 or None
+        Direction times intensity, of methods that recover the lights too.
+    """
+
+    b: NDArray[np.float64]
+    used: NDArray[np.bool_]
+    cautions: tuple[str, ...] = ()
+    lights: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class Method:
+    """One method: either `fit` or `fit_whole`, the other parts as it needs them.
+
+    Parameters
+    ----------
+    name : str
+    profiles : mapping of str to NamedTuple
+        Settings: `default`, which serves best, and `seed`, the plain reading of the benchmark's text, where a method
+        breaks as it breaks there [Berkiten2016]. A method may have more.
+    fit : callable, optional
+        (samples, scale, settings) -> b (P, 3) float64, used (P, F) bool, of any pixels: `solve.samples.Samples`; the
+        stack's 99th percentile, to which every threshold is relative; b = albedo x normal, zero where the lit lights
+        do not span space; the samples that b is based on. A compiled kernel, as a rule.
+    fit_whole : callable, optional
+        (problem, samples, settings) -> Whole, of all pixels of the mask. Its memory grows with the samples.
+    prepare : callable, optional
+        (problem, settings) -> Problem, before the fit: finds lights or depth, or adds cautions.
+    stream : callable, optional
+        (band, lights, scale, settings) -> what `solve.assess.assess` returns, straight from the codes; its last array
+        marks the pixels that are left to `fit`. None: not under these lights or settings.
+    is_calibrated : bool
+        Needs the lights' directions. Otherwise they are hidden from it.
+    """
+
+    name: str
+    profiles: Mapping[str, Settings]
+    fit: Callable[["Samples", float, Settings], tuple[NDArray, NDArray]] | None = None
+    fit_whole: Callable[[Problem, "Samples", Settings], Whole] | None = None
+    prepare: Callable[[Problem, Settings], Problem] | None = None
+    stream: Callable[["Band", Lights, float, Settings], tuple | None] | None = None
+    is_calibrated: bool = True
+
+    def settings(self, profile: str) -> Settings:
+        """Return the settings of a profile.
+
+        Raises
+        ------
+        SceneError
+            The method has no such profile.
+        """
+        if profile not in self.profiles:
+            raise SceneError(f"solve: {self.name} has no profile {profile!r}; there are {', '.join(self.profiles)}.")
+        return self.profiles[profile]
+
+
+def method_of(name: str) -> Method:
+    """Return a method of the table.
+
+    Raises
+    ------
+    SceneError
+        There is none of this name.
+    """
+    if name not in FAMILIES:
+        raise SceneError(f"solve: unknown method {name!r}; there are {', '.join(METHODS)}.")
+    return importlib.import_module(f"solve.{FAMILIES[name]}.{name}").METHOD
+
+
+def as_dict(settings: Settings) -> dict[str, Any]:
+    """Return settings by name, those of a method inside another beside its own."""
+    found: dict[str, Any] = {}
+    for name, value in settings._asdict().items():
+        found |= as_dict(value) if hasattr(value, "_asdict") else {name: value}
+    return found
