@@ -12,18 +12,9 @@ from scene.errors import AlignError, SceneError
 def read_normals(path: Path, height: int, width: int) -> NDArray[np.float32]:
     """Read a normal map that lies on the frames' pixels.
 
-    Parameters
-    ----------
-    path : Path
-        .mat (`Normal_gt` or the only H x W x 3 array; MATLAB 5 to 7.3), .txt (H * W rows of 3, row by row),
-        .npy (H, W, 3), or .png of 8 or 16 bits, RGB = (n + 1) / 2.
-    height, width : int
-        The frames' size.
-
-    Returns
-    -------
-    normals : (H, W, 3) float32
-        Unit, camera frame (x right, y up, z toward the viewer), NaN where the file has none.
+    .mat (`Normal_gt` or the only H x W x 3 array; MATLAB 5 to 7.3), .txt (H * W rows of 3, row by row), .npy (H, W, 3),
+    or .png of 8 or 16 bits, RGB = (n + 1) / 2. Return (H, W, 3): unit, camera frame (x right, y up, z toward the
+    viewer), NaN where the file has none.
 
     Raises
     ------

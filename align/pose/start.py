@@ -95,7 +95,7 @@ def find_starts(caster: RayCaster, target: Target, *, count: int) -> list[Pose]:
     starts: list[Pose] = []
     for flat in np.argsort(score, axis=None)[::-1]:
         view, turn = np.unravel_index(flat, score.shape)
-        spin = Pose.exp([0, 0, angle[turn], 0, 0, 0])
+        spin = Pose.exp(np.array([0, 0, float(angle[turn]), 0, 0, 0]))
         pose = aim.pose @ spin @ Pose.from_rotation_translation(views[view], offsets[view])
         if all((pose.inverse() @ other).angle_deg() > 10 for other in starts):
             starts.append(pose)
