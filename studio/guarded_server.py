@@ -4,9 +4,10 @@ A browser sends the page that a script came from as `Origin`; others than this s
 on the web can speak to a studio on the loopback address. What a window says is read strictly, as viser's own types have
 it, and goes on as what was read. What does not fit is dropped with one line, one a second at most.
 
-All limits are public parameters of `websockets`. viser has no way to be given them: `_serving` is the one place that
-touches a private part of it for that, `_input_of` the one that looks into its tables; `tests/studio` tell when they
-change.
+All limits are public parameters of `websockets`. viser 1.1 has no way to be given them: it calls `serve` inside of its
+own function, with arguments of its own. `_serving` puts another `serve` before viser alone, while its server is made;
+a proxy would read and write each message once more. `_input_of` is the one place that looks into viser's tables.
+`tests/studio` tell when either changes.
 """
 
 import contextlib

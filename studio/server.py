@@ -10,10 +10,9 @@ from typing import Any
 from scene.errors import SceneError
 from studio.browser_window import BrowserWindow
 from studio.editor.camera_panel import CameraPanel, PreviewPanel
-from studio.editor.editor_window import EditorWindow, begun
+from studio.editor.editor_window import EditorWindow, History, begun
 from studio.editor.edits import start_scene
 from studio.editor.files_panel import FilesPanel
-from studio.editor.history import History
 from studio.editor.lights_panel import LightsPanel
 from studio.editor.materials_panel import MaterialsPanel
 from studio.editor.objects_panel import ObjectsPanel

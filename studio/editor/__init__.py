@@ -1,5 +1,5 @@
 """A scene built and lit in the browser. The panels only call the functions of the other modules.
 
-`edits`, `placement` and `history` are the state, one immutable scene after the other, without a browser. `live_scene`
+`edits` and `placement` are the state, one immutable scene after the other, without a browser. `live_scene`
 and `preview` draw it.
 """

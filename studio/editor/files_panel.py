@@ -5,9 +5,8 @@ from pathlib import Path
 
 from scene.errors import SceneError
 from studio.background_process import BackgroundProcess
-from studio.editor.editor_window import EditorWindow
+from studio.editor.editor_window import Document, EditorWindow
 from studio.editor.edits import start_scene
-from studio.editor.history import Document
 from studio.editor.rendering import Progress, start_rendering
 from studio.own_files import put_own
 from studio.widgets import code, plain

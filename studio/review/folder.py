@@ -1,6 +1,7 @@
 """What the output folder of a session holds to be reviewed, and why the rest is not there."""
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,7 +22,6 @@ from scene.output_folder import read_record
 from scene.record import PLACE
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.review.warning_places import Warned, targets
 
 Array = NDArray[np.float64]
 KEPT = "review"
@@ -32,6 +32,20 @@ OWN = "# Its own: "
 """Begins the second line, which names the session that was corrected."""
 UNREADABLE = (OSError, ValueError, KeyError, TypeError, SceneError)
 """What a part that is missing, or that a killed run left half-made, raises when it is read."""
+
+
+@dataclass(frozen=True)
+class Warned:
+    """A warning of a step.
+
+    frames: That it names, in the order in which it names them.
+    ball: That it names first.
+    """
+
+    step: str
+    text: str
+    frames: tuple[int, ...] = ()
+    ball: int | None = None
 
 
 @dataclass(frozen=True)
@@ -200,3 +214,46 @@ def _array(rows: Any, shape: tuple[int, ...]) -> Array | None:
         found = np.array(rows, np.float64)
         return found if found.shape == shape else None
     return None
+
+
+def targets(texts: Sequence[tuple[str, str]], names: Sequence[str], spheres: Sequence[Sphere]) -> list[Warned]:
+    """Return warnings with what they name.
+
+    names: The frames'. spheres: In the order in which `spheres.json` has them, which is that of "ball 2" in a text.
+    """
+    return [Warned(step, text, _frames(text, names), _ball(text, spheres)) for step, text in texts]
+
+
+def _frames(text: str, names: Sequence[str]) -> tuple[int, ...]:
+    """Return the frames whose names stand in a text as whole words."""
+    found = []
+    for index, name in enumerate(names):
+        # flash_1 is not named by flash_12, nor by flash_1.5; flash_1.dng names it.
+        match = re.search(rf"(?<![\w.-]){re.escape(name)}(?!\w|-\w|\.\d)", text)
+        if match:
+            found.append((match.start(), index))
+    return tuple(index for _, index in sorted(found))
+
+
+def _ball(text: str, spheres: Sequence[Sphere]) -> int | None:
+    """Return the ball that a text names by its number, its place, or as the only one of its kind."""
+    named = re.search(r"\b(chrome|white) ball (\d+)\b", text)
+    if named:
+        # Numbers count the balls of one kind.
+        return _of_kind(spheres, named[1], int(named[2]) - 1)
+    placed = re.search(r"\b(chrome|white) ball at \((-?\d+), (-?\d+)\) px", text)
+    if placed and spheres:
+        place = [float(placed[2]), float(placed[3])]
+        away = [float(abs(sphere.center_px - place).max()) for sphere in spheres]
+        nearest = min(range(len(away)), key=away.__getitem__)
+        return nearest if away[nearest] < spheres[nearest].radius_px else None
+    alone = re.search(r"\bthe (chrome|white) ball\b|\bone (chrome) ball\b", text)
+    if alone:
+        kind = alone[1] or alone[2]
+        return _of_kind(spheres, kind, 0) if sum(sphere.kind == kind for sphere in spheres) == 1 else None
+    return None
+
+
+def _of_kind(spheres: Sequence[Sphere], kind: str, number: int) -> int | None:
+    places = [index for index, sphere in enumerate(spheres) if sphere.kind == kind]
+    return places[number] if 0 <= number < len(places) else None

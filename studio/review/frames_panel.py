@@ -3,9 +3,9 @@
 from typing import Any
 
 from compare.report.facts import read_optional
+from studio.review.folder import Warned
 from studio.review.photograph_picture import OVERLAYS
 from studio.review.review_window import VIEWS, ReviewWindow
-from studio.review.warning_places import Warned
 from studio.widgets import Inputs, Layers, plain
 
 MOST = 60

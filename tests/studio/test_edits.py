@@ -11,7 +11,7 @@ from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
 from studio.editor import edits
-from studio.editor.history import TOGETHER_S, History
+from studio.editor.editor_window import TOGETHER_S, History
 from studio.editor.placement import Placement, matrix_of, placement_of, quaternion, rotation_of
 from twin.description.description import Sampling
 from twin.description.description_file import read_scene

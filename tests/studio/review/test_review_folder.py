@@ -16,14 +16,13 @@ from scene.rays import RayCaster
 from studio.review.contact_sheet import CHOSEN, CLIPPED, WARNED, contact_sheet
 from studio.review.corrected_session import forget_kept, write_amended
 from studio.review.corrections import added, moved, outlines_of, removed, resized, specs_of
-from studio.review.folder import Review, found_at
+from studio.review.folder import Review, found_at, targets
 from studio.review.frames_panel import lacks_text
 from studio.review.photograph_picture import CLIPPED_COLOUR, Look, photograph
 from studio.review.plane import Plane
 from studio.review.recalibration import change_of, mirrored_px
 from studio.review.scan_picks import Picks, load_scan, met, pose_of, write_picks
 from studio.review.twin_panel import twin_picture
-from studio.review.warning_places import targets
 
 PLANE = Plane(160, 120)
 
