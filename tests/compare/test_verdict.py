@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from compare.report.page import number, percent, plain, round_number, words
+from compare.report.page import Sentence, number, percent, plain, round_number, words
 from compare.report.ranking import ranking, ranking_table
 from compare.report.verdict import verdict
 
@@ -233,3 +233,27 @@ def test_a_warning_never_lifts_a_level_and_other_steps_leave_the_lights_alone():
 @pytest.mark.parametrize(("bar", "text"), [(1.0, "1°"), (3.0, "3°"), (0.25, "0.25°")])
 def test_a_bar_has_no_more_digits_than_people_gave_it(bar, text):
     assert plain(round_number(bar, "°")) == text
+
+
+def test_a_sentence_is_filled_in_escaped_and_what_is_missing_is_unknown():
+    text = Sentence().vformat("{name}: {row[a]:2°}, {share:1%}, {count}, {none:2}, {row[b]:1}, {badge:html}", (), {
+        "name": "<i>", "row": {"a": 1.239}, "share": 0.5, "count": 12, "badge": "<b>x</b>"
+    })  # fmt: skip
+    assert plain(text) == "<i>: 1.24°, 50.0\u202f%, 12, unknown, unknown, x"
+    assert "<i>" not in text
+    assert "<b>x</b>" in text
+
+
+def test_every_sentence_and_every_table_of_the_words_can_be_filled_in_with_nothing():
+    def templates(part):
+        if isinstance(part, str):
+            yield part
+        else:
+            for one in part.values() if isinstance(part, dict) else part:
+                yield from templates(one)
+
+    found = [text for text in templates(words()) if ":html}" not in text and "{:" not in text]
+    assert len(found) > 100
+    bars = {"alike_from": 0.3, "structured_percent": 50.0}
+    for text in found:
+        assert text.format(**bars) if "structured_percent" in text else Sentence().vformat(text, (), {}) or not text
