@@ -84,17 +84,17 @@ def compare_folders(
     with open_record(folder, input_folders=[real, twin]) as record:
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
-        sides = [
+        first, second = (
             Capture(one.name, one.kind, error_maps(one, common), *shifts_of(one, common, seed=seed))
             for seed, one in enumerate(folders)
-        ]
-        found = compare_counterparts(*sides)
-        title = f"{sides[0].name} against {sides[1].name}"
+        )
+        found = compare_counterparts(first, second)
+        title = f"{first.name} against {second.name}"
         now = datetime.now(UTC).isoformat(timespec="seconds")
         found = {"name": title, "created": now, "versions": libraries(), **found}
         write_json(place.path(NUMBERS), found)
         subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
-        write_text(place.path(PAGE), counterpart_page(found, sides[0], sides[1], title, subtitle))
+        write_text(place.path(PAGE), counterpart_page(found, first, second, title, subtitle))
     if json:
         print(json_module.dumps(place.read_json(NUMBERS), indent=1))
     else:
