@@ -96,7 +96,7 @@ def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, charuco.dictionary))
     board = cv2.aruco.CharucoBoard(charuco.squares, charuco.square_mm, charuco.marker_mm, dictionary)
     detector = cv2.aruco.CharucoDetector(board)
-    objects, images, size, missed = [], [], None, []
+    matched, size, missed = [], None, []
     for file in charuco.files:
         picture = _board_picture(file, session)
         size = size or picture.shape
@@ -111,17 +111,16 @@ def calibrate_board(charuco: Charuco, session: Session) -> tuple[Camera, str]:
             missed.append(f"{file.name} ({count} corners)")
             continue
         match: Any = board.matchImagePoints
-        points, pixels = match(corners, ids)
-        objects.append(points)
-        images.append(pixels)
-    if len(objects) < 3 or size is None:
+        matched.append(match(corners, ids))
+    if len(matched) < 3 or size is None:
         raise SessionError(
-            f"camera.charuco: the board was found in {len(objects)} of {len(charuco.files)} shots, at least 3 are "
+            f"camera.charuco: the board was found in {len(matched)} of {len(charuco.files)} shots, at least 3 are "
             f"needed (too few corners in {', '.join(missed[:6])}). Check squares and dictionary, light it evenly, "
             "fill the picture with it, tilt it differently in each shot."
         )
     do = "Tilt the board differently in each shot, and fill the picture with it."
     with reading("camera.charuco", "gives no camera", SessionError, do=do):
+        objects, images = map(list, zip(*matched, strict=True))
         return _camera_of_corners(objects, images, size, missed)
 
 
@@ -134,16 +133,10 @@ def _camera_of_corners(
     calibrate: Any = cv2.calibrateCameraExtended
     rms, matrix, distortion, _, _, sigma, _, _ = calibrate(objects, images, (size[1], size[0]), None, None)
     fx, fy, cx, cy = (float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
-    k1, k2, p1, p2, k3 = map(float, np.ravel(distortion)[:5])
     sigma_fx, sigma_fy, sigma_cx, sigma_cy = map(float, np.ravel(sigma)[:4])
     camera = Camera(
-        size[1],
-        size[0],
-        fx,
-        fy,
-        cx,
-        cy,
-        (k1, k2, p1, p2, k3),
+        *(size[1], size[0], fx, fy, cx, cy),
+        distortion=tuple(map(float, np.ravel(distortion)[:5])),
         source="ChArUco",
         focal_sigma=max(sigma_fx / fx, sigma_fy / fy),
         center_sigma_px=max(sigma_cx, sigma_cy),
@@ -155,9 +148,7 @@ def _camera_of_corners(
     if missed:
         note += f" The board was not found in {', '.join(missed)}."
     if rms > 1:
-        note += (
-            " An error above 1 px is too much: is the board flat, are the shots sharp, is the lens at the same focus?"
-        )
+        note += " An error above 1 px is too much: is the board flat, are the shots sharp, and at the same focus?"
     return camera, note
 
 

@@ -137,12 +137,11 @@ def recoded(linear: NDArray, dtype: np.dtype) -> NDArray:
 
 def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: Recipe) -> NDArray[np.float32]:
     """Return the mean (H, W, 3) of photographs, linear float32, each times its gain, uncorrected."""
-    total: NDArray[np.float32] | None = None
+    total = np.zeros(0, np.float32)
     for file, factor in zip(files, gain, strict=True):
         linear = linear_of(read_photograph(file, recipe).codes)
         linear *= np.float32(factor / len(files))
-        total = linear if total is None else np.add(total, linear, out=total)
-    assert total is not None
+        total = np.add(total, linear, out=total) if total.size else linear
     return total
 
 
