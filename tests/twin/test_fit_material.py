@@ -57,7 +57,7 @@ def made(
     frames = Frames.from_linear(lights.names, np.zeros((len(lights), SIDE, SIDE, 3), np.float32))
     samples = samples_of_normals(frames, lights, camera, mask, normals)
     samples = replace(samples, spread=0 * samples.spread)
-    surface = matte() if roughness is None else coat(roughness, covered)
+    surface = matte() if roughness is None else coat(roughness, covered=covered)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
     generator = np.random.default_rng(10_030)
     albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))

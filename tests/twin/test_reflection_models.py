@@ -50,7 +50,7 @@ def test_body_and_coat_are_those_of_mitsuba(roughness: float, index: float) -> N
 def test_a_body_that_lies_partly_bare_is_that_of_mitsuba(covered: float) -> None:
     views, lights = directions(4000, 8, 0.1), directions(4000, 9, 0.05)
     up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
-    body, gloss = (a[:, 0] for a in reflected(coat(0.3, covered), up, views, lights[:, None]))
+    body, gloss = (a[:, 0] for a in reflected(coat(0.3, covered=covered), up, views, lights[:, None]))
     colour = (0.2, 0.5, 0.9)
     for reflectance in (colour, Texture(np.full((1, 1, 3), colour, np.float32))):
         both = in_mitsuba(RoughPlastic(reflectance, 0.3, 0.7, covered=covered), views, lights)

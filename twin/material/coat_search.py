@@ -110,7 +110,7 @@ class CoatSearch:
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
         """
-        found = [self._best(coat(float(x), share)) for x in TRIED for share in shares]
+        found = [self._best(coat(float(x), covered=share)) for x in TRIED for share in shares]
         return min(found, key=lambda one: one[0])[1]
 
     def _along_roughness(self, fit: Fit) -> Fit:
@@ -143,7 +143,7 @@ class CoatSearch:
 
 
 def _roughened(surface: Coat, logarithm: float) -> Coat:
-    return coat(float(np.exp(logarithm)), surface.covered)
+    return coat(float(np.exp(logarithm)), covered=surface.covered)
 
 
 def _start(samples: Samples) -> Weights:

@@ -165,7 +165,7 @@ def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float3
     which = _blocks(samples)
     count = int(which.max()) + 1
     strengths = TIMES[:, None] * whole.strength
-    surfaces = [coat(float(roughness), whole.covered) for roughness in TRIED]
+    surfaces = [coat(float(roughness), covered=whole.covered) for roughness in TRIED]
     left = []
     for surface in surfaces:
         sums = reduced(samples, weights, surface).reshape(len(samples), 9)

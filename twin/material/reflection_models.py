@@ -40,7 +40,7 @@ class Coat(NamedTuple):
 
 
 @lru_cache(256)
-def coat(roughness: float, covered: float = 1.0, index: float = INDEX) -> Coat:
+def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0) -> Coat:
     """Return the coat of a roughness: its transmittance by quadrature over the facets that each direction sees."""
     cosine = np.maximum(np.linspace(0, 1, NODES), 1e-3)
     _, transmittance = _shares(cosine, roughness, index)
