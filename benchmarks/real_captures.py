@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
 from calibrate.known_lights.read_known import read_lights
-from calibrate.photometry.matte_shading import read_skin, shading_directions
+from calibrate.photometry.matte_shading import read_surface, shading_directions
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames, encode
@@ -138,7 +138,7 @@ def washington() -> Washington:
     rows = np.loadtxt(folder / "lights.txt", skiprows=1)
     directions = rows / np.linalg.norm(rows, axis=1, keepdims=True)
     given = Lights(found.lights.names, directions, np.ones((12, 3)))
-    shaded, _ = shading_directions(read_skin(gray, camera, gray_ball))
+    shaded, _ = shading_directions(read_surface(gray, camera, gray_ball))
     return Washington(camera, gray, found, chrome_ball, gray_ball, given, shaded)
 
 

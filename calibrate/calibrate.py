@@ -1,6 +1,6 @@
 """From photographs with calibration balls to lights."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -8,11 +8,13 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Aim, Calibration, Notes
 from calibrate.detection.balls import Ball, find_balls
+from calibrate.detection.coarse import Progress
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
-from calibrate.lights.from_chrome import lights_from_chrome, spread_over_frames
+from calibrate.lights.from_chrome import Shaded, lights_from_chrome, spread_over_frames
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
-from calibrate.photometry.matte_shading import Skin, contradicts_kind, read_skin, shading_directions
+from calibrate.photometry.matte_shading import Surface, contradicts_kind, read_surface, shading_directions
+from calibrate.photometry.patches import Meter
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -22,6 +24,7 @@ from scene.normals import angular_error_deg
 from scene.spheres import Sphere, SphereRequest
 
 Array = NDArray[np.float64]
+SAME_DEG, SAME_PLACE = 0.2, 0.02  # angle, and share of its distance, between lights that are the same
 
 
 def calibrate(
@@ -30,7 +33,7 @@ def calibrate(
     requests: Sequence[SphereRequest],
     *,
     known_lights: Lights | None = None,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Calibration:
     """Find the balls, and from them every frame's light: direction, position, intensity.
 
@@ -71,14 +74,14 @@ def calibrate(
     spheres = _placed([ball.sphere for ball in balls], notes)
     reference = _reference(camera, [ball.sphere for ball in balls])
     white = [i for i, sphere in enumerate(spheres) if sphere.kind == "white"]
-    skins = [read_skin(balls[i].frames, camera, spheres[i]) for i in white]
+    surfaces = [read_surface(balls[i].frames, camera, spheres[i]) for i in white]
     for ball in balls:
-        told = contradicts_kind(ball.frames, camera, ball.sphere)
-        notes.warnings.extend([told] if told else [])
-    shaded = [shading_directions(skin) for skin in skins]
+        contradiction = contradicts_kind(ball.frames, camera, ball.sphere)
+        notes.warnings.extend([contradiction] if contradiction else [])
+    shaded = [shading_directions(surface) for surface in surfaces]
     shown = np.full((len(balls), len(frames), 2), np.nan)
     if any(sphere.kind == "chrome" for sphere in spheres):
-        aim = _aim_from_chrome(frames, camera, balls, spheres, shown, shaded, reference, notes)
+        aim, shown = _aim_from_chrome(frames, camera, balls, spheres, shaded, reference, notes)
     else:
         aim = _aim_from_shading(camera, [spheres[i] for i in white], shaded, reference, notes)
     doubt = unknown_view_deg(aim.camera, [sphere for sphere in spheres if sphere.kind == "chrome"] or spheres)
@@ -86,36 +89,20 @@ def calibrate(
         aim = replace(aim, sigma_deg=np.hypot(aim.sigma_deg, doubt))
         notes.evidence.append(f"nothing is known of the camera: directions to {doubt:.1f} degrees at best, all alike")
     if aim.camera != camera:
-        skins = [read_skin(balls[i].frames, aim.camera, spheres[i]) for i in white]
+        surfaces = [read_surface(balls[i].frames, aim.camera, spheres[i]) for i in white]
     if aim.positions_mm is not None:
         notes.evidence.append(
             "everything scales with diameter_mm: 1 % too large there, and every distance is, and no photograph differs"
         )
-    intensities, sigma, ambient = _intensities(frames, spheres, skins, shaded, aim, notes)
+    intensities, sigma, ambient = _intensities(frames, spheres, surfaces, shaded, aim, notes)
     _flag_same(frames.names, aim, notes)
-    lights = Lights(
-        frames.names,
-        aim.directions,
-        intensities,
-        aim.positions_mm,
-        aim.reference_mm,
-        aim.sigma_deg,
-        sigma,
-        ambient,
-        np.ones(3) if skins else None,
-        tuple(tuple(flag) for flag in notes.flags),
-    ).normalised()
+    white_value = np.ones(3) if surfaces else None
+    flags = tuple(tuple(flag) for flag in notes.flags)
+    where = (aim.positions_mm, aim.reference_mm, aim.sigma_deg)
+    lights = Lights(frames.names, aim.directions, intensities, *where, sigma, ambient, white_value, flags).normalised()
     lights.check()
-    return Calibration(
-        spheres,
-        lights,
-        shown,
-        rejected,
-        tuple(notes.evidence),
-        tuple(notes.warnings),
-        aim.position_covariance_mm2,
-        aim.camera,
-    )
+    said = tuple(notes.evidence), tuple(notes.warnings)
+    return Calibration(spheres, lights, shown, rejected, *said, aim.position_covariance_mm2, aim.camera)
 
 
 def _aim_from_chrome(
@@ -123,24 +110,22 @@ def _aim_from_chrome(
     camera: Camera,
     balls: list[Ball],
     spheres: list[Sphere],
-    shown: Array,
-    shaded: list[tuple[Array, Array]],
+    shaded: list[Shaded],
     reference: Array,
     notes: Notes,
-) -> Aim:
-    """Fit the lights to the highlights; put the adjusted balls into `spheres` and the highlights into `shown`."""
+) -> tuple[Aim, Array]:
+    """Fit the lights to the highlights, and return these (S, F, 2); put the adjusted balls into `spheres`."""
+    shown = np.full((len(balls), len(frames), 2), np.nan)
     chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
     fit, seen, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shaded, reference, notes)
     for row, i in enumerate(chrome):
         spheres[i] = fit.spheres[row]
         shown[i, seen] = np.where(fit.used[row][:, None], chosen[row, seen], np.nan)
-    return spread_over_frames(frames, fit, seen, shaded, notes)
+    return spread_over_frames(frames, fit, seen, shaded, notes), shown
 
 
-def _aim_from_shading(
-    camera: Camera, white: list[Sphere], shaded: list[tuple[Array, Array]], reference: Array, notes: Notes
-) -> Aim:
-    """Return the directions that the first white ball's shading tells."""
+def _aim_from_shading(camera: Camera, white: list[Sphere], shaded: list[Shaded], reference: Array, notes: Notes) -> Aim:
+    """Return the directions by the first white ball's shading."""
     if not shaded or not np.isfinite(shaded[0][0]).all():
         raise CalibrationError(
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "
@@ -160,47 +145,29 @@ def _aim_from_shading(
 def _intensities(
     frames: Frames,
     spheres: list[Sphere],
-    skins: list[Skin],
-    shaded: list[tuple[Array, Array]],
+    surfaces: list[Surface],
+    shaded: list[Shaded],
     aim: Aim,
     notes: Notes,
 ) -> tuple[Array, Array, Array | None]:
-    """Return intensities (F, 3), their relative sigma (F,) and the ambient light (3,), where white balls tell it."""
-    if not skins:
+    """Return intensities (F, 3), their relative sigma (F,) and the ambient light (3,), where white balls show it."""
+    if not surfaces:
         equal = np.ones((len(frames), 3))
         bare = Lights(frames.names, aim.directions, equal, aim.positions_mm, aim.reference_mm, aim.sigma_deg)
-        read = strengths_from_object(frames, aim.camera, spheres, bare, notes.evidence, notes.warnings)
+        read = strengths_from_object(frames, aim.camera, spheres, bare, notes)
         if read is not None:
             return *read, None
         notes.warnings.append(EQUALLY_BRIGHT)
         return np.ones((len(frames), 3)), np.full(len(frames), np.nan), None
-    apart, meter = 0.0, aim.for_meter
+    apart, meter = 0.0, aim.meter
     if any(sphere.kind == "chrome" for sphere in spheres):
         white = next(sphere for sphere in spheres if sphere.kind == "white")
-        apart = compare_with_chrome(
-            frames.names,
-            aim.camera,
-            white,
-            shaded[0][0],
-            aim.directions,
-            aim.positions_mm,
-            notes.evidence,
-            notes.warnings,
-        )
+        apart = compare_with_chrome(frames.names, aim, white, shaded[0][0], notes)
         if apart > APART_DEG and aim.positions_mm is None:
             # Near lights without ranges: at the white ball its own shading knows the direction better.
-            meter = (shaded[0][0], None, shaded[0][1], aim.range_sigma)
+            meter = Meter(shaded[0][0], None, aim.reference_mm).with_sigmas(shaded[0][1], aim.range_sigma)
             notes.evidence.append("intensities are read with the white ball's own directions")
-    return intensities_from_white(
-        frames,
-        skins,
-        meter,
-        aim.reference_mm,
-        notes.evidence,
-        notes.warnings,
-        apart_deg=apart,
-        position_covariance_mm2=aim.position_covariance_mm2,
-    )
+    return intensities_from_white(frames, surfaces, meter, notes, apart_deg=apart)
 
 
 def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:
@@ -229,9 +196,9 @@ def _flag_same(names: tuple[str, ...], aim: Aim, notes: Notes) -> None:
     directions, positions = aim.directions, aim.positions_mm
     for i in range(len(names)):
         for j in range(i):
-            same = angular_error_deg(directions[i], directions[j]) < 0.2
+            same = angular_error_deg(directions[i], directions[j]) < SAME_DEG
             if same and positions is not None:
-                same = np.linalg.norm(positions[i] - positions[j]) < 0.02 * np.linalg.norm(positions[i])
+                same = np.linalg.norm(positions[i] - positions[j]) < SAME_PLACE * np.linalg.norm(positions[i])
             if same:
                 notes.flags[i].append(f"same light as {names[j]}")
                 notes.warnings.append(f"{names[j]} and {names[i]} have the same light.")

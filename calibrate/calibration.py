@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.detect import Rejected
+from calibrate.photometry.patches import Meter
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
@@ -56,32 +57,20 @@ class Notes:
 
 @dataclass(frozen=True)
 class Aim:
-    """Where every frame's light is.
+    """Where every frame's light is."""
 
-    Parameters
-    ----------
-    camera : Camera
-        Adjusted, where its focal length or principal point was uncertain and the balls know better.
-    reference_mm : (3,) float64
-        Where the directions hold.
-    directions : (F, 3) float64
-    sigma_deg : (F,) float64
-        One tangent axis.
-    positions_mm : (F, 3) float64 or None
-    range_sigma : (F,) float64
-        Relative; NaN for distant lights.
-    position_covariance_mm2 : (F, 3, 3) float64 or None
-    """
-
-    camera: Camera
-    reference_mm: Array
-    directions: Array
-    sigma_deg: Array
-    positions_mm: Array | None
-    range_sigma: Array
-    position_covariance_mm2: Array | None = None
+    camera: Camera  # adjusted, where its focal length or principal point was uncertain and the balls know better
+    reference_mm: Array  # (3,) where the directions hold
+    directions: Array  # (F, 3)
+    sigma_deg: Array  # (F,) one tangent axis
+    positions_mm: Array | None  # (F, 3)
+    range_sigma: Array  # (F,) relative; NaN for distant lights
+    position_covariance_mm2: Array | None = None  # (F, 3, 3)
 
     @property
-    def for_meter(self) -> tuple[Array, Array | None, Array, Array]:
-        """Directions, positions, their sigma (degrees) and the ranges' (relative), as `intensities_from_white` asks."""
-        return self.directions, self.positions_mm, self.sigma_deg, self.range_sigma
+    def meter(self) -> Meter:
+        """The lights as a white ball is to read them."""
+        meter = Meter(self.directions, self.positions_mm, self.reference_mm, self.position_covariance_mm2)
+        if self.positions_mm is None or meter.covariance is None:
+            return meter.with_sigmas(self.sigma_deg, self.range_sigma)
+        return meter

@@ -62,25 +62,16 @@ class Points(NamedTuple):
 class Behaviour:
     """What a candidate's inside does over the frames.
 
-    Parameters
-    ----------
-    points : Points
-    lambert : float
-        Share of a frame's variance over the disc that max(0, n.b_f) + a_f explains; median over the frames, so that
-        a shadow that falls on the ball in some of them does not count.
-    directions : (F, 3) float64
-        Unit b_f of that fit: rough light directions.
-    flatness : float
-        How much more of it the shading of a body explains that is `FLAT` times as high as a ball: a pebble, a dome.
-    moving : float
-        The share where the disc's darkest frame is subtracted, pixel by pixel: even surroundings that a mirror shows
-        in all frames may look like shading, what moves on it does not.
+    `lambert` is the share of a frame's variance over the disc that max(0, n.b_f) + a_f explains; median over the
+    frames, so that a shadow that falls on the ball in some of them does not count. `moving` is the same where the
+    disc's darkest frame is subtracted, pixel by pixel: even surroundings that a mirror shows in all frames may look
+    like shading, what moves on it does not.
     """
 
     points: Points
     lambert: float
-    directions: Array
-    flatness: float = 0.0
+    directions: Array  # (F, 3) unit b_f of that fit: rough light directions
+    flatness: float = 0.0  # how much more of it the shading of a body explains that is `FLAT` times as high as a ball
     moving: float = 0.0
 
     @property

@@ -50,7 +50,7 @@ def find_balls(
     CalibrationError
         No ball was found, or a request cannot be met by its own photographs.
     """
-    # Frames are told apart by identity: they hold arrays, which have no hash.
+    # Grouped by identity: frames hold arrays, which have no hash.
     groups: dict[int, tuple[Frames, list[SphereRequest]]] = {}
     for request in requests:
         own = frames if request.frames is None else request.frames

@@ -22,20 +22,12 @@ LONE_WORTH = 0.3  # what a circle is worth that agrees with no other on the ligh
 
 @dataclass(frozen=True)
 class Suspect:
-    """A circle, coarse pixels, that behaves like a ball.
-
-    Parameters
-    ----------
-    others : sequence of Sphere
-        Other circles that may be its outline instead, the likeliest first.
-    doubtful : bool
-        The first of them is about as good.
-    """
+    """A circle, coarse pixels, that behaves like a ball."""
 
     sphere: Sphere
     behaviour: Behaviour
-    others: Sequence[Sphere] = ()
-    doubtful: bool = False
+    others: Sequence[Sphere] = ()  # circles that may be its outline instead, the likeliest first
+    doubtful: bool = False  # the first of them is about as good
 
     @property
     def hidden(self) -> bool:

@@ -38,18 +38,10 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True)
 class Coarse:
-    """The stack shrunk by averaging `factor` x `factor` pixels.
+    """The stack shrunk by averaging `factor` x `factor` pixels."""
 
-    Parameters
-    ----------
-    images : (F, h, w) float32
-        Linear, mean of the channels, ambient subtracted; at most `SEARCHED` of the frames, evenly spread.
-    camera : Camera
-        The camera of the shrunken images.
-    """
-
-    images: NDArray[np.float32]
-    camera: Camera
+    images: NDArray[np.float32]  # (F, h, w) linear, mean of the channels, ambient subtracted; some of the frames
+    camera: Camera  # of the shrunken images
     factor: int
 
     def box(self, sphere: Sphere, reach: float = 1.0, step: int = 1) -> Box:

@@ -78,16 +78,8 @@ def detect(
 ) -> tuple[list[Found], tuple[Rejected, ...]]:
     """Find the balls: the surest first, never more of a kind than were wanted; and the circles that are none.
 
-    Parameters
-    ----------
-    frames : Frames
-    camera : Camera
-    coarse : Coarse
-        The same frames, shrunk.
-    wanted : dict or None
-        How many of each kind were asked for; None: whatever there is.
-    taken : tuple of Sphere
-        Balls that are known already; circles on them are left alone.
+    `coarse` holds the same frames, shrunk. `wanted`: how many of each kind were asked for; None: whatever there is.
+    Circles on the balls that are `taken` already are left alone.
     """
     suspects, rejected = _suspects(coarse, [coarse.from_full(s) for s in taken])
     suspects, surplus = sure_ones(suspects, coarse.camera) if wanted is None else asked_for(suspects, wanted)

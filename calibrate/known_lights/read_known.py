@@ -12,14 +12,13 @@ from scene.errors import CalibrationError
 from scene.lights import Lights
 
 Array = NDArray[np.float64]
-LARGEST = 1e9
-"""Of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others."""
+LARGEST = 1e9  # of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others
 NO_INTENSITIES = "has no intensities"
 """Ends the flag, after the file's name, of lights whose intensities are 1 because their file has none."""
 
 
 def lacks_intensities(lights: Lights) -> bool:
-    """Whether the lights' file had directions only, and nothing has told the intensities since."""
+    """Whether the lights' file had directions only, and nothing has given the intensities since."""
     return bool((lights.intensities == 1).all()) and any(f.endswith(NO_INTENSITIES) for fs in lights.flags for f in fs)
 
 
@@ -60,7 +59,7 @@ def read_lights(
     Notes
     -----
     A file whose names are none of the frames' is taken in its own order, and each light is flagged so.
-    `light_frames` tells each format's axes, origin and unit.
+    `light_frames` states each format's axes, origin and unit.
     """
     if not path.is_file():
         raise CalibrationError(f"{path}: no such file. Correct lights.file in session.toml.")
@@ -90,12 +89,8 @@ def _checked(path: Path, lights: Lights) -> Lights:
     lights = replace(lights, directions=lights.directions / length)
     if has_intensities:
         return lights
-    said = f"{path.name} {NO_INTENSITIES}"
-    return replace(
-        lights,
-        intensities=np.ones_like(lights.directions),
-        flags=tuple((*flags, said) for flags in lights.flags),
-    )
+    flags = tuple((*flags, f"{path.name} {NO_INTENSITIES}") for flags in lights.flags)
+    return replace(lights, intensities=np.ones_like(lights.directions), flags=flags)
 
 
 def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple[int, ...]) -> Lights:
@@ -119,15 +114,13 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
         raise CalibrationError(
             f"{path}: no light for the frame {missing[0]!r} ({len(missing)} of {len(names)} missing)."
         )
-    return Lights(
-        names,
-        lights.directions[order],
-        lights.intensities[order],
-        None if lights.positions_mm is None else lights.positions_mm[order],
-        lights.reference_point_mm,
-        lights.direction_sigma_deg[order],
-        lights.intensity_sigma[order],
-        lights.ambient,
-        lights.white_value,
-        tuple(lights.flags[i] + flag for i in order),
+    return replace(
+        lights,
+        names=names,
+        directions=lights.directions[order],
+        intensities=lights.intensities[order],
+        positions_mm=None if lights.positions_mm is None else lights.positions_mm[order],
+        direction_sigma_deg=lights.direction_sigma_deg[order],
+        intensity_sigma=lights.intensity_sigma[order],
+        flags=tuple(lights.flags[i] + flag for i in order),
     )

@@ -37,33 +37,16 @@ RIDGE = 1e-9  # keeps a light that no ball shows where it is
 
 @dataclass(frozen=True)
 class Observed:
-    """What S chrome balls show of F lights, and how well it is known.
+    """What S chrome balls show of F lights, and how well it is known."""
 
-    Parameters
-    ----------
-    camera : Camera
-        Its `focal_sigma` and `center_sigma_px` say how far it may move; 0: not at all.
-    spheres, covariances : lists of S
-        The balls, and the (3, 3) covariances of their (u, v, radius), px^2.
-    highlights : (S, F, 2) float64
-        Pixels, NaN where unseen. Each frame needs one ball at least.
-    sigma_px : (S, F) float64
-    reference : (3,) float64
-        Where the directions hold, mm.
-    extents_px : (S, F) float64 or None
-        Half the size at which each ball shows the flash; None: flashes are points.
-    diameter_sigma : (S,) float64 or None
-        Relative standard deviation of the diameters; 0 or None: exact.
-    """
-
-    camera: Camera
+    camera: Camera  # its `focal_sigma` and `center_sigma_px` say how far it may move; 0: not at all
     spheres: list[Sphere]
-    covariances: list[Array]
-    highlights: Array
-    sigma_px: Array
-    reference: Array
-    extents_px: Array | None = None
-    diameter_sigma: Array | None = None
+    covariances: list[Array]  # (3, 3) of each ball's (u, v, radius), px^2
+    highlights: Array  # (S, F, 2) pixels, NaN where unseen; each frame needs one ball at least
+    sigma_px: Array  # (S, F)
+    reference: Array  # (3,) where the directions hold, mm
+    extents_px: Array | None = None  # (S, F) half the size at which each ball shows the flash; None: points
+    diameter_sigma: Array | None = None  # (S,) relative, of the diameters; 0 or None: exact
 
 
 class _Mirrored(NamedTuple):
@@ -107,7 +90,7 @@ class Adjustment:
         self.free_camera, self.free_diameters = np.flatnonzero(camera_sigma), np.flatnonzero(diameter_sigma)
         self.first_ball = len(self.free_camera)
         self.first_diameter = self.first_ball + 3 * self.balls
-        # With one ball, or distant lights, no flatness could be told from a turn.
+        # With one ball, or distant lights, flatness and a turn look alike.
         self.extents = np.zeros((self.balls, self.lights)) if seen.extents_px is None else seen.extents_px
         self.flat = bool(near and self.balls > 1 and self.extents.any())
         self.first_light = self.first_diameter + len(self.free_diameters) + self.flat

@@ -19,20 +19,10 @@ def toward_camera(camera: Camera, points: Array) -> Array:
 
 
 def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Array, Array]:
-    """Return where the rays of pixels meet a mirror ball and where they go from there.
+    """Return where the rays of pixels (..., 2) meet a mirror ball, and where they go from there.
 
-    Parameters
-    ----------
-    camera : Camera
-    sphere : Sphere
-    pixels : (..., 2) float
-
-    Returns
-    -------
-    points : (..., 3) float64
-        On the ball, mm, or in radii where the diameter is unknown. NaN where the ray misses.
-    directions : (..., 3) float64
-        Unit, toward what is mirrored.
+    Points (..., 3) in mm, or in radii where the diameter is unknown, and unit vectors (..., 3) toward what is mirrored;
+    NaN where the ray misses.
 
     Notes
     -----

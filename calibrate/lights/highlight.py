@@ -1,6 +1,5 @@
 """Where the flash is mirrored on a chrome ball, to sub-pixels, on linear data."""
 
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
@@ -14,38 +13,35 @@ from scene.frames import Frames
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-MOST_SPOTS = 4
-"""Bright points looked at per ball and frame: the flash, and what else may outshine it."""
-GLOWING_PX = 40
-"""A clipped plateau of more pixels glows: its surroundings are the lens's, not the flash's."""
+MOST_SPOTS = 4  # bright points looked at per ball and frame: the flash, and what else may outshine it
+GLOWING_PX = 40  # a clipped plateau of more pixels glows: its surroundings are the lens's, not the flash's
+LEVEL, GLOWING_LEVEL = 0.3, 0.7  # share of a spot's height above which its centroid is taken, also of one that glows
+INNER = 0.8  # share of its height above which its inner size is taken
 FAINT = 0.1
-"""A spot under this share of the ball's usual one is no flash: the ball stood in shadow, or the flash misfired."""
+"""A spot under this share of the ball's usual one, or of the frame's brightest, is no flash: the ball was in shadow, or
+the flash misfired."""
+FRONT = 0.9  # radii: beyond, a mirror shows what is behind it, never a flash that lights the object
+PEAK_SHARE = 0.04  # radii between two bright points
+SMOOTH_PX = 0.7
+WINDOW_PX, WINDOW_SHARE, LARGEST_WINDOW = 6, 0.12, 0.6  # half a window: px at least, radii, and radii at most
+CENTROID_PX, CENTROID_SHARE = 0.15, 0.06  # error of a centroid: px, and of the spot's size
+MOSAIC = 0.05  # share of the other samples' miss that interpolated ones show
 
 
 class Spot(NamedTuple):
-    """Where a ball mirrors a flash: the pixel (2,), its standard deviation along one axis, half the flash's size."""
+    """Where a ball mirrors a flash."""
 
-    pixel: Array
-    sigma_px: float
-    extent_px: float
+    pixel: Array  # (2,)
+    sigma_px: float  # along one axis
+    extent_px: float  # half the flash's size
 
 
-@dataclass(frozen=True)
-class Spots:
-    """The bright points of one ball, the brightest first; NaN where there are fewer.
+class Spots(NamedTuple):
+    """The bright points of one ball in F frames, the brightest first of K; NaN where there are fewer."""
 
-    Parameters
-    ----------
-    pixels : (F, K, 2) float64
-    sigma_px : (F, K) float64
-        Expected error of each, one axis.
-    extent_px : (F, K) float64
-        Half of the flash's size.
-    """
-
-    pixels: Array
-    sigma_px: Array
-    extent_px: Array
+    pixels: Array  # (F, K, 2)
+    sigma_px: Array  # (F, K)
+    extent_px: Array  # (F, K)
 
 
 def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
@@ -54,7 +50,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     Notes
     -----
     What a frame adds to the median over frames is the flash and its company: the table, a window and the
-    object that the ball mirrors stand still and drop out. Found on the shrunken ball, measured at full size: the
+    object that the ball mirrors do not move and drop out. Found on the shrunken ball, measured at full size: the
     brightest by `fit_disc`, the others by their centroid, `measure_spot` for the one that proves to be the flash.
     """
     rough, strength = _rough(frames, coarse, coarse.from_full(sphere))
@@ -76,19 +72,18 @@ def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array
     (u, v), r = sphere.center_px, sphere.radius_px
     box = coarse.box(sphere)
     rows, columns = box.grid
-    # Near the limb a mirror shows what stands behind it, never a flash that lights the object.
-    inside = np.hypot(columns - u, rows - v) < 0.9 * r
+    inside = np.hypot(columns - u, rows - v) < FRONT * r
     values = coarse.window(frames, box)
     change = values - np.median(values, axis=0)
     pixels = np.full((len(values), MOST_SPOTS, 2), np.nan)
     strength = np.full((len(values), MOST_SPOTS), np.nan)
-    size = 2 * max(1, round(0.04 * r)) + 1
+    size = 2 * max(1, round(PEAK_SHARE * r)) + 1
     for f, image in enumerate(change):
-        smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
+        smooth = cv2.GaussianBlur(image, (0, 0), SMOOTH_PX)
         peak = inside & (smooth >= cv2.dilate(smooth, np.ones((size, size), np.uint8))) & (smooth > 0)
         y, x = np.nonzero(peak)
         order = np.argsort(-smooth[y, x])[:MOST_SPOTS]
-        order = order[smooth[y, x][order] > 0.1 * smooth[y, x].max(initial=0)]
+        order = order[smooth[y, x][order] > FAINT * smooth[y, x].max(initial=0)]
         pixels[f, : len(order)] = np.stack([x[order] + box.columns.start, y[order] + box.rows.start], -1)
         strength[f, : len(order)] = smooth[y, x][order]
     return pixels, strength
@@ -103,9 +98,9 @@ def measure_spot(
     -----
     First the centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak.
     A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
-    glow. From there `fit_disc`; where it fails the centroid stands, with its larger sigma.
+    glow. From there `fit_disc`; where it fails the centroid is taken, with its larger sigma.
     """
-    half = int(max(6, np.ceil(0.12 * sphere.radius_px), 3 * factor))
+    half = int(max(WINDOW_PX, np.ceil(WINDOW_SHARE * sphere.radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
     while True:
         top, left = max(v - half, 0), max(u - half, 0)
@@ -118,7 +113,7 @@ def measure_spot(
         white = frames.read(rows, [f], columns=columns, subtract_ambient=False)[0]
         white = white >= frames.saturation * frames.gain[f]
         clipped = white[..., 1] if frames.is_mosaic else white.any(-1)
-        smooth = cv2.GaussianBlur(image, (0, 0), 0.7)
+        smooth = cv2.GaussianBlur(image, (0, 0), SMOOTH_PX)
         reach = max(2, 2 * factor)
         y0, x0 = v - top, u - left
         box = smooth[max(y0 - reach, 0) : y0 + reach + 1, max(x0 - reach, 0) : x0 + reach + 1]
@@ -126,11 +121,11 @@ def measure_spot(
         y, x = at[0] + max(y0 - reach, 0), at[1] + max(x0 - reach, 0)
         floor = float(np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])))
         peak = float(smooth[y, x])
-        level = floor + (0.7 if clipped.sum() > GLOWING_PX else 0.3) * (peak - floor)
+        level = floor + (GLOWING_LEVEL if clipped.sum() > GLOWING_PX else LEVEL) * (peak - floor)
         regions = np.asarray(cv2.connectedComponents((image > level).astype(np.uint8), connectivity=4)[1])
         region = regions == regions[y, x]
         size = float(np.sqrt(region.sum() / np.pi))
-        if half > 2 * size + 3 or half > 0.6 * sphere.radius_px:
+        if half > 2 * size + 3 or half > LARGEST_WINDOW * sphere.radius_px:
             break
         half *= 2
     if not regions[y, x]:
@@ -139,10 +134,10 @@ def measure_spot(
     ys, xs = np.mgrid[top : top + image.shape[0], left : left + image.shape[1]]
     center = np.array([np.sum(weight * xs), np.sum(weight * ys)]) / weight.sum()
     near_by = np.hypot(xs - center[0], ys - center[1]) < 2 * size + 3
-    inner = float(np.sqrt(np.sum(region & (image > floor + 0.8 * (peak - floor))) / np.pi))
+    inner = float(np.sqrt(np.sum(region & (image > floor + INNER * (peak - floor))) / np.pi))
     # Between a disc's radius and a blurred point's deviation.
     extent = float(np.sqrt(size * inner))
-    vague = Spot(center, 0.15 + 0.06 * size, extent)
+    vague = Spot(center, CENTROID_PX + CENTROID_SHARE * size, extent)
     if not fitted:
         return vague
     patch = _patch(colours, white, (xs, ys), (y, x), near_by) if frames.is_mosaic else None
@@ -167,7 +162,7 @@ def _patch(
     border = np.ones(colours.shape[:2], bool)
     border[1:-1, 1:-1] = False
     floor = np.median(colours[border], axis=0)
-    height = cv2.GaussianBlur(colours, (0, 0), 0.7)[peak] - floor
+    height = cv2.GaussianBlur(colours, (0, 0), SMOOTH_PX)[peak] - floor
     if min(height) <= 0:
         return None
     use = near_by & (sites >= 0)
@@ -189,13 +184,13 @@ def _sites(colours: NDArray, xs: NDArray, ys: NDArray) -> NDArray[np.intp] | Non
     green, red = colours[..., 1], colours[..., 0]
     cross = (green[:-2, 1:-1] + green[2:, 1:-1] + green[1:-1, :-2] + green[1:-1, 2:]) / 4
     off = [float(np.mean(np.abs(green[inside] - cross)[parity[inside] == p])) for p in (0, 1)]
-    if min(off) > 0.05 * max(off):
+    if min(off) > MOSAIC * max(off):
         return None
     own = int(np.argmax(off))
     sites = np.where(parity == own, 1, -1)
     corners = (red[:-2, :-2] + red[2:, 2:] + red[2:, :-2] + red[:-2, 2:]) / 4
     other = parity[inside] != own
     off = [float(np.mean(np.abs(red[inside] - corners)[other & (ys[inside] % 2 == p)])) for p in (0, 1)]
-    if min(off) < 0.05 * max(off):
+    if min(off) < MOSAIC * max(off):
         sites[sites < 0] = np.where(ys[sites < 0] % 2 == int(np.argmax(off)), 0, 2)
     return sites

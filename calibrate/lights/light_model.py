@@ -128,7 +128,7 @@ def _suspects(seen: Observed) -> Iterator[_Suspect]:
 def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
     """Return the fit in which one diameter, one outline or the focal length is free, if that alone explains the rest.
 
-    Three balls tell who it is; of two, only that they contradict each other.
+    Three balls show which it is; two, only that they contradict each other.
     """
     suspects = sorted((s for s in _suspects(seen) if s.change > NOTABLE), key=lambda s: s.fit.chi2_all)
     if not suspects or suspects[0].fit.chi2_all > EXPLAINS * near.chi2_all:

@@ -24,49 +24,21 @@ CAP = 30.0  # sigmas at which a highlight that was left out counts in the compar
 
 @dataclass(frozen=True)
 class LightFit:
-    """Lights, balls and camera that explain the highlights.
+    """Lights, balls and camera that explain the highlights."""
 
-    Parameters
-    ----------
-    camera : Camera
-        Adjusted within its sigmas, which are then what is left of them.
-    spheres : list of Sphere
-        Adjusted.
-    reference : (3,) float64
-        Where the directions hold; it moves with the camera as the balls do.
-    directions : (F, 3) float64
-        At the reference point.
-    positions_mm : (F, 3) float64 or None
-    direction_sigma_deg : (F,) float64
-        One tangent axis.
-    range_sigma : (F,) float64
-        Relative; NaN for distant lights.
-    position_covariance_mm2 : (F, 3, 3) float64 or None
-    residual_px : (S, F) float64
-        Distance between the highlight and where the model mirrors the light; NaN where unused.
-    used : (S, F) bool
-    chi2 : float
-        Sum of squared residuals in expected standard deviations.
-    chi2_all : float
-        The same with the highlights that were left out, each capped at `CAP` sigmas: to compare models.
-    scale : float
-        How many times larger the highlights' errors are than was stated, by their scatter.
-    unknowns, observations : int
-    """
-
-    camera: Camera
-    spheres: list[Sphere]
-    reference: Array
-    directions: Array
-    positions_mm: Array | None
-    direction_sigma_deg: Array
-    range_sigma: Array
-    position_covariance_mm2: Array | None
-    residual_px: Array
-    used: NDArray[np.bool_]
-    chi2: float
-    chi2_all: float
-    scale: float
+    camera: Camera  # adjusted within its sigmas, which are then what is left of them
+    spheres: list[Sphere]  # adjusted
+    reference: Array  # (3,) where the directions hold; it moves with the camera as the balls do
+    directions: Array  # (F, 3) at the reference point
+    positions_mm: Array | None  # (F, 3)
+    direction_sigma_deg: Array  # (F,) one tangent axis
+    range_sigma: Array  # (F,) relative; NaN for distant lights
+    position_covariance_mm2: Array | None  # (F, 3, 3)
+    residual_px: Array  # (S, F) from the highlight to where the model mirrors the light; NaN where unused
+    used: NDArray[np.bool_]  # (S, F)
+    chi2: float  # sum of squared residuals in expected standard deviations
+    chi2_all: float  # the same with highlights that were left out, capped at `CAP` sigmas each: to compare models
+    scale: float  # how many times larger the highlights' errors are than was stated, by their scatter
     unknowns: int
     observations: int
 

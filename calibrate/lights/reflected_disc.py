@@ -4,50 +4,44 @@ What is wanted is the pixel that mirrors the flash's centre. A lens blurs alike 
 bends what it mirrors: its disc is a circle among directions, not among pixels. Both are one model here.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibrate.lights.directions import mirrored_rays
+from calibrate.robust import spread
 from scene.camera import Camera
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-UNMODELLED = 0.05
-"""Share of a pixel's value by which a lens's true blur differs from the model's."""
+UNMODELLED = 0.05  # share of a pixel's value by which a lens's true blur differs from the model's
 FLOOR_PX = 0.025
 """What the best fit still errs by: 0.006 to 0.016 px on ideal discs of all sizes, blurs and clippings; a lens's
 asymmetry, an undersampled flash and a ball's dust are not ideal."""
-LARGEST_MISS = 0.95
-"""Leverage from which a pixel's own residual says nothing."""
+LARGEST_LEVERAGE = 0.95  # from which a pixel's own residual says nothing
+OUTLIER = 3  # spreads at which a pixel counts less: another spot nearby, the edge of something mirrored
+BLURS, CLIPPED_BLURS, LEAST_SKIRT_PX = 1.5, 3.0, 0.3  # blur of a disc, in its skirt's widths, unclipped and clipped
+CLIPPED_HEIGHT = 5.0  # of a clipped spot, in whites, to begin with
+LEAST_NOISE, RIM_PX = 1e-3, 2  # of the spot's height; read in the outermost pixels
+STRAYED_PX, STRAYED = 1.0, 0.5  # px, and radii, that the centre may lie from the centroid, whichever is more
+SIDES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+SIDE_PX = 0.01  # of the differences by the pixel
 # Deviations allowed from the start: log height, log widths (2), shear, log of the profile's exponent, background
 # (level, slopes: of the height, per pixel), share of the bending; then what red and blue are higher than green.
 LOOSE = np.array([2.0, 1.0, 1.0, 0.5, 0.5, 0.3, 0.1, 0.1, 0.25])
 LOOSE_COLOUR, LOOSE_CLIPPED_COLOUR = 0.1, 0.7
 
 
-@dataclass(frozen=True)
-class Patch:
-    """The pixels around a bright spot.
+class Patch(NamedTuple):
+    """The pixels around a bright spot."""
 
-    Parameters
-    ----------
-    pixels : (P, 2) float64
-        (u, v); only samples that were measured, none that was interpolated.
-    values : (P,) float64
-        0 around the spot, 1 at its peak or white; where clipped, what it was clipped to.
-    clipped : (P,) bool
-    red, blue : (P,) bool
-        Samples of these colours; the others are green, or of all colours.
-    """
-
-    pixels: Array
-    values: Array
-    clipped: NDArray[np.bool_]
-    red: NDArray[np.bool_]
-    blue: NDArray[np.bool_]
+    pixels: Array  # (P, 2) as (u, v); only samples that were measured, none that was interpolated
+    values: Array  # (P,) 0 around the spot, 1 at its peak or white; where clipped, what it was clipped to
+    clipped: NDArray[np.bool_]  # (P,)
+    red: NDArray[np.bool_]  # (P,) samples of this colour; those that are neither are green, or of all colours
+    blue: NDArray[np.bool_]  # (P,)
 
 
 def fit_disc(
@@ -55,17 +49,8 @@ def fit_disc(
 ) -> tuple[Array, float] | None:
     """Return the pixel (2,) that mirrors the flash's centre, and its standard deviation along one axis.
 
-    Parameters
-    ----------
-    camera : Camera
-    sphere : Sphere
-    patch : Patch
-    start : (2,) float
-        The spot's centroid.
-    radius_px : float
-        Of the spot where it is at a third of its height.
-    skirt_px : float
-        From there to where it is at four fifths.
+    `start`: the spot's centroid; `radius_px` of the spot where it is at a third of its height; `skirt_px` from there to
+    where it is at four fifths.
 
     Notes
     -----
@@ -77,9 +62,8 @@ def fit_disc(
     each pixel's residual over 1 - leverage: honest about a few steep pixels [MacKinnon1985].
     """
     offset = patch.pixels - start
-    step = 0.01
-    seen = mirrored_rays(camera, sphere, np.concatenate([start + step * SIDES, start[None], patch.pixels]))[1]
-    along = np.stack([seen[0] - seen[1], seen[2] - seen[3]], -1) / (2 * step)
+    seen = mirrored_rays(camera, sphere, np.concatenate([start + SIDE_PX * SIDES, start[None], patch.pixels]))[1]
+    along = np.stack([seen[0] - seen[1], seen[2] - seen[3]], -1) / (2 * SIDE_PX)
     if not np.isfinite(along).all():
         return None
     flatten = np.linalg.pinv(along)
@@ -87,18 +71,18 @@ def fit_disc(
     good = np.isfinite(bend[:, 0])
     offset, bend, clipped, values = offset[good], bend[good], patch.clipped[good], patch.values[good]
     colours = np.stack([patch.red[good], patch.blue[good]]).astype(float)
-    blur = (3.0 if clipped.any() else 1.5) * max(skirt_px, 0.3)
+    blur = (CLIPPED_BLURS if clipped.any() else BLURS) * max(skirt_px, LEAST_SKIRT_PX)
     width = np.log(0.8 * radius_px + 0.3)
     share = (max(0.0, radius_px - blur) / radius_px) ** 2
-    height = np.log(5.0) if clipped.any() else 0.1
+    height = np.log(CLIPPED_HEIGHT) if clipped.any() else 0.1
     x = np.array([0.0, 0.0, height, width, width, 0.0, 0.0, 0.0, 0.0, 0.0, share, 0.0, 0.0])
     loose = np.append(LOOSE, [LOOSE_CLIPPED_COLOUR if clipped.any() else LOOSE_COLOUR] * 2)
     if np.count_nonzero(~clipped) < len(x):
         return None
     middle = x[2:].copy()
     away = np.hypot(*offset.T)
-    rim = values[away > away.max() - 2]
-    noise = max(1.5 * float(np.median(np.abs(rim - np.median(rim)))), 1e-3)
+    rim = values[away > away.max() - RIM_PX]
+    noise = max(1.5 * float(np.median(np.abs(rim - np.median(rim)))), LEAST_NOISE)
     weight = np.ones(len(values))
     expected = np.clip(values, 0, 1)
     priors = np.concatenate([np.zeros((len(loose), 2)), np.diag(1 / loose)], 1)
@@ -126,16 +110,15 @@ def fit_disc(
         ).x
         residual, slopes = both(x)
         expected = np.clip(_image(x, offset, bend, colours)[0] - x[7], 0, 1)
-        # Another spot nearby, the edge of something mirrored: what does not fit counts less.
         size = np.abs(residual[: len(values)]) / np.maximum(weight, 1e-9)
-        weight = 1 / np.sqrt(1 + (size / (3 * max(1.0, 1.4826 * float(np.median(size[~clipped]))))) ** 2)
-    if np.hypot(x[0], x[1]) > max(1.0, 0.5 * radius_px):
+        weight = 1 / np.sqrt(1 + (size / (OUTLIER * max(1.0, spread(size[~clipped])))) ** 2)
+    if np.hypot(x[0], x[1]) > max(STRAYED_PX, STRAYED * radius_px):
         return None
     inverse = np.linalg.pinv(slopes.T @ slopes)
-    leverage = np.minimum(np.einsum("ij,jk,ik->i", slopes, inverse, slopes), LARGEST_MISS)
+    leverage = np.minimum(np.einsum("ij,jk,ik->i", slopes, inverse, slopes), LARGEST_LEVERAGE)
     scores = (slopes @ inverse[:, :2]) * (residual / (1 - leverage))[:, None]
-    spread = scores[: len(values)].T @ scores[: len(values)]
-    sigma = np.sqrt((np.trace(inverse[:2, :2]) + np.trace(spread)) / 2)
+    sandwich = scores[: len(values)].T @ scores[: len(values)]
+    sigma = np.sqrt((np.trace(inverse[:2, :2]) + np.trace(sandwich)) / 2)
     center = start + x[:2]
     for _ in range(3):
         here = mirrored_rays(camera, sphere, center)[1]
@@ -143,9 +126,6 @@ def fit_disc(
     if not np.isfinite(center).all():
         return None
     return center, float(np.hypot(sigma, FLOOR_PX))
-
-
-SIDES = np.array([[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
 
 
 def _image(x: Array, offset: Array, bend: Array, colours: Array) -> tuple[Array, Array]:

@@ -1,107 +1,67 @@
 """A matte ball as a photometer: how bright each flash was, per channel, and what light was left over."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.photometry.matte_shading import Skin
-from calibrate.photometry.patches import cut
+from calibrate.photometry.matte_shading import Surface
+from calibrate.photometry.patches import Meter, cut
 from calibrate.photometry.shading_model import DIM, Fit, Parts, ShadingModel, choose
 
 Array = NDArray[np.float64]
-PARTLY = 0.05
-"""Relative misfit of one frame from which something hides a part of the ball, or glares on it."""
-SIDES = 8
-"""Parts of a ball's outline whose errors are taken to agree."""
-UNEVEN = 0.1
-"""Share of a frame's bounce that an even, endless table misses: its edge, its pattern, others' shadows on it."""
-AIM_DEG = 2.0
-"""How far a flash with a beam is taken to miss the reference point, standard deviation."""
+PARTLY, PARTLY_TIMES = 0.05, 3
+"""Relative misfit of one frame from which something hides a part of the ball, or glares on it; and in the median's."""
+SIDES = 8  # parts of a ball's outline whose errors are taken to agree
+UNEVEN = 0.1  # share of a frame's bounce that an even, endless table misses: its edge, its pattern, others' shadows
+AIM_DEG = 2.0  # how far a flash with a beam is taken to miss the reference point, standard deviation
 
 
-@dataclass(frozen=True)
-class Photometry:
-    """What the ball measured.
+class Photometry(NamedTuple):
+    """What the ball measured."""
 
-    Parameters
-    ----------
-    intensities : (F, 3) float64
-        Pixel value of the ball's skin facing each light at the reference point. NaN where it could not be read.
-    sigma : (F,) float64
-        Relative to the others' mean, one frame, from the fit and from the error of the lights' places.
-    ambient : (3,) float64
-        Pixel value of light that is there in all frames alike, on the ball's skin where it faces the camera.
-    misfit : (F,) float64
-        Relative rms of each frame's fit.
-    clipped : (F,) float64
-        Share of the ball's pixels that are clipped.
-    evidence : str
-        Which model the ball demanded.
-    """
+    intensities: Array  # (F, 3) pixel value of the ball facing each light at the reference point; NaN: unreadable
+    sigma: Array  # (F,) relative to the others' mean, one frame, from the fit and from the error of the lights' places
+    ambient: Array  # (3,) pixel value of light that is there in all frames alike, where the ball faces the camera
+    misfit: Array  # (F,) relative rms of each frame's fit
+    clipped: Array  # (F,) share of the ball's pixels that are clipped
+    evidence: str  # which model the ball demanded
 
-    intensities: Array
-    sigma: Array
-    ambient: Array
-    misfit: Array
-    clipped: Array
-    evidence: str
+    @property
+    def residual(self) -> float:
+        """The median frame's misfit, 0 where none could be read."""
+        return float(np.nanmedian(self.misfit)) if np.isfinite(self.misfit).any() else 0.0
 
 
-def measure(
-    skin: Skin,
-    directions: Array,
-    positions: Array | None,
-    reference: Array,
-    covariance: Array | None = None,
-) -> Photometry:
+def measure(surface: Surface, meter: Meter) -> Photometry:
     """Read each light's intensity from the ball's shading.
 
-    Parameters
-    ----------
-    skin : Skin
-    directions : (F, 3) float
-        Unit, for distant lights.
-    positions : (F, 3) float or None
-        mm, for near lights.
-    reference : (3,) float
-        Where the intensities hold, mm.
-    covariance : (F, 3, 3) float or None
-        Of each position (mm^2), or of each direction. None: exact.
-
-    Notes
-    -----
     The model is `shading_model`'s, chosen by BIC on the channels' mean. Its geometry is then held, and each channel
     has its own strengths. Ambient, bounce and gloss are shared by all frames: a free intercept in each frame would
     trade against its intensity, 1 % of error where this leaves 0.1 %.
     """
-    count = len(skin.values)
-    clipped = skin.clipped.mean(1) if skin.clipped.size else np.zeros(count)
-    ball = cut(skin, directions, positions, reference)
+    count = len(surface.values)
+    clipped = surface.clipped.mean(1) if surface.clipped.size else np.zeros(count)
+    ball, covariance = cut(surface, meter), meter.covariance
     read = ball.readable
     intensities, sigma = np.full((count, 3), np.nan), np.full(count, np.nan)
     if not read.any():
         return Photometry(intensities, sigma, np.full(3, np.nan), sigma, clipped, "")
-    near = positions is not None
-    toward, axis = (positions, positions - reference) if near else (directions, None)
-
-    def of(frames: NDArray[np.bool_]) -> ShadingModel:
-        return ShadingModel(ball.only(frames), toward[frames], None if axis is None else axis[frames])
-
-    every = of(read)
+    every = ShadingModel(ball.only(read))
     gray = every.ball.values.mean(-1)
     rough = every.misfit(every.fit(Parts(), gray).residual)
     # What hides the flash from the ball in one frame must not bend what all frames share.
-    sound = (every.level > DIM * np.median(every.level)) & (rough < max(PARTLY, 3 * float(np.median(rough))))
+    sound = (every.level > DIM * np.median(every.level)) & (rough < max(PARTLY, PARTLY_TIMES * float(np.median(rough))))
     kept = np.flatnonzero(read)[sound]
-    model = of(np.isin(np.arange(count), kept))
+    model = ShadingModel(ball.only(np.isin(np.arange(count), kept)))
     fit, gain = choose(model, model.ball.values.mean(-1))
     ambient = np.zeros(3)
     for c in range(3):
         parts = _held(model, fit.parts, model.ball.values[..., c])
         left = np.pad(model.linear(parts, model.ball.values[..., c])[1], (0, 4 - parts.ambient))
         intensities[read, c] = every.energies(parts, left, every.ball.values[..., c])[0]
-        # As the skin that faces the camera shows it.
+        # As the surface that faces the camera shows it.
         ambient[c] = max(0.0, float(left[0] + left[3]))
     _, residual = every.energies(fit.parts, fit.ambient, gray)
     misfit = np.full(count, np.nan)
@@ -109,7 +69,7 @@ def measure(
     # Half of the ball's sides agree by chance.
     sigma[read] = misfit[read] / np.sqrt(SIDES / 2)
     sigma[kept] = _sigma(model, fit, None if covariance is None else covariance[kept])
-    text = f"white ball: {_told(fit, ambient.mean())} (dBIC {gain:.0f}), residual {np.nanmedian(misfit):.1%}"
+    text = f"white ball: {_said(fit, ambient.mean())} (dBIC {gain:.0f}), residual {np.nanmedian(misfit):.1%}"
     return Photometry(intensities, sigma, ambient, misfit, clipped, text)
 
 
@@ -153,7 +113,7 @@ def _sigma(model: ShadingModel, fit: Fit, covariance: Array | None) -> Array:
     scale = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)
     inverse = np.linalg.pinv((flat / scale).T @ (flat / scale), rcond=1e-10) / scale / scale[:, None]
     score = weighted * (root * fit.residual)[..., None]
-    # A patch's place around the outline is in its number: see `skin`.
+    # A patch's place around the outline is in its number: see `read_surface`.
     side = np.arange(blocks) * SIDES // blocks
     sums = np.stack([score[:, side == k].sum(1) for k in range(SIDES)], 1).reshape(count * SIDES, -1)
     spread = inverse @ (sums.T @ sums) @ inverse * SIDES / (SIDES - 1)
@@ -177,7 +137,7 @@ def _sigma(model: ShadingModel, fit: Fit, covariance: Array | None) -> Array:
     return np.sqrt(np.maximum(np.einsum("fi,ij,fj->f", relative, spread[:count, :count], relative), 0))
 
 
-def _told(fit: Fit, ambient: float) -> str:
+def _said(fit: Fit, ambient: float) -> str:
     """Say what the model holds beside the flash."""
     parts, said = fit.parts, []
     if parts.ambient:

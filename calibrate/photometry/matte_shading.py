@@ -5,112 +5,93 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.lights.directions import toward_camera
+from calibrate.robust import TUKEY, cluster_sums, spread, tukey
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.normals import unit
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 MOST_PIXELS = 6000
-FACING = 0.35
-"""Cosine to the viewer under which the limb's blur and gloss begin."""
-LIT = 0.2
-"""Share of the brightest shading under which a large flash is half set behind the ball's horizon."""
+FACING = 0.35  # cosine to the viewer under which the silhouette edge's blur, and gloss, begin
+LIT = 0.2  # cosine to the light under which a large flash is half set behind the ball's horizon
+DARK = 0.3  # quantile of the brightness under which pixels are taken to be unlit to begin with
 FEWEST_PIXELS = 40
-RINGS, ANGLES = 4, 12
+RINGS, ANGLES = 4, 12  # of the patches
 MATTE, MIRROR = 0.9, 0.6
 """Share of the brightness' variance over a ball that n.l explains: of a matte ball more, of a mirror less."""
 
 
 @dataclass(frozen=True)
-class Skin:
-    """A matte ball's surface and what it showed.
+class Surface:
+    """A matte ball's surface and what P of its pixels showed in F frames."""
 
-    Parameters
-    ----------
-    points, normals, view : (P, 3) float64
-        `view`: unit, to the camera.
-    values : (F, P, 3) float32
-    clipped : (F, P) bool
-    block : (P,) int
-        Which patch of the ball a pixel lies in: errors agree within a patch.
-    center : (3,) float64
-    radius : float
-        The ball's, in the points' unit.
-    standing : (P, 3) float32
-        The ambient frame's light, which was taken off; zero without.
-    """
-
-    points: Array
-    normals: Array
-    view: Array
-    values: NDArray[np.float32]
-    clipped: NDArray[np.bool_]
-    block: NDArray[np.intp]
-    center: Array
-    radius: float
-    standing: NDArray[np.float32]
+    points: Array  # (P, 3)
+    normals: Array  # (P, 3)
+    view: Array  # (P, 3) unit, to the camera
+    values: NDArray[np.float32]  # (F, P, 3)
+    clipped: NDArray[np.bool_]  # (F, P)
+    block: NDArray[np.intp]  # (P,) which patch of the ball a pixel lies in: errors agree within a patch
+    center: Array  # (3,)
+    radius: float  # the ball's, in the points' unit
+    ambient: NDArray[np.float32]  # (P, 3) the ambient frame's light, which was taken off; zero without
 
 
-def read_skin(frames: Frames, camera: Camera, sphere: Sphere) -> Skin:
+def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     """Read the pixels of the ball that face the camera, evenly thinned to `MOST_PIXELS`."""
     rows, columns = np.nonzero(sphere.mask(camera))
     pixels = np.stack([columns, rows], -1)
     normals, points = sphere.normals(camera, pixels)
-    view = -points / np.linalg.norm(points, axis=1, keepdims=True)
-    if camera.is_orthographic:
-        view = np.broadcast_to([0.0, 0.0, 1.0], points.shape)
-    facing = np.sum(normals * view, 1)
-    keep = np.flatnonzero(facing > FACING)
+    view = toward_camera(camera, points)
+    keep = np.flatnonzero(np.sum(normals * view, 1) > FACING)
     keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
     pixels, points, normals, view = pixels[keep], points[keep], normals[keep], view[keep]
-    place = (sphere.center_mm(camera), sphere.radius_mm)
+    count, place = len(frames), (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
-        empty = np.zeros((len(frames), 0, 3), np.float32)
-        return Skin(
-            points, normals, view, empty, np.zeros((len(frames), 0), bool), np.zeros(0, np.intp), *place, empty[0]
-        )
+        none = np.zeros((count, 0, 3), np.float32)
+        return Surface(points, normals, view, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
-    values = np.stack([frames.read(band, [f], columns=side)[0][at] for f in range(len(frames))])
-    clipped = np.stack([frames.saturated(band, [f], columns=side)[0][at] for f in range(len(frames))])
+    values = np.stack([frames.read(band, [f], columns=side)[0][at] for f in range(count)])
+    clipped = np.stack([frames.saturated(band, [f], columns=side)[0][at] for f in range(count)])
     offset = pixels - sphere.center_px
     angle = np.arctan2(offset[:, 1], offset[:, 0]) + np.pi
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
-    standing = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
-    return Skin(points, normals, view, values, clipped, block, *place, standing)
+    ambient = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
+    return Surface(points, normals, view, values, clipped, block, *place, ambient)
 
 
-def shading_directions(skin: Skin) -> tuple[Array, Array]:
+def shading_directions(surface: Surface) -> tuple[Array, Array]:
     """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone.
 
     For a session without chrome. I = max(0, n.b) + a, b's direction is the light's; the lit side is found
     by turns with b.
     """
-    count = len(skin.values)
+    count = len(surface.values)
     directions = np.full((count, 3), np.nan)
     sigma = np.full(count, np.nan)
     for f in range(count):
-        values = skin.values[f].mean(1).astype(np.float64)
-        good = ~skin.clipped[f]
-        use = good & (values > np.quantile(values, 0.3))
+        values = surface.values[f].mean(1).astype(np.float64)
+        good = ~surface.clipped[f]
+        use = good & (values > np.quantile(values, DARK))
         for _ in range(10):
             if use.sum() < FEWEST_PIXELS:
                 break
-            design = np.column_stack([skin.normals[use], np.ones(use.sum())])
+            design = np.column_stack([surface.normals[use], np.ones(use.sum())])
             weight = tukey_weights(design, values[use])
             normal = np.linalg.pinv(design.T @ (weight[:, None] * design))
             b = normal @ (design.T @ (weight * values[use]))
             length = np.linalg.norm(b[:3])
             directions[f] = b[:3] / length
             residual = values[use] - design @ b
-            score = (weight * residual)[:, None] * design
-            sums = np.stack([score[skin.block[use] == k].sum(0) for k in np.unique(skin.block[use])])
+            sums = cluster_sums((weight * residual)[:, None] * design, surface.block[use])
             covariance = normal @ (sums.T @ sums) @ normal * len(sums) / max(len(sums) - 4, 1)
             across = np.eye(3) - np.outer(directions[f], directions[f])
             sigma[f] = np.rad2deg(np.sqrt(np.trace(across @ covariance[:3, :3] @ across) / 2) / length)
-            lit = good & (skin.normals @ directions[f] > LIT)
+            lit = good & (surface.normals @ directions[f] > LIT)
             if np.array_equal(lit, use):
                 break
             use = lit
@@ -119,12 +100,12 @@ def shading_directions(skin: Skin) -> tuple[Array, Array]:
 
 def contradicts_kind(frames: Frames, camera: Camera, sphere: Sphere) -> str | None:
     """Say whether a ball shades like one of the other kind."""
-    skin = read_skin(frames, camera, sphere)
+    surface = read_surface(frames, camera, sphere)
     explained = []
-    for values, clipped in zip(skin.values.mean(-1, dtype=np.float64), skin.clipped, strict=True):
-        use = ~clipped & (values > np.quantile(values, 0.3)) if len(values) else clipped
+    for values, clipped in zip(surface.values.mean(-1, dtype=np.float64), surface.clipped, strict=True):
+        use = ~clipped & (values > np.quantile(values, DARK)) if len(values) else clipped
         if use.sum() >= FEWEST_PIXELS and np.var(values[use]) > 0:
-            design = np.column_stack([skin.normals[use], np.ones(use.sum())])
+            design = np.column_stack([surface.normals[use], np.ones(use.sum())])
             rest = values[use] - design @ np.linalg.lstsq(design, values[use], rcond=None)[0]
             explained.append(1 - np.var(rest) / np.var(values[use]))
     if not explained:
@@ -147,6 +128,11 @@ def tukey_weights(design: Array, values: Array) -> Array:
     for _ in range(12):
         weighted = weight[:, None] * design
         residual = values - design @ np.linalg.lstsq(design.T @ weighted, values @ weighted, rcond=None)[0]
-        scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-7)
-        weight = np.maximum(1 - (residual / (4.685 * scale)) ** 2, 0) ** 2
+        weight = tukey(residual, TUKEY * max(spread(residual), 1e-7))
     return weight
+
+
+def across_axis(axis: Array) -> tuple[Array, Array]:
+    """Return two unit vectors (3,) across a unit axis and each other."""
+    side = unit(np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0]))
+    return side, np.cross(axis, side)

@@ -2,67 +2,51 @@
 
     value = E_f (m exp(-mu A) + k B(up) + g S) + a + a'.n
 
-m is the flash's own shading, A how far beside its axis the skin lies (-log cos; it aims at the reference point), B the
-table's bounce with up the table's normal, S the gloss of the skin, and a the light that is there without flash.
+m is the flash's own shading, A how far beside its axis the surface lies (-log cos; it aims at the reference point), B
+the table's bounce with up the table's normal, S its gloss, and a the light that is there without flash.
 """
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.photometry.bounce import Table, table_under
-from calibrate.photometry.patches import GLOSS_WIDTHS, Patches
+from calibrate.photometry.patches import GLOSS_WIDTHS, Patches, Table, table_under
+from scene.normals import unit
 
 Array = NDArray[np.float64]
-DEMANDED = 10.0
-"""How much BIC must fall before a part is taken into the model."""
+DEMANDED = 10.0  # how much BIC must fall before a part is taken into the model
 BEAM, BEAM_BOUNCE = 0.5, 1.5
 """Standard deviation of mu, and what a bounce adds to it, times the table's albedo: light from the object's side."""
-DIM = 0.3
-"""Share of the median flash under which a frame is not brought up to the others' weight."""
-STEP = 1e-6
-"""Of the differences by the table's tilt."""
-FLOOR = 1e-3
-"""Relative misfit that is not worth a further part: blur, quantisation, the patches' finite size."""
+CERTAIN = 2  # standard deviations from which on a beam is claimed
+DIM = 0.3  # share of the median flash under which a frame is not brought up to the others' weight
+STEP = 1e-6  # of the differences by the table's tilt
+FLOOR = 1e-3  # relative misfit that is not worth a further part: blur, quantisation, the patches' finite size
+STARTS = {"bounce": 0.1, "gloss": 0.02, "beam": 1.0}  # numbers with which a part is tried
+MOST_TABLES = 16  # that are kept, by tilt
 
 
 @dataclass(frozen=True)
 class Parts:
-    """Which parts a model has, and their nonlinear numbers; None where a part is left out.
+    """Which parts a model has, and their nonlinear numbers; None where a part is left out."""
 
-    Parameters
-    ----------
-    ambient : {0, 1, 4}
-        None, an even one, or one that also has a direction.
-    bounce : float or None
-        The table's albedo, as far as the ball sees an even, endless one.
-    tilt : (2,) float or None
-        x and y of the table's normal over its z; None: it faces the camera.
-    gloss : float or None
-        Strength of the lobe.
-    width : int
-        Which of `GLOSS_WIDTHS`.
-    beam : float or None
-        mu of a near flash's cos^mu.
-    """
-
-    ambient: int = 0
-    bounce: float | None = None
-    tilt: tuple[float, float] | None = None
-    gloss: float | None = None
-    width: int = 0
-    beam: float | None = None
+    ambient: int = 0  # 0: none; 1: an even one; 4: one that also has a direction
+    bounce: float | None = None  # the table's albedo, as far as the ball sees an even, endless one
+    tilt: tuple[float, float] | None = None  # x and y of the table's normal over its z; None: it faces the camera
+    gloss: float | None = None  # strength of the lobe
+    width: int = 0  # which of `GLOSS_WIDTHS`
+    beam: float | None = None  # mu of a near flash's cos^mu
 
     @property
     def beam_sigma(self) -> float:
-        """How far mu may be off for what else stands around: the object's reflected light, or its shadow."""
+        """How far mu may be off for what else is around: the object's reflected light, or its shadow."""
         return BEAM + BEAM_BOUNCE * (self.bounce or 0.0)
 
     @property
     def is_certain(self) -> bool:
         """Whether no beam is claimed that the surroundings could feign."""
-        return self.beam is None or self.beam > 2 * self.beam_sigma
+        return self.beam is None or self.beam > CERTAIN * self.beam_sigma
 
     def numbers(self) -> Array:
         """Return the free nonlinear numbers in a row."""
@@ -77,43 +61,21 @@ class Parts:
         return replace(self, bounce=bounce, gloss=gloss, beam=beam, tilt=tilt)
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A model fitted.
-
-    Parameters
-    ----------
-    parts : Parts
-    energy : (F,) float64
-        Pixel value of the skin that faces the flash at the reference point.
-    ambient : (4,) float64
-        a and a'.
-    residual : (F, B) float64
-        Value less model.
-    bic : float
-    """
+class Fit(NamedTuple):
+    """A model fitted."""
 
     parts: Parts
-    energy: Array
-    ambient: Array
-    residual: Array
+    energy: Array  # (F,) pixel value of the surface that faces the flash at the reference point
+    ambient: Array  # (4,) a and a'
+    residual: Array  # (F, B) value less model
     bic: float
 
 
 class ShadingModel:
-    """One ball's patches under all flashes, and the solver of the model above.
+    """One ball's patches under all flashes, and the solver of the model above."""
 
-    Parameters
-    ----------
-    ball : Patches
-    toward : (F, 3) float
-        Directions, or positions where `axis` is given.
-    axis : (F, 3) float or None
-        From the reference point to the positions.
-    """
-
-    def __init__(self, ball: Patches, toward: Array, axis: Array | None) -> None:
-        self.ball, self.toward, self.axis = ball, toward, axis
+    def __init__(self, ball: Patches) -> None:
+        self.ball = ball
         self.around = np.column_stack([np.ones(len(ball.normals)), ball.normals])
         level = np.sum(ball.weight * ball.shading * ball.values.mean(-1), 1)
         level /= np.maximum(np.sum(ball.weight * ball.shading**2, 1), 1e-12)
@@ -126,12 +88,9 @@ class ShadingModel:
         """Return the table, so tilted."""
         x, y = tilt or (0.0, 0.0)
         if (x, y) not in self._tables:
-            if len(self._tables) > 16:
+            if len(self._tables) > MOST_TABLES:
                 self._tables.clear()
-            up = np.array([x, y, 1.0])
-            up /= np.linalg.norm(up)
-            ball = self.ball
-            self._tables[x, y] = table_under(ball.normals, ball.center, ball.radius, up, self.toward, self.axis)
+            self._tables[x, y] = table_under(self.ball, unit(np.array([x, y, 1.0])))
         return self._tables[x, y]
 
     def bounce(self, parts: Parts) -> Array:
@@ -237,7 +196,7 @@ def choose(model: ShadingModel, values: Array) -> tuple[Fit, float]:
     """
     plain = fit = model.fit(Parts(), values)
     while True:
-        rivals = [model.fit(parts, values) for parts in _larger(fit.parts, near=model.axis is not None)]
+        rivals = [model.fit(parts, values) for parts in _larger(fit.parts, near=model.ball.axis is not None)]
         # Light that is left over cannot be negative.
         rivals = [rival for rival in rivals if rival.ambient[0] >= 0 and rival.parts.is_certain]
         best = min(rivals, key=lambda rival: rival.bic, default=fit)
@@ -254,29 +213,21 @@ def _larger(parts: Parts, *, near: bool) -> list[Parts]:
     """Return the models with one part more."""
     out = []
     if parts.ambient < 4:
-        out.append(replace(parts, ambient=1 if parts.ambient == 0 else 4))
+        out.append(replace(parts, ambient=4 if parts.ambient else 1))
     if parts.bounce is None:
-        out.append(replace(parts, bounce=0.1))
+        out.append(replace(parts, bounce=STARTS["bounce"]))
     elif parts.tilt is None:
         out.append(replace(parts, tilt=(0.0, 0.0)))
     if parts.gloss is None:
-        out += [replace(parts, gloss=0.02, width=i) for i in range(len(GLOSS_WIDTHS))]
+        out += [replace(parts, gloss=STARTS["gloss"], width=i) for i in range(len(GLOSS_WIDTHS))]
     if near and parts.beam is None:
-        out.append(replace(parts, beam=1.0))
+        out.append(replace(parts, beam=STARTS["beam"]))
     return out
 
 
 def _smaller(parts: Parts) -> list[Parts]:
-    """Return the models with one part less."""
-    out = []
-    if parts.ambient:
-        out.append(replace(parts, ambient=1 if parts.ambient == 4 else 0))
-    if parts.tilt is not None:
-        out.append(replace(parts, tilt=None))
-    elif parts.bounce is not None:
-        out.append(replace(parts, bounce=None))
-    if parts.gloss is not None:
-        out.append(replace(parts, gloss=None))
-    if parts.beam is not None:
-        out.append(replace(parts, beam=None))
+    """Return the models with one part less: a bounce loses its tilt first."""
+    out = [replace(parts, ambient=parts.ambient // 4)] if parts.ambient else []
+    for name in ("bounce" if parts.tilt is None else "tilt", "gloss", "beam"):
+        out += [replace(parts, **{name: None})] if getattr(parts, name) is not None else []
     return out

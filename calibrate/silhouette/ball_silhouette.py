@@ -52,27 +52,13 @@ BLUR_AGREES = 0.15  # relative, up to which a mirror's blur and the matte balls'
 
 @dataclass(frozen=True)
 class OutlineFit:
-    """A fitted ball.
+    """A fitted ball."""
 
-    Parameters
-    ----------
-    sphere : Sphere
-        With `sigma_px` and `score`, the share of the outline on which an edge was found where the fit is.
-    covariance : (3, 3) float64
-        Of (center u, center v, radius), px^2.
-    residual_px : float
-        Robust spread of the edges about the outline.
-    blur_px : float
-        Standard deviation of the blur under which the edge is seen; NaN where only its steepest places were fitted.
-    by_table : bool
-        The table that a chrome ball mirrors was found and fits.
-    """
-
-    sphere: Sphere
-    covariance: Array
-    residual_px: float
-    blur_px: float = np.nan
-    by_table: bool = False
+    sphere: Sphere  # with `sigma_px` and `score`, the share of the outline on which an edge was found where the fit is
+    covariance: Array  # (3, 3) of (u, v, radius), px^2
+    residual_px: float  # robust spread of the edges about the outline
+    blur_px: float = np.nan  # standard deviation of the blur; NaN where only the steepest places were fitted
+    by_table: bool = False  # the table that a chrome ball mirrors was found and fits
 
     @property
     def clearness(self) -> float:

@@ -161,7 +161,7 @@ class Shifts(NamedTuple):
     """What each of P = F N profiles says of the outline."""
 
     offset: Array  # (P,) how far outward of where it was looked for the outline lies, px
-    information: Array  # (P,) 1 / variance of `offset`, px^-2; 0 where the profile tells nothing
+    information: Array  # (P,) 1 / variance of `offset`, px^-2; 0 where the profile does not show it
     amplitudes: Array  # (P, K) of the model's profiles
     misfit: Array  # (P,) residual over the median one of its frame
     log_variance: float  # mean over the profiles

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
+from calibrate.robust import TUKEY, spread, tukey
 from calibrate.without_balls.probe import Probe, read_probe
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -12,14 +13,11 @@ from scene.lights import Lights
 
 Array = NDArray[np.float64]
 ROUNDS = 30
-LIT = 0.15
-"""Cosine under which a pixel is taken to stand in shadow."""
-FACING = 0.2
-"""Cosine to the camera's axis under which a pixel mixes with what lies behind."""
-CURVED = 0.02
-"""Smallest to largest singular value of the normals under which they face too much alike to tell a light."""
-MISFIT = 0.15
-"""Relative misfit from which the object is not matte, or the normals are not its own."""
+LIT = 0.15  # cosine under which a pixel is taken to be in shadow
+BRIGHT = 0.3  # share of what it should show, or of the brightest, under which a pixel is in shadow to begin with
+FACING = 0.2  # cosine to the camera's axis under which a pixel mixes with what lies behind
+CURVED = 0.02  # smallest to largest singular value of the normals under which they face too much alike to fix a light
+MISFIT = 0.15  # relative misfit from which the object is not matte, or the normals are not its own
 
 
 def lights_from_normals(
@@ -73,9 +71,9 @@ def lights_from_normals(
         cosine = b @ n.T / strength[:, None]
         residual = values / (albedo * strength[:, None]) - cosine
         lit = good & (cosine > LIT)
-        scale = max(1.4826 * float(np.median(np.abs(residual[lit]))), 1e-4)
-        reach = 4.685 * scale * max(1.0, 3.0 - turn / 5)
-        weight = np.where(lit, np.maximum(1 - (residual / reach) ** 2, 0) ** 2, 0)
+        scale = max(spread(residual[lit]), 1e-4)
+        reach = TUKEY * scale * max(1.0, 3.0 - turn / 5)
+        weight = np.where(lit, tukey(residual, reach), 0)
         weight[:, np.count_nonzero(weight, axis=0) < 3] = 0
         _check_seen(frames, weight)
         move, shift = _step(n, cosine, weight, residual)
@@ -115,10 +113,10 @@ def _start(values: Array, good: NDArray[np.bool_], n: Array) -> tuple[Array, Arr
     albedo = np.maximum(np.quantile(values, 0.9, axis=0), 1e-6)
     b = np.empty((len(values), 3))
     for f, row in enumerate(values / albedo):
-        use = good[f] & (row > 0.3 * np.quantile(row, 0.95))
+        use = good[f] & (row > BRIGHT * np.quantile(row, 0.95))
         for _ in range(5):
             b[f] = np.linalg.lstsq(n[use], row[use], rcond=None)[0] if use.sum() >= 3 else [0, 0, 1.0]
-            use = good[f] & (n @ b[f] > LIT * np.linalg.norm(b[f])) & (row > 0.3 * (n @ b[f]))
+            use = good[f] & (n @ b[f] > LIT * np.linalg.norm(b[f])) & (row > BRIGHT * (n @ b[f]))
     return b, albedo
 
 
@@ -161,9 +159,9 @@ def _sigma(n: Array, directions: Array, weight: Array, shown: Array) -> tuple[Ar
     for here in sectors(n):
         matrix, right, _ = _reduced(n[here], cosine[:, here], weight[:, here], (shown - cosine)[:, here])
         moves.append((np.linalg.pinv(matrix, rcond=1e-3, hermitian=True) @ right).reshape(-1, 3))
-    spread = np.array(moves)
-    along = np.sum(spread * directions, -1)
-    across = spread - along[..., None] * directions
+    all_moves = np.array(moves)
+    along = np.sum(all_moves * directions, -1)
+    across = all_moves - along[..., None] * directions
     degrees = np.rad2deg(np.sqrt(np.mean(np.sum(across**2, -1), 0) / 2))
     relative = along - along.mean(1, keepdims=True)
     return degrees, np.sqrt(np.mean(relative**2, 0))

@@ -1,8 +1,9 @@
-"""The last resort for the flashes' strengths: no white ball, no file tells them, but something matte is to be seen."""
+"""The last resort for the flashes' strengths: no white ball, no file has them, but something matte is seen."""
 
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.calibration import Notes
 from calibrate.without_balls.probe import Probe, read_probe
 from calibrate.without_balls.semicalibrated_start import LIT, intensities_from_object
 from scene.camera import Camera
@@ -12,57 +13,27 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 CANDIDATES, MOST_PIXELS = 12000, 3000
-USUALLY_LIT = 0.6
-"""Share of the frames in which a pixel must be lit and unclipped to be asked."""
-DARK = 0.01
-"""Of white: what is darker in most frames is noise, or the sensor's pedestal."""
-CELLS = 12
-"""Normals are sorted into so many cells across the hemisphere, and each cell has the same say at most."""
-RELIEF = 0.07
-"""How far, of its distance, a surface may lie off the reference point's plane."""
-TOO_VAGUE = 0.25
-"""Sigma of the strengths from which they are no better than taking all flashes for equally bright."""
+USUALLY_LIT = 0.6  # share of the frames in which a pixel must be lit and unclipped to be asked
+DARK = 0.01  # of white: what is darker in most frames is noise, or the sensor's pedestal
+CELLS = 12  # normals are sorted into so many cells across the hemisphere, and each cell has the same say at most
+RELIEF = 0.07  # how far, of its distance, a surface may lie off the reference point's plane
+TOO_VAGUE = 0.25  # sigma of the strengths from which they are no better than taking all flashes for equally bright
 
 
 def strengths_from_object(
-    frames: Frames,
-    camera: Camera,
-    spheres: list[Sphere],
-    lights: Lights,
-    evidence: list[str],
-    warnings: list[str],
-    *,
-    region: NDArray[np.bool_] | None = None,
+    frames: Frames, camera: Camera, spheres: list[Sphere], lights: Lights, notes: Notes
 ) -> tuple[Array, Array] | None:
     """Read the flashes' strengths from whatever matte surfaces the frames show, with directions known.
 
-    Parameters
-    ----------
-    frames : Frames
-    camera : Camera
-    spheres : list of Sphere
-        Left out: chrome is not matte.
-    lights : Lights
-        Their intensities are not looked at.
-    evidence, warnings : list of str
-        What is to be said is appended.
-    region : (H, W) bool, optional
-        The object. Default: all that is not a ball.
-
-    Returns
-    -------
-    intensities : (F, 3) float64
-        Each channel's mean 1.
-    sigma : (F,) float64
-        Relative.
-        None instead of both where nothing matte is lit from enough sides, and the lights are distant.
+    Returns intensities (F, 3), each channel's mean 1, and their relative sigma (F,); None where nothing matte is lit
+    from enough sides, and the lights are distant. The balls are left out; the lights' intensities are not looked at.
 
     Notes
     -----
-    A table fills the picture with one normal, which tells nothing [Cho2016]: so pixels are drawn evenly over the
-    directions that they seem to face, not over the picture.
+    A table fills the picture with one normal, which does not determine them [Cho2016]: so pixels are drawn evenly over
+    the directions that they seem to face, not over the picture.
     """
-    outside = np.ones((frames.height, frames.width), bool) if region is None else region.copy()
+    outside = np.ones((frames.height, frames.width), bool)
     for sphere in spheres:
         if not sphere.apart:
             outside &= ~sphere.mask(camera, grow_px=0.1 * sphere.radius_px + 2)
@@ -75,7 +46,7 @@ def strengths_from_object(
 
     chosen = varied(probe, toward(1.0))
     probe = probe.take(chosen)
-    # Near flashes: nobody knows how high the surface stands, and what is nearer to them is brighter.
+    # Near flashes: the surface's height is unknown, and what is nearer to them is brighter.
     stretches = (1.0,) if lights.positions_mm is None or depth >= 0 else (1.0, 1 - RELIEF, 1 + RELIEF)
     read = [intensities_from_object(probe, toward(s), lights.direction_sigma_deg) for s in stretches if len(chosen)]
     good = [one for one in read if one is not None]
@@ -87,17 +58,17 @@ def strengths_from_object(
     if not np.median(sigma) < TOO_VAGUE:
         if lights.positions_mm is None:
             return None
-        warnings.append(
+        notes.warnings.append(
             "no white ball, and nothing matte that tells the flashes' strengths: all are taken as equally powerful, by "
             "their distances. 5 % of variation bends normals by 2 degrees."
         )
         return np.repeat(equal[:, None], 3, 1), np.full(len(lights), np.nan)
     intensities, sigma, scatter = _shrunk(good[0].intensities, sigma, equal)
-    evidence.append(
+    notes.evidence.append(
         f"no white ball: the flashes' strengths from {good[0].pixels} pixels of the object itself (misfit "
         f"{good[0].residual:.1%} of a flash); they vary in power by {scatter:.0%}, each known to {np.median(sigma):.1%}"
     )
-    warnings.append(
+    notes.warnings.append(
         "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "
         f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object."
     )

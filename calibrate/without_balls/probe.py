@@ -12,20 +12,11 @@ MOST_PIXELS = 3000
 
 @dataclass(frozen=True)
 class Probe:
-    """Pixels of the object.
+    """P pixels of the object in F frames."""
 
-    Parameters
-    ----------
-    pixels : (P, 2) intp
-        (u, v).
-    values : (F, P, 3) float32
-        Linear.
-    clipped : (F, P) bool
-    """
-
-    pixels: NDArray[np.intp]
-    values: NDArray[np.float32]
-    clipped: NDArray[np.bool_]
+    pixels: NDArray[np.intp]  # (P, 2) as (u, v)
+    values: NDArray[np.float32]  # (F, P, 3) linear
+    clipped: NDArray[np.bool_]  # (F, P)
 
     def take(self, keep: NDArray) -> "Probe":
         """Return some of the pixels."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from calibrate.photometry.intensity import measure
-from calibrate.photometry.matte_shading import read_skin, shading_directions
-from calibrate.photometry.patches import cut
+from calibrate.photometry.matte_shading import read_surface, shading_directions
+from calibrate.photometry.patches import Meter, cut
 from calibrate.photometry.shading_model import Parts, ShadingModel
 from scene.camera import Camera
 from scene.frames import Frames
@@ -101,7 +101,7 @@ AT_REFERENCE = 0.35 * POWERS * (500**2 / np.sum((LIGHTS - REFERENCE) ** 2, 1))[:
     ids=["plain", "ambient", "gloss", "bounce", "all"],
 )
 def test_near_lights_are_measured(effects, tolerance):
-    light = measure(read_skin(_frames(**effects), CAMERA, BALL), DIRECTIONS, LIGHTS, REFERENCE)
+    light = measure(read_surface(_frames(**effects), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
     ratio = light.intensities / AT_REFERENCE
     np.testing.assert_allclose(ratio, 1, atol=0.01)
     # Only what varies between frames bends normals.
@@ -115,15 +115,15 @@ def test_near_lights_are_measured(effects, tolerance):
 
 def test_a_narrow_beam_is_told_from_one_ball_and_taken_out():
     """A flash that aims at the object gives a ball beside it less: unnoticed, that would be its intensity."""
-    light = measure(read_skin(_frames(beam=12.0), CAMERA, BALL), DIRECTIONS, LIGHTS, REFERENCE)
+    light = measure(read_surface(_frames(beam=12.0), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
     assert "beside their axis" in light.evidence
     np.testing.assert_allclose(light.intensities / AT_REFERENCE, 1, atol=0.006)
-    plain = measure(read_skin(_frames(), CAMERA, BALL), DIRECTIONS, LIGHTS, REFERENCE)
+    plain = measure(read_surface(_frames(), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
     assert "beside their axis" not in plain.evidence
 
 
 def test_a_shadow_on_half_of_the_ball_bends_no_other_frame():
-    light = measure(read_skin(_frames(shadow=2, ambient=0.01), CAMERA, BALL), DIRECTIONS, LIGHTS, REFERENCE)
+    light = measure(read_surface(_frames(shadow=2, ambient=0.01), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
     others = [0, 1, 3, 4]
     np.testing.assert_allclose((light.intensities / AT_REFERENCE)[others], 1, atol=0.004)
     assert light.misfit[2] > 10 * np.median(light.misfit)
@@ -132,7 +132,7 @@ def test_a_shadow_on_half_of_the_ball_bends_no_other_frame():
 
 def test_sigma_covers_what_wrong_positions_do():
     """Lights that err by 0.3 degrees and 2 % of their range: the intensities err by what is said."""
-    skin = read_skin(_frames(), CAMERA, BALL)
+    surface = read_surface(_frames(), CAMERA, BALL)
     rng = np.random.default_rng(10000)
     axis = (LIGHTS - REFERENCE) / np.linalg.norm(LIGHTS - REFERENCE, axis=1, keepdims=True)
     distance = np.linalg.norm(LIGHTS - REFERENCE, axis=1)[:, None, None]
@@ -141,7 +141,7 @@ def test_sigma_covers_what_wrong_positions_do():
     inside = []
     for _ in range(12):
         wrong = np.stack([rng.multivariate_normal(q, c) for q, c in zip(LIGHTS, covariance, strict=True)])
-        light = measure(skin, DIRECTIONS, wrong, REFERENCE, covariance)
+        light = measure(surface, Meter(DIRECTIONS, wrong, REFERENCE, covariance))
         ratio = (light.intensities / AT_REFERENCE).mean(1)
         inside.append(np.abs(ratio / ratio.mean() - 1) < 1.96 * light.sigma)
     assert 0.85 < np.mean(inside) <= 1
@@ -149,36 +149,34 @@ def test_sigma_covers_what_wrong_positions_do():
 
 
 def test_distant_lights_are_measured():
-    light = measure(read_skin(_frames(near=False), CAMERA, BALL), DIRECTIONS, None, REFERENCE)
+    light = measure(read_surface(_frames(near=False), CAMERA, BALL), Meter(DIRECTIONS, None, REFERENCE))
     np.testing.assert_allclose(light.intensities / (0.35 * POWERS), 1, atol=0.002)
 
 
 def test_clipped_skin_is_not_believed():
     """One channel clips on the side that faces the light: the rest of the ball must carry the measurement."""
     frames = _frames(gain=2.8)
-    skin = read_skin(frames, CAMERA, BALL)
-    assert skin.clipped.mean(1).max() > 0.2
-    light = measure(skin, DIRECTIONS, LIGHTS, REFERENCE)
+    surface = read_surface(frames, CAMERA, BALL)
+    assert surface.clipped.mean(1).max() > 0.2
+    light = measure(surface, Meter(DIRECTIONS, LIGHTS, REFERENCE))
     np.testing.assert_allclose(light.intensities / (AT_REFERENCE / 0.35 * 2.8), 1, atol=0.01)
 
 
 def test_wholly_clipped_ball_gives_no_number():
-    light = measure(read_skin(_frames(gain=40.0), CAMERA, BALL), DIRECTIONS, LIGHTS, REFERENCE)
+    light = measure(read_surface(_frames(gain=40.0), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
     assert np.isnan(light.intensities).all()
 
 
 def test_shading_alone_gives_the_direction():
-    directions, sigma = shading_directions(read_skin(_frames(near=False, ambient=0.02), CAMERA, BALL))
+    directions, sigma = shading_directions(read_surface(_frames(near=False, ambient=0.02), CAMERA, BALL))
     assert angular_error_deg(directions, DIRECTIONS).max() < 0.3
     assert (sigma < 1).all()
 
 
 @pytest.mark.parametrize("near", [True, False])
 def test_the_models_slopes_are_its_differences(near):
-    skin = read_skin(_frames(near=near), CAMERA, BALL)
-    toward = LIGHTS if near else DIRECTIONS
-    ball = cut(skin, DIRECTIONS, toward if near else None, REFERENCE)
-    model = ShadingModel(ball, toward, toward - REFERENCE if near else None)
+    surface = read_surface(_frames(near=near), CAMERA, BALL)
+    model = ShadingModel(cut(surface, Meter(DIRECTIONS, LIGHTS if near else None, REFERENCE)))
     parts = Parts(1, bounce=0.2, tilt=(0.1, -0.15), gloss=0.05, width=1, beam=1.5 if near else None)
     slopes, numbers = model.slopes(parts), parts.numbers()
     assert len(slopes) == len(numbers)

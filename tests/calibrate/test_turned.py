@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from calibrate.calibrate import calibrate
-from calibrate.known_lights.turned import contradiction
+from calibrate.known_lights.contradictions import contradiction
 from scene.lights import Lights
 from scene.spheres import SphereRequest
 

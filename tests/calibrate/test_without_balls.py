@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibrate.calibration import Notes
 from calibrate.without_balls.from_normals import MISFIT, lights_from_normals
 from calibrate.without_balls.from_object import strengths_from_object
 from calibrate.without_balls.probe import read_probe
@@ -202,18 +203,18 @@ def _lit_scene(powers, *, distant=False):
 
 def test_the_object_is_found_and_tells_distant_flashes():
     world, frames, lights, strength = _lit_scene(_truth()[1], distant=True)
-    evidence, warnings = [], []
-    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, evidence, warnings)
+    notes = Notes()
+    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, notes)
     relative = _relative(found, strength)
     assert np.sqrt(np.mean(relative**2)) < 0.01
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.9
-    assert "of the object itself" in evidence[0]
-    assert "no white ball" in warnings[0]
+    assert "of the object itself" in notes.evidence[0]
+    assert "no white ball" in notes.warnings[0]
 
 
 def test_near_flashes_are_told_as_well_as_is_said():
     world, frames, lights, strength = _lit_scene(_truth()[1])
-    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, [], [])
+    found, sigma = strengths_from_object(frames, world.camera, world.spheres(), lights, Notes())
     relative = _relative(found, strength)
     assert np.sqrt(np.mean(relative**2)) < 0.3 * np.sqrt(np.mean(_relative(np.ones((COUNT, 3)), strength) ** 2))
     assert np.mean(np.abs(relative.mean(1)) < 1.96 * sigma) >= 0.8
@@ -223,7 +224,7 @@ def test_one_flash_carried_around_keeps_its_power():
     """Equal power at unequal distances: what varies at the object is the distance."""
     distance = np.linspace(800, 1100, COUNT)
     world, frames, lights, _ = _lit_scene(np.array([0.9, 1.0, 1.1]) * (distance[:, None] / 1000) ** -2)
-    found, _ = strengths_from_object(frames, world.camera, world.spheres(), lights, [], [])
+    found, _ = strengths_from_object(frames, world.camera, world.spheres(), lights, Notes())
     fall = distance**-2.0
     np.testing.assert_allclose(found.mean(1), fall / fall.mean(), rtol=0.03)
 
@@ -235,12 +236,12 @@ def test_where_nothing_matte_is_seen_near_flashes_are_taken_by_their_distance():
     distance = np.linspace(800, 1100, COUNT)[:, None]
     center = np.array([0.0, 0.0, -1000.0])
     lights = Lights(frames.names, directions, np.ones((COUNT, 3)), center + directions * distance, center)
-    warnings = []
-    found, sigma = strengths_from_object(frames, camera, [], lights, [], warnings)
+    notes = Notes()
+    found, sigma = strengths_from_object(frames, camera, [], lights, notes)
     np.testing.assert_allclose(found[:, 0], (distance**-2.0 / (distance**-2.0).mean())[:, 0])
     assert np.isnan(sigma).all()
-    assert "equally powerful" in warnings[0]
-    assert strengths_from_object(frames, camera, [], Lights(frames.names, directions, found), [], []) is None
+    assert "equally powerful" in notes.warnings[0]
+    assert strengths_from_object(frames, camera, [], Lights(frames.names, directions, found), Notes()) is None
 
 
 @pytest.mark.skipif(not DILIGENT.is_dir(), reason="needs ../shared/real/diligent")
