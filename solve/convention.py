@@ -134,7 +134,7 @@ def _whose_axes(claim: Claim, normals: Array, way: int, axes: int, wrong: bool) 
     if way and own and not axes and not axes_by_themselves(claim.normals, as_it_lies, AXES).by_rim:
         return {"turned": True, "hollow": hollow}
     mended = AXES[own]
-    return {"hollow": hollow, "certain": alone.told, "of_lights": mended @ relation.T, "of_normals": mended}
+    return {"hollow": hollow, "certain": alone.is_unique, "of_lights": mended @ relation.T, "of_normals": mended}
 
 
 def _simplest(scores: Array, covers: list[bool]) -> tuple[int, int]:

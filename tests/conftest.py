@@ -21,6 +21,7 @@ def pytest_runtest_call(item):
     with install_timer("numba:compile", compiled.append):
         result = yield
     spent = processor_s() - before - sum(compiled)
+    item.user_properties.append(("processor_s", round(spent, 2)))
     if spent > LIMIT_S and not item.get_closest_marker("full"):
         pytest.fail(f"{spent:.1f} processor seconds, more than {LIMIT_S:g}: make it smaller, or mark it full")
     return result
