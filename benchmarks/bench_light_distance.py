@@ -16,7 +16,7 @@ from benchmarks.bench_intensities import session, true_normals
 from benchmarks.pages import put
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.methods import Problem
+from solve.problem import Problem
 from solve.solve import solve
 from solve.whole.light_distance import find_positions
 

@@ -22,7 +22,8 @@ from benchmarks.pages import put
 from compare.statistics.four_ways import four_ways
 from scene.normals import unit
 from scene.store import Store
-from solve.methods import UNCALIBRATED, Problem, method_of
+from solve.methods import UNCALIBRATED, method_of
+from solve.problem import Problem
 from solve.samples import Geometry, Samples
 from solve.solve import solve
 from solve.whole.low_rank import low_rank

@@ -17,7 +17,8 @@ from scene.lights import Lights
 from solve.axes import Axes, find_axes, some_pixels
 from solve.external import External, normals_by
 from solve.medians import row_medians
-from solve.methods import Method, Problem, Whole
+from solve.methods import Method, Whole
+from solve.problem import Problem
 from solve.samples import Samples
 from solve.solve import solve
 

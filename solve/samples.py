@@ -10,7 +10,7 @@ from scene.camera import Camera
 from scene.frames import PEDESTAL, WHITE, Frames, decode
 from scene.lights import Lights
 from solve.codes import read_gray
-from solve.methods import Problem
+from solve.problem import Problem
 
 GRAY = np.array([0.2989, 0.5870, 0.1140])
 """Rec. 601 weights, as the published DiLiGenT figures use them [Shi2019]."""

@@ -18,7 +18,8 @@ from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 from solve.cautions import cautions_of
-from solve.methods import METHODS, UNCALIBRATED, Method, Problem, Settings, Whole, as_dict, method_of
+from solve.methods import METHODS, UNCALIBRATED, Method, Settings, Whole, as_dict, method_of
+from solve.problem import Problem
 
 if TYPE_CHECKING:
     from solve.samples import Band, Samples

@@ -6,8 +6,9 @@ import numba
 import numpy as np
 
 from solve.assess import condition_and_inverse
-from solve.methods import Method, Problem
+from solve.methods import Method
 from solve.pixelwise.kernels import light_vectors
+from solve.problem import Problem
 
 _SINGULAR = 1e3
 """Condition number from which the three equations for b are not solved."""

@@ -9,7 +9,8 @@ import cv2
 import numba
 import numpy as np
 
-from solve.methods import Method, Problem, Whole
+from solve.methods import Method, Whole
+from solve.problem import Problem
 from solve.samples import Samples
 from solve.uncalibrated.front_end import PLAIN, FrontEnd, family
 from solve.uncalibrated.normals_and_lights import finish

@@ -6,7 +6,8 @@ Memory: 9 bytes a sample beside the samples themselves.
 import numpy as np
 from numpy.typing import NDArray
 
-from solve.methods import Method, Problem, Whole
+from solve.methods import Method, Whole
+from solve.problem import Problem
 from solve.samples import Samples
 from solve.uncalibrated.entropy import plainest_depth
 from solve.uncalibrated.front_end import PLAIN, FrontEnd, family

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scene.intensities import Eliminated
 from scene.lights import Lights
 from scene.normals import unit
-from solve.methods import Problem
 from solve.pixelwise import iterative
+from solve.problem import Problem
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
 from solve.surface.tangent_planes import every_nth

@@ -1,7 +1,8 @@
 """Point lights and perspective: the depth of every pixel is found first, in turn with its normal, see `near_depth`."""
 
-from solve.methods import Method, Problem
+from solve.methods import Method
 from solve.pixelwise import iterative
+from solve.problem import Problem
 from solve.samples import Samples
 from solve.whole.light_distance import find_positions
 from solve.whole.near_depth import Settings, find_depth

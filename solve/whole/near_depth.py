@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from scene.normals import unit
-from solve.methods import Problem
 from solve.pixelwise import iterative
+from solve.problem import Problem
 from solve.samples import band_of, bands, samples_of, scale_of
 from solve.surface.integration import Surface, integrate
 from solve.whole.depth_evidence import depth_evidence

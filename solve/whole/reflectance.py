@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from solve.methods import Method, Problem, Whole
+from solve.methods import Method, Whole
 from solve.pixelwise import iterative
+from solve.problem import Problem
 from solve.samples import Samples
 from solve.whole import near_depth
 from solve.whole.light_distance import find_positions

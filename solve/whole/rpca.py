@@ -8,8 +8,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from solve.methods import Method, Problem, Whole
+from solve.methods import Method, Whole
 from solve.pixelwise.kernels import light_vectors, normal_equations
+from solve.problem import Problem
 from solve.samples import Samples
 from solve.whole.low_rank import low_rank
 

@@ -14,8 +14,9 @@ from scene.frames import Frames
 from scene.intensities import Intensities, evidence, solve_intensities
 from scene.lights import Lights
 from solve.medians import row_medians
-from solve.methods import Method, Problem
+from solve.methods import Method
 from solve.pixelwise import iterative
+from solve.problem import Problem
 from solve.samples import GRAY, Geometry, Samples
 
 

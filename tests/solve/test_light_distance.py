@@ -10,7 +10,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from solve.methods import Problem
+from solve.problem import Problem
 from solve.solve import solve
 from solve.whole.light_distance import find_positions
 

@@ -7,7 +7,7 @@ import pytest
 
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
-from solve.methods import Problem
+from solve.problem import Problem
 from solve.samples import Geometry, Samples
 from solve.whole import rpca
 from solve.whole.low_rank import low_rank

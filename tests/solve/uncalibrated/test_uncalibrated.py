@@ -8,7 +8,7 @@ from scipy.optimize import minimize
 
 from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
-from solve.methods import Problem
+from solve.problem import Problem
 from solve.samples import Geometry, Samples
 from solve.uncalibrated import entropy, ldr, tv
 from solve.uncalibrated.front_end import FrontEnd, family

@@ -1,0 +1,53 @@
+"""What a method is given."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.lights import Lights
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What a method is given, and what it has found out before it fits normals.
+
+    Parameters
+    ----------
+    frames : Frames
+    lights : Lights
+    camera : Camera
+    mask : (h, W) bool
+        The object's pixels.
+    rows : slice
+        The rows of the frames that `mask` and `z_mm` cover.
+    z_mm : (h, W) float64 or None
+        Each pixel's depth. None: near lights are evaluated at the depth of `lights.reference_point_mm`.
+    own_lights : Lights or None
+        The lights that the method itself has found, once it has; `lights` are then the same.
+    cautions : tuple of str
+        Why the result should not be believed.
+    """
+
+    frames: Frames
+    lights: Lights
+    camera: Camera
+    mask: NDArray[np.bool_]
+    rows: slice
+    z_mm: NDArray[np.float64] | None = None
+    own_lights: Lights | None = None
+    cautions: tuple[str, ...] = ()
+
+    def part(self, rows: slice) -> "Problem":
+        """Return some rows of a problem that covers the whole frames."""
+        return replace(self, mask=self.mask[rows], rows=rows, z_mm=None if self.z_mm is None else self.z_mm[rows])
+
+    def under(self, lights: Lights) -> "Problem":
+        """Return the problem under the lights that the method has found."""
+        return replace(self, lights=lights, own_lights=lights)
+
+    def warned(self, *cautions: str) -> "Problem":
+        """Return the problem with more cautions."""
+        return replace(self, cautions=(*self.cautions, *cautions))
