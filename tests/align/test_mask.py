@@ -36,6 +36,7 @@ def test_the_object_is_found_on_a_lit_table(on_table):
     assert (found.mask & ~on_table.mask).sum() < 0.02 * on_table.mask.sum()
 
 
+@pytest.mark.full
 def test_a_textured_table_as_bright_as_the_object():
     """Brightness tells nothing there: what is inclined otherwise changes otherwise from frame to frame."""
     scene = random_scene(blob(), 10003, width=360, height=240, flashes=12)
@@ -48,6 +49,7 @@ def test_a_textured_table_as_bright_as_the_object():
     assert overlap(found.mask, tracer.cover > 0.5) > 0.95
 
 
+@pytest.mark.full
 def test_before_black_and_upside_down(bumpy, rotations, build):
     world = build(bumpy, rotations[2])
     found = find_object(world.frames, world.camera, [])
@@ -79,6 +81,7 @@ def test_balls_are_no_object(on_table):
     assert "calibration balls" in given.warnings[0]
 
 
+@pytest.mark.full
 def test_a_large_picture_is_searched_small_and_bordered_large(on_table):
     big = np.kron(on_table.frames.codes, np.ones((1, 9, 9, 1), np.uint16))
     frames = Frames(on_table.frames.names, big, on_table.frames.gain)
@@ -140,6 +143,7 @@ def test_the_final_mask_is_the_silhouette_and_what_was_not_scanned():
     assert scan_mask(silhouette | expected, ObjectMask(silhouette | expected, "found")).warnings == ()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["buddha", "cat", "horse", "owl", "rock"])
 def test_real_objects_before_black_cloth(name):
     """Against the masks that came with the photographs."""

@@ -34,6 +34,7 @@ def test_refined_from_beside_it_the_pose_comes_back_and_the_residuals_with_it(be
         assert after.outline_px == pytest.approx(best.here.outline_px, abs=0.05)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("axis", [3])
 def test_a_pose_that_is_not_the_best_is_found_out(world, axis):
     steps = small_steps(world.mesh, world.camera, world.pose, step_px=1.0)

@@ -59,6 +59,7 @@ def test_any_orientation_is_found_to_a_tenth_of_a_pixel(bumpy, rotations, build,
     assert np.nanmedian(angular_error_deg(registered.normals, truth.normals)) < 0.15
 
 
+@pytest.mark.full
 def test_a_scan_in_another_frame_gives_the_same_truth(world, rotations):
     """The scan's own frame is arbitrary: far away and turned, decimated to its front, noisy."""
     motion = Pose.from_rotation_translation(rotations[2], [900.0, -2000.0, 300.0])
@@ -75,6 +76,7 @@ def test_a_scan_in_another_frame_gives_the_same_truth(world, rotations):
     assert deg < 0.2
 
 
+@pytest.mark.full
 def test_orthographic_camera_and_distant_lights(bumpy, rotations, build):
     camera = Camera(160, 120, 0.6, 0.6, 83.0, 57.0, projection="orthographic")
     world = build(bumpy, rotations[1], camera=camera, away=1000.0)
@@ -87,12 +89,14 @@ def test_orthographic_camera_and_distant_lights(bumpy, rotations, build):
     assert found.covariance[5, 5] == pytest.approx(0, abs=1e-12)
 
 
+@pytest.mark.full
 def test_a_mirrored_scan_is_called_so(world):
     mirrored = replace(world.mesh, vertices=world.mesh.vertices * [1, -1, 1], faces=world.mesh.faces[:, ::-1])
     with pytest.raises(AlignError, match="mirrored only"):
         run(world, mesh=mirrored)
 
 
+@pytest.mark.full
 def test_another_objects_scan_is_refused_with_numbers(world):
     generator = np.random.default_rng(9)
     other = world.mesh.vertices * [1.0, 0.8, 0.6]
@@ -101,11 +105,13 @@ def test_another_objects_scan_is_refused_with_numbers(world):
         run(world, mesh=replace(world.mesh, vertices=other))
 
 
+@pytest.mark.full
 def test_a_wrong_unit_is_noticed(world):
     with pytest.raises(AlignError, match=r"2[3-8]\.?\d* times too large.*scan_unit"):
         run(world, mesh=replace(world.mesh, vertices=25.4 * world.mesh.vertices))
 
 
+@pytest.mark.full
 def test_two_poses_that_look_alike_are_reported(build):
     """A brick with a tiny notch looks the same after half a turn."""
     import trimesh
@@ -200,6 +206,7 @@ def test_the_ray_caster_travels_to_other_processes(world):
     assert (here.face == there.face).all()
 
 
+@pytest.mark.full
 def test_a_noisy_scan_seen_through_its_hole(bumpy, rotations, build):
     """Noise of 0.05 mm, and the hole where it stood on the scanner's table toward the camera.
 

@@ -35,6 +35,7 @@ def test_a_shape_is_no_noise():
     assert scan_noise(scan, Neighbours.of(scan)).sigma_mm < 0.005
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("make", "bar_deg"), [(blob, 0.3), (brick, 0.5), (cube, 0.2)])
 def test_noise_goes_and_sigma_says_what_is_left(make, bar_deg):
     scan, real = scan_of(make(10_005), 0.05)
@@ -50,6 +51,7 @@ def test_noise_goes_and_sigma_says_what_is_left(make, bar_deg):
     assert np.sqrt(np.mean(sigma[parts[0]] ** 2)) < 2 * rms[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("make", "share"), [(blob, 0.1), (brick, 0.6), (relief, 1.02)])
 def test_a_scan_without_noise_is_not_smoothed(make, share):
     """Not a switch: the smallest fits win, or the faces' mean where they do not resolve the surface."""
@@ -58,6 +60,7 @@ def test_a_scan_without_noise_is_not_smoothed(make, share):
     assert np.sqrt(np.mean(error**2)) < share * np.sqrt(np.mean(plain**2))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("noise_mm", [0.0, 0.05])
 def test_creases_stay_sharp(noise_mm):
     """On a box, normals beside an edge are one face's or the other's, not between."""
@@ -67,6 +70,7 @@ def test_creases_stay_sharp(noise_mm):
     assert np.quantile(angular_error_deg(scan.vertex_normals, real), 0.97) > 10
 
 
+@pytest.mark.full
 def test_turning_and_shrinking_the_scan_does_the_same_to_its_normals(rotations):
     scan, _ = scan_of(brick(10_008), 0.05)
     normals, sigma = smooth_normals(scan)

@@ -126,6 +126,7 @@ def test_edges_holes_grazing_and_back_faces_are_unknown():
     assert not np.isfinite(grazing.normals).any()
 
 
+@pytest.mark.full
 def test_sigma_follows_pose_and_curvature(bumpy):
     """A shift of one sigma turns a sphere's normals by sigma / R; twice the sigma, twice the angle."""
     pose = Pose.from_rotation_translation(np.eye(3), [0, 0, -600])
@@ -158,6 +159,7 @@ def test_facets_are_the_triangles_own_normals():
     assert np.median(apart) > 2
 
 
+@pytest.mark.full
 def test_a_scan_finer_than_the_pixels_is_averaged_over_them(bumpy):
     """A grating of one millimetre under pixels of four: their middles would show its flanks, they show the plane."""
     grid = np.arange(-50, 50.1, 0.25)

@@ -12,6 +12,7 @@ from scene.camera import Camera
 from scene.errors import AlignError
 
 
+@pytest.mark.full
 def test_the_scale_comes_out_of_the_distance(world):
     """In units of 25.4 mm, and 100 times too large in another frame."""
     for unit in (25.4, 0.01):
@@ -30,6 +31,7 @@ def test_the_scale_comes_out_of_the_distance(world):
         assert any("unit" in warning for warning in found.warnings)
 
 
+@pytest.mark.full
 def test_picks_in_the_files_unit_start_it(world, monkeypatch):
     """They were left aside, and then held against the pose in millimetres as if they lay far off."""
     monkeypatch.setattr("align.pose.search.find_starts", None)

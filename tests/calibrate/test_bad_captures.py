@@ -142,6 +142,7 @@ def test_known_lights_upside_down(shot, frames):
     _said(found, "white ball", "with y flipped", "Correct lights.file")
 
 
+@pytest.mark.full
 def test_balls_that_are_not_there(small):
     world = small()
     world.balls = []
@@ -154,6 +155,7 @@ def test_balls_that_are_not_there(small):
 # Bad photographs.
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("level", "kinds"), [(0.01, ("chrome", "white")), (0.0, ("white",))])
 def test_a_flash_that_did_not_fire(shot, level, kinds):
     """Noise around zero became a strength of NaN where a white ball was the only one."""

@@ -91,6 +91,7 @@ def test_white_value_ties_albedo_to_the_ball(table, found):
     np.testing.assert_allclose(found.lights.white_value, expected, rtol=0.03)
 
 
+@pytest.mark.full
 def test_one_chrome_ball_claims_directions_only(table):
     world, frames = table
     result = calibrate(frames, world.camera, _hints(world, ["chrome"])[:1])
@@ -105,6 +106,7 @@ def test_one_chrome_ball_claims_directions_only(table):
     assert any("no white ball" in warning for warning in result.warnings)
 
 
+@pytest.mark.full
 def test_unknown_diameters_give_the_directions_at_the_balls_middle_and_no_ranges(table):
     """Taken as distant, the mean of what the balls see was a degree or two beside it."""
     world, frames = table
@@ -148,6 +150,7 @@ def test_a_white_ball_shot_apart_stands_where_the_object_does(table):
     assert not calibrate(frames, world.camera, [request]).warnings
 
 
+@pytest.mark.full
 def test_a_ball_shot_apart(table):
     """The chrome ball's photographs are other frames than the object's."""
     world, frames = table
@@ -172,6 +175,7 @@ def test_wrong_diameters_are_the_first_suspect(table, chrome_mm, white_mm):
     assert "Check diameter_mm of every ball" in warning
 
 
+@pytest.mark.full
 def test_a_flash_that_the_white_ball_does_not_see_is_refused(table):
     """Taken as a light of almost no strength it bent least-squares normals by 70 degrees, without a word."""
     world, frames = table
@@ -192,6 +196,7 @@ def test_known_positions_without_a_camera_are_taken_as_distant(table):
     assert any("[camera]" in warning for warning in result.warnings)
 
 
+@pytest.mark.full
 def test_twice_the_same_light_is_named(table):
     world, frames = table
     codes = frames.codes.copy()

@@ -65,6 +65,7 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.plane == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
 
 
+@pytest.mark.full
 def test_an_outline_is_found_from_three_hundredths_of_its_radius_away_and_its_sigma_holds() -> None:
     chi = []
     for seed in (20001, 20002, 20003):
@@ -80,6 +81,7 @@ def test_an_outline_is_found_from_three_hundredths_of_its_radius_away_and_its_si
     assert max(chi) < 20
 
 
+@pytest.mark.full
 def test_a_table_that_the_mirror_does_not_show_is_not_believed() -> None:
     world = table_world(20004)
     true, frames = world.spheres()[0], seen(world, 20004)

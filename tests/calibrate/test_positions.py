@@ -107,6 +107,7 @@ def _as_outlined(camera, sphere):
     return sphere
 
 
+@pytest.mark.full
 def test_an_uncertain_camera_is_part_of_the_sigma_and_is_adjusted(scene):
     """A lens 2 % longer than was said, 10 px off its centre: three balls of known size know better."""
     lights, highlights = scene
@@ -202,6 +203,7 @@ def _chosen(highlights, spheres, camera=CAMERA):
     return choose_model(Observed(camera, spheres, [0.03**2 * np.eye(3)] * count, noisy, sigma, REFERENCE), notes), notes
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("wrong", EACH_OF_THREE)
 def test_three_balls_name_the_wrong_diameter_and_the_lights_are_right_all_the_same(scene, wrong):
     lights, highlights = scene
@@ -214,6 +216,7 @@ def test_three_balls_name_the_wrong_diameter_and_the_lights_are_right_all_the_sa
     np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("wrong", EACH_OF_THREE)
 def test_three_balls_name_the_outline_that_is_a_mirrored_rim(scene, wrong):
     lights, highlights = scene

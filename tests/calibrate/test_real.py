@@ -20,6 +20,7 @@ def captures():
     return real_captures
 
 
+@pytest.mark.full
 def test_uw_psm_chrome_explains_gray(captures):
     """Checked by eye, outlines drawn over the photographs; the numbers are the circles of the set's masks."""
     w = captures.washington()
@@ -62,6 +63,7 @@ def test_diligent_ball_by_its_own_highlights_and_shading(captures):
     assert np.nanmedian(angular_error_deg(d.truth[rows, columns], d.ball.normals(d.camera, matte.pixels)[0])) < 0.8
 
 
+@pytest.mark.full
 def test_columbia_white_ball_on_a_pedestal(captures):
     c = captures.columbia()
     np.testing.assert_allclose([*c.ball.center_px, c.ball.radius_px], [368, 220.5, 78.5], atol=1.5)

@@ -244,6 +244,7 @@ def test_where_nothing_matte_is_seen_near_flashes_are_taken_by_their_distance():
     assert strengths_from_object(frames, camera, [], Lights(frames.names, directions, found), Notes()) is None
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not DILIGENT.is_dir(), reason="needs ../shared/real/diligent")
 @pytest.mark.parametrize(("name", "angle_deg", "strength"), [("ball", 2.2, 0.022), ("cat", 3.8, 0.033)])
 def test_diligent_with_its_lights_withheld(name, angle_deg, strength):

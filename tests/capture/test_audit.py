@@ -183,6 +183,7 @@ def moved(image, shift):
     return cv2.warpAffine(image, matrix, size, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REFLECT)
 
 
+@pytest.mark.full
 def test_one_pixel_is_seen_in_a_large_picture(scene_pictures):
     """The reduced pictures are half the size: tiles of full size must see it."""
     images = scene_pictures(6, shape=(800, 1150))
@@ -213,6 +214,7 @@ def test_movement_is_not_claimed_of_few_frames(scene_pictures):
 REAL = ["sessions/bunny", "real/diligent/catPNG"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", REAL)
 def test_a_still_camera_of_a_real_session(shared, tmp_path, name):
     """No alarm as it is; a frame moved by 3 px is found, and no other."""

@@ -240,6 +240,7 @@ def test_a_sensor_that_clips_below_its_stated_white(tmp_path, write_dng, mosaic,
     assert frames.saturated()[clipped].all()
 
 
+@pytest.mark.full
 def test_the_bunny(shared, tmp_path):
     """A session of another program: no warning, nothing but its chrome highlights clipped."""
     frames, report = decode(load_session(shared("sessions/bunny")), Store(tmp_path / "out"))

@@ -61,6 +61,7 @@ def captures(seed, *, levels=({}, {}), shared=(True, True), scale_px: float = 1.
     return [Capture(name, "simulated", maps) for name, maps in zip(("real", "twin"), made, strict=True)]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("scale_px", [0, 1.5])
 def test_pairs_of_one_distribution_are_told_apart_no_more_often_than_one_in_twenty(scale_px):
     found = [
@@ -94,6 +95,7 @@ def test_what_differs_is_found_and_named(question, how, least):
         assert all(one["order"]["contradictions"] in ([["a", "b"]], []) for one in found)
 
 
+@pytest.mark.full
 def test_an_order_that_chance_decides_is_not_called_the_same():
     """Two methods as good as each other, one far behind: their order says nothing, and is said to say nothing."""
     even = ({"a": 2.0, "b": 2.0}, {"a": 2.0, "b": 2.0})

@@ -36,6 +36,7 @@ def scene(width, height):
     return Frames.from_linear(lights.names, np.nan_to_num(images, nan=0.1)), lights, shading, mask, strokes
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("width", "height"), [(300, 200), (2700, 1800)], ids=["enlarged", "shrunk"])
 def test_the_shaded_scan_is_the_photograph_where_it_is_of_one_colour_and_in_place(width, height):
     frames, lights, shading, mask, _ = scene(width, height)

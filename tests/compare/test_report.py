@@ -263,6 +263,7 @@ def test_many_methods_stay_readable(crowd):
     assert all(f"\\u003cb\\u003e{name}\\u003c" in panels for name in names)
 
 
+@pytest.mark.full
 def test_the_four_ways_are_told_of_ambiguous_methods_and_only_raw_is_in_the_errors(crowd):
     store, summary = crowd
     methods = summary["compare"]["methods"]

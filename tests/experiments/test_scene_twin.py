@@ -57,6 +57,7 @@ def plum(tmp_path):
     return tmp_path
 
 
+@pytest.mark.full
 def test_a_scene_is_rendered_photographed_and_processed(plum):
     run = rgbn("twin", plum / "plum.toml", "--out", plum / "twin", "--layers")
     assert run.returncode == 0, run.stderr
@@ -90,6 +91,7 @@ def test_a_scene_is_rendered_photographed_and_processed(plum):
     assert np.nanmedian(error) < 2
 
 
+@pytest.mark.full
 def test_options_of_the_command_line_go_before_the_descriptions(plum):
     text = SCENE.replace("[camera.sensor]\niso = 200\nneutral = [0.6, 1.0, 0.7]\n", "").replace(
         'engine = "mitsuba"\n', ""

@@ -26,6 +26,7 @@ np.save(out / "normals.npy", normals / np.linalg.norm(normals, axis=-1, keepdims
 """
 
 
+@pytest.mark.full
 def test_a_program_is_a_method_like_any_other_and_its_failure_one_message(tmp_path):
     session, out = tmp_path / "session", tmp_path / "out"
     shutil.copytree(FIXTURE / "raw", session / "raw")

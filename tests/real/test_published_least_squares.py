@@ -16,6 +16,7 @@ from solve.solve import solve
 DILIGENT = Path(__file__).resolve().parents[2] / ".." / "shared" / "real" / "diligent"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("name", "published_deg"), [("ball", 4.10), ("cat", 8.41)])
 def test_the_mean_error_is_the_published_one(name, published_deg):
     folder = DILIGENT / f"{name}PNG"

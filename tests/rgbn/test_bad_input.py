@@ -171,6 +171,7 @@ def test_lights_that_cannot_do(tmp_path, capsys, monkeypatch, directions, part):
     refused(run(capsys, monkeypatch, "solve", session, "--out", tmp_path / "out"), part)
 
 
+@pytest.mark.full
 def test_scans_that_cannot_do(session, capsys, monkeypatch):
     head = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
     points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n"
@@ -283,6 +284,7 @@ def test_ctrl_c_while_a_compiled_module_loads():
     assert "Traceback" not in message.stderr
 
 
+@pytest.mark.full
 def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(session, capsys, monkeypatch):
     out = session.parent / "out"
     process = start(session, out)

@@ -134,6 +134,7 @@ def test_the_report_stands_alone(demo):
     assert len(page) < 15e6
 
 
+@pytest.mark.full
 def test_a_second_run_is_fast_and_changes_nothing(demo):
     out = demo[0]
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*.npy")}
@@ -158,6 +159,7 @@ def picks_of(out, scan):
     return "\n".join(["u,v,x,y,z", *rows])
 
 
+@pytest.mark.full
 def test_a_changed_input_is_noticed(demo, tmp_path):
     """A touched scan, and picks: what they feed is made anew, what they do not feed stays."""
     session, out = tmp_path / "session", tmp_path / "out"
@@ -192,6 +194,7 @@ def test_the_twin_is_a_session(demo, tmp_path):
     assert again == pytest.approx(demo[1]["compare"]["methods"]["iterative"]["twin"]["median_deg"], rel=0.02)
 
 
+@pytest.mark.full
 def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
     """Mosaics as noisy as the photographs, which the methods then see; the rendering's engine is the one asked for."""
     from scene.store import Store
@@ -222,6 +225,7 @@ def test_a_photographed_twin_is_of_the_sessions_kind(demo, tmp_path):
     assert twin == pytest.approx(real, rel=0.15), "of the fitted material, it errs as the photographs do"
 
 
+@pytest.mark.full
 def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path):
     """Nothing is aligned again; the pose comes back from beside it; MeshLab's project names files that are there."""
     out = tmp_path / "out"
@@ -241,6 +245,7 @@ def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path)
         assert (out / "align" / f"{name}.png").is_file()
 
 
+@pytest.mark.full
 def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
     """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
     from scene.store import Store

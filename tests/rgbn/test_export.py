@@ -30,6 +30,7 @@ def export(session, out, *words):
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
+@pytest.mark.full
 def test_lights_go_out_and_come_in_again(tmp_path):
     session, out = session_with_lights(tmp_path / "session"), tmp_path / "out"
     run = export(session, out, "--format", "alicevision")
@@ -47,6 +48,7 @@ def test_lights_go_out_and_come_in_again(tmp_path):
     assert sorted(file.name for file in (out / "export").iterdir()) == ["lights.lp"]
 
 
+@pytest.mark.full
 def test_what_cannot_be_exported_is_refused(tmp_path):
     session = session_with_lights(tmp_path / "session")
     for form, message in (("mat", "wants positions in mm"), ("xml", "unknown; there are alicevision")):

@@ -73,6 +73,7 @@ def radii(path):
     return np.linalg.norm(mesh.vertices - BALL_MM, axis=1)
 
 
+@pytest.mark.full
 def test_the_mesh_is_the_ball_where_it_stood(near_session, tmp_path):
     """The lights' reference point is the ball's middle, 50 mm behind what is seen: only the shading tells the depth."""
     mesh = tmp_path / "ball.ply"
@@ -112,6 +113,7 @@ def test_without_depth_the_first_methods_normals_are_integrated(near_session, tm
     assert abs(middle + 300) < 15
 
 
+@pytest.mark.full
 def test_a_method_whose_lights_are_far_has_no_depth_and_is_passed_over(tmp_path):
     session, mesh = photograph(tmp_path / "session", near=False), tmp_path / "ball.ply"
     run = solve(session, tmp_path / "out", "--method", "ls,near", "--mesh", mesh)
@@ -139,6 +141,7 @@ def test_a_mesh_that_cannot_be_written_is_one_message(near_session, tmp_path):
     assert "Traceback" not in run.stderr
 
 
+@pytest.mark.full
 def test_another_program_runs_once_for_its_mesh(near_session, tmp_path):
     """It counts its own calls, beside what it is told: a second solve would show."""
     np.save(tmp_path / "normals.npy", np.where(ball()[0][..., None], ball()[1], 0))

@@ -31,6 +31,7 @@ def problem_of(frames, lights, camera, mask):
     return Problem(frames, lights, camera, mask, slice(0, len(mask)))
 
 
+@pytest.mark.full
 def test_distances_and_normals(near_session):
     frames, lights, camera, mask, normals = near_session
     given = directions_only(lights)
@@ -53,6 +54,7 @@ def test_distances_and_normals(near_session):
     assert error < 0.3 * np.nanmedian(angular_error_deg(distant.normals, normals)[mask])
 
 
+@pytest.mark.full
 def test_distant_lights_stay_distant():
     scene = session(20_402, "blob", 16, 40.0)
     given = directions_only(scene.lights)
@@ -78,6 +80,7 @@ def test_few_pixels_say_so():
     assert "too few pixels" in found.cautions[0]
 
 
+@pytest.mark.full
 def test_the_unit_of_length_changes_nothing(near_session):
     """Orthographic pictures: twice the pixels a millimetre, half the distances; the normals stay."""
     frames, lights, camera, mask, _ = near_session

@@ -42,6 +42,7 @@ def visitor(visit, studio):
     return visit(studio)
 
 
+@pytest.mark.full
 def test_a_first_dataset(visitor, studio, tmp_path):
     """Load, drag, choose lights, export, render: the files are what stock Mitsuba renders and rgbn reads."""
     window, root = visitor.window, visitor.window.workspace.root

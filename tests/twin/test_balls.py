@@ -50,6 +50,7 @@ def hit(camera, ball, pixel):
     return origin + low * ray, ray
 
 
+@pytest.mark.full
 @pytest.mark.render
 @pytest.mark.parametrize(
     ("camera", "lights"),

@@ -126,6 +126,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
     text = HEAD.replace("fx", "focal").replace("64", "-64") + BALL.replace("scale = 40", "scale = 0")
     text += (
         MATTE.replace("diffuse", "velvet")
+        + '[[objects]]\nname = "o"\nposition_mm = [0, 0, 0]\n'
         + '[materials.n]\nkind = "rough_plastic"\nreflectance = "red"\nroughness = 0\nruffness = 1\n'
     )
     text += (
@@ -137,6 +138,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
     message = str(caught.value)
     for line in (
         "camera.focal: unknown key",
+        "objects[1].position_mm: unknown key. docs/scenes.md",
         "materials.n.ruffness: unknown key. Did you mean roughness?",
         "camera.fx: missing",
         "camera.width: found -64",

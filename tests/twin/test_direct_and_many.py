@@ -120,6 +120,7 @@ def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat):
     assert np.sqrt(np.mean((ours - theirs) ** 2)) < 0.006 * theirs.mean()
 
 
+@pytest.mark.full
 def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     given = lights([120, 60, 200], [-90, 150, 160], near=True)
     scene = scene_of(*corner(), given)
@@ -134,6 +135,7 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
     assert np.sqrt(np.mean(blocks**2)) < 0.004 * whole_of.mean()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("max_depth", [3, 5])
 def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth):
     given = lights([120, 60, 200], near=True)
@@ -164,6 +166,7 @@ def test_inside_a_matte_ball_it_is_an_integrating_sphere(max_depth, terms):
     assert np.allclose(went_on.mean((0, 1)), series, rtol=2e-3)
 
 
+@pytest.mark.full
 def test_frames_are_linear_in_intensity_and_go_with_their_lights():
     given = lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8], [0, -0.3, 1])
     scene = scene_of(*corner(), given)
@@ -202,6 +205,7 @@ def test_the_order_in_which_threads_add_changes_nothing():
         assert np.array_equal(engine.images(), first)
 
 
+@pytest.mark.full
 def test_a_window_is_a_cut_of_the_whole():
     scene = scene_of(*corner(), lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
     cut = replace(whole(scene), rows=slice(8, 30), columns=slice(10, 41), window=(8, 10, 22, 31))

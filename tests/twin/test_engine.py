@@ -49,6 +49,7 @@ def chosen(scene):
     return choose_engine(scene, scene.film())
 
 
+@pytest.mark.full
 def test_a_convex_object_is_rendered_directly_and_before_a_wall_by_many():
     alone, before = chosen(ball()), chosen(ball(wall=True))
     assert (alone.engine, before.engine) == ("direct", "many")
@@ -93,6 +94,7 @@ def test_without_llvm_it_is_stock_mitsuba_and_says_how_to_get_the_others(monkeyp
     assert "Install it" in str(choice)
 
 
+@pytest.mark.full
 def test_the_curves_of_time_and_error_tell_what_each_engine_can():
     """`direct` ends at what it leaves out; the others get as exact as is asked, and pay for it."""
     pilot = chosen(ball(wall=True)).pilot
@@ -108,6 +110,7 @@ def test_the_curves_of_time_and_error_tell_what_each_engine_can():
     assert np.allclose(seconds * error**2, (seconds * error**2)[-1], rtol=0.3)
 
 
+@pytest.mark.full
 def test_a_pilot_that_stock_mitsuba_contradicts_bars_the_others(monkeypatch):
     class Bright(engines.Indirect):
         def images(self):
@@ -136,6 +139,7 @@ def test_the_layers_add_up_to_stock_mitsuba_environment_and_all():
     assert np.allclose(stock.frames().mean((1, 2)), layers.frames().mean((1, 2)), rtol=0.01)
 
 
+@pytest.mark.full
 def test_errors_are_over_the_brightness_of_what_is_seen():
     """As `direct`'s are: what a wider film adds, nothing at all, is no darker a picture."""
     import_mitsuba()

@@ -65,6 +65,7 @@ def made(
     return replace(samples, values=(values + noise * generator.standard_normal(values.shape)).astype(np.float32))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("roughness", "specularity"), [(0.1, 1.0), (0.3, 0.4), (0.6, 0.8)])
 def test_roughness_and_specularity_come_back(roughness: float, specularity: float) -> None:
     lights = dome(24)
@@ -77,6 +78,7 @@ def test_roughness_and_specularity_come_back(roughness: float, specularity: floa
     assert not fit.warnings
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("covered", "specularity"), [(0.0, 1.0), (0.3, 0.3), (0.7, 0.4)])
 def test_a_body_that_lies_partly_bare_is_found(covered: float, specularity: float) -> None:
     lights = dome(12)
@@ -87,6 +89,7 @@ def test_a_body_that_lies_partly_bare_is_found(covered: float, specularity: floa
     assert "more with part of the body bare" in str(fit)
 
 
+@pytest.mark.full
 def test_what_no_coat_does_is_said() -> None:
     lights = dome(12)
     brighter = fit_material(made(0.25, 1.4, lights), lights)
@@ -96,6 +99,7 @@ def test_what_no_coat_does_is_said() -> None:
     assert any(text.startswith("The roughness ran to 0.02") for text in smooth.warnings)
 
 
+@pytest.mark.full
 def test_errors_are_what_sigma_says() -> None:
     lights = dome(16)
     fit = fit_material(made(0.3, 0.4, lights, noise=0.02), lights)
@@ -112,6 +116,7 @@ def test_a_matte_ball_gets_no_coat() -> None:
     assert "BIC" in str(fit)
 
 
+@pytest.mark.full
 def test_brighter_lights_change_nothing_but_the_strength() -> None:
     lights = dome(8)
     samples = made(0.2, 0.5, lights)
@@ -120,6 +125,7 @@ def test_brighter_lights_change_nothing_but_the_strength() -> None:
     assert abs(twice.specularity / (2 * once.specularity) - 1) < 1e-3
 
 
+@pytest.mark.full
 def test_a_white_value_that_is_unknown_leaves_the_channels_free() -> None:
     lights = dome(16, white=None)
     fit = fit_material(made(0.2, 0.5, lights), lights)
@@ -127,6 +133,7 @@ def test_a_white_value_that_is_unknown_leaves_the_channels_free() -> None:
     assert any("white" in text for text in fit.warnings)
 
 
+@pytest.mark.full
 def test_outliers_do_not_count() -> None:
     lights = dome(24)
     samples = made(0.2, 0.5, lights)
@@ -137,6 +144,7 @@ def test_outliers_do_not_count() -> None:
     assert abs(fit.specularity / 0.5 - 1) < 0.02
 
 
+@pytest.mark.full
 def test_the_residual_names_its_cause() -> None:
     lights = dome(16)
     samples, generator = made(0.3, 0.5, lights), np.random.default_rng(10_031)
@@ -165,6 +173,7 @@ def test_the_residual_names_its_cause() -> None:
     assert 0.02 < intensity.size < 0.04
 
 
+@pytest.mark.full
 def test_a_second_lobe_is_wanted_where_there_is_one() -> None:
     lights = dome(12)
     one = made(0.1, 0.3, lights)
@@ -183,6 +192,7 @@ def test_too_few_pixels_are_named() -> None:
         samples_of_normals(frames, lights, camera, mask & (np.arange(SIDE) < 12), normals)
 
 
+@pytest.mark.full
 @pytest.mark.render
 @pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
 def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> None:

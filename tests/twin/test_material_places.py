@@ -58,6 +58,7 @@ CHECKED = 0.15 + 0.6 * ((COLUMNS // 8 + ROWS // 8) % 2)
 ACROSS = 0.15 + 0.6 * (ROWS > SIDE // 2)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("materials", "where", "albedo", "noise"),
     [(((0.2, 0.3), (0.35, 0.7)), HALVES, ACROSS, 3e-3), (((0.3, 0.3), (0.3, 0.6)), PATCH, CHECKED, 1e-3)],
@@ -76,6 +77,7 @@ def test_two_glosses_are_told_apart_whatever_the_albedo(materials, where, albedo
         assert abs(fit.specularity / materials[number][1] - 1) < 0.05
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("disturbed", ["noise", "normals", "lobes"])
 def test_one_material_stays_one(disturbed: str) -> None:
     generator = np.random.default_rng(10_051)
@@ -96,6 +98,7 @@ def test_one_material_stays_one(disturbed: str) -> None:
     assert "with two places" in str(found) or "no two places" in str(found)
 
 
+@pytest.mark.full
 def test_a_matte_object_is_not_divided() -> None:
     samples = made(None, 0.0, LIGHTS)
     assert len(material_places(samples, LIGHTS, fit_material(samples, LIGHTS)).fits) == 1
@@ -199,6 +202,7 @@ def test_unknown_pixels_get_what_the_nearest_known_one_has():
     assert filled(image, np.ones(known.shape, bool)) is image
 
 
+@pytest.mark.full
 def test_albedo_in_pieces_is_the_albedo_at_once():
     samples = made(0.2, 0.3, LIGHTS)
     fit = fit_material(samples, LIGHTS)

@@ -72,6 +72,7 @@ def stock(folder, light, samples):
     return read_picture(folder / f"{light}.exr", "linear")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", ["distant", "point", "area"])
 def test_the_stock_command_line_renders_what_the_engine_renders(kind, tmp_path):
     environment = Environment()

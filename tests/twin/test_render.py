@@ -175,6 +175,7 @@ def test_a_cast_shadow_falls_where_the_light_throws_it():
     assert weight.sum() == pytest.approx((16 * scale * 150 / 300) ** 2, rel=0.1)
 
 
+@pytest.mark.full
 def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
     """A white furnace with a closed form.
 
@@ -290,6 +291,7 @@ def test_albedo_that_was_measured_on_a_plane_gives_the_frames_that_it_was_measur
     assert mended == pytest.approx(truth, rel=5e-3)
 
 
+@pytest.mark.full
 def test_noise_is_measured_and_falls_with_the_samples():
     pose = Pose.from_rotation_translation(np.eye(3), CENTER)
     lights = distant([-1, 1, 2])

@@ -85,6 +85,7 @@ def test_a_disc_of_light_gives_what_a_point_gives_where_its_intensity_holds():
         assert np.allclose(middle, 0.5, rtol=0.02), radius
 
 
+@pytest.mark.full
 def test_a_flash_that_is_changed_in_place_is_the_flash_itself():
     vectors = [[100, 150, 200], [-150, 50, 220], [30, -180, 150.0]]
     for near, radius in ((False, 0.0), (True, 0.0), (True, 30.0)):
@@ -168,6 +169,7 @@ def test_the_eight_materials_are_rendered_and_no_two_alike():
                 assert square.mean() > max(5 * sigma, 0.005**2), (first, second)
 
 
+@pytest.mark.full
 def test_scattering_below_the_surface_keeps_the_energy_and_softens_the_shading():
     """A white furnace: what absorbs nothing, in an even light, cannot be told from the light."""
     white = (1.0, 1.0, 1.0)
@@ -189,6 +191,7 @@ def test_scattering_below_the_surface_keeps_the_energy_and_softens_the_shading()
     assert soft[12:20, 4:14].mean() > 0.03
 
 
+@pytest.mark.full
 def test_specularity_scales_the_coat_and_roughness_spreads_it():
     def highlight(roughness, specularity):
         scene = one("sphere", RoughPlastic((0.2,) * 3, roughness, specularity))

@@ -124,6 +124,7 @@ def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
     assert rendered.frames.read().mean() > 0.05
 
 
+@pytest.mark.full
 def test_another_scene_takes_nothing_of_what_was_left(tmp_path):
     scene = scene_for("mitsuba")
 
@@ -190,6 +191,7 @@ def test_damaged_notes_are_started_anew(tmp_path):
         assert not notes.parent.exists()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("engine", ENGINES)
 def test_light_is_kept_apart_and_adds_up(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(many, "FIRST_LOOK", 1 << 14)

@@ -163,7 +163,8 @@ def _line(fault: Any) -> str:
     location = [part for part in fault["loc"] if isinstance(part, int) or part not in TAGS]
     path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
     if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        close = difflib.get_close_matches(str(location[-1]), _KEYS, n=1)
+        own = str(location[-1])
+        close = difflib.get_close_matches(own, [key for key in _KEYS if key != own], n=1)
         return f"{path}: unknown key.{f' Did you mean {close[0]}?' if close else ' docs/scenes.md lists them.'}"
     if fault["type"] == "missing":
         return f"{path}: missing."

@@ -90,6 +90,7 @@ def test_cameras_are_as_noisy_as_measured():
     assert SENSORS["canon-16x"].white_e == SENSORS["canon"].white_e / 16
 
 
+@pytest.mark.full
 def test_the_list_at_the_command_line(tmp_path):
     command = [str(Path(sys.executable).parent / "rgbn"), "dataset", "list", "--shelf", str(tmp_path)]
 

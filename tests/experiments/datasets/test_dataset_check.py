@@ -135,6 +135,7 @@ def test_photographs_upside_down_are_told(dented):
     assert "the photographs are mirrored top to bottom" in only_fault(dented)
 
 
+@pytest.mark.full
 def test_intensities_are_held_against_the_photographs(dented):
     change(dented, POWER, lambda rows: 1 / rows)
     assert "inverse" in only_fault(dented)

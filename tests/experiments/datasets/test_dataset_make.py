@@ -51,6 +51,7 @@ def shelf(tmp_path_factory):
     return folder
 
 
+@pytest.mark.full
 def test_others_solve_it_by_what_the_layout_says(shelf):
     values, directions, intensities, mask, truth = read(shelf / f"blob-ambient-0.00-{SIDE}px")
     gray = (values / intensities[:, None, None]).mean(-1)
@@ -96,6 +97,7 @@ def test_what_is_made_passes_the_check(shelf, name):
     assert verdict.faults == ()
 
 
+@pytest.mark.full
 def test_every_file_has_its_checksum_and_made_twice_it_is_the_same(shelf, tmp_path):
     folder = shelf / f"blob-ambient-0.00-{SIDE}px"
     sums = dict(line.split("  ")[::-1] for line in (folder / "SHA256SUMS").read_text().splitlines())
@@ -107,6 +109,7 @@ def test_every_file_has_its_checksum_and_made_twice_it_is_the_same(shelf, tmp_pa
     assert (again / "SHA256SUMS").read_bytes() == (folder / "SHA256SUMS").read_bytes()
 
 
+@pytest.mark.full
 def test_what_is_there_is_left_and_what_is_not_current_is_made_anew(shelf, monkeypatch):
     one = small("blob-ambient-0.00")
     folder = shelf / one.name
@@ -180,6 +183,7 @@ print(*(module.__file__ for module in sys.modules.values() if getattr(module, "_
 """
 
 
+@pytest.mark.full
 def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
     command = [sys.executable, "-c", LOADED, str(tmp_path / "made")]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)

@@ -34,6 +34,7 @@ np.save(out / "normals.npy", normals / np.maximum(np.linalg.norm(normals, axis=-
 """
 
 
+@pytest.mark.full
 def test_what_is_at_fault_is_not_added(dented, tmp_path):
     lights = dented / "light_directions.txt"
     np.savetxt(lights, np.loadtxt(lights) * [1, -1, 1])
@@ -47,6 +48,7 @@ def test_what_is_at_fault_is_not_added(dented, tmp_path):
     assert not shelf.exists()
 
 
+@pytest.mark.full
 def test_copied_or_linked_it_is_listed_and_must_not_change(dented, tmp_path):
     shelf = tmp_path / "shelf"
     copied = add(shelf, dented, text="a dented ball")
@@ -67,6 +69,7 @@ def test_copied_or_linked_it_is_listed_and_must_not_change(dented, tmp_path):
         run(shelf, ["pear-roughness-0.30"], **how)
 
 
+@pytest.mark.full
 def test_a_dataset_with_a_recipe_of_its_own_is_listed_once(dented, tmp_path):
     """Whatever lies in it; even under a name that one of ours might have."""
     (dented / "recipe.json").write_text('{"flour": "500 g"}')
@@ -80,6 +83,7 @@ def test_a_dataset_with_a_recipe_of_its_own_is_listed_once(dented, tmp_path):
     assert [row["status"] for row in run(shelf, [], solving=Solving("ls"), out=tmp_path / "out")] == ["ok", "ok"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("killed_at", ["experiments.datasets.shelf.write_json", "os.replace"])
 def test_what_was_killed_while_it_was_added_can_be_added_again(dented, tmp_path, monkeypatch, killed_at):
     def kill(*_):
@@ -114,6 +118,7 @@ def test_a_stopped_run_keeps_the_methods_that_were_done(dented, tmp_path, monkey
     assert [(row["method"], row["status"]) for row in rows] == [("ls", "ok"), ("iterative", "ok")]
 
 
+@pytest.mark.full
 def test_a_program_that_was_changed_runs_again(dented, tmp_path):
     shelf, calls, program = tmp_path / "shelf", tmp_path / "calls", tmp_path / "program.py"
     add(shelf, dented)

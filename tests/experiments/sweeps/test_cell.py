@@ -46,6 +46,7 @@ def test_the_same_cell_gives_the_same_rows(found):
     assert run_cell(CELL)["rows"] == found["rows"]
 
 
+@pytest.mark.full
 def test_threads_that_were_there_before_change_no_byte_of_the_photographs():
     """Dr.Jit's threads add up a pixel's samples in the order in which they come: with two of them no run is another."""
     import drjit

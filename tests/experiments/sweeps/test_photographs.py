@@ -81,6 +81,7 @@ def test_a_hollow_is_brighter_than_its_direct_light():
     assert 1.2 < ratio < 1 / (1 - 0.8 * (1 - 1 / np.sqrt(2))) + 0.15
 
 
+@pytest.mark.full
 def test_wax_keeps_its_light():
     """Half of the surface is open to a medium that gives back less than all: darker than matte, and smooth."""
     matte, wax = photograph(replace(PLAIN, side=48)), photograph(replace(PLAIN, side=48, material="diffuse_subsurface"))

@@ -87,6 +87,7 @@ def times_run(root):
     return {name: names.count(name) for name in set(names)}
 
 
+@pytest.mark.full
 def test_a_worker_that_dies_costs_its_cell_a_second_try(program, tmp_path):
     run(program, tmp_path / "a", "deaths")
     cells = [json.loads(path.read_text()) for path in (tmp_path / "a" / "cells").iterdir()]
@@ -99,6 +100,7 @@ def test_a_worker_that_dies_costs_its_cell_a_second_try(program, tmp_path):
     assert sum(times_run(tmp_path / "a").values()) <= 24 + 1 + 2 + 2
 
 
+@pytest.mark.full
 def test_a_run_killed_at_random_moments_ends_as_one_that_was_not(program, tmp_path):
     run(program, tmp_path / "whole")
     torn = tmp_path / "torn"
@@ -154,6 +156,7 @@ def test_a_rerun_with_nothing_changed_runs_nothing(program, tmp_path):
     assert {name for name, count in times_run(tmp_path / "a").items() if count > 1} == {lost.stem}
 
 
+@pytest.mark.full
 def test_a_full_disk_costs_what_was_in_work(program, tmp_path):
     torn = tmp_path / "torn"
     torn.mkdir()
@@ -177,6 +180,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.full
 def test_a_cluster_gives_what_processes_here_give(program, tmp_path):
     script = tmp_path / "cluster.py"
     script.write_text(CLUSTER)

@@ -90,6 +90,7 @@ def test_a_run_waits_for_workers_no_longer_than_it_is_told(session, cluster, ref
     assert run.stderr.count("waiting for workers") == 2, "at once, and after ten seconds"
 
 
+@pytest.mark.full
 def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp_path):
     monkeypatch.setattr("lab.cluster.executor.SILENCE_S", 2)
     cluster.start_scheduler()

@@ -30,6 +30,7 @@ def other_house(tmp_path):
     return house
 
 
+@pytest.mark.full
 def test_a_cluster_gives_what_threads_give(session, cluster, same, finish, tmp_path):
     cluster.start_scheduler()
     cluster.start_worker()
@@ -105,6 +106,7 @@ def test_a_worker_that_does_not_see_the_files_is_refused(session, cluster, refus
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "does not see", str(tmp_path / hidden), *words)
 
 
+@pytest.mark.full
 def test_a_scheduler_that_does_not_answer(session, cluster, refused, tmp_path):
     cluster.address = "tcp://127.0.0.1:9"
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "no Dask scheduler answers", "dask scheduler")

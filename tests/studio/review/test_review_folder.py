@@ -172,6 +172,7 @@ def test_what_lies_over_the_photograph_lies_on_the_object_alone(review, made, ov
         assert (transparent == plain).all()
 
 
+@pytest.mark.full
 def test_the_shaded_scan_is_lit_from_where_the_light_is(review, made):
     """The photograph is the shading plus a constant: where the shaded scan is bright, so is the photograph."""
     for index in range(5):
