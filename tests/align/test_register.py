@@ -35,7 +35,8 @@ def run(world, **changes):
     return register(mesh, replace(world.photographs, **other), normals, **changes)
 
 
-@pytest.mark.parametrize("index", [0, pytest.param(1, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("index", [0, 1])
 def test_any_orientation_is_found_to_a_tenth_of_a_pixel(bumpy, rotations, build, index):
     """Near lights, cast shadows, uneven albedo and gloss; the normals given are several degrees off."""
     world = build(bumpy, rotations[index], gloss=0.2 * index)

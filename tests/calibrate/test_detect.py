@@ -120,6 +120,7 @@ def test_a_hint_is_a_hint(table, ball, slip):
     assert balls[0].sphere.radius_px == pytest.approx(radius, abs=0.1 if kind == "chrome" else 0.3)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("electrons", "stays"), [(400.0, False), (12.0, True)])
 @pytest.mark.parametrize("seed", [10001, 10002])
 def test_a_given_mirror_is_not_lost_in_noise(seed, electrons, stays):

@@ -68,11 +68,9 @@ def test_exact_highlights_give_exact_lights(scene):
     assert np.nanmax(fit.residual_px) < 1e-3
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("count", [2, 3])
-@pytest.mark.parametrize(
-    "stated",
-    [pytest.param(0.15, id="noise as stated"), pytest.param(0.3, id="half of it", marks=pytest.mark.full)],
-)
+@pytest.mark.parametrize("stated", [pytest.param(0.15, id="noise as stated"), pytest.param(0.3, id="half of it")])
 def test_stated_sigmas_are_honest(scene, count, stated):
     """Truth lies in the 95 % region of direction, range and position in a sane share of noisy repetitions."""
     lights, highlights = scene

@@ -74,7 +74,8 @@ def test_coarse_but_right_is_no_mistake(seed):
     assert contradiction("x", names(true), np.full_like(true, np.nan), -true) is None
 
 
-@pytest.mark.parametrize("kind", ["chrome", pytest.param("white", marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("kind", ["chrome", "white"])
 def test_a_ball_beside_the_object_tells(table, kind):
     """From the frames on: known directions with y down are contradicted by the ball that is asked for."""
     world, frames = table

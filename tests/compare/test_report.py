@@ -331,6 +331,7 @@ PARTS = (
 )  # fmt: skip
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("missing", "null"), [(key, PARTS[i - 1]) for i, key in enumerate(PARTS)])
 def test_any_part_of_the_summary_may_be_missing_or_null(session, missing, null):
     summary = {key: value for key, value in session.summary.items() if key != missing} | {null: None}

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]

@@ -182,6 +182,7 @@ def test_a_changed_input_is_noticed(demo, tmp_path):
     assert "calibrate ..." not in run.stderr
 
 
+@pytest.mark.full
 def test_the_twin_is_a_session(demo, tmp_path):
     """`process` accepts the twin's folder: known lights, given normals, the same solver result."""
     out = tmp_path / "out"

@@ -151,7 +151,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
         "sampling.engine: found 'best'",
     ):
         assert line in message, (line, message)
-    assert "11 faults" in message
+    assert "13 faults" in message
 
 
 def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):

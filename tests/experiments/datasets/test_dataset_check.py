@@ -51,6 +51,7 @@ def test_right_conventions_raise_no_alarm(tmp_path, write_dented, gloss, ambient
     assert verdict.facts["agreement"] > (0.85 if gloss or ambient else 0.999)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["ball", "cat"])
 def test_diligent_itself_passes(name):
     if not REAL.is_dir():
@@ -60,6 +61,7 @@ def test_diligent_itself_passes(name):
     assert verdict.facts["agreement"] > 0.95
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mended", LIGHT_AXES, ids=lambda axes: str(Axes(axes)))
 def test_axes_of_the_lights_are_told(dented, mended):
     """What is told is what mends them."""

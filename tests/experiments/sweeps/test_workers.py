@@ -142,6 +142,7 @@ def gone(group, patience_s=10.0):
     return False
 
 
+@pytest.mark.full
 def test_a_rerun_with_nothing_changed_runs_nothing(program, tmp_path):
     run(program, tmp_path / "a")
     page = tmp_path / "a" / "ambient" / "index.html"
