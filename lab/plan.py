@@ -6,6 +6,7 @@ from lab import steps
 from lab.job import Job, Step
 from lab.self_test import self_test
 from lab.twin_step import twin
+from scene.light_text import FILENAMES, INTENSITIES
 
 
 def _frame_inputs(job: Job) -> list[Any]:
@@ -19,7 +20,7 @@ def _frame_inputs(job: Job) -> list[Any]:
 def _light_inputs(job: Job) -> list[Any]:
     session, file = job.session, job.session.lights_file
     # DiLiGenT's directions have their intensities and names beside them.
-    beside = [] if file is None else [file.with_name("light_intensities.txt"), file.with_name("filenames.txt")]
+    beside = [] if file is None else [file.with_name(INTENSITIES), file.with_name(FILENAMES)]
     # AliceVision's lights have its view ids beside them.
     beside += [] if file is None else sorted(file.parent.glob("*.sfm"))
     # Without balls and file the object's normals are the probe.

@@ -35,7 +35,7 @@ def lp_file(files: Sequence[str], lights: Lights) -> dict[str, str]:
 
 
 def lights_json(lights: Lights) -> dict[str, Any]:
-    """Return what lights.json holds; see DESIGN.md."""
+    """Return what lights.json holds: see `scene.store.Store.save_lights`, which writes it."""
     rows = zip(
         lights.names,
         lights.directions,

@@ -17,6 +17,7 @@ from compare.report.facts import all_warnings, read_optional
 from compare.report.shown_material import Material
 from scene.errors import SceneError
 from scene.frames import Frames
+from scene.light_text import DIRECTIONS, FILENAMES
 from scene.lights import Lights
 from scene.output_folder import read_record
 from scene.record import PLACE
@@ -164,7 +165,7 @@ def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
         if out is not None:
             raise SceneError(f"--out {out}: {source} is an output folder itself. Leave --out away.")
         return source.resolve(), None
-    if not any((source / name).is_file() for name in ("session.toml", "filenames.txt", "light_directions.txt")):
+    if not any((source / name).is_file() for name in ("session.toml", FILENAMES, DIRECTIONS)):
         raise SceneError(
             f"{source}: neither a session (session.toml) nor the output of `rgbn process` ({PLACE}). Give one of "
             "these, or a scene description, .toml."
