@@ -1,4 +1,4 @@
-"""A session folder, `session.toml` (DESIGN.md) or the DiLiGenT layout, read with all its faults; nothing is decoded."""
+"""A session folder, `session.toml` or the DiLiGenT layout, read with all its faults; nothing is decoded."""
 
 import tomllib
 from pathlib import Path
