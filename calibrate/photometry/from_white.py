@@ -40,7 +40,7 @@ MUCH_AMBIENT = 0.25
 sRGB taken for linear it is 0.5 to 0.7."""
 CODED, CODED_BETTER, CODED_LEFT = 0.01, 0.6, 0.01
 """Relative misfit of n.l from which another coding of the values is tried; the share of it, and the misfit, that it may
-leave at most: a wrong diameter is a little like a curve, too, and leaves 0.02."""
+leave at most. A wrong diameter is a little like a curve, too."""
 GAMMA = 2.2  # that sRGB is alike to
 LEFT_AMBIENT = 0.05  # the same where an ambient frame was taken off: sound sessions leave under 0.01
 SPOILT_DEG = 20.0  # how much farther than usual chrome and shading must point apart in one frame for it to be named
@@ -57,12 +57,13 @@ def intensities_from_white(
     for number, surface in enumerate(surfaces):
         name = "the white ball" if len(surfaces) == 1 else f"white ball {number + 1}"
         light = measure(surface, meter)
-        coding = _wrong_coding(surface, light, meter, name)
+        other = _other_diameter(surface, light, meter)
+        coding = _wrong_coding(surface, light, meter, name, other[1])
         if coding:
             notes.warnings.append(coding)
         elif meter.positions is not None:
             # Only the first ball was compared with the chrome.
-            light = _elsewhere(surface, light, meter, 0.0 if number else apart_deg, name, notes)
+            light = _elsewhere(surface, light, meter, other, 0.0 if number else apart_deg, name, notes)
         elif light.residual > RESIDUAL:
             notes.warnings.append(
                 f"{name} misses n.l by {light.residual:.0%} of the flash: glossy, dirty, or frames not linear?"
@@ -94,8 +95,10 @@ def intensities_from_white(
     return mean, sigma, read[0].ambient
 
 
-def _wrong_coding(surface: Surface, read: Photometry, meter: Meter, name: str) -> str | None:
+def _wrong_coding(surface: Surface, read: Photometry, meter: Meter, name: str, rival: float) -> str | None:
     """Say how the frames' values are coded, if a curve explains the ball's shading and they were taken otherwise.
+
+    `rival` is the misfit that another diameter leaves: the curve must leave less.
 
     Notes
     -----
@@ -111,7 +114,7 @@ def _wrong_coding(surface: Surface, read: Photometry, meter: Meter, name: str) -
         room = surface.ambient
         both, room = (np.maximum(v, 0) ** np.float32(power) for v in (surface.values + room, room))
         trials.append(measure(replace(surface, values=both - room), meter).residual)
-    if min(trials) > min(CODED_BETTER * residual, CODED_LEFT):
+    if min(trials) > min(CODED_BETTER * residual, CODED_LEFT, rival):
         return None
     power, fault = "2.2", ("gamma-encoded. Set frames.linear = false (sRGB) or gamma = 2.2, or give the RAW files.")
     if trials[1] <= trials[0]:
@@ -122,36 +125,52 @@ def _wrong_coding(surface: Surface, read: Photometry, meter: Meter, name: str) -
     )
 
 
+def _scaled(surface: Surface, log: float) -> Surface:
+    """Return the surface of a ball whose diameter is exp(log) times as large: at another distance on the same rays."""
+    points, center, radius = (np.exp(log) * part for part in (surface.points, surface.center, surface.radius))
+    return replace(surface, points=points, center=center, radius=float(radius))
+
+
+def _other_diameter(surface: Surface, read: Photometry, meter: Meter) -> tuple[float, float]:
+    """Return the logarithm by which the diameter that the shading wants differs, and the misfit that is left then.
+
+    0 and infinity where lights are distant or nothing is in doubt.
+    """
+    if meter.positions is None or read.residual < DOUBTFUL:
+        return 0.0, np.inf
+    found: Any = minimize_scalar(
+        lambda log: measure(_scaled(surface, log), meter).residual,
+        bounds=(-TRIED, TRIED),
+        method="bounded",
+        options={"xatol": FINE},
+    )
+    return float(found.x), float(found.fun)
+
+
 def _elsewhere(
-    surface: Surface, read: Photometry, meter: Meter, apart_deg: float, name: str, notes: Notes
+    surface: Surface,
+    read: Photometry,
+    meter: Meter,
+    other: tuple[float, float],
+    apart_deg: float,
+    name: str,
+    notes: Notes,
 ) -> Photometry:
-    """Return the measurement as if the ball had the diameter that its shading wants, if only that explains it.
+    """Return the measurement as if the ball had the other diameter, if only that explains it.
 
     Notes
     -----
     A ball of another diameter is at another distance on the same rays, where near lights come from elsewhere: an
     error of a tenth costs up to 9 % in the intensities, and hides in a misfit of 1 %.
     """
-    residual = read.residual
-    if residual < DOUBTFUL:
-        return read
-
-    def moved(log: float) -> Photometry:
-        scale = float(np.exp(log))
-        points, center, radius = (scale * part for part in (surface.points, surface.center, surface.radius))
-        return measure(replace(surface, points=points, center=center, radius=radius), meter)
-
-    found: Any = minimize_scalar(
-        lambda log: moved(log).residual, bounds=(-TRIED, TRIED), method="bounded", options={"xatol": FINE}
-    )
-    log, least = float(found.x), float(found.fun)
+    residual, (log, least) = read.residual, other
     if least < min(ALONE * residual, EXPLAINED) and NOTABLE < abs(log) < BOUND:
         notes.warnings.append(
             f"{name} contradicts the lights' positions: its shading misses n.l by {residual:.1%} of the flash, unless "
             f"it is {2 * surface.radius * np.exp(log):.1f} mm across, not {2 * surface.radius:.1f} (then {least:.1%}). "
             "The intensities are as if it were. Check diameter_mm of every ball, and the camera's focal length."
         )
-        return moved(log)
+        return measure(_scaled(surface, log), meter)
     if residual > NEAR_RESIDUAL or (apart_deg > NEAR_APART_DEG and residual > EXPLAINED):
         notes.warnings.append(
             f"{name} contradicts the lights' positions: its shading points {apart_deg:.1f} degrees beside them "
