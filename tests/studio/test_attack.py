@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import zlib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from uuid import uuid4
@@ -356,6 +357,12 @@ async def attack_connecting(studio):
         await asyncio.gather(*(one() for _ in range(8)))
 
 
+def run(work):
+    """Run it in a thread of its own: Playwright, where another test has opened it, keeps a loop in this one."""
+    with ThreadPoolExecutor(1) as pool:
+        pool.submit(asyncio.run, work).result()
+
+
 def test_an_attack_leaves_the_studio_as_it_was(studio):
     async def proper():
         """Do what a person does: a window, a shape, a picture of it."""
@@ -367,7 +374,7 @@ def test_an_attack_leaves_the_studio_as_it_was(studio):
                 lambda: "GuiImageMessage" in opened.seen or opened.seen[before:].count("GuiUpdateMessage")
             )
 
-    asyncio.run(proper())
+    run(proper())
     told = [f"idle {memory(studio) / 1e6:.0f} MB"]
     for attack in (
         attack_headers, attack_half_open, attack_frames, attack_messages, attack_large, attack_inputs, attack_uploads,
@@ -376,10 +383,10 @@ def test_an_attack_leaves_the_studio_as_it_was(studio):
         began = time.monotonic()
         done = attack(studio)
         if done is not None:
-            asyncio.run(done)
+            run(done)
         assert studio.process.poll() is None, f"{attack.__name__} ended the studio:\n{studio.said()}"
         told.append(f"{attack.__name__}: {time.monotonic() - began:.0f} s, then {memory(studio) / 1e6:.0f} MB")
-    asyncio.run(proper())
+    run(proper())
     told.append(f"in the end {memory(studio) / 1e6:.0f} MB, at most {memory(studio, 'VmHWM') / 1e6:.0f} MB")
     said = studio.said()
     print("\n".join([*told, f"{len(said.splitlines())} lines on the standard error"]))

@@ -89,7 +89,7 @@ def test_a_worker_whose_code_was_changed_after_it_had_loaded_it_is_refused(
     cluster.start_scheduler()
     cluster.start_worker(house=other_house)
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another")
-    shutil.copy(ROOT / "capture" / "develop.py", other_house / "capture" / "photographs" / "develop.py")
+    shutil.copy(ROOT / "capture" / "photographs" / "develop.py", other_house / "capture" / "photographs" / "develop.py")
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "is another", "start it again")
 
 
