@@ -37,9 +37,8 @@ class Photographs:
     frames: Frames
     lights: Lights  # as they are, of mean intensity 1
     camera: Camera
-    truth: (
-        GroundTruth  # its albedo is in the frames' exposure: pixel value under a light of intensity 1 along the normal
-    )
+    truth: GroundTruth
+    """Its albedo is in the frames' exposure: pixel value under a light of intensity 1 along the normal."""
 
     @property
     def mask(self) -> NDArray[np.bool_]:

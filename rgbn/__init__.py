@@ -6,7 +6,8 @@
 """
 
 import scene  # noqa: F401 (before numpy is loaded)
+from lab.options import Solving, TwinSettings
 from rgbn.session_run import Results, SessionRun
 from rgbn.session_run import open_session as open
 
-__all__ = ["Results", "SessionRun", "open"]
+__all__ = ["Results", "SessionRun", "Solving", "TwinSettings", "open"]

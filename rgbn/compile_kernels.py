@@ -7,7 +7,6 @@ import sys
 from tempfile import TemporaryDirectory
 
 import rgbn
-from lab.options import Solving, TwinSettings
 from scene.current import ROOT
 from solve.methods import METHODS
 
@@ -16,7 +15,7 @@ def compile_kernels() -> None:
     """Take the demo session the whole way, by every method; nothing of it is kept but the compiled kernels."""
     with TemporaryDirectory(prefix="rgbn-") as folder:
         run = rgbn.open(ROOT / "fixtures" / "bumpy", out=f"{folder}/out")
-        run.process(Solving(",".join(METHODS)), TwinSettings(engine="many", error=0.05))
+        run.process(",".join(METHODS), rgbn.TwinSettings(engine="many", error=0.05))
 
 
 if __name__ == "__main__":

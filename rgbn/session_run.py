@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
+from lab.options import AS_GIVEN, Solving, TwinSettings
 from lab.run import run_session
 
 if TYPE_CHECKING:
@@ -105,7 +105,8 @@ class SessionRun:
     scheduler: str | None = None
     truth: Path | None = None
 
-    def _run(self, wanted: str, solving: Solving = BY_DEFAULT, twin: TwinSettings = AS_GIVEN) -> Results:
+    def _run(self, wanted: str, solving: Solving | str | None = None, twin: TwinSettings = AS_GIVEN) -> Results:
+        solving = solving if isinstance(solving, Solving) else Solving(solving)
         how = {"scheduler": self.scheduler, "truth": self.truth, "solving": solving, "twin": twin}
         return Results(self.out, run_session(self.path, wanted, out=self.out, **how))
 
@@ -121,15 +122,15 @@ class SessionRun:
         """Find the object, register its scan, write the ground truth."""
         return self._run("align")
 
-    def solve(self, method: str | None = None, **options: Any) -> Results:
-        """Recover normals and albedo by methods, named with commas; `options` are those of `lab.options.Solving`."""
-        return self._run("solve", Solving(method, **options))
+    def solve(self, solving: Solving | str | None = None) -> Results:
+        """Recover normals and albedo; `solving` names methods, with commas, or says more of them."""
+        return self._run("solve", solving)
 
-    def twin(self, solving: Solving = BY_DEFAULT, **options: Any) -> Results:
-        """Render the registered scan and solve the rendering; `options` are those of `lab.options.TwinSettings`."""
-        return self._run("twin", solving, TwinSettings(**options))
+    def twin(self, solving: Solving | str | None = None, twin: TwinSettings = AS_GIVEN) -> Results:
+        """Render the registered scan, and solve the rendering by the same methods."""
+        return self._run("twin", solving, twin)
 
-    def compare(self, solving: Solving = BY_DEFAULT, twin: TwinSettings = AS_GIVEN) -> Results:
+    def compare(self, solving: Solving | str | None = None, twin: TwinSettings = AS_GIVEN) -> Results:
         """Go the whole way, compare all with the truth, and write report.html."""
         return self._run("compare", solving, twin)
 

@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 from experiments.datasets.checked_photographs import read_samples
 from formats.diligent_layout import TABLES, Layout, read_layout
 from solve.axes import Axes
-from solve.convention import FLOOR, Claim, Convention, infer_convention
+from solve.convention import DISAGREES, FLOOR, Claim, Convention, infer_convention
 
 Array = NDArray[np.float64]
 LEAST_LIGHTS = 3
-DISAGREES = 0.02
-"""Share of the mask that may lack normals, at its border."""
 _SPREAD, _CLEARLY_LESS = 0.1, 0.4
 _OFF, _OFF_MADS = 0.35, 6.0
 _FEW = 0.2

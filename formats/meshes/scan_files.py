@@ -39,7 +39,7 @@ def read_scan(path: Path) -> Surface:
 
 
 @dataclass(frozen=True, eq=False)
-class DressedMesh:
+class MeshWithAttributes:
     """A mesh file with what else it says of its vertices.
 
     Parameters
@@ -59,10 +59,10 @@ class DressedMesh:
     linear: bool = False
 
 
-def read_dressed(path: Path) -> DressedMesh:
-    """Return a mesh as its file has it, and what its vertices are dressed in; see `read_scan` for the errors."""
+def read_with_attributes(path: Path) -> MeshWithAttributes:
+    """Return a mesh as its file has it, with its vertices' attributes; see `read_scan` for the errors."""
     if _known_suffix(path) == ".ply":
-        return _dressed_ply(path)
+        return _ply_with_attributes(path)
     import trimesh
 
     with reading(path, "cannot be read as a mesh", AlignError, do="Export it again, as .ply or .obj."):
@@ -70,15 +70,15 @@ def read_dressed(path: Path) -> DressedMesh:
         loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=True)
         faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))), np.int64)
         if not len(faces):
-            return DressedMesh(np.zeros((0, 3)), faces)
+            return MeshWithAttributes(np.zeros((0, 3)), faces)
         vertices, uv = np.array(loaded.vertices, np.float64), getattr(loaded.visual, "uv", None)
         texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)
         is_coloured = loaded.visual.kind == "vertex"
         colours = np.asarray(loaded.visual.vertex_colors, np.float64)[:, :3] if is_coloured else None
-        return DressedMesh(vertices, faces, None, texcoords, colours)
+        return MeshWithAttributes(vertices, faces, None, texcoords, colours)
 
 
-def _dressed_ply(path: Path) -> DressedMesh:
+def _ply_with_attributes(path: Path) -> MeshWithAttributes:
     vertices, faces, columns = read_ply(path)
     with reading(path, "the PLY is damaged", AlignError, do="Export it again."):
         vertex, face = columns["vertex"], columns.get("face", {})
@@ -100,7 +100,7 @@ def _dressed_ply(path: Path) -> DressedMesh:
             found, which = np.unique(both, axis=0, return_inverse=True)
             faces, place, texcoords = which.reshape(-1, 3), found[:, 0].astype(np.int64), found[:, 1:]
             vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
-    return DressedMesh(vertices, faces, normals, texcoords, colours, linear is not None)  # type: ignore[arg-type]
+    return MeshWithAttributes(vertices, faces, normals, texcoords, colours, linear is not None)  # type: ignore[arg-type]
 
 
 def _known_suffix(path: Path) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.scan_files import read_dressed
+from formats.meshes.scan_files import read_with_attributes
 from scene.errors import AlignError, RenderError
 from scene.files import write_whole
 from scene.reading import reading
@@ -39,7 +39,7 @@ def read_mesh(path: Path) -> ObjectMesh:
         raise RenderError(f"{path}: not found.")
     with reading(path, "no mesh can be read", RenderError, do="Export it again, as .ply or .obj."):
         try:
-            found = read_dressed(path)
+            found = read_with_attributes(path)
         except AlignError as error:
             raise RenderError(str(error)) from error
         if not len(found.faces):
