@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.pictures import srgb_from_linear
 from scene.camera import Camera
 from scene.files import write_whole
 from solve.surface.integration import Surface
@@ -85,6 +86,5 @@ def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera,
 def _colors(albedo: NDArray) -> NDArray[np.uint8]:
     known = np.nan_to_num(np.asarray(albedo, np.float64))
     top = float(np.percentile(known, 99)) if known.size else 0.0
-    linear = np.clip(0.9 * known / top, 0, 1) if top > 0 else np.zeros_like(known)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255 * encoded).astype(np.uint8)
+    linear = 0.9 * known / top if top > 0 else np.zeros_like(known)
+    return np.round(255 * srgb_from_linear(linear)).astype(np.uint8)

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from formats.pictures import read_picture
 from scene.light_text import number_rows
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.widgets import Inputs, plain
 from twin.description.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
 from twin.description.light_groups import LightGroup, direction
-from twin.description.picture_files import read_picture
 
 NONE, OTHER = "(none)", "(of the scene)"
 POLAR = {"kind", "polar", "near"}

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
+from formats.pictures import read_picture
 from studio.editor import edits
 from studio.editor.placement import placement_of
 from studio.server import Studio
@@ -16,7 +17,6 @@ from studio.workspace import Workspace
 from twin.description.description import Sampling
 from twin.description.mesh_files import write_ply
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from formats.pictures import write_exr
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
@@ -20,7 +21,6 @@ from twin.description.light_groups import direction
 from twin.description.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
 from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, smooth
-from twin.description.picture_files import write_exr
 
 HEAD = """
 [camera]

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from formats.pictures import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
@@ -16,7 +17,6 @@ from scene.normals import unit
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Conductor, Diffuse, Principled, RoughPlastic, Subsurface, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 from twin.engines.mitsuba_files import write_mitsuba
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import pick_variant

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from formats.pictures import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError, SceneError
 from scene.pose import rotation_from_vector
@@ -23,7 +24,6 @@ from twin.description.light_groups import expand
 from twin.description.materials import KINDS, Subsurface, Texture
 from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 
 Array = NDArray[np.float64]
 TAGS = {*KINDS, "distant", "point", "area", "ring", "hemisphere", "session"}

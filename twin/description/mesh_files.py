@@ -4,12 +4,12 @@ Files count texture coordinates from the bottom (v up); `ObjectMesh` from the to
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from formats.meshes.scan_files import read_with_attributes
+from formats.pictures import linear_from_srgb
 from scene.errors import AlignError, RenderError
 from scene.files import write_whole
 from scene.reading import reading
@@ -55,11 +55,6 @@ def read_mesh(path: Path) -> ObjectMesh:
         if found.normals is None:
             return smooth(vertices, faces, texcoords, colours)
         return ObjectMesh(vertices, faces, found.normals, texcoords, colours)
-
-
-def linear_from_srgb(values: Any) -> NDArray:
-    """Undo the sRGB curve, 0 to 1."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def write_ply(path: Path, mesh: ObjectMesh) -> None:

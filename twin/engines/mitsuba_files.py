@@ -14,12 +14,12 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from formats.pictures import write_exr
 from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
 from twin.description.mesh_files import write_ply
-from twin.description.picture_files import write_exr
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
 from twin.engines.variant import pick_variant
