@@ -239,8 +239,9 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
         "disney": Principled("vertex", 0.3, 0.5, 0.25),
         "measured": Measured(tmp_path / "gold.bsdf"),
     }
+    # Beyond 16 bits, a control character, quotes: what a writer of TOML must escape, and what it must not.
     objects = (
-        TwinObject("one", built_in("sphere"), "a b", at),
+        TwinObject('\U0001f3db "one"\\ \x7f\x01\n', built_in("sphere"), "a b", at),
         TwinObject("two", coloured, "disney", at),
         TwinObject("three", built_in("cone"), "measured", at),
     )
