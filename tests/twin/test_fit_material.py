@@ -15,9 +15,8 @@ from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
 from twin.material.material_residual import material_residual
 from twin.material.material_samples import Samples, samples_of_scan

@@ -16,9 +16,8 @@ from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
 from twin.material.material_light import material_scene
 from twin.material.material_places import Places, material_places

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above, tiles
+from twin.engines.flash_shading import Flashes, by_bands, camera_rays, start_above, tiles
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
+from twin.engines.variant import import_mitsuba
 
 VALUES_PER_BAND = 1 << 25
 """Of a band's images, in float32: 128 MiB, and several times as much for its second differences and plan."""

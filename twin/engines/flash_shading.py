@@ -9,28 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import RenderError
 from scene.lights import Lights
 from twin.description.description import white_of
 from twin.engines.film import Film
-from twin.engines.variant import FAST, pick_variant
-
-
-def import_mitsuba() -> Any:
-    """Return mitsuba with its vectorised variant set, which alone can run these engines.
-
-    Raises
-    ------
-    RenderError
-        Only the scalar variant runs on this machine.
-    """
-    variant, note = pick_variant()
-    if variant != FAST:
-        raise RenderError(f"the engines `direct` and `many` need Mitsuba's variant {FAST}: {note} Or use `mitsuba`.")
-    import mitsuba as mi
-
-    mi.set_variant(variant)  # type: ignore[attr-defined]
-    return mi
 
 
 def give_memory_back() -> None:

@@ -22,7 +22,7 @@ from twin.description.description_check import check_scene
 from twin.description.mesh_files import write_ply
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
-from twin.engines.variant import pick_variant
+from twin.engines.variant import import_mitsuba
 
 SAMPLES = 256
 """A pixel, where the description names none; `-D samples=64` changes it."""
@@ -69,9 +69,7 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
     for name in scene.lights.names:
         if not re.fullmatch(r"[\w.-]+", name):
             raise RenderError(f"lights: {name!r} can be no file's name here; use letters, digits, _, - and dots.")
-    import mitsuba as mi
-
-    mi.set_variant(pick_variant()[0])  # type: ignore[attr-defined]
+    import_mitsuba(slow=True)
     film, made, files, notes = scene.film(), parts(scene), _Files(folder), []
     if film.pixels is None:
         film = Film(

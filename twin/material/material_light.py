@@ -103,8 +103,9 @@ def onward_light(sight: Sight, samples: Samples, fit: MaterialFit, albedo: NDArr
     albedo (P, 3): Of the samples.
     Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
-    from twin.engines.flash_shading import give_memory_back, import_mitsuba
+    from twin.engines.flash_shading import give_memory_back
     from twin.engines.many import Indirect
+    from twin.engines.variant import import_mitsuba
 
     import_mitsuba()
     across = max(int(np.ptp(samples.rows)), int(np.ptp(samples.columns))) + 1

@@ -98,7 +98,7 @@ def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, ND
     """Split faces until texture coordinates, linear in space, are linear in the picture too."""
     from trimesh.remesh import subdivide
 
-    vertices, normals, faces = mesh.vertices, mesh.vertex_normals, mesh.faces
+    vertices, faces, normals = mesh.vertices, mesh.faces, {"of": mesh.vertex_normals}
     for _ in range(8):
         turned, pixels = faces[:, [1, 2, 0]], camera.project(vertices)
         middle = camera.project((vertices[faces] + vertices[turned]) / 2)
@@ -107,9 +107,8 @@ def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, ND
         split = np.flatnonzero((miss > SPLIT_PX).any(1))
         if not len(split) or len(faces) + 3 * len(split) > 4_000_000:
             break
-        vertices, faces, added = subdivide(vertices, faces, split, {"normals": normals})
-        normals = added["normals"]
-    return vertices, normals, faces
+        vertices, faces, normals = subdivide(vertices, faces, split, normals)  # type: ignore[misc]
+    return vertices, normals["of"], faces  # type: ignore[return-value]
 
 
 def albedo_at_the_surface(
