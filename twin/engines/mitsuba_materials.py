@@ -157,5 +157,5 @@ def material_faults(materials: Mapping[str, Material]) -> list[str]:
 
 def _is_known(metal: str) -> bool:
     # Mitsuba itself would take half a second to import.
-    (folder,) = find_spec("mitsuba").submodule_search_locations  # type: ignore[union-attr,misc]
-    return metal == "none" or (Path(folder) / "data" / "ior" / f"{metal}.eta.spd").is_file()
+    folder = Path(find_spec("mitsuba").origin).parent  # type: ignore[union-attr,arg-type]
+    return metal == "none" or (folder / "data" / "ior" / f"{metal}.eta.spd").is_file()
