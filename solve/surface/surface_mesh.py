@@ -6,15 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.meshes.ply_write import write_ply
 from formats.pictures import srgb_from_linear
 from scene.camera import Camera
-from scene.files import write_whole
 from solve.surface.integration import Surface
-
-VERTEX = np.dtype(
-    [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(name, "u1") for name in ("red", "green", "blue")]
-)
-FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 @dataclass(frozen=True)
@@ -32,29 +27,9 @@ class SurfaceMesh:
 
     def write(self, path: Path) -> None:
         """Write binary PLY [Turk1994]."""
-        vertex = np.zeros(len(self.vertices), VERTEX)
-        for names, values in (("xyz", self.vertices), (("nx", "ny", "nz"), self.normals)):
-            for axis, name in enumerate(names):
-                vertex[name] = values[:, axis]
-        for channel, name in enumerate(("red", "green", "blue")):
-            vertex[name] = self.colors[:, channel]
-        face = np.zeros(len(self.faces), FACE)
-        face["count"], face["corners"] = 3, self.faces
-        kinds = {"f": "float", "u": "uchar"}
-        header = [
-            "ply",
-            "format binary_little_endian 1.0",
-            "comment millimetres; camera frame: x right, y up, z toward the viewer",
-            f"element vertex {len(vertex)}",
-            *(f"property {kinds[VERTEX[name].kind]} {name}" for name in VERTEX.names or ()),
-            f"element face {len(face)}",
-            "property list uchar int vertex_indices",
-            "end_header",
-        ]
-        with write_whole(path) as file:
-            file.write(("\n".join(header) + "\n").encode())
-            file.write(vertex.tobytes())
-            file.write(face.tobytes())
+        places, normals = self.vertices.astype(np.float32), self.normals.astype(np.float32)
+        columns = {"x y z": places, "nx ny nz": normals, "red green blue": self.colors}
+        write_ply(path, columns, self.faces, "millimetres; camera frame: x right, y up, z toward the viewer")
 
 
 def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera, *, gap_px: float = 2.0) -> SurfaceMesh:

@@ -108,7 +108,7 @@ class LightsPanel:
         if distance is None:
             return LightTable(kind="distant", azimuth_deg=azimuth, elevation_deg=elevation)
         middle = self._window.scene.lights.reference_point_mm
-        place = (middle + distance * direction(azimuth, elevation)).tolist()
+        place = tuple(middle + distance * direction(azimuth, elevation))
         return LightTable(kind="point" if radius is None else "area", position_mm=place, radius_mm=radius)
 
     def _move(self, value: tuple[float, float, float]) -> None:

@@ -202,6 +202,11 @@ def test_the_order_in_which_threads_add_changes_nothing():
     first = engine.images()
     for _ in range(3):
         assert np.array_equal(engine.images(), first)
+    # Gloss all about: each path's light is added to its pixel's, which several threads do.
+    shiny = {name: RoughPlastic((0.5, 0.5, 0.5), 0.1) for name in scene.materials}
+    engines = [indirect(replace(scene, materials=shiny), samples=16) for _ in range(3)]
+    first, *again = (engine.images() for engine in engines)
+    assert all(np.array_equal(images, first) for images in again)
 
 
 @pytest.mark.full

@@ -138,7 +138,7 @@ def _camera(table: CameraTable) -> Camera:
         table.fy or table.fx,
         (table.width - 1) / 2 if table.cx is None else table.cx,
         (table.height - 1) / 2 if table.cy is None else table.cy,
-        tuple(table.distortion),
+        table.distortion,
         table.projection,
         "scene description",
     )

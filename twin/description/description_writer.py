@@ -12,7 +12,7 @@ from formats.toml_text import toml_text
 from scene.files import write_npy, write_text
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import KINDS, Material, Measured, Texture
-from twin.description.mesh_files import write_ply
+from twin.description.mesh_files import write_mesh
 
 NAMES = {material: kind for kind, material in KINDS.items()}
 
@@ -58,7 +58,7 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
 
 
 def _object(one: TwinObject, file: str, folder: Path) -> dict[str, Any]:
-    write_ply(folder / file, one.mesh)
+    write_mesh(folder / file, one.mesh)
     matrix = None if np.array_equal(one.matrix, np.eye(4)) else one.matrix
     smooth = one.mesh.normals is not None
     return {"name": one.name, "mesh": file, "smooth": smooth, "material": one.material, "matrix": matrix}

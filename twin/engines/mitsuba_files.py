@@ -19,7 +19,7 @@ from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
-from twin.description.mesh_files import write_ply
+from twin.description.mesh_files import write_mesh
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
 from twin.engines.variant import import_mitsuba
@@ -98,7 +98,7 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
         root.append(files.element(within, id=f"medium {name}"))
     for number, (_, mesh, material) in enumerate(made.shapes):
         file = f"meshes/{number:02d}.ply"
-        write_ply(folder / file, mesh)
+        write_mesh(folder / file, mesh)
         shape = ElementTree.SubElement(root, "shape", type="ply", id=f"object_{number}")
         ElementTree.SubElement(shape, "string", name="filename", value=file)
         # In files texture coordinates point up.

@@ -64,6 +64,12 @@ class Samples:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def blocks(self, pixels: float) -> NDArray[np.intp]:
+        """Return (P,) the number of the square of the picture that each lies in, of about so many of the pixels."""
+        rows, columns = self.rows - self.rows.min(), self.columns - self.columns.min()
+        side = max(1.0, np.sqrt(pixels / self.pixel_share))
+        return (rows // side).astype(int) * (int(columns.max() // side) + 1) + (columns // side).astype(int)
+
     def only(self, which: Any) -> "Samples":
         """Return some of the pixels."""
         whole = dict(self.__dict__)

@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from scene.errors import RenderError
 from scene.frames import Frames
 from scene.lights import Lights
-from twin.material.fit_material import MaterialFit, fit_material
-from twin.material.material_kernels import predicted
+from twin.material.fit_material import MaterialFit, fit_material, robust
 from twin.material.material_light import onward_light
-from twin.material.material_noise import student_weights
 from twin.material.material_places import Places, material_places
 from twin.material.material_residual import Part, Residual, material_residual
 from twin.material.material_samples import MOST, Samples, inner_pixels, samples_at, samples_of_scan
@@ -117,11 +115,7 @@ def scan_material(
 
 def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of samples of a fitted material."""
-    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
-    for _ in range(2):
-        values, slope, _ = predicted(samples, weights, fit.surface, fit.strength)
-        weights = student_weights(samples, values, np.maximum(fit.noise.variance(values, slope), 1e-12))
-    return predicted(samples, weights, fit.surface, fit.strength)[2]
+    return robust(samples, fit, fit.noise)[3]
 
 
 def _numbers(fit: MaterialFit) -> dict[str, float]:
