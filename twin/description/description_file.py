@@ -18,7 +18,7 @@ from scene.reading import json_of, numbers, reading, shortened, text_of
 from twin.camera.virtual_camera import Sensor
 from twin.description import description_tables
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
-from twin.description.description_check import scene_faults
+from twin.description.description_check import faults_of, scene_faults
 from twin.description.description_tables import CameraTable, DescriptionTable, ObjectTable, TextureTable
 from twin.description.light_groups import expand
 from twin.description.materials import KINDS, Subsurface, Texture
@@ -152,10 +152,7 @@ _KEYS = sorted(
 
 
 def _told(path: Path, faults: list[str]) -> RenderError:
-    faults = [shortened(fault, 600) for fault in faults]
-    return RenderError(
-        f"{path}: " + (faults[0] if len(faults) == 1 else "\n  ".join([f"{len(faults)} faults", *faults[:100]]))
-    )
+    return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
 def _line(fault: Any) -> str:

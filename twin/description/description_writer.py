@@ -2,6 +2,7 @@
 
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from formats.toml_text import toml_text
 from scene.files import write_npy, write_text
 from twin.description.description import TwinObject, TwinScene
-from twin.description.materials import KINDS, Material, Measured, Texture
+from twin.description.materials import KINDS, Material, Texture
 from twin.description.mesh_files import write_mesh
 
 NAMES = {material: kind for kind, material in KINDS.items()}
@@ -34,7 +35,7 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
     -----
     Lights are written one by one, with what the white ball's value makes of their intensities.
     """
-    keep, around = _Keeper(folder), scene.environment
+    keep, around = Keeper(folder, ".npy", write_npy), scene.environment
     keys = ("width", "height", "fx", "fy", "cx", "cy", "distortion", "projection")
     camera = {key: getattr(scene.camera, key) for key in keys}
     environment: dict[str, Any] = {"ambient": around.ambient}
@@ -47,7 +48,7 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
         "reference_point_mm": scene.lights.reference_point_mm,
         "camera": {**camera, "files": scene.files, "sensor": scene.sensor},
         "objects": [_object(one, f"meshes/{number:02d}.ply", folder) for number, one in enumerate(scene.objects)],
-        "materials": {name: keep.material(material) for name, material in scene.materials.items()},
+        "materials": {name: _material(keep, material) for name, material in scene.materials.items()},
         "environment": environment,
         "lights": [_light(scene, index) for index in range(len(scene.lights))],
         "sampling": scene.sampling,
@@ -74,30 +75,34 @@ def _light(scene: TwinScene, index: int) -> dict[str, Any]:
     return {"kind": "area", **table, "radius_mm": radius} if radius else {"kind": "point", **table}
 
 
-class _Keeper:
-    """Writes textures, each once."""
+class Keeper:
+    """Writes pictures, each once, and copies files, into textures/.
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    suffix, write: Of the pictures' files, and what writes one.
+    """
+
+    def __init__(self, folder: Path, suffix: str, write: Callable[[Path, NDArray], None]) -> None:
+        self._folder, self._suffix, self._write = folder, suffix, write
         self._pictures: dict[int, str] = {}
 
     def picture(self, values: NDArray[np.float32]) -> str:
         if id(values) not in self._pictures:
-            self._pictures[id(values)] = f"textures/{len(self._pictures):02d}.npy"
-            write_npy(self._folder / self._pictures[id(values)], np.asarray(values, np.float32))
+            self._pictures[id(values)] = f"textures/{len(self._pictures):02d}{self._suffix}"
+            self._write(self._folder / self._pictures[id(values)], np.asarray(values, np.float32))
         return self._pictures[id(values)]
 
-    def material(self, material: Material) -> dict[str, Any]:
-        if isinstance(material, Measured):
-            file = f"textures/{material.file.name}"
-            (self._folder / "textures").mkdir(parents=True, exist_ok=True)
-            if os.path.realpath(material.file) != os.path.realpath(self._folder / file):
-                shutil.copyfile(material.file, self._folder / file)
-            return {"kind": "measured", "file": file}
-        table: dict[str, Any] = {"kind": NAMES[type(material)]}
-        for key, value in vars(material).items():
-            if isinstance(value, Texture):
-                table[key] = {"file": self.picture(value.values), "encoding": "linear", "wrap": value.wrap}
-            else:
-                table[key] = value
-        return table
+    def copy(self, path: Path) -> str:
+        name = f"textures/{path.name}"
+        (self._folder / "textures").mkdir(parents=True, exist_ok=True)
+        if os.path.realpath(path) != os.path.realpath(self._folder / name):
+            shutil.copyfile(path, self._folder / name)
+        return name
+
+
+def _material(keep: Keeper, material: Material) -> dict[str, Any]:
+    table: dict[str, Any] = {"kind": NAMES[type(material)]}
+    for key, value in vars(material).items():
+        if isinstance(value, Texture):
+            value = {"file": keep.picture(value.values), "encoding": "linear", "wrap": value.wrap}
+        table[key] = keep.copy(value) if isinstance(value, Path) else value
+    return table

@@ -159,8 +159,7 @@ def _small(film: Film) -> Film:
     low = np.floor(np.array([top, left]) * scale).astype(int)
     high = np.maximum(np.floor(np.array([top + height, left + width]) * scale).astype(int), low + BLOCK)
     camera = film.rendered.scaled(int(high[1]), int(high[0]), scale, scale)
-    rows, columns = slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
-    return Film(camera, rows, columns, camera, (*low.tolist(), *(high - low).tolist()), None)
+    return Film.of_pinhole(camera, slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1])))
 
 
 def _blocks(image: Images) -> Images:

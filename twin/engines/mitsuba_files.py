@@ -5,9 +5,7 @@
     mitsuba -m llvm_ad_rgb -D light=NAME -o NAME.exr scene.xml
 """
 
-import os
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -19,6 +17,7 @@ from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
+from twin.description.description_writer import Keeper
 from twin.description.mesh_files import write_mesh
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
@@ -72,9 +71,8 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
     import_mitsuba(slow=True)
     film, made, files, notes = scene.film(), parts(scene), _Files(folder), []
     if film.pixels is None:
-        film = Film(
-            film.camera, film.rows, film.columns, film.camera, (0, 0, film.camera.height, film.camera.width), None
-        )
+        camera = film.camera
+        film = Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width))
     else:
         plain = film.rendered
         notes.append(
@@ -129,8 +127,7 @@ class _Files:
     """Turns Mitsuba's dictionaries into XML; arrays and files that they name go into textures/."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._pictures: dict[int, str] = {}
+        self._keep = Keeper(folder, ".exr", write_exr)
 
     def element(self, node: dict[str, Any], **attributes: str) -> Element:
         kind = node["type"]
@@ -146,9 +143,9 @@ class _Files:
                 return Element("rgb", name=key, value=_numbers(value["value"]))
             return self.element(value, name=key)
         if key == "data":
-            return Element("string", name="filename", value=self._picture(value))
+            return Element("string", name="filename", value=self._keep.picture(value))
         if isinstance(value, Path):
-            return Element("string", name=key, value=self._copy(value))
+            return Element("string", name=key, value=self._keep.copy(value))
         if isinstance(value, list):
             return Element("vector" if key == "direction" else "point", name=key, value=_numbers(value))
         for kind, tag in ((bool, "boolean"), (int, "integer"), (float, "float"), (str, "string")):
@@ -158,19 +155,6 @@ class _Files:
         transform = Element("transform", name=key)
         ElementTree.SubElement(transform, "matrix", value=_numbers(matrix.ravel()))
         return transform
-
-    def _picture(self, values: np.ndarray) -> str:
-        if id(values) not in self._pictures:
-            self._pictures[id(values)] = f"textures/{len(self._pictures):02d}.exr"
-            write_exr(self._folder / self._pictures[id(values)], values)
-        return self._pictures[id(values)]
-
-    def _copy(self, path: Path) -> str:
-        name = f"textures/{path.name}"
-        (self._folder / "textures").mkdir(parents=True, exist_ok=True)
-        if os.path.realpath(path) != os.path.realpath(self._folder / name):
-            shutil.copyfile(path, self._folder / name)
-        return name
 
 
 def _numbers(values: Any) -> str:

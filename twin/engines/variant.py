@@ -9,7 +9,7 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from glob import glob
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -96,17 +96,12 @@ def llvm_libraries(places: tuple[str, ...] | None = None) -> list[Path]:
     `places` are glob patterns of absolute paths; where the usual systems put the library, if not given.
     """
     found: dict[Path, tuple[int, Path]] = {}
-    for path in _candidates(_PLACES if places is None else places):
-        release = _release(path)
-        if release >= OLDEST_LLVM:
-            found.setdefault(path.resolve(), (release, path))
+    for place in (*(_PLACES if places is None else places), str(Path(sys.prefix) / "lib" / "libLLVM*")):
+        for path in map(Path, sorted(glob(place))):
+            release = _release(path)
+            if release >= OLDEST_LLVM:
+                found.setdefault(path.resolve(), (release, path))
     return [path for _, path in sorted(found.values(), key=lambda item: (-item[0], str(item[1])))]
-
-
-def _candidates(places: tuple[str, ...]) -> Iterator[Path]:
-    for place in (*places, str(Path(sys.prefix) / "lib" / "libLLVM*")):
-        anchor = Path(place).anchor
-        yield from sorted(Path(anchor).glob(place[len(anchor) :]))
 
 
 def _release(path: Path) -> int:

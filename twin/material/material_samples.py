@@ -82,9 +82,7 @@ def samples_of_scan(
     frames: Frames,
     mask: NDArray[np.bool_],
     normals: Image | None = None,
-    *,
     most: int = MOST,
-    seed: int = 0,
 ) -> Samples:
     """Return samples of a registered scan, without those in its cast shadows.
 
@@ -92,7 +90,6 @@ def samples_of_scan(
     mask (H, W): The object.
     normals (H, W, 3): Where they are better known than by the mesh's vertices; NaN: not taken.
     most: Pixels.
-    seed: Which ones.
     Raises RenderError: Fewer than `FEWEST` pixels are left.
     """
     rows, columns = inner_pixels(mask, normals)
@@ -101,7 +98,7 @@ def samples_of_scan(
             f"material: {len(rows)} pixels lie {OUTLINE_PX} px within the object's outline and have a normal; expected "
             f"{FEWEST} or more. Check the mask, and that the pose fits these frames."
         )
-    taken = np.sort(np.random.default_rng(seed).permutation(len(rows))[:most])
+    taken = np.sort(np.random.default_rng(0).permutation(len(rows))[:most])
     samples = samples_at(sight, frames, normals, rows[taken], columns[taken])
     if len(samples) < FEWEST:
         raise RenderError(

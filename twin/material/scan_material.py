@@ -88,7 +88,7 @@ def scan_material(
     """
     lights = sight.lights
     most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
-    samples = samples_of_scan(sight, frames, mask, normals, most=most)
+    samples = samples_of_scan(sight, frames, mask, normals, most)
     fit, onward, trouble = fit_material(samples, lights), 0.0, ()
     try:
         elsewhere = onward_light(sight, samples, fit, albedo_of(samples, fit))
