@@ -198,7 +198,7 @@ def write_dng(
         The disk is full, or the place cannot be written.
     """
     import tifffile
-    from PIL.TiffImagePlugin import ImageFileDirectory_v2
+    from PIL.TiffImagePlugin import IFDRational, ImageFileDirectory_v2
 
     if mosaic.ndim != 2 or mosaic.dtype != np.uint16 or mosaic.shape[0] % 2 or mosaic.shape[1] % 2:
         raise RenderError(
@@ -243,15 +243,15 @@ def write_dng(
         entry = file.pages[0].tags[_PLACEHOLDER].offset  # type: ignore[union-attr]
     # tifffile refuses the tag that points to the EXIF directory, so it is put in place of its neighbour.
     struct.pack_into("<HHII", data, entry, 34665, 4, 1, len(data))
-    resolution = 1e4 / sensor.pixel_um
     exif = ImageFileDirectory_v2()
-    exif[33434] = exposure_s  # ExposureTime
-    exif[33437] = aperture  # FNumber
+    shot = (exposure_s, aperture, focal_mm, 1e4 / sensor.pixel_um)
+    ratios = (IFDRational(Fraction(number).limit_denominator(1_000_000)) for number in shot)
+    # ExposureTime, FNumber, FocalLength, FocalPlaneXResolution
+    exif[33434], exif[33437], exif[37386], exif[41486] = ratios
+    exif[41487] = exif[41486]  # FocalPlaneYResolution
     exif[34855] = iso  # ISOSpeedRatings
     exif[36867] = time.strftime("%Y:%m:%d %H:%M:%S")  # DateTimeOriginal
-    exif[37386] = focal_mm  # FocalLength
     exif[37521] = f"{time.microsecond:06d}"  # SubSecTimeOriginal
-    exif[41486] = exif[41487] = resolution  # FocalPlaneXResolution, FocalPlaneYResolution
     exif[41488] = 3  # FocalPlaneResolutionUnit: centimetres
     with write_whole(path) as file:
         file.write(data + exif.tobytes(len(data)))
