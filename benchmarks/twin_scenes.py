@@ -55,8 +55,7 @@ def stage(lights: Lights, side: int, max_depth: int) -> TwinScene:
 
 def whole_picture(camera: Camera) -> Film:
     """Return the film of the whole picture."""
-    window = (0, 0, camera.height, camera.width)
-    return Film(camera, slice(0, camera.height), slice(0, camera.width), camera, window, None)
+    return Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width))
 
 
 class StockMitsuba:

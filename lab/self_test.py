@@ -6,6 +6,7 @@ this size and place under such flashes with such noise, and whether its sigmas a
 
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from lab.job import Job, Outcome
 from lab.progress import progress_bar
 from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
-from scene.files import write_json, write_png
+from scene.files import write_json
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -64,13 +65,16 @@ def _photographed(
     """Return the rendering's frames, decoded from files as photographs are, and what balls to look for in them."""
     from capture.photographs.decode import decode
     from capture.session.session_types import Session
-    from twin.camera.grain import expose_colour, sensor_like
-    from twin.camera.virtual_camera import expose, write_dng
+    from twin.camera.grain import sensor_like
+    from twin.camera.virtual_camera import NO_FILTER
+    from twin.camera.virtual_photograph import write_photograph
     from twin.virtual_balls import render_balls
 
     real = job.store.load_frames()
     sensor = sensor_like(real)
     mosaic = real.is_mosaic and not job.session.half and camera.width % 2 == 0 and camera.height % 2 == 0
+    if not mosaic:
+        sensor = replace(sensor, cfa=NO_FILTER, black_level=0, white_level=65535)
     # Balls that were photographed apart may lie one upon the other: each gets frames of its own.
     together = [sphere for sphere in spheres if not sphere.apart]
     groups = ([together] if together else []) + [[sphere] for sphere in spheres if sphere.apart]
@@ -79,21 +83,9 @@ def _photographed(
         files = []
         for index, image in enumerate(render_balls(group, camera, lights, peak=_peak(lights))):
             rng = np.random.default_rng([number, index])
-            name = folder / str(number) / f"{lights.names[index]}.{'dng' if mosaic else 'png'}"
-            if mosaic:
-                write_dng(
-                    name,
-                    expose(image, sensor, rng),
-                    sensor,
-                    exposure_s=1 / 125,
-                    iso=100,
-                    aperture=8,
-                    focal_mm=50,
-                    time=datetime(2000, 1, 1) + timedelta(seconds=2 * index),
-                )
-            else:
-                write_png(name, expose_colour(image, sensor, rng))
-            files.append(name)
+            files.append(folder / str(number) / f"{lights.names[index]}.{'dng' if mosaic else 'png'}")
+            time = datetime(2000, 1, 1) + timedelta(seconds=2 * index)
+            write_photograph(files[-1], image, sensor, rng, focal_mm=50, time=time)
             progress(number * len(lights) + index + 1, len(groups) * len(lights))
         session = Session("self-test", folder, tuple(files), lights.names, tuple(range(len(files))))
         frames, _ = decode(session, Store(folder / f"{number}_decoded"), executor=job.executor)

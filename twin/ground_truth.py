@@ -3,7 +3,6 @@
 The true maps of a scene description, pixel by pixel, where the pixel's centre looks.
 """
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -60,17 +59,13 @@ class GroundTruth:
     cast: NDArray[np.uint8]
 
 
-def ground_truth(
-    scene: TwinScene, *, folder: Path | None = None, progress: Callable[[int, int], None] | None = None
-) -> GroundTruth:
+def ground_truth(scene: TwinScene, *, folder: Path | None = None) -> GroundTruth:
     """Return the true maps of a scene.
 
     Parameters
     ----------
     folder : Path or None
         Gets the maps as `save_ground_truth` writes them; they are memory-mapped then. None: they are in memory.
-    progress : callable or None
-        Called with (rows done, rows in all).
 
     Raises
     ------
@@ -87,7 +82,7 @@ def ground_truth(
                 else files.enter_context(create_array(_place(folder, name), shape, dtype))
             )
             maps[name][:] = unknown
-        _fill(scene, maps, progress)
+        _fill(scene, maps)
     if folder is not None:
         maps = {name: np.load(_place(folder, name), mmap_mode="r") for name in maps}
     return GroundTruth(**maps)
@@ -110,14 +105,14 @@ def _kinds(lights: int) -> dict[str, tuple[tuple[int, ...], Any, Any]]:
     }
 
 
-def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int], None] | None) -> None:
+def _fill(scene: TwinScene, maps: dict[str, Any]) -> None:
     film, camera = scene.film(), scene.camera
     meshes = [one.placed for one in scene.objects]
     first_vertex = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + first for mesh, first in zip(meshes, first_vertex, strict=False)])
     whole = Mesh(scene.points, faces)
-    sight = Sight(whole, camera)
+    sight = Sight(whole, camera, scene.lights)
     for band, face, weights, points in sight.rows(film.rows, film.columns):
         rows, columns = np.nonzero(face >= 0)
         at = (band.start + rows, film.columns.start + columns)
@@ -143,10 +138,8 @@ def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int],
         side = np.where(np.sum(flat * rays, -1, keepdims=True) > 0, -1.0, 1.0)
         flat, normals = side * flat, side * normals
         maps["normals"][at] = normals
-        for name, bits in zip(("attached", "cast"), sight.shadows(points, normals, flat, scene.lights), strict=True):
+        for name, bits in zip(("attached", "cast"), sight.shadows(points, normals, flat), strict=True):
             maps[name][at] = np.packbits(bits, axis=1, bitorder="little")
-        if progress is not None:
-            progress(band.stop - film.rows.start, film.rows.stop - film.rows.start)
     np.greater_equal(maps["object"], 0, out=maps["mask"])
     np.subtract(maps["z_mm"], np.fmin.reduce(maps["z_mm"], axis=None), out=maps["height_mm"])
 

@@ -7,6 +7,7 @@ that a mirror throws on what stands beside it.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +16,10 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.spheres import Sphere
-from twin.engines.film import Film, film_for, sensor_description
-from twin.engines.variant import pick_variant
+from twin.description.description import white_of
+from twin.engines.film import Film, film_for
+from twin.engines.path_tracing import traced
+from twin.engines.variant import import_mitsuba
 
 Array = NDArray[np.float64]
 FLASH_RADIUS_MM = 25.0
@@ -33,7 +36,6 @@ MARGIN = 1.25
 BEHIND_PIXELS = 1 << 18
 """Of the wall behind the balls' boxes: it is smooth, so it is rendered coarsely."""
 SAMPLES_PER_FRAME = 1 << 24
-SAMPLES_PER_CALL = 1 << 21
 DEPTH = 3
 """Mitsuba's max_depth: one bounce between wall, matte balls and mirrors; in a mirror, what is lit directly."""
 
@@ -91,11 +93,9 @@ def render_balls(
     """
     if not spheres:
         raise RenderError("no ball to render. Calibrate with balls first.")
-    variant, _ = pick_variant()
-    import mitsuba as mi
+    import cv2
 
-    mi.set_variant(variant)  # type: ignore[attr-defined]
-    mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
+    mi = import_mitsuba(slow=True)
     balls = place_balls(spheres, camera)
     wall = min(ball.center[2] - ball.radius for ball in balls)
     boxes = [film_for(camera, _around(ball)) for ball in balls]
@@ -106,19 +106,20 @@ def render_balls(
     coarse = _coarse(camera)
     corners = coarse.points_at_depth([[0, 0], [coarse.width - 1, coarse.height - 1]], wall)
     behind = film_for(coarse, corners)
-    scale = peak / (lights.intensities * _white(lights)).max()
+    scale = peak / (lights.intensities * white_of(lights)).max()
     for index in range(len(lights)):
         flash = _flash(lights, balls, index, scale)
         matte = mi.load_dict({**_stage(mi, balls, wall, mirrors=False), "flash": flash})
         mirrored = mi.load_dict({**_stage(mi, balls, wall, mirrors=True), "flash": flash})
-        image = _resized(_rendered(mi, matte, behind, corners, 16, index), camera)
+        wall_image = behind.place(traced(matte, behind, corners, 16, (index,)))
+        image: Any = cv2.resize(wall_image, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
         for number, (ball, box) in enumerate(zip(balls, boxes, strict=True)):
             seed, around = 1000 * index + 2 * number + 1, _around(ball)
-            part = _rendered(mi, matte, box, around, samples_per_pixel, seed)
+            part = box.place(traced(matte, box, around, samples_per_pixel, (seed,)))
             if ball.kind == "chrome":
                 # To the rest of the scene mirrors are black: a path from matte to mirror to flash is a caustic, which
                 # is found one time in a million, and then as a white speck. No highlight lies in a ball's rim.
-                shown = _rendered(mi, mirrored, box, around, samples_per_pixel, seed + 1)
+                shown = box.place(traced(mirrored, box, around, samples_per_pixel, (seed + 1,)))
                 inside, rim = insides[number]
                 part[rim] = np.minimum(shown[rim], 2 * WALL / WHITE * peak)
                 part[inside] = shown[inside]
@@ -133,10 +134,6 @@ def _inside(sphere: Sphere, camera: Camera, box: Film) -> tuple[NDArray[np.bool_
     return inner, outer & ~inner
 
 
-def _white(lights: Lights) -> Array:
-    return np.ones(3) if lights.white_value is None else lights.white_value
-
-
 def _around(ball: PlacedBall) -> Array:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], float)
     return ball.center + MARGIN * ball.radius * corners
@@ -147,21 +144,6 @@ def _coarse(camera: Camera) -> Camera:
     step = max(1.0, np.sqrt(camera.width * camera.height / BEHIND_PIXELS))
     width, height = max(2, round(camera.width / step)), max(2, round(camera.height / step))
     return camera.scaled(width, height, width / camera.width, height / camera.height)
-
-
-def _resized(image: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
-    import cv2
-
-    return np.asarray(cv2.resize(image, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR), np.float32)
-
-
-def _rendered(mi, scene, film: Film, points: Array, samples: int, seed: int) -> NDArray[np.float32]:
-    bands = []
-    for first_row, height in film.bands(SAMPLES_PER_CALL, samples):
-        sensor = mi.load_dict(sensor_description(film, points, first_row, height))
-        mixed = int(np.random.SeedSequence([seed, first_row]).generate_state(1)[0])
-        bands.append(np.asarray(mi.render(scene, sensor=sensor, spp=samples, seed=mixed), np.float32)[..., :3])
-    return film.place(np.concatenate(bands))
 
 
 def _stage(mi, balls: list[PlacedBall], wall: float, *, mirrors: bool) -> dict:
@@ -205,7 +187,7 @@ def _flash(lights: Lights, balls: list[PlacedBall], index: int, scale: float) ->
     else:
         position, radius = lights.positions_mm[index], FLASH_RADIUS_MM
         distance = np.linalg.norm(position - lights.reference_point_mm)
-    radiance = scale * lights.intensities[index] * _white(lights) / WHITE * (distance / radius) ** 2
+    radiance = scale * lights.intensities[index] * white_of(lights) / WHITE * (distance / radius) ** 2
     return {
         "type": "sphere",
         "center": np.asarray(position, float).tolist(),

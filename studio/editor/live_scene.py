@@ -52,7 +52,7 @@ class LiveScene:
         return _placed(lit, film)
 
     def _update(self, scene: TwinScene) -> None:
-        from twin.engines.flash_shading import import_mitsuba
+        from twin.engines.variant import import_mitsuba
 
         mi = import_mitsuba()
         was = self._loaded
@@ -141,10 +141,8 @@ def fitted(scene: TwinScene, width: int, height: int) -> TwinScene:
 def whole_film(scene: TwinScene) -> Film:
     """Return a film of the camera's whole picture, whatever stands before it: kernels are compiled for its size."""
     camera = scene.camera
-    rows, columns = slice(0, camera.height), slice(0, camera.width)
     if abs(camera.fx / camera.fy - 1) < 1e-2 and not any(camera.distortion):
-        plain = replace(camera, fy=camera.fx)
-        return Film(plain, rows, columns, plain, (0, 0, camera.height, camera.width), None)
+        return Film.of_pinhole(replace(camera, fy=camera.fx), slice(0, camera.height), slice(0, camera.width))
     return scene.film()
 
 

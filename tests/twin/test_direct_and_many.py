@@ -11,14 +11,14 @@ from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import Conductor, Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
+from twin.engines import many
 from twin.engines.direct import Direct
 from twin.engines.film import Film
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 
 pytestmark = [
     pytest.mark.render,
@@ -62,8 +62,7 @@ def scene_of(objects, materials, given, *, camera=CAMERA, max_depth=5):
 def whole(scene):
     """Return the film of the whole picture."""
     camera = scene.camera
-    window = (0, 0, camera.height, camera.width)
-    return Film(camera, slice(0, camera.height), slice(0, camera.width), camera, window, None)
+    return Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width))
 
 
 def direct(scene, film=None, error=0.003):
@@ -80,7 +79,7 @@ def indirect(scene, film=None, samples=64, seed=10_000):
 
 
 def stock(scene, samples):
-    tracer = PathTracer(scene, whole(scene), variant=FAST)
+    tracer = PathTracer(scene, whole(scene))
     return np.stack([tracer.image(index, samples, seed=10_001) for index in range(len(scene.lights))])
 
 
@@ -203,6 +202,16 @@ def test_the_order_in_which_threads_add_changes_nothing():
     first = engine.images()
     for _ in range(3):
         assert np.array_equal(engine.images(), first)
+
+
+def test_the_order_changes_nothing_of_what_glossy_surfaces_send_on(monkeypatch):
+    monkeypatch.setattr(many, "FIRST_LOOK", 1 << 12)
+    objects, _ = corner()
+    shiny = {one.material: RoughPlastic((0.5, 0.5, 0.5), 0.1) for one in objects}
+    scene = scene_of(objects, shiny, lights([0.5, 0.2, 1], [-0.4, 0.6, 0.8]))
+    first, again = (indirect(scene, samples=16).images() for _ in range(2))
+    assert first.max() > 0
+    assert np.array_equal(first, again)
 
 
 @pytest.mark.full

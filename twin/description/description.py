@@ -168,9 +168,4 @@ class TwinScene:
         RenderError
             The camera sees nothing.
         """
-        points, camera = self.points, self.camera
-        if np.isfinite(camera.project(points)).all():
-            return film_for(camera, points)
-        film_for(camera, points)
-        corners = [[0, 0], [camera.width - 1, 0], [0, camera.height - 1], [camera.width - 1, camera.height - 1]]
-        return film_for(camera, camera.points_at_depth(corners, -1000.0))
+        return film_for(self.camera, self.points)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from formats.pictures import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError, SceneError
 from scene.pose import rotation_from_vector
@@ -17,13 +18,12 @@ from scene.reading import json_of, numbers, reading, shortened, text_of
 from twin.camera.virtual_camera import Sensor
 from twin.description import description_tables
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
-from twin.description.description_check import scene_faults
+from twin.description.description_check import faults_of, scene_faults
 from twin.description.description_tables import CameraTable, DescriptionTable, ObjectTable, TextureTable
 from twin.description.light_groups import expand
 from twin.description.materials import KINDS, Subsurface, Texture
 from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 
 Array = NDArray[np.float64]
 TAGS = {*KINDS, "distant", "point", "area", "ring", "hemisphere", "session"}
@@ -138,7 +138,7 @@ def _camera(table: CameraTable) -> Camera:
         table.fy or table.fx,
         (table.width - 1) / 2 if table.cx is None else table.cx,
         (table.height - 1) / 2 if table.cy is None else table.cy,
-        tuple(table.distortion),
+        table.distortion,
         table.projection,
         "scene description",
     )
@@ -152,10 +152,7 @@ _KEYS = sorted(
 
 
 def _told(path: Path, faults: list[str]) -> RenderError:
-    faults = [shortened(fault, 600) for fault in faults]
-    return RenderError(
-        f"{path}: " + (faults[0] if len(faults) == 1 else "\n  ".join([f"{len(faults)} faults", *faults[:100]]))
-    )
+    return faults_of(str(path), [shortened(fault, 600) for fault in faults])
 
 
 def _line(fault: Any) -> str:

@@ -75,23 +75,17 @@ def built_in(name: str) -> ObjectMesh:
     down, around = {"sphere": (128, 256), "disc": (1, 128), "cylinder": (1, 256), "cone": (64, 256)}[name]
     t, s = np.meshgrid(np.linspace(0, 1, down + 1), np.linspace(0, 1, around + 1), indexing="ij")
     angle = 2 * np.pi * s
-    if name == "sphere":
-        radius, z = np.sin(np.pi * t), np.cos(np.pi * t)
-    elif name == "cone":
-        radius, z = t, 1 - t
-    elif name == "disc":
-        radius, z = t, 0 * t
-    else:
-        radius, z = 1 + 0 * t, 1 - 2 * t
-    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), z], -1).reshape(-1, 3)
-    if name == "sphere":
-        normals = points
-    elif name == "cone":
-        normals = np.stack([np.cos(angle), np.sin(angle), 1 + 0 * t], -1).reshape(-1, 3) / np.sqrt(2)
-    elif name == "disc":
-        normals = np.broadcast_to([0.0, 0.0, 1.0], points.shape).copy()
-    else:
-        normals = points * [1, 1, 0]
+    one, zero = 1 + 0 * t, 0 * t
+    radius, z, across, along = {
+        "sphere": (np.sin(np.pi * t), np.cos(np.pi * t)) * 2,
+        "disc": (t, zero, zero, one),
+        "cylinder": (one, 1 - 2 * t, one, zero),
+        "cone": (t, 1 - t, one / np.sqrt(2), one / np.sqrt(2)),
+    }[name]
+    points, normals = (
+        np.stack([aside * np.cos(angle), aside * np.sin(angle), up], -1).reshape(-1, 3)
+        for aside, up in ((radius, z), (across, along))
+    )
     corner = np.arange((down + 1) * (around + 1)).reshape(down + 1, around + 1)
     a, b, c, d = (part.ravel() for part in (corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]))
     faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])

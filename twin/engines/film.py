@@ -43,6 +43,12 @@ class Film:
     window: tuple[int, int, int, int]
     pixels: NDArray[np.float32] | None
 
+    @classmethod
+    def of_pinhole(cls, camera: Camera, rows: slice, columns: slice) -> "Film":
+        """Return a box of the picture of a camera with square pixels and no distortion."""
+        window = rows.start, columns.start, rows.stop - rows.start, columns.stop - columns.start
+        return cls(camera, rows, columns, camera, window, None)
+
     @property
     def size(self) -> tuple[int, int]:
         """Height and width of the box."""
@@ -65,7 +71,7 @@ class Film:
 
 
 def film_for(camera: Camera, points: Array) -> Film:
-    """Return the film that holds points (P, 3), mm, camera frame.
+    """Return the film that holds points (P, 3), mm, camera frame; the whole picture where one is behind the camera.
 
     Raises RenderError: No point lies before the camera and inside the picture.
     """
@@ -85,10 +91,12 @@ def film_for(camera: Camera, points: Array) -> Film:
             f"v {seen[:, 1].min():.0f} .. {seen[:, 1].max():.0f} px, outside {camera.width} x {camera.height}. "
             "Check the pose, the camera and scan_unit."
         )
+    if len(seen) < len(pixels):
+        low, high = np.zeros(2, int), size
     (left, top), (right, bottom) = low.tolist(), high.tolist()
     rows, columns = slice(top, bottom), slice(left, right)
     if camera.fx == camera.fy and not any(camera.distortion):
-        return Film(camera, rows, columns, camera, (top, left, bottom - top, right - left), None)
+        return Film.of_pinhole(camera, rows, columns)
     plain = replace(camera, fy=camera.fx, distortion=(0.0,) * 5)
     wanted = np.empty((bottom - top, right - left, 2))
     for start in range(top, bottom, ROWS):

@@ -5,24 +5,23 @@
     mitsuba -m llvm_ad_rgb -D light=NAME -o NAME.exr scene.xml
 """
 
-import os
 import re
-import shutil
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 
+from formats.pictures import write_exr
 from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
-from twin.description.mesh_files import write_ply
-from twin.description.picture_files import write_exr
+from twin.description.description_writer import Keeper
+from twin.description.mesh_files import write_mesh
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
-from twin.engines.variant import pick_variant
+from twin.engines.variant import import_mitsuba
 
 SAMPLES = 256
 """A pixel, where the description names none; `-D samples=64` changes it."""
@@ -69,14 +68,11 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
     for name in scene.lights.names:
         if not re.fullmatch(r"[\w.-]+", name):
             raise RenderError(f"lights: {name!r} can be no file's name here; use letters, digits, _, - and dots.")
-    import mitsuba as mi
-
-    mi.set_variant(pick_variant()[0])  # type: ignore[attr-defined]
+    import_mitsuba(slow=True)
     film, made, files, notes = scene.film(), parts(scene), _Files(folder), []
     if film.pixels is None:
-        film = Film(
-            film.camera, film.rows, film.columns, film.camera, (0, 0, film.camera.height, film.camera.width), None
-        )
+        camera = film.camera
+        film = Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width))
     else:
         plain = film.rendered
         notes.append(
@@ -100,7 +96,7 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
         root.append(files.element(within, id=f"medium {name}"))
     for number, (_, mesh, material) in enumerate(made.shapes):
         file = f"meshes/{number:02d}.ply"
-        write_ply(folder / file, mesh)
+        write_mesh(folder / file, mesh)
         shape = ElementTree.SubElement(root, "shape", type="ply", id=f"object_{number}")
         ElementTree.SubElement(shape, "string", name="filename", value=file)
         # In files texture coordinates point up.
@@ -131,8 +127,7 @@ class _Files:
     """Turns Mitsuba's dictionaries into XML; arrays and files that they name go into textures/."""
 
     def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self._pictures: dict[int, str] = {}
+        self._keep = Keeper(folder, ".exr", write_exr)
 
     def element(self, node: dict[str, Any], **attributes: str) -> Element:
         kind = node["type"]
@@ -148,9 +143,9 @@ class _Files:
                 return Element("rgb", name=key, value=_numbers(value["value"]))
             return self.element(value, name=key)
         if key == "data":
-            return Element("string", name="filename", value=self._picture(value))
+            return Element("string", name="filename", value=self._keep.picture(value))
         if isinstance(value, Path):
-            return Element("string", name=key, value=self._copy(value))
+            return Element("string", name=key, value=self._keep.copy(value))
         if isinstance(value, list):
             return Element("vector" if key == "direction" else "point", name=key, value=_numbers(value))
         for kind, tag in ((bool, "boolean"), (int, "integer"), (float, "float"), (str, "string")):
@@ -160,19 +155,6 @@ class _Files:
         transform = Element("transform", name=key)
         ElementTree.SubElement(transform, "matrix", value=_numbers(matrix.ravel()))
         return transform
-
-    def _picture(self, values: np.ndarray) -> str:
-        if id(values) not in self._pictures:
-            self._pictures[id(values)] = f"textures/{len(self._pictures):02d}.exr"
-            write_exr(self._folder / self._pictures[id(values)], values)
-        return self._pictures[id(values)]
-
-    def _copy(self, path: Path) -> str:
-        name = f"textures/{path.name}"
-        (self._folder / "textures").mkdir(parents=True, exist_ok=True)
-        if os.path.realpath(path) != os.path.realpath(self._folder / name):
-            shutil.copyfile(path, self._folder / name)
-        return name
 
 
 def _numbers(values: Any) -> str:

@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scene.errors import RenderError
 from twin.description.materials import (
     VERTEX,
     Conductor,
@@ -95,7 +96,7 @@ def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: floa
         "int_ior": float(material.index),
         "ext_ior": 1.0,
         "diffuse_reflectance": _value(reflectance),
-        "specular_reflectance": _number(specularity),
+        "specular_reflectance": _value(specularity),
     }
 
 
@@ -110,20 +111,12 @@ def _times(value: Any, factor: float) -> Any:
     return factor * value
 
 
-def _value(reflectance: Reflectance) -> dict[str, Any]:
-    if isinstance(reflectance, Texture):
-        return _bitmap(reflectance)
-    if reflectance == VERTEX:
+def _value(value: Reflectance | float) -> Any:
+    if isinstance(value, Texture):
+        return {"type": "bitmap", "data": value.values, "raw": True, "filter_type": "bilinear", "wrap_mode": value.wrap}
+    if isinstance(value, str):
         return {"type": "mesh_attribute", "name": VERTEX_COLOUR}
-    return {"type": "rgb", "value": [float(value) for value in reflectance]}  # type: ignore[union-attr]
-
-
-def _number(value: float | Texture) -> Any:
-    return _bitmap(value) if isinstance(value, Texture) else float(value)
-
-
-def _bitmap(texture: Texture) -> dict[str, Any]:
-    return {"type": "bitmap", "data": texture.values, "raw": True, "filter_type": "bilinear", "wrap_mode": texture.wrap}
+    return {"type": "rgb", "value": [float(part) for part in value]} if isinstance(value, tuple) else float(value)
 
 
 def material_faults(materials: Mapping[str, Material]) -> list[str]:
@@ -155,10 +148,6 @@ def material_faults(materials: Mapping[str, Material]) -> list[str]:
 
 
 def _is_known(metal: str) -> bool:
-    from importlib.util import find_spec
-    from pathlib import Path
-
-    found = find_spec("mitsuba")
-    if found is None or found.origin is None:
-        raise RenderError("Mitsuba is not installed. Run `make setup`.")
-    return metal == "none" or (Path(found.origin).parent / "data" / "ior" / f"{metal}.eta.spd").is_file()
+    # Mitsuba itself would take half a second to import.
+    folder = Path(find_spec("mitsuba").origin).parent  # type: ignore[union-attr,arg-type]
+    return metal == "none" or (folder / "data" / "ior" / f"{metal}.eta.spd").is_file()

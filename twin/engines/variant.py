@@ -9,11 +9,12 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Iterator
+from glob import glob
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from scene.errors import SceneError
+from scene.errors import RenderError, SceneError
 from scene.files import write_json
 from scene.reading import json_of
 
@@ -51,6 +52,24 @@ _PLACES = (
 )
 
 
+def import_mitsuba(*, slow: bool = False) -> Any:
+    """Return mitsuba with the variant set that is to be used here; `slow`: the scalar one will do.
+
+    Raises
+    ------
+    RenderError
+        Only the scalar variant runs on this machine.
+    """
+    variant, note = pick_variant()
+    if variant != FAST and not slow:
+        raise RenderError(f"the engines `direct` and `many` need Mitsuba's variant {FAST}: {note} Or use `mitsuba`.")
+    import mitsuba as mi
+
+    mi.set_variant(variant)  # type: ignore[attr-defined]
+    mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
+    return mi
+
+
 def pick_variant() -> tuple[str, str]:
     """Return the variant to render with, and a line that says why.
 
@@ -77,17 +96,12 @@ def llvm_libraries(places: tuple[str, ...] | None = None) -> list[Path]:
     `places` are glob patterns of absolute paths; where the usual systems put the library, if not given.
     """
     found: dict[Path, tuple[int, Path]] = {}
-    for path in _candidates(_PLACES if places is None else places):
-        release = _release(path)
-        if release >= OLDEST_LLVM:
-            found.setdefault(path.resolve(), (release, path))
+    for place in (*(_PLACES if places is None else places), str(Path(sys.prefix) / "lib" / "libLLVM*")):
+        for path in map(Path, sorted(glob(place))):
+            release = _release(path)
+            if release >= OLDEST_LLVM:
+                found.setdefault(path.resolve(), (release, path))
     return [path for _, path in sorted(found.values(), key=lambda item: (-item[0], str(item[1])))]
-
-
-def _candidates(places: tuple[str, ...]) -> Iterator[Path]:
-    for place in (*places, str(Path(sys.prefix) / "lib" / "libLLVM*")):
-        anchor = Path(place).anchor
-        yield from sorted(Path(anchor).glob(place[len(anchor) :]))
 
 
 def _release(path: Path) -> int:
