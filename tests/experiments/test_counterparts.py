@@ -8,7 +8,7 @@ import pytest
 
 from compare.report.counterpart_page import badge_of
 from compare.statistics.sigma_propagation import moved_lights, shifted
-from experiments.counterparts.compare_folders import NUMBERS, PAGE, compare_folders, open_folder, shifts_of
+from experiments.compare_folders import NUMBERS, PAGE, compare_folders, open_folder, shifts_of
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_json, write_npy, write_text
