@@ -1,5 +1,7 @@
 """Photographs of a recipe and of a dataset: rendered once, then lit, exposed and photographed."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -49,6 +51,26 @@ class Photographs:
     @property
     def albedo(self) -> Images:
         return self.truth.albedo
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold rendering and image processing to one thread: neighbours have the other cores.
+
+    And the same cell shall give the same bytes: Dr.Jit's threads add to the samples of one pixel in the order in which
+    they come, and float32 sums depend on it. What was set before is set again.
+    """
+    import cv2
+    import drjit
+
+    before = cv2.getNumThreads(), drjit.thread_count()
+    cv2.setNumThreads(1)
+    drjit.set_thread_count(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before[0])
+        drjit.set_thread_count(before[1])
 
 
 def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = False) -> Images:

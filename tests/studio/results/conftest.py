@@ -43,7 +43,7 @@ def make(tmp_path):
 
     def made(*, near=True, noise=0.002, methods=("ls", "iterative"), shot_with=None):
         generator = np.random.default_rng(10_062)
-        lights, store = lights_of(near=near, digits=2), Store(tmp_path / "out")
+        lights, store = lights_of(near=near), Store(tmp_path / "out")
         with open_record(store.folder) as record:
             for step in ("check", "calibrate", "align", "solve", "twin"):
                 with record.making(step, "by the test") as entry:
