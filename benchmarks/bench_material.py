@@ -20,12 +20,14 @@ from benchmarks.pages import put
 from benchmarks.real_captures import washington
 from benchmarks.real_surfaces import diligent_object
 from scene.lights import Lights
-from scene.pose import Pose
+from scene.mesh import Mesh
 from twin.description.materials import RoughPlastic
+from twin.description.object_mesh import built_in
 from twin.material.fit_material import MaterialFit, fit_material
 from twin.material.material_residual import Residual, material_residual
-from twin.material.material_samples import samples_of_normals
+from twin.material.material_samples import samples_of_scan
 from twin.material.scan_material import scan_material
+from twin.visibility import Sight
 
 ROOT = Path(__file__).resolve().parents[1]
 SHAPES = ("blob", "potato", "relief", "knot", "dented_pear", "house", "brick", "mug")
@@ -46,8 +48,8 @@ def virtual(seeds: int) -> list[str]:
         session = material_session(seed, shape=shape, material=true, near=near)
         start = time.process_time()
         found = scan_material(
-            session.frames, session.lights, session.camera, session.mask, session.scan, session.pose,
-            normals=session.normals,
+            Sight.of_scan(session.scan, session.pose, session.camera, session.lights), session.frames, session.mask,
+            session.normals,
         )  # fmt: skip
         spent = time.process_time() - start
         known = np.isfinite(found.albedo) & np.isfinite(session.albedo)
@@ -99,16 +101,16 @@ def real() -> list[str]:
     ]
     for name in ("ball", "cat"):
         one = diligent_object(name, "orthographic")
-        found = scan_material(
-            one.frames, one.lights, one.camera, one.mask, one.surface, Pose(np.eye(4)), normals=one.normals
-        )
+        found = scan_material(Sight(one.surface, one.camera, one.lights), one.frames, one.mask, one.normals)
         lines.append(_row(f"DiLiGenT {name}, 96 lights", found.places.fits, found.residual))
     gray = washington()
     pixels = gray.camera.grid()
     normals = gray.gray_ball.normals(gray.camera, pixels)[0].astype(np.float32)
     lights = gray.found.lights
     distant = Lights(lights.names, lights.directions, lights.intensities).normalised()
-    samples = samples_of_normals(gray.gray, distant, gray.camera, gray.gray_ball.mask(gray.camera), normals)
+    sphere, middle = built_in("sphere"), gray.gray_ball.center_mm(gray.camera)
+    sight = Sight(Mesh(gray.gray_ball.radius_mm * sphere.vertices + middle, sphere.faces), gray.camera, distant)
+    samples = samples_of_scan(sight, gray.gray, gray.gray_ball.mask(gray.camera), normals)
     fit = fit_material(samples, distant)
     lines.append(_row("Washington gray ball, 12 lights", (fit,), material_residual(samples, fit, distant)))
     return lines

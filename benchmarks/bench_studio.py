@@ -25,7 +25,7 @@ from studio.editor.placement import placement_of
 from studio.editor.preview import HEIGHT, WIDTH
 from twin.description.description import TwinScene
 from twin.description.materials import Diffuse, RoughPlastic
-from twin.description.mesh_files import read_mesh, write_ply
+from twin.description.mesh_files import read_mesh, write_mesh
 from twin.description.object_mesh import ObjectMesh, smooth
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"
@@ -90,7 +90,7 @@ def opening(faces: int) -> list[tuple[str, float, float]]:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "large.ply"
         ball = bumpy_ball(faces)
-        write_ply(path, ObjectMesh(ball.vertices, ball.faces))
+        write_mesh(path, ObjectMesh(ball.vertices, ball.faces))
         made: dict[str, ObjectMesh] = {}
         live = LiveScene()
         live.picture(edits.start_scene(), 0, width=WIDTH, height=HEIGHT)

@@ -22,9 +22,9 @@ from benchmarks.pages import put
 from benchmarks.twin_scenes import StockMitsuba, dome, stage, whole_picture
 from compare.report.line_chart import line_chart
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.variant import import_mitsuba
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLERS = "multijitter", "independent", "orthogonal"

@@ -22,9 +22,9 @@ from scene.frames import Frames
 from scene.normals import angular_error_deg
 from solve.solve import solve
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.variant import import_mitsuba
 from twin.ground_truth import ground_truth
 
 DOCS = Path(__file__).resolve().parents[1] / "docs"

@@ -24,9 +24,9 @@ from twin.description.description import WHITE_BALL_ALBEDO, TwinObject, TwinScen
 from twin.description.materials import RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.variant import import_mitsuba
 
 AMBIENT = 0.004
 """Pixel value of the room's light in every frame; a frame without flash tells it."""

@@ -6,6 +6,7 @@ this size and place under such flashes with such noise, and whether its sigmas a
 
 import shutil
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -54,12 +55,16 @@ def _photographed(
     """Return the rendering's frames, decoded from files as photographs are, and what balls to look for in them."""
     from capture.photographs.decode import decode
     from capture.session.session_types import Session
+    from twin.camera.virtual_camera import NO_FILTER
     from twin.camera.virtual_photograph import write_photograph
     from twin.session_scene import session_sensor
     from twin.virtual_balls import render_balls
 
     sensor = session_sensor(job.store.load_frames(), half=job.session.half)
-    suffix = "png" if sensor.cfa == "none" else "dng"
+    suffix = "dng"
+    if sensor.cfa == NO_FILTER:
+        # All that a PNG holds.
+        suffix, sensor = "png", replace(sensor, black_level=0, white_level=65535)
     # Balls that were photographed apart may lie one upon the other: each gets frames of its own.
     together = [sphere for sphere in spheres if not sphere.apart]
     groups = ([together] if together else []) + [[sphere] for sphere in spheres if sphere.apart]

@@ -117,7 +117,7 @@ def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int],
     first_face = np.cumsum([0, *(len(mesh.faces) for mesh in meshes)])
     faces = np.concatenate([mesh.faces + first for mesh, first in zip(meshes, first_vertex, strict=False)])
     whole = Mesh(scene.points, faces)
-    sight = Sight(whole, camera)
+    sight = Sight(whole, camera, scene.lights)
     for band, face, weights, points in sight.rows(film.rows, film.columns):
         rows, columns = np.nonzero(face >= 0)
         at = (band.start + rows, film.columns.start + columns)
@@ -143,7 +143,7 @@ def _fill(scene: TwinScene, maps: dict[str, Any], progress: Callable[[int, int],
         side = np.where(np.sum(flat * rays, -1, keepdims=True) > 0, -1.0, 1.0)
         flat, normals = side * flat, side * normals
         maps["normals"][at] = normals
-        for name, bits in zip(("attached", "cast"), sight.shadows(points, normals, flat, scene.lights), strict=True):
+        for name, bits in zip(("attached", "cast"), sight.shadows(points, normals, flat), strict=True):
             maps[name][at] = np.packbits(bits, axis=1, bitorder="little")
         if progress is not None:
             progress(band.stop - film.rows.start, film.rows.stop - film.rows.start)

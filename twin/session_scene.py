@@ -27,24 +27,23 @@ def session_scene(
     from twin.material.material_light import material_scene
     from twin.material.scan_material import scan_material
     from twin.scan_scene import scan_scene
+    from twin.visibility import Sight
 
-    pose, camera, lights = store.load_pose(), store.load_camera(), store.load_lights()
+    lights = store.load_lights()
+    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights)
     try:
-        taken = store.load_frames(), lights, camera, store.load_mask(), mesh, pose
-        found = scan_material(*taken, normals=store.load_normals("truth"))
+        found = scan_material(sight, store.load_frames(), store.load_mask(), store.load_normals("truth"))
     except RenderError as error:
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
         albedo = store.read_array("albedo", f"{method}.npy")
         # The solvers evaluate near lights at this one depth; the scan knows better.
         depth = float(lights.reference_point_mm[2])
-        scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, albedo_depth_mm=depth, sampling=sampling)
+        scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=depth)
         return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings]
     if not is_error_given:
         # No more than the scene needs: what the material is wrong by, exact light would not mend.
         sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.residual.whole))
-    scene, warnings = material_scene(
-        found.places.fits, found.labels, found.albedo, mesh, pose, camera, lights, sampling
-    )
+    scene, warnings = material_scene(sight, found.places.fits, found.labels, found.albedo, sampling)
     return scene, found.facts(), [*found.warnings, *warnings]
 
 

@@ -1,15 +1,16 @@
 """The twin as a session of its own: a folder that `rgbn process` takes like any capture."""
 
 import glob
-import json
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.toml_text import toml_text
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.files import write_npy, write_text
@@ -116,28 +117,18 @@ def write_session(
     folder.save_lights(lights, files=tuple(written))
     folder.save_mask(mask)
     write_npy(folder.path("truth.npy"), np.asarray(truth, np.float32))
-    path = folder.path("session.toml")
-    write_text(path, _manifest(written, camera, name or f"{folder.folder.resolve().parent.name} twin"))
-    return path
-
-
-def _manifest(files: list[str], camera: Camera, name: str) -> str:
-    """Return session.toml. The files are listed one by one: their order is that of lights.json."""
-    # JSON's strings are TOML's too; a name with brackets must not be taken for a glob.
-    listed = "".join(f"  {json.dumps(glob.escape(file))},\n" for file in files)
-    lines = [
-        HEADLINE,
-        "version = 1",
-        f"name = {json.dumps(name)}",
-        "",
-        "[frames]",
-        f"flash = [\n{listed}]",
-        *(["linear = true"] if files[0].endswith(".png") else []),
-        "",
-    ]
+    session: dict[str, Any] = {
+        "version": 1,
+        "name": name or f"{folder.folder.resolve().parent.name} twin",
+        # One by one: their order is that of lights.json. A name with brackets is no glob.
+        "frames": {"flash": [glob.escape(file) for file in written], "linear": True if files == "png" else None},
+        "lights": {"file": "lights.json"},
+        "object": {"mask": "mask.png", "normals": "truth.npy"},
+    }
     if not camera.is_orthographic:  # which is what a session without [camera] is taken to be
-        lines += ["[camera]", f"width = {camera.width}", f"height = {camera.height}"]
-        lines += [f"{key} = {float(getattr(camera, key))}" for key in ("fx", "fy", "cx", "cy")]
-        lines += [f"distortion = {[float(value) for value in camera.distortion]}", ""]
-    lines += ["[lights]", 'file = "lights.json"', "", "[object]", 'mask = "mask.png"', 'normals = "truth.npy"', ""]
-    return "\n".join(lines)
+        session["camera"] = {
+            key: getattr(camera, key) for key in ("width", "height", "fx", "fy", "cx", "cy", "distortion")
+        }
+    path = folder.path("session.toml")
+    write_text(path, f"{HEADLINE}\n{toml_text(session)}")
+    return path

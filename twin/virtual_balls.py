@@ -15,8 +15,9 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.spheres import Sphere
-from twin.engines.film import Film, film_for, sensor_description
-from twin.engines.variant import pick_variant
+from twin.engines.film import Film, film_for
+from twin.engines.path_tracing import traced
+from twin.engines.variant import import_mitsuba
 
 Array = NDArray[np.float64]
 FLASH_RADIUS_MM = 25.0
@@ -33,7 +34,6 @@ MARGIN = 1.25
 BEHIND_PIXELS = 1 << 18
 """Of the wall behind the balls' boxes: it is smooth, so it is rendered coarsely."""
 SAMPLES_PER_FRAME = 1 << 24
-SAMPLES_PER_CALL = 1 << 21
 DEPTH = 3
 """Mitsuba's max_depth: one bounce between wall, matte balls and mirrors; in a mirror, what is lit directly."""
 
@@ -91,11 +91,7 @@ def render_balls(
     """
     if not spheres:
         raise RenderError("no ball to render. Calibrate with balls first.")
-    variant, _ = pick_variant()
-    import mitsuba as mi
-
-    mi.set_variant(variant)  # type: ignore[attr-defined]
-    mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
+    mi = import_mitsuba(slow=True)
     balls = place_balls(spheres, camera)
     wall = min(ball.center[2] - ball.radius for ball in balls)
     boxes = [film_for(camera, _around(ball)) for ball in balls]
@@ -111,14 +107,14 @@ def render_balls(
         flash = _flash(lights, balls, index, scale)
         matte = mi.load_dict({**_stage(mi, balls, wall, mirrors=False), "flash": flash})
         mirrored = mi.load_dict({**_stage(mi, balls, wall, mirrors=True), "flash": flash})
-        image = _resized(_rendered(mi, matte, behind, corners, 16, index), camera)
+        image = _resized(behind.place(traced(matte, behind, corners, 16, (index,))), camera)
         for number, (ball, box) in enumerate(zip(balls, boxes, strict=True)):
             seed, around = 1000 * index + 2 * number + 1, _around(ball)
-            part = _rendered(mi, matte, box, around, samples_per_pixel, seed)
+            part = box.place(traced(matte, box, around, samples_per_pixel, (seed,)))
             if ball.kind == "chrome":
                 # To the rest of the scene mirrors are black: a path from matte to mirror to flash is a caustic, which
                 # is found one time in a million, and then as a white speck. No highlight lies in a ball's rim.
-                shown = _rendered(mi, mirrored, box, around, samples_per_pixel, seed + 1)
+                shown = box.place(traced(mirrored, box, around, samples_per_pixel, (seed + 1,)))
                 inside, rim = insides[number]
                 part[rim] = np.minimum(shown[rim], 2 * WALL / WHITE * peak)
                 part[inside] = shown[inside]
@@ -153,15 +149,6 @@ def _resized(image: NDArray[np.float32], camera: Camera) -> NDArray[np.float32]:
     import cv2
 
     return np.asarray(cv2.resize(image, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR), np.float32)
-
-
-def _rendered(mi, scene, film: Film, points: Array, samples: int, seed: int) -> NDArray[np.float32]:
-    bands = []
-    for first_row, height in film.bands(SAMPLES_PER_CALL, samples):
-        sensor = mi.load_dict(sensor_description(film, points, first_row, height))
-        mixed = int(np.random.SeedSequence([seed, first_row]).generate_state(1)[0])
-        bands.append(np.asarray(mi.render(scene, sensor=sensor, spp=samples, seed=mixed), np.float32)[..., :3])
-    return film.place(np.concatenate(bands))
 
 
 def _stage(mi, balls: list[PlacedBall], wall: float, *, mirrors: bool) -> dict:

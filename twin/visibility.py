@@ -1,6 +1,8 @@
 """What the camera sees of a mesh, and which of its points lie in shadow."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +11,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
+from scene.pose import Pose
 from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
@@ -18,47 +21,57 @@ LIFT = 1e-4
 """Of the mesh's radius: how far rays start from the surface that they leave."""
 
 
+@dataclass(frozen=True, eq=False)
 class Sight:
-    """A mesh, given in the camera frame, seen by the camera."""
+    """What is seen: a mesh, in the camera frame, before the camera and under the lights, near or distant."""
 
-    def __init__(self, mesh: Mesh, camera: Camera) -> None:
-        self._mesh, self._camera, self._caster = mesh, camera, RayCaster(mesh)
+    mesh: Mesh
+    camera: Camera
+    lights: Lights
+
+    @classmethod
+    def of_scan(cls, scan: Mesh, pose: Pose, camera: Camera, lights: Lights) -> "Sight":
+        """Return a registered scan; `pose`: camera_from_scan."""
+        return cls(Mesh(pose.apply(scan.vertices), scan.faces), camera, lights)
+
+    @cached_property
+    def _caster(self) -> RayCaster:
+        return RayCaster(self.mesh)
 
     def rows(self, rows: slice, columns: slice) -> Iterator[tuple[slice, NDArray[np.int64], Array, Array]]:
         """Yield bands of a box of the picture: its rows, and what each of its pixels' centres sees."""
         for start in range(rows.start, rows.stop, 64):
             band = slice(start, min(start + 64, rows.stop))
-            yield band, *self.at(self._camera.grid(band)[:, columns])
+            yield band, *self.at(self.camera.grid(band)[:, columns])
 
     def at(self, pixels: Array) -> Seen:
         """Return what pixels (..., 2) anywhere see."""
-        origins, directions = (part.reshape(-1, 3) for part in self._camera.rays(pixels))
+        origins, directions = (part.reshape(-1, 3) for part in self.camera.rays(pixels))
         # The orthographic camera's plane z = 0 may lie anywhere in the mesh.
-        hits = self._caster.cast(origins, directions, lines=self._camera.is_orthographic)
+        hits = self._caster.cast(origins, directions, lines=self.camera.is_orthographic)
         points = origins + np.where(hits.hit, hits.distance, np.nan)[:, None] * directions
         shape = pixels.shape[:-1]
         return hits.face.reshape(shape), hits.weights.reshape(*shape, 3), points.reshape(*shape, 3)
 
     def seen_faces(self, rows: slice, columns: slice) -> NDArray[np.bool_]:
         """Return (T,) whether the camera sees a face: at a pixel's centre of the box, or at one of its corners."""
-        mesh = self._mesh
+        mesh = self.mesh
         seen = np.zeros(len(mesh.faces), bool)
         for _, face, _, _ in self.rows(rows, columns):
             seen[face[face >= 0]] = True
         toward = np.zeros_like(mesh.vertices) + [0.0, 0.0, 1.0]
-        if not self._camera.is_orthographic:
+        if not self.camera.is_orthographic:
             toward = -mesh.vertices / np.linalg.norm(mesh.vertices, axis=1, keepdims=True)
         free = ~self._caster.blocked(mesh.vertices + LIFT * mesh.radius_mm * toward, toward)
         front = np.sum(mesh.face_normals * toward[mesh.faces[:, 0]], 1) > 0
         return seen | (front & free[mesh.faces].any(1))
 
-    def shadows(
-        self, points: Array, normals: Array, flat: Array, lights: Lights
-    ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def shadows(self, points: Array, normals: Array, flat: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return (P, F) attached and cast: the light is behind the surface; it is before it, but something is between.
 
         `normals`, `flat` (P, 3): those that are shaded with, and the faces'; on the side that is seen.
         """
+        lights = self.lights
         attached = np.empty((len(points), len(lights)), bool)
         cast = np.zeros_like(attached)
         # Light by light: all vectors of a hundred lights would not fit beside a picture's maps.
@@ -68,7 +81,7 @@ class Sight:
             attached[:, index] = (np.sum(toward * normals, 1) <= 0) | (np.sum(toward * flat, 1) <= 0)
             facing = ~attached[:, index]
             toward, far = toward[facing], np.inf
-            origins = points[facing] + LIFT * self._mesh.radius_mm * (flat[facing] + toward)
+            origins = points[facing] + LIFT * self.mesh.radius_mm * (flat[facing] + toward)
             if end is not None:
                 far = np.linalg.norm(end - origins, axis=1)
                 toward = (end - origins) / far[:, None]

@@ -4,10 +4,7 @@ No colour profile is applied, no orientation: the sensor's pixels as they lie in
 """
 
 import io
-import threading
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +12,7 @@ from numpy.typing import NDArray
 from capture.photographs.photograph import Photograph, halve
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
+from formats.pictures import linear_from_srgb, read_exr
 from scene.errors import CaptureError
 from scene.frames import encode
 from scene.image_files import check_header, pixels_of
@@ -22,7 +20,7 @@ from scene.reading import reading
 
 FLOAT16_MAX = 65504.0
 
-_THREADS = threading.Lock()
+COPY = "Copy it from the camera again."
 
 
 def read_image(path: Path, encoding: Encoding, *, half: bool = False) -> Photograph:
@@ -32,7 +30,10 @@ def read_image(path: Path, encoding: Encoding, *, half: bool = False) -> Photogr
     cannot be read, or is cut short.
     """
     values: NDArray
-    values, white = _read_exr(path) if kind_of(path) == "exr" else _read_pixels(path)
+    if kind_of(path) == "exr":
+        values, white = read_exr(path, _fault(path), CaptureError, do=COPY), 1
+    else:
+        values, white = _read_pixels(path)
     if values.dtype.kind == "f":
         if not np.isfinite(values).all():
             raise CaptureError(
@@ -47,15 +48,12 @@ def read_image(path: Path, encoding: Encoding, *, half: bool = False) -> Photogr
 
 
 def linear_of_values(values: NDArray, encoding: Encoding) -> NDArray[np.float64]:
-    """Return linear light of coded values, both 0 to 1.
-
-    sRGB: v / 12.92 below 0.04045, ((v + 0.055) / 1.055) ** 2.4 above (IEC 61966-2-1).
-    """
+    """Return linear light of coded values, both 0 to 1."""
     values = np.asarray(values, np.float64)
     if encoding == "linear":
         return values
     if encoding == "srgb":
-        return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+        return linear_from_srgb(values)
     return values**encoding
 
 
@@ -71,7 +69,7 @@ def _read_pixels(path: Path) -> tuple[NDArray, int]:
 
     data = _bytes_of(path)
     suffix = path.suffix.lower()
-    with _decoding(path):
+    with reading(path, _fault(path), CaptureError, do=COPY):
         if suffix == ".tga":
             values = _pixels_of_tga(data)
         else:
@@ -95,9 +93,8 @@ def _bytes_of(path: Path) -> bytes:
     return data
 
 
-def _decoding(path: Path) -> AbstractContextManager[None]:
-    fault = f"cannot be decoded: corrupt, or no {path.suffix} file"
-    return reading(path, fault, CaptureError, do="Copy it from the camera again.")
+def _fault(path: Path) -> str:
+    return f"cannot be decoded: corrupt, or no {path.suffix} file"
 
 
 def _check_end(path: Path, data: bytes) -> None:
@@ -127,28 +124,3 @@ def _pixels_of_tga(data: bytes) -> NDArray:
     with Image.open(io.BytesIO(data), formats=["TGA"]) as image:
         gray = image.mode in ("L", "LA", "1")
         return np.asarray(image.convert("L" if gray else "RGB"))
-
-
-def _read_exr(path: Path) -> tuple[NDArray[np.float32], int]:
-    # Mitsuba brings a full OpenEXR reader; OpenCV's wheels have lost theirs.
-    import drjit
-    import mitsuba
-
-    # With a single thread, that of a machine with one core, the reader waits for a helper that never comes.
-    with _THREADS:
-        if drjit.thread_count() < 2:
-            drjit.set_thread_count(2)
-    data = _bytes_of(path)
-    with _decoding(path):
-        check_header(data)
-        bitmap: Any = mitsuba.Bitmap(str(path))
-        names = [field.name for field in bitmap.struct_()]
-        values = np.array(bitmap, np.float32)
-    values = values.reshape(values.shape[0], values.shape[1], -1)
-    if {"R", "G", "B"} <= set(names):
-        return values[..., [names.index(name) for name in "RGB"]], 1
-    if len(names) == 1 or "Y" in names:
-        return values[..., names.index("Y") if "Y" in names else 0], 1
-    raise CaptureError(
-        f"{path}: holds the channels {', '.join(names)}, expected R, G, B or Y. Export the picture alone."
-    )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.pictures import srgb_from_linear
 from scene.frames import Frames
 from scene.normals import unit
 from scene.spheres import Sphere
@@ -96,9 +97,8 @@ class Exposure:
 
     def develop(self, linear: NDArray) -> Image:
         """Return 8-bit sRGB of linear pixels (h, w, 3)."""
-        value = np.clip(np.nan_to_num(linear / self.balance / self.white), 0, 1)
-        encoded = np.where(value <= 0.0031308, 12.92 * value, 1.055 * value ** (1 / 2.4) - 0.055)
-        return np.round(encoded * 255).astype(np.uint8)
+        value = np.nan_to_num(linear / self.balance / self.white)
+        return np.round(srgb_from_linear(value) * 255).astype(np.uint8)
 
 
 def thumbnail(frames: Frames, index: int, width: int, box: Box | None = None) -> NDArray[np.float32]:

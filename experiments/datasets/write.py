@@ -37,10 +37,10 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
         The scene cannot be rendered here.
     """
     from formats.diligent_layout import NORMALS, write_diligent, write_normal_mat
+    from formats.pictures import write_exr
     from scene.files import write_json, write_png, write_text
     from scene.normals import encode_normals
     from scene.store import Store
-    from twin.description.picture_files import write_exr
     from twin.ground_truth import save_ground_truth
 
     stack = photograph_dataset(dataset)

@@ -6,14 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.meshes.ply_write import write_ply
+from formats.pictures import srgb_from_linear
 from scene.camera import Camera
-from scene.files import write_whole
 from solve.surface.integration import Surface
-
-VERTEX = np.dtype(
-    [(name, "<f4") for name in ("x", "y", "z", "nx", "ny", "nz")] + [(name, "u1") for name in ("red", "green", "blue")]
-)
-FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 @dataclass(frozen=True)
@@ -31,29 +27,9 @@ class SurfaceMesh:
 
     def write(self, path: Path) -> None:
         """Write binary PLY [Turk1994]."""
-        vertex = np.zeros(len(self.vertices), VERTEX)
-        for names, values in (("xyz", self.vertices), (("nx", "ny", "nz"), self.normals)):
-            for axis, name in enumerate(names):
-                vertex[name] = values[:, axis]
-        for channel, name in enumerate(("red", "green", "blue")):
-            vertex[name] = self.colors[:, channel]
-        face = np.zeros(len(self.faces), FACE)
-        face["count"], face["corners"] = 3, self.faces
-        kinds = {"f": "float", "u": "uchar"}
-        header = [
-            "ply",
-            "format binary_little_endian 1.0",
-            "comment millimetres; camera frame: x right, y up, z toward the viewer",
-            f"element vertex {len(vertex)}",
-            *(f"property {kinds[VERTEX[name].kind]} {name}" for name in VERTEX.names or ()),
-            f"element face {len(face)}",
-            "property list uchar int vertex_indices",
-            "end_header",
-        ]
-        with write_whole(path) as file:
-            file.write(("\n".join(header) + "\n").encode())
-            file.write(vertex.tobytes())
-            file.write(face.tobytes())
+        places, normals = self.vertices.astype(np.float32), self.normals.astype(np.float32)
+        columns = {"x y z": places, "nx ny nz": normals, "red green blue": self.colors}
+        write_ply(path, columns, self.faces, "millimetres; camera frame: x right, y up, z toward the viewer")
 
 
 def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera, *, gap_px: float = 2.0) -> SurfaceMesh:
@@ -85,6 +61,5 @@ def mesh_of(surface: Surface, normals: NDArray, albedo: NDArray, camera: Camera,
 def _colors(albedo: NDArray) -> NDArray[np.uint8]:
     known = np.nan_to_num(np.asarray(albedo, np.float64))
     top = float(np.percentile(known, 99)) if known.size else 0.0
-    linear = np.clip(0.9 * known / top, 0, 1) if top > 0 else np.zeros_like(known)
-    encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return np.round(255 * encoded).astype(np.uint8)
+    linear = 0.9 * known / top if top > 0 else np.zeros_like(known)
+    return np.round(255 * srgb_from_linear(linear)).astype(np.uint8)

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 
+from formats.pictures import read_picture
 from scene.light_text import number_rows
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.widgets import Inputs, plain
 from twin.description.description_tables import GridTable, LightTable, RingTable, SessionLightsTable
 from twin.description.light_groups import LightGroup, direction
-from twin.description.picture_files import read_picture
 
 NONE, OTHER = "(none)", "(of the scene)"
 POLAR = {"kind", "polar", "near"}
@@ -108,7 +108,7 @@ class LightsPanel:
         if distance is None:
             return LightTable(kind="distant", azimuth_deg=azimuth, elevation_deg=elevation)
         middle = self._window.scene.lights.reference_point_mm
-        place = (middle + distance * direction(azimuth, elevation)).tolist()
+        place = tuple(middle + distance * direction(azimuth, elevation))
         return LightTable(kind="point" if radius is None else "area", position_mm=place, radius_mm=radius)
 
     def _move(self, value: tuple[float, float, float]) -> None:

@@ -52,7 +52,7 @@ class LiveScene:
         return _placed(lit, film)
 
     def _update(self, scene: TwinScene) -> None:
-        from twin.engines.flash_shading import import_mitsuba
+        from twin.engines.variant import import_mitsuba
 
         mi = import_mitsuba()
         was = self._loaded

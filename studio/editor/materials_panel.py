@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from formats.pictures import linear_from_srgb, read_picture, srgb_from_linear
 from studio.editor import edits
 from studio.editor.editor_window import EditorWindow
 from studio.widgets import Inputs, plain
 from twin.description import materials
 from twin.description.description import TwinScene
 from twin.description.materials import VERTEX, Conductor, Material, Measured, Principled, Subsurface, Texture
-from twin.description.picture_files import read_picture
 
 KINDS = {
     "matte": materials.Diffuse,
@@ -100,8 +100,6 @@ class MaterialsPanel:
         return known
 
     def _set_colour(self, coded: tuple[int, int, int]) -> None:
-        from twin.description.mesh_files import linear_from_srgb
-
         self._set(reflectance=tuple(float(linear_from_srgb(part / 255)) for part in coded))
 
     def _choose_picture(self, name: str) -> None:
@@ -157,5 +155,4 @@ def _tidied(scene: TwinScene) -> TwinScene:
 
 
 def _coded(linear: float) -> int:
-    value = min(max(linear, 0.0), 1.0)
-    return round(255 * (12.92 * value if value <= 0.0031308 else 1.055 * value ** (1 / 2.4) - 0.055))
+    return round(255 * float(srgb_from_linear(linear)))

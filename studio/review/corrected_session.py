@@ -1,13 +1,13 @@
 """The session with what was corrected, written into the output folder, where the command line can read it."""
 
 import glob
-import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from capture.session.session_types import SphereSpec
+from formats.toml_text import toml_text
 from scene.errors import SceneError
 from scene.files import write_text
 from scene.reading import reading, text_of
@@ -40,7 +40,7 @@ def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = No
     if marked is not None:
         data["object"] = {**data.get("object", {}), "picks": marked}
     own = [] if path == source else [f"{OWN}{review.session_path}"]
-    text = "\n".join([HEADLINE, *own, *_lines(data), ""])
+    text = "\n".join([HEADLINE, *own, toml_text(data)])
     put_own(review.store.folder, lambda place: write_text(place / KEPT / path.name, text))
     return path.parent
 
@@ -105,27 +105,3 @@ def _sphere_table(spec: SphereSpec) -> dict[str, Any]:
     outline = {"center_px": list(map(float, spec.center_px)), "radius_px": float(spec.radius_px)}
     own = {"frames": [glob.escape(str(path)) for path in spec.frames]} if spec.frames else {}
     return {"kind": spec.kind, **diameter, **outline, **own}
-
-
-def _lines(data: Mapping[str, Any]) -> list[str]:
-    """Return the lines of a manifest: plain keys, tables, lists of tables."""
-    lines = [f"{key} = {_value(value)}" for key, value in data.items() if not _is_table(value)]
-    for key, value in data.items():
-        if _is_table(value):
-            for one in value if isinstance(value, list) else [value]:
-                lines += ["", f"[[{key}]]" if isinstance(value, list) else f"[{key}]"]
-                lines += [f"{name} = {_value(part)}" for name, part in one.items()]
-    return lines
-
-
-def _is_table(value: Any) -> bool:
-    return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_value(part)}" for key, part in value.items()) + " }"
-    if isinstance(value, list):
-        return "[" + ", ".join(_value(part) for part in value) + "]"
-    # JSON's strings, numbers and truth values are TOML's too.
-    return json.dumps(value, ensure_ascii=False)

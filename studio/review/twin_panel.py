@@ -150,6 +150,7 @@ def relit_scene(review: Review) -> Any:
     from lab.job import Job
     from twin.description.description import Sampling
     from twin.scan_scene import scan_scene
+    from twin.visibility import Sight
 
     store, lights, camera = review.store, review.lights, review.material.camera
     (session,) = review.need("session")
@@ -163,5 +164,6 @@ def relit_scene(review: Review) -> Any:
     mesh = Job(session, Record(store.folder), (method,)).load_scan()
     albedo = store.read_array("albedo", f"{method}.npy")
     depth = float(lights.reference_point_mm[2])
-    scene, _ = scan_scene(mesh, store.load_pose(), camera, lights, albedo, albedo_depth_mm=depth, sampling=Sampling())
+    sight = Sight.of_scan(mesh, store.load_pose(), camera, lights)
+    scene, _ = scan_scene(sight, albedo, Sampling(), albedo_depth_mm=depth)
     return scene

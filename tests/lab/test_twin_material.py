@@ -16,7 +16,7 @@ from scene.normals import unit
 from scene.pose import Pose
 from scene.store import Store
 from twin.description.materials import Diffuse
-from twin.engines.flash_shading import import_mitsuba
+from twin.engines.variant import import_mitsuba
 
 pytestmark = pytest.mark.render
 

@@ -249,8 +249,8 @@ def test_the_check_of_the_registration_starts_from_what_is_there(demo, tmp_path)
 @pytest.mark.full
 def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
     """`rgbn export --format mitsuba`, then Mitsuba's own command line: the frames that `rgbn twin` rendered."""
+    from formats.pictures import read_picture
     from scene.store import Store
-    from twin.description.picture_files import read_picture
     from twin.engines.variant import pick_variant
 
     out = tmp_path / "out"

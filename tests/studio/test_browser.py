@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
+from formats.pictures import read_picture
 from studio.editor import edits
 from studio.editor.placement import placement_of
 from studio.server import Studio
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import Workspace
 from twin.description.description import Sampling
-from twin.description.mesh_files import write_ply
+from twin.description.mesh_files import write_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 from twin.engines.variant import FAST, pick_variant
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
@@ -28,7 +28,7 @@ def studio(tmp_path):
     root = tmp_path / "bench"
     cone = built_in("cone")
     root.mkdir()
-    write_ply(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
+    write_mesh(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
     small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
     # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
     quick = edits.with_sampling(small, Sampling("direct" if pick_variant()[0] == FAST else "mitsuba", 16, 2))

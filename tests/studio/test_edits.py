@@ -156,7 +156,7 @@ def test_lights_are_added_of_one_sort_and_named_apart():
     more = edits.with_more_lights(scene, [RingTable(kind="ring", count=2, polar_deg=20)], None)
     assert more.lights.names == ("ring_000", "ring_001", "ring_002", "ring_003", "ring_004")
     np.testing.assert_allclose(more.lights.directions[3:, 2], np.cos(np.radians(20)))
-    near = LightTable(kind="point", position_mm=[0, 0, 100])
+    near = LightTable(kind="point", position_mm=(0, 0, 100))
     with pytest.raises(RenderError, match="distant, these are near"):
         edits.with_more_lights(scene, [near], None)
     left = edits.without_light(more, 1)

@@ -1,5 +1,6 @@
 """Rendered balls: the mirror's law, the matte sphere's, and a sensor as noisy as the session's."""
 
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -11,7 +12,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.spheres import Sphere
 from scene.store import Store
-from twin.camera.grain import expose_colour, sensor_like
+from twin.camera.grain import sensor_like
 from twin.camera.virtual_camera import Sensor, expose, write_dng
 from twin.virtual_balls import place_balls, render_balls
 
@@ -117,7 +118,8 @@ def test_the_sensors_noise_is_found_again(tmp_path, full_well_e, read_noise_e, m
         write_dng(path, mosaic_, sensor, exposure_s=0.01, iso=100, aperture=8, focal_mm=50, time=datetime(2000, 1, 1))
         frames, _ = decode(Session("x", tmp_path, (path,), ("a",), (0,)), Store(tmp_path / "out"))
     else:
-        frames = Frames.from_linear(("a",), expose_colour(image, sensor, rng)[None] / np.float32(65535))
+        plain = replace(sensor, cfa="none", black_level=0, white_level=65535)
+        frames = Frames.from_linear(("a",), expose(image, plain, rng)[None] / np.float32(65535))
     found = sensor_like(frames)
     assert found.full_well_e == pytest.approx(full_well_e, rel=0.15)
     dark = np.sqrt((found.read_noise_e / found.full_well_e) ** 2 + 0.02 / found.full_well_e)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from formats.pictures import write_exr
 from scene.errors import RenderError
 from scene.lights import Lights
 from scene.store import Store
@@ -20,7 +21,6 @@ from twin.description.light_groups import direction
 from twin.description.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
 from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, smooth
-from twin.description.picture_files import write_exr
 
 HEAD = """
 [camera]
@@ -239,8 +239,9 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
         "disney": Principled("vertex", 0.3, 0.5, 0.25),
         "measured": Measured(tmp_path / "gold.bsdf"),
     }
+    # Beyond 16 bits, a control character, quotes: what a writer of TOML must escape, and what it must not.
     objects = (
-        TwinObject("one", built_in("sphere"), "a b", at),
+        TwinObject('\U0001f3db "one"\\ \x7f\x01\n', built_in("sphere"), "a b", at),
         TwinObject("two", coloured, "disney", at),
         TwinObject("three", built_in("cone"), "measured", at),
     )

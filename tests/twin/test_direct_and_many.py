@@ -13,12 +13,11 @@ from twin.description.materials import Conductor, Diffuse, RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines.direct import Direct
 from twin.engines.film import Film
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 
 pytestmark = [
     pytest.mark.render,
@@ -80,7 +79,7 @@ def indirect(scene, film=None, samples=64, seed=10_000):
 
 
 def stock(scene, samples):
-    tracer = PathTracer(scene, whole(scene), variant=FAST)
+    tracer = PathTracer(scene, whole(scene))
     return np.stack([tracer.image(index, samples, seed=10_001) for index in range(len(scene.lights))])
 
 
@@ -203,6 +202,11 @@ def test_the_order_in_which_threads_add_changes_nothing():
     first = engine.images()
     for _ in range(3):
         assert np.array_equal(engine.images(), first)
+    # Gloss all about: each path's light is added to its pixel's, which several threads do.
+    shiny = {name: RoughPlastic((0.5, 0.5, 0.5), 0.1) for name in scene.materials}
+    engines = [indirect(replace(scene, materials=shiny), samples=16) for _ in range(3)]
+    first, *again = (engine.images() for engine in engines)
+    assert all(np.array_equal(images, first) for images in again)
 
 
 @pytest.mark.full

@@ -14,10 +14,9 @@ from twin.description.object_mesh import built_in
 from twin.engines import engine_choice as engines
 from twin.engines.engine_choice import Choice, choose_engine, run_pilot
 from twin.engines.film import film_for
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.layers import render_layers
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 
 pytestmark = [
     pytest.mark.render,
@@ -128,7 +127,7 @@ def test_the_layers_add_up_to_stock_mitsuba_environment_and_all():
     scene = ball(RoughPlastic((0.5, 0.5, 0.5), 0.3), wall=True, environment=ambient)
     film = scene.film()
     layers = render_layers(scene, film, Choice("many", 0.005, 64, ""))
-    tracer = PathTracer(scene, film, variant=FAST)
+    tracer = PathTracer(scene, film)
     for index, frame in enumerate(layers.frames()):
         expected = tracer.image(index, 256)
         assert np.allclose(frame.mean((0, 1)), expected.mean((0, 1)), rtol=5e-3)

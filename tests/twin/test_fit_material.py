@@ -11,19 +11,18 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
-from scene.pose import Pose
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
 from twin.material.material_residual import material_residual
-from twin.material.material_samples import Samples, samples_of_normals, samples_of_scan
+from twin.material.material_samples import Samples, samples_of_scan
 from twin.material.reflection_models import coat, matte, reflected
 from twin.material.scan_material import scan_material
+from twin.visibility import Sight
 
 SIDE, RADIUS = 64, 27.0
 WHITE = np.array([0.5, 0.6, 0.4])
@@ -49,13 +48,18 @@ def ball() -> tuple[Camera, np.ndarray, np.ndarray]:
     return camera, inside, normals
 
 
+def sight_of_ball(camera: Camera, lights: Lights) -> Sight:
+    sphere = built_in("sphere")
+    return Sight(Mesh(RADIUS * sphere.vertices, sphere.faces), camera, lights)
+
+
 def made(
     roughness: float | None, specularity: float, lights: Lights, *, noise: float = 1e-3, covered: float = 1.0
 ) -> Samples:
     """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel."""
     camera, mask, normals = ball()
     frames = Frames.from_linear(lights.names, np.zeros((len(lights), SIDE, SIDE, 3), np.float32))
-    samples = samples_of_normals(frames, lights, camera, mask, normals)
+    samples = samples_of_scan(sight_of_ball(camera, lights), frames, mask, normals)
     samples = replace(samples, spread=0 * samples.spread)
     surface = matte() if roughness is None else coat(roughness, covered=covered)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
@@ -189,7 +193,7 @@ def test_too_few_pixels_are_named() -> None:
     lights = dome(8)
     frames = Frames.from_linear(lights.names, np.zeros((8, SIDE, SIDE, 3), np.float32))
     with pytest.raises(RenderError, match="expected 100 or more"):
-        samples_of_normals(frames, lights, camera, mask & (np.arange(SIDE) < 12), normals)
+        samples_of_scan(sight_of_ball(camera, lights), frames, mask & (np.arange(SIDE) < 12), normals)
 
 
 @pytest.mark.full
@@ -214,11 +218,12 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
     count = len(both[0].vertices)
     mesh = Mesh(np.concatenate([m.vertices for m in both]), np.concatenate([both[0].faces, both[1].faces + count]))
     mask = images.max((0, -1)) > 0
-    samples = samples_of_scan(frames, lights, camera, mask, mesh, Pose(np.eye(4)))
+    sight = Sight(mesh, camera, lights)
+    samples = samples_of_scan(sight, frames, mask)
     fit = fit_material(samples, lights)
     assert abs(fit.roughness / 0.25 - 1) < 0.02
     assert abs(fit.specularity / 0.6 - 1) < 0.02
-    whole = scan_material(frames, lights, camera, mask, mesh, Pose(np.eye(4)))
+    whole = scan_material(sight, frames, mask)
     albedo = whole.albedo[np.isfinite(whole.albedo).all(-1)]
     assert len(albedo) > 0.5 * mask.sum()
     np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)

@@ -9,6 +9,7 @@ import rawpy
 import trimesh
 
 from scene.camera import Camera
+from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.spheres import Sphere
@@ -73,9 +74,9 @@ def test_the_scan_at_the_true_pose_is_the_object_that_was_photographed():
     assert shape.is_watertight
     assert 20_000 <= len(shape.faces) <= 40_000
     mesh = Mesh(Pose(np.array(TRUTH["camera_from_scan"])).apply(shape.vertices), np.array(shape.faces))
-    mask = np.zeros((480, 640), bool)
+    mask, lights = np.zeros((480, 640), bool), Lights(("any",), np.array([[0, 0, 1.0]]), np.ones((1, 3)))
     sum_of_cosines = []
-    for band, face, weights, _ in Sight(mesh, CAMERA).rows(slice(0, 480), slice(0, 640)):
+    for band, face, weights, _ in Sight(mesh, CAMERA, lights).rows(slice(0, 480), slice(0, 640)):
         mask[band] = face >= 0
         both = mask[band] & ARRAYS["mask"][band]
         found = np.einsum("pc,pcx->px", weights[both], mesh.vertex_normals[mesh.faces[face[both]]])

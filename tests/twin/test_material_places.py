@@ -16,9 +16,8 @@ from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
 from twin.engines.direct import Direct
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
 from twin.material.material_light import material_scene
 from twin.material.material_places import Places, material_places
@@ -27,6 +26,7 @@ from twin.material.material_samples import Samples
 from twin.material.measured_albedo import filled
 from twin.material.reflection_models import coat, reflected
 from twin.material.scan_material import albedo_of, scan_material
+from twin.visibility import Sight
 
 LIGHTS = dome(16)
 
@@ -159,7 +159,8 @@ def test_the_twin_of_two_materials_looks_like_the_object() -> None:
     truth = rendered(scene)
     mask, mesh, pose = truth.max((0, -1)) > 0, TwinObject("", ball, "", matrix).placed, Pose(np.eye(4))
     scan = Mesh(mesh.vertices, mesh.faces)
-    found = scan_material(Frames.from_linear(lights.names, truth), lights, camera, mask, scan, pose)
+    sight = Sight.of_scan(scan, pose, camera, lights)
+    found = scan_material(sight, Frames.from_linear(lights.names, truth), mask)
     facts = found.facts()
     assert facts["model"] == "two materials"
     page = material_words({"material": {**facts, "relative_rmse_per_frame": facts["relative_rmse_per_frame"].tolist()}})
@@ -175,7 +176,7 @@ def test_the_twin_of_two_materials_looks_like_the_object() -> None:
         assert abs(fit.specularity / float(material.specularity) - 1) < 0.05  # type: ignore[arg-type]
 
     def off(fits, labels, albedo) -> float:
-        twin, warnings = material_scene(fits, labels, albedo, scan, pose, camera, lights, Sampling("direct"))
+        twin, warnings = material_scene(sight, fits, labels, albedo, Sampling("direct"))
         assert not warnings
         assert sum(len(one.mesh.faces) for one in twin.objects) >= len(scan.faces)
         assert len(twin.objects) == len(fits)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from formats.pictures import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
@@ -16,7 +17,6 @@ from scene.normals import unit
 from twin.description.description import Environment, Sampling, TwinObject, TwinScene
 from twin.description.materials import Conductor, Diffuse, Principled, RoughPlastic, Subsurface, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 from twin.engines.mitsuba_files import write_mitsuba
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import pick_variant
@@ -84,7 +84,7 @@ def test_the_stock_command_line_renders_what_the_engine_renders(kind, tmp_path):
     assert [path.name for path in paths] == ["scene.xml", "left.xml", "right_1.b.xml"]
     assert not notes
     film, samples = given.film(), 144
-    tracer = PathTracer(given, film, variant=pick_variant()[0])
+    tracer = PathTracer(given, film)
     ours = [tracer.image(index, samples) for index in (0, 1)]
     noise = [np.abs(tracer.image(index, samples, seed=5) - ours[index]).mean() for index in (0, 1)]
     for index, light in enumerate(given.lights.names):
@@ -105,7 +105,7 @@ def test_an_orthographic_camera_and_a_lens_are_written_too(tmp_path):
     given = scene("distant", camera=Camera(40, 32, 0.31, 0.31, 22.0, 14.0, projection="orthographic"))
     write_mitsuba(given, tmp_path / "flat")
     film = given.film()
-    ours = PathTracer(given, film, variant=pick_variant()[0]).image(0, 64)
+    ours = PathTracer(given, film).image(0, 64)
     theirs = stock(tmp_path / "flat", "left", 64)[film.rows, film.columns]
     assert np.abs(theirs - ours).mean() < 0.06 * ours.mean()
     assert np.abs(theirs - ours[:, ::-1]).mean() > 0.3 * ours.mean()

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from twin.description.materials import Diffuse, RoughPlastic, Texture
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.mitsuba_materials import bsdf
 from twin.engines.mitsuba_scene import loadable
+from twin.engines.variant import import_mitsuba
 from twin.material.reflection_models import coat, matte, reflected
 
 

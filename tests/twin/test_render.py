@@ -19,6 +19,7 @@ from scene.store import Store
 from twin.description.description import Sampling
 from twin.engines.render import render_scene
 from twin.scan_scene import scan_scene
+from twin.visibility import Sight
 
 pytestmark = pytest.mark.render
 
@@ -27,11 +28,16 @@ CENTER = np.array([-4.0, -6.0, -300.0])
 ORTHOGRAPHIC = Camera(96, 80, 0.6, 0.6, 53.4, 35.2, projection="orthographic")
 
 
-def render(*given, samples_per_pixel=None, max_depth=3, executor=None, progress=None, store=None, **known):
+def render(
+    scan, pose, camera, lights, albedo, *, white_value=None, samples_per_pixel=None, max_depth=3, albedo_depth_mm=None,
+    **how,
+):  # fmt: skip
     """Render a scan with its albedo by stock Mitsuba."""
     sampling = Sampling("mitsuba", samples_per_pixel, max_depth)
-    scene, warnings = scan_scene(*given, **known, sampling=sampling)
-    rendered = render_scene(scene, executor=executor, progress=progress, store=store)
+    lights = lights if white_value is None else replace(lights, white_value=white_value)
+    sight = Sight.of_scan(scan, pose, camera, lights)
+    scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=albedo_depth_mm)
+    rendered = render_scene(scene, **how)
     return replace(rendered, warnings=(*warnings, *rendered.warnings))
 
 
@@ -344,8 +350,11 @@ def test_what_the_twin_does_not_have_is_told():
     [
         ({"pose": Pose.from_rotation_translation(np.eye(3), [0, 0, 300.0])}, "behind the camera"),
         ({"pose": Pose.from_rotation_translation(np.eye(3), [900, 0, -300.0])}, "outside 96 x 80"),
-        ({"lights": near(CENTER + [10.0, 0, 5.0])}, "light flash_0 at .* lies inside the object"),
-        ({"lights": distant([0, 0, 1], intensities=np.array([[1.0, np.nan, 1.0]]))}, "light flash_0"),
+        (
+            {"lights": near(CENTER + [10.0, 0, 5.0])},
+            "lights flash_0: at .* inside 'object'.*diameter_mm and scan_unit",
+        ),
+        ({"lights": distant([0, 0, 1], intensities=np.array([[1.0, np.nan, 1.0]]))}, "lights flash_0: .*frames.skip"),
         ({"lights": distant([0, 0, 1], intensities=np.array([[1.0, -1.0, 1.0]]))}, "no negative intensity"),
         ({"albedo": np.ones((80, 90, 3), np.float32)}, "80 x 90 x 3, the camera 80 x 96 x 3"),
         ({"albedo": np.full((80, 96, 3), np.nan, np.float32)}, "albedo is unknown"),

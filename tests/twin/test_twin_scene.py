@@ -16,7 +16,6 @@ from twin.description.object_mesh import built_in
 from twin.engines.mitsuba_files import write_mitsuba
 from twin.engines.path_tracing import PathTracer
 from twin.engines.render import render_scene
-from twin.engines.variant import pick_variant
 from twin.ground_truth import lights_of
 
 pytestmark = pytest.mark.render
@@ -56,7 +55,7 @@ def image(scene, index=0, samples=16):
     """Return the picture (H, W, 3), black where nothing is."""
     film = scene.film()
     out = np.zeros((scene.camera.height, scene.camera.width, 3))
-    tracer = PathTracer(scene, film, variant=pick_variant()[0])
+    tracer = PathTracer(scene, film)
     out[film.rows, film.columns] = film.place(tracer.image(index, samples))
     return out
 
@@ -90,10 +89,10 @@ def test_a_flash_that_is_changed_in_place_is_the_flash_itself():
     vectors = [[100, 150, 200], [-150, 50, 220], [30, -180, 150.0]]
     for near, radius in ((False, 0.0), (True, 0.0), (True, 30.0)):
         three = one("sphere", GREY, given=lights(*vectors, near=near), radii_mm=np.full(3, radius))
-        tracer = PathTracer(three, three.film(), variant=pick_variant()[0])
+        tracer = PathTracer(three, three.film())
         for index in (2, 0):
             alone = one("sphere", GREY, given=lights(vectors[index], near=near), radii_mm=np.full(1, radius))
-            expected = PathTracer(alone, alone.film(), variant=pick_variant()[0]).image(0, 64)
+            expected = PathTracer(alone, alone.film()).image(0, 64)
             assert np.abs(tracer.image(index, 64) - expected).mean() < 0.03 * expected.mean()
 
 
@@ -155,7 +154,7 @@ def test_the_eight_materials_are_rendered_and_no_two_alike():
     pictures = {}
     for name, material in materials.items():
         scene = one("sphere", material, given=lights([0.3, 0.4, 0.8]))
-        tracer = PathTracer(scene, scene.film(), variant=pick_variant()[0])
+        tracer = PathTracer(scene, scene.film())
         pictures[name] = [tracer.image(0, 64, seed=seed) for seed in (1, 2)]
         assert np.isfinite(pictures[name]).all()
         assert np.mean(pictures[name]) > 0.05

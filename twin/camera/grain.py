@@ -1,4 +1,4 @@
-"""A sensor as noisy as the session's, measured on its frames; and photographs by it that are not Bayer mosaics."""
+"""A sensor as noisy as the session's, measured on its frames."""
 
 from itertools import pairwise
 
@@ -44,17 +44,6 @@ def sensor_like(frames: Frames) -> Sensor:
     full_well = float(np.clip(1 / max(slope, 1e-9), 300, 300_000))
     read = float(np.clip(np.sqrt(floor) * full_well, 0, 0.05 * full_well))
     return Sensor(full_well_e=full_well, read_noise_e=read, blur_px=BLUR_PX, neutral=(1.0, 1.0, 1.0))
-
-
-def expose_colour(linear_rgb: NDArray, sensor: Sensor, rng: np.random.Generator) -> NDArray[np.uint16]:
-    """Photograph a linear image (H, W, 3), three values a pixel: blur, photons, read noise; 65535 = white."""
-    import cv2
-
-    image = cv2.GaussianBlur(np.asarray(linear_rgb, np.float32), (0, 0), sensor.blur_px)
-    electrons = rng.poisson(np.clip(image, 0, 4) * sensor.full_well_e) + sensor.read_noise_e * rng.standard_normal(
-        image.shape
-    )
-    return np.round(np.clip(electrons / sensor.full_well_e, 0, 1) * 65535).astype(np.uint16)
 
 
 def _noise_by_brightness(band: NDArray[np.float32]) -> list[tuple[float, float]]:

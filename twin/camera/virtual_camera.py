@@ -198,6 +198,7 @@ def write_dng(
         The disk is full, or the place cannot be written.
     """
     import tifffile
+    from PIL.TiffImagePlugin import ImageFileDirectory_v2
 
     if mosaic.ndim != 2 or mosaic.dtype != np.uint16 or mosaic.shape[0] % 2 or mosaic.shape[1] % 2:
         raise RenderError(
@@ -243,39 +244,17 @@ def write_dng(
     # tifffile refuses the tag that points to the EXIF directory, so it is put in place of its neighbour.
     struct.pack_into("<HHII", data, entry, 34665, 4, 1, len(data))
     resolution = 1e4 / sensor.pixel_um
-    entries = [
-        (33434, 5, [exposure_s]),  # ExposureTime
-        (33437, 5, [aperture]),  # FNumber
-        (34855, 3, [iso]),  # ISOSpeedRatings
-        (36867, 2, time.strftime("%Y:%m:%d %H:%M:%S")),  # DateTimeOriginal
-        (37386, 5, [focal_mm]),  # FocalLength
-        (37521, 2, f"{time.microsecond:06d}"),  # SubSecTimeOriginal
-        (41486, 5, [resolution]),  # FocalPlaneXResolution
-        (41487, 5, [resolution]),  # FocalPlaneYResolution
-        (41488, 3, [3]),  # FocalPlaneResolutionUnit: centimetres
-    ]
-    data += _directory(entries, len(data))
+    exif = ImageFileDirectory_v2()
+    exif[33434] = exposure_s  # ExposureTime
+    exif[33437] = aperture  # FNumber
+    exif[34855] = iso  # ISOSpeedRatings
+    exif[36867] = time.strftime("%Y:%m:%d %H:%M:%S")  # DateTimeOriginal
+    exif[37386] = focal_mm  # FocalLength
+    exif[37521] = f"{time.microsecond:06d}"  # SubSecTimeOriginal
+    exif[41486] = exif[41487] = resolution  # FocalPlaneXResolution, FocalPlaneYResolution
+    exif[41488] = 3  # FocalPlaneResolutionUnit: centimetres
     with write_whole(path) as file:
-        file.write(data)
-
-
-def _directory(entries: list[tuple[int, int, list | str]], offset: int) -> bytes:
-    """Return a little-endian TIFF directory that will lie at `offset`, its values right behind it."""
-    table, values = struct.pack("<H", len(entries)), b""
-    behind = offset + 2 + 12 * len(entries) + 4
-    for tag, kind, content in entries:
-        if isinstance(content, str):
-            packed, count = content.encode("ascii") + b"\0", len(content) + 1
-        elif kind == 5:
-            packed, count = struct.pack("<2I", *_rationals(content)), 1
-        else:
-            packed, count = struct.pack("<H", *content), 1
-        if len(packed) > 4:
-            where = behind + len(values)
-            values += packed + b"\0" * (len(packed) % 2)
-            packed = struct.pack("<I", where)
-        table += struct.pack("<HHI4s", tag, kind, count, packed)
-    return table + struct.pack("<I", 0) + values
+        file.write(data + exif.tobytes(len(data)))
 
 
 def _rationals(numbers: NDArray | tuple | list) -> list[int]:

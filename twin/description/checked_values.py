@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Annotated, Any
 
 from pydantic import (
+    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -22,6 +23,12 @@ from scene.errors import SceneError
 
 checked = with_config(ConfigDict(extra="forbid", allow_inf_nan=False))
 """For dataclasses: unknown keys are faults."""
+
+
+class Table(BaseModel):
+    """A TOML table that is no dataclass of the scene's: unknown keys are faults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def three(value: Any) -> Any:
@@ -56,5 +63,6 @@ Share = Annotated[float, Strict(), Field(ge=0, le=1)]
 AboveNone = Annotated[float, Strict(), Field(gt=0, le=1)]
 Count = Annotated[PositiveInt, Strict()]
 Three = tuple[Number, Number, Number]
+Factors = Annotated[Three, BeforeValidator(three)]
 Rgb = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(three)]
 Shares = Annotated[tuple[Share, Share, Share], BeforeValidator(three)]

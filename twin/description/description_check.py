@@ -37,7 +37,11 @@ def scene_faults(scene: TwinScene) -> list[str]:
         if one.material not in scene.materials:
             faults.append(f"{key}.material: {one.material!r} is none of the scene's materials.")
         elif not len(one.mesh.faces) or not np.isfinite(one.placed.vertices).all():
-            faults.append(f"{key}: {len(one.mesh.faces)} faces, or positions that are not finite; nothing to render.")
+            bad = np.count_nonzero(~np.isfinite(one.placed.vertices))
+            faults.append(
+                f"{key}: {len(one.mesh.faces)} faces, and {bad} of its coordinates are not finite; nothing can be "
+                "rendered. Load or export it again."
+            )
         else:
             faults += _object_faults(key, one, scene.materials[one.material])
     radiance = scene.environment.radiance
@@ -74,6 +78,8 @@ def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
 
 def _welded(mesh: ObjectMesh) -> Mesh:
     """Return the triangles with one vertex a place: at a texture's seam a mesh has several."""
+    if mesh.texcoords is None:
+        return Mesh(mesh.vertices, mesh.faces)
     scale = float(np.ptp(mesh.vertices, axis=0).max()) or 1.0
     # The seams of the built-in shapes agree only to rounding.
     _, first, which = np.unique(np.round(mesh.vertices / scale, 7), axis=0, return_index=True, return_inverse=True)
@@ -82,27 +88,27 @@ def _welded(mesh: ObjectMesh) -> Mesh:
     return Mesh(mesh.vertices[first], faces[whole])
 
 
-def unsound_lights(lights: Lights) -> Iterator[str]:
+def _unsound_lights(lights: Lights) -> Iterator[str]:
     """Yield what no engine can render of lights, with each one's name."""
     arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
     for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True):
         if not np.isfinite(row).all() or (row[3:6] < 0).any():
             yield (
                 f"{name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers and "
-                "no negative intensity."
+                "no negative intensity. Of a session: calibrate again, or leave the frame out with frames.skip."
             )
 
 
 def _light_faults(scene: TwinScene) -> list[str]:
     lights = scene.lights
-    faults = [f"lights {told}" for told in unsound_lights(lights)]
+    faults = [f"lights {told}" for told in _unsound_lights(lights)]
     if lights.positions_mm is None or faults:
         return faults
     for one in scene.objects:
         within = RayCaster(_welded(one.placed)).inside(lights.positions_mm)
         faults += [
             f"lights {lights.names[i]}: at {np.round(lights.positions_mm[i], 1)} mm, inside {one.name!r}, it lights "
-            "nothing. Move it."
+            "nothing. Move it. Of a session: check the balls' diameter_mm and scan_unit."
             for i in np.flatnonzero(within)
         ]
     return faults

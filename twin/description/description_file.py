@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
+from formats.pictures import read_picture
 from scene.camera import Camera
 from scene.errors import RenderError, SceneError
 from scene.pose import rotation_from_vector
@@ -23,7 +24,6 @@ from twin.description.light_groups import expand
 from twin.description.materials import KINDS, Subsurface, Texture
 from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.description.picture_files import read_picture
 
 Array = NDArray[np.float64]
 TAGS = {*KINDS, "distant", "point", "area", "ring", "hemisphere", "session"}
@@ -138,7 +138,7 @@ def _camera(table: CameraTable) -> Camera:
         table.fy or table.fx,
         (table.width - 1) / 2 if table.cx is None else table.cx,
         (table.height - 1) / 2 if table.cy is None else table.cy,
-        tuple(table.distortion),
+        table.distortion,
         table.projection,
         "scene description",
     )

@@ -6,13 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
-    ConfigDict,
     Discriminator,
     Field,
-    PositiveFloat,
-    PositiveInt,
+    Strict,
     Tag,
     ValidationInfo,
     WrapValidator,
@@ -20,28 +17,17 @@ from pydantic import (
 )
 
 from twin.camera.virtual_camera import Sensor
-from twin.description.checked_values import as_fault, named, three
+from twin.description.checked_values import Count, Factors, Number, Positive, Rgb, Table, Three, as_fault, named
 from twin.description.description import Environment, Sampling
 from twin.description.materials import KINDS
 from twin.description.object_mesh import ObjectMesh
 
-Three = Annotated[list[float], Field(min_length=3, max_length=3)]
-NotNegative = Annotated[float, Field(ge=0)]
 # No picture has more pixels in a row, no capture as many lights.
-Size = Annotated[PositiveInt, Field(le=65535)]
-Many = Annotated[PositiveInt, Field(le=10_000)]
-Few = Annotated[PositiveInt, Field(le=100)]
-
-
-Rgb = Annotated[list[NotNegative], Field(min_length=3, max_length=3), BeforeValidator(three)]
-Factors = Annotated[list[float], Field(min_length=3, max_length=3), BeforeValidator(three)]
-Row = Annotated[list[float], Field(min_length=4, max_length=4)]
-
-
-class Table(BaseModel):
-    """A TOML table: unknown keys are faults."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+Size = Annotated[Count, Field(le=65535)]
+Many = Annotated[Count, Field(le=10_000)]
+Few = Annotated[Count, Field(le=100)]
+Row = tuple[Number, Number, Number, Number]
+Matrix = tuple[Row, Row, Row, Row]
 
 
 class TextureTable(Table):
@@ -57,11 +43,11 @@ class CameraTable(Table):
 
     width: Size
     height: Size
-    fx: PositiveFloat
-    fy: PositiveFloat | None = None
-    cx: float | None = None
-    cy: float | None = None
-    distortion: list[float] = Field(default=[0.0] * 5, min_length=5, max_length=5)
+    fx: Positive
+    fy: Positive | None = None
+    cx: Number | None = None
+    cy: Number | None = None
+    distortion: tuple[Number, Number, Number, Number, Number] = (0.0, 0.0, 0.0, 0.0, 0.0)
     projection: Literal["perspective", "orthographic"] = "perspective"
     sensor: Annotated[Sensor, WrapValidator(as_fault)] | None = None
     files: Literal["png", "dng", "exr"] | None = None
@@ -82,8 +68,8 @@ def _known(material: str, info: ValidationInfo[Any]) -> str:
     return material
 
 
-def _affine(rows: list[Row]) -> list[Row]:
-    if rows[3] != [0, 0, 0, 1] or abs(np.linalg.det(np.array(rows)[:3, :3])) < 1e-12:
+def _affine(rows: Matrix) -> Matrix:
+    if rows[3] != (0, 0, 0, 1) or abs(np.linalg.det(np.array(rows)[:3, :3])) < 1e-12:
         raise ValueError("expected rows [r r r t] of an affine map that can be undone, and the last row [0, 0, 0, 1]")
     return rows
 
@@ -94,12 +80,12 @@ class ObjectTable(Table):
     name: str | None = None
     mesh: Annotated[ObjectMesh | None, named("mesh")] = None
     shape: Literal["sphere", "square", "disc", "cube", "cylinder", "cone"] | None = None
-    smooth: bool = True
+    smooth: Annotated[bool, Strict()] = True
     material: Annotated[str, AfterValidator(_known)]
-    scale: Factors = [1.0, 1.0, 1.0]
-    rotate_deg: Three = [0.0, 0.0, 0.0]
-    translate_mm: Three = [0.0, 0.0, 0.0]
-    matrix: Annotated[list[Row], Field(min_length=4, max_length=4), AfterValidator(_affine)] | None = None
+    scale: Factors = (1.0, 1.0, 1.0)
+    rotate_deg: Three = (0.0, 0.0, 0.0)
+    translate_mm: Three = (0.0, 0.0, 0.0)
+    matrix: Annotated[Matrix, AfterValidator(_affine)] | None = None
     pose: Annotated[NDArray[np.float64] | None, named("pose")] = None
 
     @model_validator(mode="after")
@@ -116,12 +102,12 @@ class LightTable(Table):
 
     kind: Literal["distant", "point", "area"]
     name: str | None = None
-    intensity: Rgb = [1.0, 1.0, 1.0]
+    intensity: Rgb = (1.0, 1.0, 1.0)
     direction: Three | None = None
-    azimuth_deg: float | None = None
-    elevation_deg: float | None = None
+    azimuth_deg: Number | None = None
+    elevation_deg: Number | None = None
     position_mm: Three | None = None
-    radius_mm: PositiveFloat | None = None
+    radius_mm: Positive | None = None
 
     @model_validator(mode="after")
     def _what_its_kind_needs(self) -> "LightTable":
@@ -147,9 +133,9 @@ class GroupTable(Table):
     """What rings and grids share: without a distance they are distant, with a radius areas."""
 
     name: str | None = None
-    intensity: Rgb = [1.0, 1.0, 1.0]
-    distance_mm: PositiveFloat | None = None
-    radius_mm: PositiveFloat | None = None
+    intensity: Rgb = (1.0, 1.0, 1.0)
+    distance_mm: Positive | None = None
+    radius_mm: Positive | None = None
 
     @model_validator(mode="after")
     def _an_area_is_near(self) -> "GroupTable":
@@ -163,8 +149,8 @@ class RingTable(GroupTable):
 
     kind: Literal["ring"]
     count: Many
-    polar_deg: Annotated[float, Field(gt=0, lt=180)]
-    start_deg: float = 0.0
+    polar_deg: Annotated[Number, Field(gt=0, lt=180)]
+    start_deg: Number = 0.0
 
 
 class GridTable(GroupTable):
@@ -173,7 +159,7 @@ class GridTable(GroupTable):
     kind: Literal["hemisphere"]
     rings: Few
     around: Few
-    max_polar_deg: Annotated[float, Field(gt=0, le=90)] = 70.0
+    max_polar_deg: Annotated[Number, Field(gt=0, le=90)] = 70.0
 
 
 class SessionLightsTable(Table):

@@ -1,6 +1,5 @@
 """A scene description as a folder: scene.toml, meshes as PLY, textures as arrays. Reading it gives the same scene."""
 
-import json
 import os
 import shutil
 from pathlib import Path
@@ -9,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.toml_text import toml_text
 from scene.files import write_npy, write_text
-from twin.description.description import TwinScene
-from twin.description.materials import KINDS, Material, Measured, Subsurface, Texture
-from twin.description.mesh_files import write_ply
+from twin.description.description import TwinObject, TwinScene
+from twin.description.materials import KINDS, Material, Measured, Texture
+from twin.description.mesh_files import write_mesh
 
 NAMES = {material: kind for kind, material in KINDS.items()}
 
@@ -34,36 +34,34 @@ def write_scene(scene: TwinScene, folder: Path) -> Path:
     -----
     Lights are written one by one, with what the white ball's value makes of their intensities.
     """
-    keep = _Keeper(folder)
-    camera = scene.camera
-    lines = ["version = 1", f"name = {json.dumps(scene.name)}"]
-    lines.append(f"reference_point_mm = {_toml(scene.lights.reference_point_mm)}")
+    keep, around = _Keeper(folder), scene.environment
     keys = ("width", "height", "fx", "fy", "cx", "cy", "distortion", "projection")
-    files = {} if scene.files is None else {"files": scene.files}
-    lines += _table("[camera]", {**{key: getattr(camera, key) for key in keys}, **files})
-    if scene.sensor is not None:
-        lines += _table("[camera.sensor]", vars(scene.sensor))
-    for number, one in enumerate(scene.objects):
-        file = f"meshes/{number:02d}.ply"
-        write_ply(folder / file, one.mesh)
-        place = {} if np.array_equal(one.matrix, np.eye(4)) else {"matrix": one.matrix}
-        table = {"name": one.name, "mesh": file, "smooth": one.mesh.normals is not None, "material": one.material}
-        lines += _table("[[objects]]", {**table, **place})
-    for name, material in scene.materials.items():
-        lines += _table(f"[materials.{json.dumps(name)}]", keep.material(material))
-    around = scene.environment
+    camera = {key: getattr(scene.camera, key) for key in keys}
     environment: dict[str, Any] = {"ambient": around.ambient}
     if around.radiance is not None:
         file = keep.picture(around.radiance)
         environment |= {"map": file, "scale": around.scale, "rotate_deg": around.rotate_deg}
-    lines += _table("[environment]", environment)
-    for index in range(len(scene.lights)):
-        lines += _table("[[lights]]", _light(scene, index))
-    sampling = {key: value for key, value in vars(scene.sampling).items() if value is not None}
-    lines += _table("[sampling]", sampling)
+    description = {
+        "version": 1,
+        "name": scene.name,
+        "reference_point_mm": scene.lights.reference_point_mm,
+        "camera": {**camera, "files": scene.files, "sensor": scene.sensor},
+        "objects": [_object(one, f"meshes/{number:02d}.ply", folder) for number, one in enumerate(scene.objects)],
+        "materials": {name: keep.material(material) for name, material in scene.materials.items()},
+        "environment": environment,
+        "lights": [_light(scene, index) for index in range(len(scene.lights))],
+        "sampling": scene.sampling,
+    }
     path = folder / "scene.toml"
-    write_text(path, "\n".join(lines) + "\n")
+    write_text(path, toml_text(description))
     return path
+
+
+def _object(one: TwinObject, file: str, folder: Path) -> dict[str, Any]:
+    write_mesh(folder / file, one.mesh)
+    matrix = None if np.array_equal(one.matrix, np.eye(4)) else one.matrix
+    smooth = one.mesh.normals is not None
+    return {"name": one.name, "mesh": file, "smooth": smooth, "material": one.material, "matrix": matrix}
 
 
 def _light(scene: TwinScene, index: int) -> dict[str, Any]:
@@ -100,25 +98,6 @@ class _Keeper:
         for key, value in vars(material).items():
             if isinstance(value, Texture):
                 table[key] = {"file": self.picture(value.values), "encoding": "linear", "wrap": value.wrap}
-            elif isinstance(value, Subsurface):
-                table[key] = vars(value)
-            elif value is not None:
+            else:
                 table[key] = value
         return table
-
-
-def _table(head: str, table: dict[str, Any]) -> list[str]:
-    return ["", head, *(f"{key} = {_toml(value)}" for key, value in table.items())]
-
-
-def _toml(value: Any) -> str:
-    """Return a value as TOML: numbers so that they come back the same."""
-    if isinstance(value, np.ndarray):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(part)}" for key, part in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(part) for part in value) + "]"
-    if isinstance(value, str | bool):
-        return json.dumps(value)
-    return repr(value if isinstance(value, int) else float(value))

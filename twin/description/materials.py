@@ -31,19 +31,13 @@ class Texture:
 
     def at(self, texcoords: NDArray[np.float64]) -> NDArray[np.float32]:
         """Return the values (P, channels) at texture coordinates (P, 2), bilinear between the centres of the texels."""
-        height, width = self.values.shape[:2]
-        place = texcoords * [width, height] - 0.5
-        low = np.floor(place).astype(int)
-        part = (place - low).astype(np.float32)[..., None]
-        corners = {}
-        for right in (0, 1):
-            for down in (0, 1):
-                column, row = low[:, 0] + right, low[:, 1] + down
-                if self.wrap == "repeat":
-                    column, row = column % width, row % height
-                corners[down, right] = self.values[np.clip(row, 0, height - 1), np.clip(column, 0, width - 1)]
-        above, below = ((1 - part[:, 0]) * corners[k, 0] + part[:, 0] * corners[k, 1] for k in (0, 1))
-        return (1 - part[:, 1]) * above + part[:, 1] * below
+        from scipy.ndimage import map_coordinates
+
+        place = (texcoords * self.values.shape[1::-1] - 0.5).T[::-1]
+        mode = "grid-wrap" if self.wrap == "repeat" else "nearest"
+        channels = np.moveaxis(self.values, -1, 0)
+        found = [map_coordinates(one, place, np.float32, 1, mode) for one in channels]
+        return np.stack(found, -1).astype(np.float32)
 
 
 def _reflectance(value: Any, info: ValidationInfo[Any]) -> Any:

@@ -4,14 +4,14 @@ Files count texture coordinates from the bottom (v up); `ObjectMesh` from the to
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.meshes.ply_write import write_ply
 from formats.meshes.scan_files import read_with_attributes
+from formats.pictures import linear_from_srgb
 from scene.errors import AlignError, RenderError
-from scene.files import write_whole
 from scene.reading import reading
 from twin.description.object_mesh import ObjectMesh, smooth
 
@@ -57,30 +57,9 @@ def read_mesh(path: Path) -> ObjectMesh:
         return ObjectMesh(vertices, faces, found.normals, texcoords, colours)
 
 
-def linear_from_srgb(values: Any) -> NDArray:
-    """Undo the sRGB curve, 0 to 1."""
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
-
-
-def write_ply(path: Path, mesh: ObjectMesh) -> None:
+def write_mesh(path: Path, mesh: ObjectMesh) -> None:
     """Write a mesh as binary PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
     upward = None if mesh.texcoords is None else mesh.texcoords * [1, -1] + [0, 1]
     columns = {"x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": upward, "r g b": mesh.colours}
-    known = {group: values for group, values in columns.items() if values is not None}
-    names = " ".join(known).split()
-    rows = np.concatenate([np.asarray(values, "<f8") for values in known.values()], 1)
-    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.faces
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"element vertex {len(rows)}",
-        *(f"property double {name}" for name in names),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header\n",
-    ]
-    with write_whole(path) as file:
-        file.write("\n".join(header).encode())
-        file.write(rows.tobytes())
-        file.write(faces.tobytes())
+    known = {names: np.asarray(values, float) for names, values in columns.items() if values is not None}
+    write_ply(path, known, mesh.faces)

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above, tiles
+from twin.engines.flash_shading import WHOLE, Flashes, add_whole, by_bands, camera_rays, start_above, tiles
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
+from twin.engines.variant import import_mitsuba
 
 VALUES_PER_BAND = 1 << 25
 """Of a band's images, in float32: 128 MiB, and several times as much for its second differences and plan."""
@@ -21,8 +22,6 @@ PILOT_TILES, PILOT_SIDE = 8, 16
 LATTICE = 0.7548776662466927, 0.5698402909980532
 """Additive recurrence in two dimensions: every first n points are well spread [Roberts2018]."""
 LANES = 1 << 21
-WHOLE, LARGEST = 2.0**28, 2.0**50
-"""Parts of a frame's brightness that samples are counted in, and the most: 4096 of them stay within 64 bits."""
 
 
 class Direct:
@@ -139,16 +138,13 @@ class Direct:
         side = dr.select(number % 2 == 0, 1.0, -1.0)
         x, y = side * (x - dr.floor(x) - 0.5), side * (y - dr.floor(y) - 0.5)
         surface, bsdf, seen = self._seen(mi.Float(place % width) + x, mi.Float(place // width) + y)
-        # Whole numbers: threads add in any order, and their sum is the same.
         out, scale = dr.zeros(mi.UInt64, 3 * len(light)), mi.Float(WHOLE / self._brightness)
 
         def add(turn: Any, active: Any) -> None:
             index = dr.gather(mi.UInt32, light_of_pair, first + turn, active)
             value = flashes.reflected(self._scene, surface, bsdf, index, active, coherent=True)
             value *= dr.gather(mi.Float, scale, index, active)
-            for channel in range(3):
-                whole = mi.UInt64(dr.minimum(value[channel], LARGEST))
-                dr.scatter_add(out, whole, 3 * (first + turn) + channel, active)
+            add_whole(mi, out, lambda channel: 3 * (first + turn) + channel, value, active)
 
         flashes.loop(count, seen, add)
         return (out.numpy().reshape(-1, 3) / (WHOLE / self._brightness[light])[:, None]).astype(np.float32)

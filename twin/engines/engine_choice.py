@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from twin.description.description import TwinScene
 from twin.engines.direct import Direct
 from twin.engines.film import Film
-from twin.engines.flash_shading import give_memory_back, import_mitsuba
+from twin.engines.flash_shading import give_memory_back
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, pick_variant
 
 Engine = Literal["direct", "many", "mitsuba"]
 Images = NDArray[np.float32]
@@ -102,7 +102,7 @@ def run_pilot(scene: TwinScene, film: Film) -> Pilot | None:
     # One loaded scene at a time: each holds its textures several times.
     direct, straight, onward, onward_s, spread = _by_ours(dark, small, larger)
     give_memory_back()
-    tracer = PathTracer(dark, small, variant=FAST)
+    tracer = PathTracer(dark, small)
     halves = [_timed(lambda seed=seed: tracer.image(index, PILOT_SAMPLES, seed=seed)) for seed in (1, 2)]
     noise = float(np.mean((halves[0][0] - halves[1][0]) ** 2)) / 2
     whole = straight + onward

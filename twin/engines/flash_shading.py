@@ -9,28 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import RenderError
 from scene.lights import Lights
 from twin.description.description import white_of
 from twin.engines.film import Film
-from twin.engines.variant import FAST, pick_variant
 
-
-def import_mitsuba() -> Any:
-    """Return mitsuba with its vectorised variant set, which alone can run these engines.
-
-    Raises
-    ------
-    RenderError
-        Only the scalar variant runs on this machine.
-    """
-    variant, note = pick_variant()
-    if variant != FAST:
-        raise RenderError(f"the engines `direct` and `many` need Mitsuba's variant {FAST}: {note} Or use `mitsuba`.")
-    import mitsuba as mi
-
-    mi.set_variant(variant)  # type: ignore[attr-defined]
-    return mi
+WHOLE, LARGEST = 2.0**28, 2.0**50
+"""Parts of a frame's brightness, or of a flash's irradiance, that light is counted in where it is added up, and the
+most: 4096 of them stay within 64 bits."""
 
 
 def give_memory_back() -> None:
@@ -52,6 +37,9 @@ class Flashes:
         self.count = len(lights)
         power = np.pi * lights.intensities * white_of(lights)
         self._near = lights.positions_mm is not None
+        strength = power.mean(1)
+        self.parts = (WHOLE / np.where(strength > 0, strength, 1)).astype(np.float32)
+        """(F,) whole numbers to a radiance of 1; see `add_whole`."""
         places = lights.directions
         if lights.positions_mm is not None:
             places = lights.positions_mm
@@ -92,6 +80,14 @@ class Flashes:
             return (turn + 1,)
 
         dr.while_loop((self._mi.UInt32(0),), lambda turn: active & (turn < turns), body, labels=("turn",))
+
+
+def add_whole(mi: Any, out: Any, places: Callable[[int], Any], value: Any, active: Any) -> None:
+    """Add colours as whole numbers at the places of their channels: threads add in any order, the sum is the same."""
+    import drjit as dr
+
+    for channel in range(3):
+        dr.scatter_add(out, mi.UInt64(dr.minimum(value[channel], LARGEST)), places(channel), active)
 
 
 def camera_rays(mi: Any, film: Film, x: Any, y: Any, above_mm: float) -> Any:

@@ -13,11 +13,10 @@ from twin.description.description import Environment, TwinScene
 from twin.engines.direct import VALUES_PER_BAND, Direct
 from twin.engines.engine_choice import Choice
 from twin.engines.film import Film
-from twin.engines.flash_shading import import_mitsuba
 from twin.engines.many import SAMPLES_PER_CALL, Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import pick_variant
+from twin.engines.variant import import_mitsuba
 
 Images = NDArray[np.float32]
 
@@ -75,22 +74,21 @@ class PieceRenderer:
         with the same samples).
     """
 
-    def __init__(self, scene: TwinScene, film: Film, choice: Choice, *, apart: bool = False, seed: int = 0) -> None:
-        self._film, self._choice, self._seed = film, choice, seed
+    def __init__(self, scene: TwinScene, film: Film, choice: Choice, *, apart: bool = False) -> None:
+        self._film, self._choice = film, choice
         self._tracers: tuple[PathTracer, ...] = ()
         self._onward = None
         dark, depth = replace(scene, environment=Environment()), scene.sampling.max_depth
         if choice.engine == "mitsuba":
             first = replace(dark, sampling=replace(scene.sampling, max_depth=2))
-            variant = pick_variant()[0]
             scenes = (dark, first) if apart else (scene,)
-            self._tracers = tuple(PathTracer(one, film, variant=variant) for one in scenes)
+            self._tracers = tuple(PathTracer(one, film) for one in scenes)
             return
         import_mitsuba()
         shapes, error = mitsuba_scene(dark), choice.error
         if choice.engine == "many" and depth > 2:
             error /= np.sqrt(2)
-            self._onward = Indirect(shapes, film, scene.lights, samples=choice.samples, max_depth=depth, seed=seed)
+            self._onward = Indirect(shapes, film, scene.lights, samples=choice.samples, max_depth=depth)
         self._straight = Direct(shapes, film, scene.lights, error=error)
 
     def render(self, piece: Piece) -> Layers:
@@ -99,13 +97,11 @@ class PieceRenderer:
             onward = None if self._onward is None else self._onward.band(piece.rows)
             return Layers(self._straight.band(piece.rows), onward)
         index, samples = piece.frames.start, self._choice.samples
-        whole, *first = (
-            self._film.place(tracer.image(index, samples, seed=self._seed))[None] for tracer in self._tracers
-        )
+        whole, *first = (self._film.place(tracer.image(index, samples))[None] for tracer in self._tracers)
         return Layers(first[0], whole - first[0]) if first else Layers(whole)
 
 
-def standing_light(scene: TwinScene, film: Film, choice: Choice, apart: bool = False, seed: int = 0) -> Images | None:
+def standing_light(scene: TwinScene, film: Film, choice: Choice, apart: bool = False) -> Images | None:
     """Return the environment's picture (h, w, 3), by stock Mitsuba with one flash that is dark.
 
     None where there is no environment, or stock Mitsuba renders it with every flash.
@@ -113,17 +109,17 @@ def standing_light(scene: TwinScene, film: Film, choice: Choice, apart: bool = F
     if scene.environment.is_dark or (choice.engine == "mitsuba" and not apart):
         return None
     dark = replace(scene, lights=replace(scene.lights, intensities=np.zeros_like(scene.lights.intensities)))
-    return film.place(PathTracer(dark, film, variant=pick_variant()[0]).image(0, STANDING_SAMPLES, seed=seed))
+    return film.place(PathTracer(dark, film).image(0, STANDING_SAMPLES))
 
 
-def render_layers(scene: TwinScene, film: Film, choice: Choice, *, apart: bool = False, seed: int = 0) -> Layers:
+def render_layers(scene: TwinScene, film: Film, choice: Choice, *, apart: bool = False) -> Layers:
     """Render a scene in memory: 12 bytes a pixel and light, and as much again for the light that went on."""
-    renderer = PieceRenderer(scene, film, choice, apart=apart, seed=seed)
+    renderer = PieceRenderer(scene, film, choice, apart=apart)
     made = [renderer.render(piece) for piece in pieces_of(film, len(scene.lights), choice)]
     axis = 0 if choice.engine == "mitsuba" else 1
     onward = [layers.onward for layers in made if layers.onward is not None]
     return Layers(
         np.concatenate([layers.direct for layers in made], axis),
         np.concatenate(onward, axis) if onward else None,
-        standing_light(scene, film, choice, apart, seed),
+        standing_light(scene, film, choice, apart),
     )

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.engines.film import Film
-from twin.engines.flash_shading import Flashes, by_bands, camera_rays, import_mitsuba, start_above
+from twin.engines.flash_shading import Flashes, by_bands, camera_rays, start_above
 from twin.engines.radiance_cells import NOWHERE, Hits, RadianceCells, add_weighted
+from twin.engines.variant import import_mitsuba
 
 SAMPLES_PER_CALL = 1 << 21
 FIRST_LOOK = 1 << 19

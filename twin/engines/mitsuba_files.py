@@ -14,15 +14,15 @@ from xml.etree import ElementTree
 
 import numpy as np
 
+from formats.pictures import write_exr
 from scene.errors import RenderError
 from scene.files import write_text
 from twin.description.description import TwinScene
 from twin.description.description_check import check_scene
-from twin.description.mesh_files import write_ply
-from twin.description.picture_files import write_exr
+from twin.description.mesh_files import write_mesh
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, parts
-from twin.engines.variant import pick_variant
+from twin.engines.variant import import_mitsuba
 
 SAMPLES = 256
 """A pixel, where the description names none; `-D samples=64` changes it."""
@@ -69,9 +69,7 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
     for name in scene.lights.names:
         if not re.fullmatch(r"[\w.-]+", name):
             raise RenderError(f"lights: {name!r} can be no file's name here; use letters, digits, _, - and dots.")
-    import mitsuba as mi
-
-    mi.set_variant(pick_variant()[0])  # type: ignore[attr-defined]
+    import_mitsuba(slow=True)
     film, made, files, notes = scene.film(), parts(scene), _Files(folder), []
     if film.pixels is None:
         film = Film(
@@ -100,7 +98,7 @@ def write_mitsuba(scene: TwinScene, folder: Path) -> tuple[list[Path], list[str]
         root.append(files.element(within, id=f"medium {name}"))
     for number, (_, mesh, material) in enumerate(made.shapes):
         file = f"meshes/{number:02d}.ply"
-        write_ply(folder / file, mesh)
+        write_mesh(folder / file, mesh)
         shape = ElementTree.SubElement(root, "shape", type="ply", id=f"object_{number}")
         ElementTree.SubElement(shape, "string", name="filename", value=file)
         # In files texture coordinates point up.

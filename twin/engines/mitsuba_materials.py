@@ -2,11 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from scene.errors import RenderError
 from twin.description.materials import (
     VERTEX,
     Conductor,
@@ -155,10 +156,6 @@ def material_faults(materials: Mapping[str, Material]) -> list[str]:
 
 
 def _is_known(metal: str) -> bool:
-    from importlib.util import find_spec
-    from pathlib import Path
-
-    found = find_spec("mitsuba")
-    if found is None or found.origin is None:
-        raise RenderError("Mitsuba is not installed. Run `make setup`.")
-    return metal == "none" or (Path(found.origin).parent / "data" / "ior" / f"{metal}.eta.spd").is_file()
+    # Mitsuba itself would take half a second to import.
+    folder = Path(find_spec("mitsuba").origin).parent  # type: ignore[union-attr,arg-type]
+    return metal == "none" or (folder / "data" / "ior" / f"{metal}.eta.spd").is_file()

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from twin.description.description import TwinScene
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, mitsuba_scene
+from twin.engines.variant import import_mitsuba
 
 SAMPLES_PER_BAND = 1 << 21
 """Samples traced in one call: bounds the vectorised variant's memory to about half a gigabyte."""
@@ -16,18 +17,11 @@ SAMPLES_PER_BAND = 1 << 21
 class PathTracer:
     """A scene before a film, ready to be rendered under one light after the other."""
 
-    def __init__(self, scene: TwinScene, film: Film, *, variant: str) -> None:
-        import mitsuba as mi
-
-        mi.set_variant(variant)  # type: ignore[attr-defined]
-        mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
-        self._mitsuba: Any = mi
-        self._film = film
-        self._scene = scene
-        self._lit_by = 0
+    def __init__(self, scene: TwinScene, film: Film) -> None:
+        self._mitsuba: Any = import_mitsuba(slow=True)
+        self._film, self._scene, self._lit_by = film, scene, 0
         self._loaded: Any = mitsuba_scene(scene, light=0)
-        self._parameters: Any = mi.traverse(self._loaded)
-        self._sensors: dict[tuple[int, int], Any] = {}
+        self._parameters: Any = self._mitsuba.traverse(self._loaded)
 
     def image(self, index: int, samples_per_pixel: int, *, seed: int = 0) -> NDArray[np.float32]:
         """Return pixel values (h, w, 3) of the film's window under one light and the environment.
@@ -37,8 +31,7 @@ class PathTracer:
         """
         if index != self._lit_by:
             self._light(index)
-        bands = self._film.bands(SAMPLES_PER_BAND, samples_per_pixel)
-        return np.concatenate([self._band((seed, index), *band, samples_per_pixel) for band in bands])
+        return traced(self._loaded, self._film, self._scene.points, samples_per_pixel, (seed, index))
 
     def _light(self, index: int) -> None:
         """Change the flash in place: shapes and materials, which cost the time, stay."""
@@ -62,13 +55,20 @@ class PathTracer:
             parameters["flash.emitter.radiance.value"] = mi.Color3f(*new["emitter"]["radiance"]["value"])
         parameters.update()
 
-    def _band(self, seeds: tuple[int, int], first_row: int, height: int, samples_per_pixel: int) -> NDArray[np.float32]:
-        mi = self._mitsuba
-        key = (first_row, height)
-        if key not in self._sensors:
-            sensor = sensor_description(self._film, self._scene.points, first_row, height)
-            self._sensors[key] = mi.load_dict(sensor)
+
+def traced(loaded: Any, film: Film, points: NDArray, samples: int, seeds: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return pixel values (h, w, 3) of a film's window by stock Mitsuba.
+
+    loaded: A `mi.Scene` with its light.
+    points (P, 3): What the scene lies between, mm.
+    samples: A pixel.
+    """
+    import mitsuba as mi
+
+    bands = []
+    for first_row, height in film.bands(SAMPLES_PER_BAND, samples):
+        sensor: Any = mi.load_dict(sensor_description(film, points, first_row, height))
         # Mixed, not added up: neighbouring bands and lights must not share samples.
-        seed = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
-        image = mi.render(self._loaded, sensor=self._sensors[key], spp=samples_per_pixel, seed=seed)
-        return np.asarray(image, np.float32)[..., :3]
+        seed: Any = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
+        bands.append(np.asarray(mi.render(loaded, sensor=sensor, spp=samples, seed=seed), np.float32)[..., :3])
+    return np.concatenate(bands)

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.engines.flash_shading import Flashes
+from twin.engines.flash_shading import Flashes, add_whole
 
 EMPTY = np.int64(-1)
 NOWHERE = np.int64(-2)
@@ -124,16 +124,17 @@ class RadianceCells:
         import drjit as dr
 
         mi, flashes, bsdf = self._mi, self._flashes, surface.bsdf()
-        out = dr.zeros(mi.Float, count * 3 * flashes.count)
+        out, parts = dr.zeros(mi.UInt64, count * 3 * flashes.count), mi.Float(flashes.parts)
         owner, weight = mi.UInt32(owners.astype(np.uint32)), mi.Color3f(np.ascontiguousarray(weights.T))
 
         def add(light: Any, active: Any) -> None:
             value = flashes.reflected(self._scene, surface, bsdf, light, active, coherent=False) * weight
-            for channel in range(3):
-                dr.scatter_add(out, value[channel], (owner * 3 + channel) * flashes.count + light, active)
+            value *= dr.gather(mi.Float, parts, light, active)
+            add_whole(mi, out, lambda channel: (owner * 3 + channel) * flashes.count + light, value, active)
 
         flashes.loop(flashes.count, surface.is_valid(), add)
-        return out.numpy().reshape(-1, 3, flashes.count)
+        whole = out.numpy().reshape(-1, 3, flashes.count)
+        return np.multiply(whole, 1 / flashes.parts, dtype=np.float32, casting="unsafe")
 
     def cells(self, hits: Hits, pool: ThreadPoolExecutor) -> NDArray[np.int32]:
         """Return each hit's cell, -2 where there is none; cells that were not met before are lit first."""

@@ -232,7 +232,7 @@ def _noise(scene: TwinScene, film: Film, choice: Choice) -> float:
     """Render the film's middle rows twice under the strongest light; see `Rendering.noise`."""
     top, left, height, width = film.window
     strip = replace(film, window=(top + max(0, height // 2 - 24), left, min(48, height), width))
-    tracer = PathTracer(scene, strip, variant=pick_variant()[0])
+    tracer = PathTracer(scene, strip)
     index = int(np.argmax(scene.irradiance.sum(1)))
     one, two = (tracer.image(index, choice.samples, seed=seed) for seed in (1, 2))
     mean = (one + two) / 2

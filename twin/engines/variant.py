@@ -12,8 +12,9 @@ import sys
 from collections.abc import Iterator
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
-from scene.errors import SceneError
+from scene.errors import RenderError, SceneError
 from scene.files import write_json
 from scene.reading import json_of
 
@@ -49,6 +50,24 @@ _PLACES = (
     "/opt/homebrew/opt/llvm*/lib/libLLVM*.dylib",
     "/usr/local/opt/llvm*/lib/libLLVM*.dylib",
 )
+
+
+def import_mitsuba(*, slow: bool = False) -> Any:
+    """Return mitsuba with the variant set that is to be used here; `slow`: the scalar one will do.
+
+    Raises
+    ------
+    RenderError
+        Only the scalar variant runs on this machine.
+    """
+    variant, note = pick_variant()
+    if variant != FAST and not slow:
+        raise RenderError(f"the engines `direct` and `many` need Mitsuba's variant {FAST}: {note} Or use `mitsuba`.")
+    import mitsuba as mi
+
+    mi.set_variant(variant)  # type: ignore[attr-defined]
+    mi.set_log_level(mi.LogLevel.Error)  # type: ignore[attr-defined]
+    return mi
 
 
 def pick_variant() -> tuple[str, str]:

@@ -105,6 +105,17 @@ def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     )  # fmt: skip
 
 
+def robust(samples: Samples, fit: MaterialFit, noise: Noise) -> tuple[NDArray[np.float32], ...]:
+    """Return value, slope and variance (P, F, 3) of a fit, and the albedo (P, 3) that is best for Student's weights."""
+    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
+    for turn in range(3):
+        values, slope, albedo = predicted(samples, weights, fit.surface, fit.strength)
+        variance = noise.variance(values, slope)
+        if turn < 2:
+            weights = student_weights(samples, values, variance)
+    return values, slope, variance, albedo
+
+
 def _barer(samples: Samples, over_all: CoatSearch, part_bare: CoatSearch) -> tuple[CoatSearch, str]:
     """Return the one of two fits to the same samples that the evidence favours, and the words for it."""
     factor = max(over_all.inflation(), part_bare.inflation())

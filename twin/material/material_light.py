@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
-from scene.lights import Lights
 from scene.mesh import Mesh
-from scene.pose import Pose
 from twin.description.description import Sampling, TwinScene
 from twin.description.materials import Diffuse, Material, RoughPlastic
 from twin.description.object_mesh import ObjectMesh
@@ -25,13 +23,10 @@ SAMPLES, DEPTH = 36, 4
 
 
 def material_scene(
+    sight: Sight,
     fits: tuple[MaterialFit, ...],
     labels: NDArray[np.int8] | None,
     albedo: NDArray[np.float32],
-    mesh: Mesh,
-    pose: Pose,
-    camera: Camera,
-    lights: Lights,
     sampling: Sampling,
 ) -> tuple[TwinScene, tuple[str, ...]]:
     """Return the scene of a scan made of fitted materials, and what is suspicious about it.
@@ -44,7 +39,7 @@ def material_scene(
     Of several materials each gets the faces that mostly its pixels see, and those unseen whose nearest seen face is
     its: one object each, with the same normals at the border.
     """
-    scene, warnings = scan_scene(mesh, pose, camera, lights, albedo, sampling=sampling)
+    scene, warnings = scan_scene(sight, albedo, sampling)
     ((name, body),) = scene.materials.items()
     assert isinstance(body, Diffuse)
     # Where the white value is unknown, the scene has taken one.
@@ -52,7 +47,7 @@ def material_scene(
     if len(made) == 1 or labels is None:
         return replace(scene, materials={name: made[0]}), warnings
     (whole,) = scene.objects
-    of_face = _face_labels(whole.mesh, camera, labels, len(fits))
+    of_face = _face_labels(replace(sight, mesh=Mesh(whole.mesh.vertices, whole.mesh.faces)), labels, len(fits))
     parts = [(number, np.flatnonzero(of_face == number)) for number in range(len(fits)) if (of_face == number).any()]
     return replace(
         scene,
@@ -73,14 +68,15 @@ def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
     return RoughPlastic(body.reflectance, fit.roughness, specularity, fit.index, covered=fit.covered)
 
 
-def _face_labels(mesh: ObjectMesh, camera: Camera, labels: NDArray[np.int8], count: int) -> NDArray[np.intp]:
+def _face_labels(sight: Sight, labels: NDArray[np.int8], count: int) -> NDArray[np.intp]:
     """Return (T,) the label of most pixels that see a face; of an unseen one, that of the nearest seen one."""
     from scipy.spatial import KDTree
 
+    mesh = sight.mesh
     votes = np.zeros((len(mesh.faces), count), np.intp)
     labelled = np.flatnonzero((labels >= 0).any(1))
-    box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, camera.width)
-    for rows, face, _, _ in Sight(Mesh(mesh.vertices, mesh.faces), camera).rows(*box):
+    box = slice(int(labelled[0]), int(labelled[-1]) + 1), slice(0, sight.camera.width)
+    for rows, face, _, _ in sight.rows(*box):
         hit = (face >= 0) & (labels[rows] >= 0)
         np.add.at(votes, (face[hit], labels[rows][hit]), 1)
     seen = votes.sum(1) > 0
@@ -98,34 +94,29 @@ def _part(mesh: ObjectMesh, faces: NDArray[np.intp]) -> ObjectMesh:
     return ObjectMesh(mesh.vertices[used], corner.reshape(-1, 3), *at_corners)
 
 
-def onward_light(
-    samples: Samples,
-    fit: MaterialFit,
-    albedo: NDArray[np.float32],
-    mesh: Mesh,
-    pose: Pose,
-    camera: Camera,
-    lights: Lights,
-) -> NDArray[np.float32]:
+def onward_light(sight: Sight, samples: Samples, fit: MaterialFit, albedo: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return (P, F, 3), pixel values that come by way of two surfaces or three, all of them matte.
 
     What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more
     noise into the samples than they take out.
 
-    samples, fit, mesh, pose, camera, lights: As the fit had them.
     albedo (P, 3): Of the samples.
     Raises RenderError: No vectorised variant of Mitsuba runs here; and see `twin.scan_scene.scan_scene`.
     """
-    from twin.engines.flash_shading import give_memory_back, import_mitsuba
+    from twin.engines.flash_shading import give_memory_back
     from twin.engines.many import Indirect
+    from twin.engines.variant import import_mitsuba
 
     import_mitsuba()
     across = max(int(np.ptp(samples.rows)), int(np.ptp(samples.columns))) + 1
     scale = min(1.0, SIDE / across)
+    camera = sight.camera
     small = camera.scaled(int(np.ceil(camera.width * scale)), int(np.ceil(camera.height * scale)), scale, scale)
     row, column = ((place + 0.5) * scale - 0.5 for place in (samples.rows, samples.columns))
     body, sampling = replace(fit, model="matte"), Sampling("many", SAMPLES, DEPTH)
-    scene, _ = material_scene((body,), None, _picture(row, column, albedo, small), mesh, pose, small, lights, sampling)
+    scene, _ = material_scene(
+        replace(sight, camera=small), (body,), None, _picture(row, column, albedo, small), sampling
+    )
     film = scene.film()
     images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
     give_memory_back()

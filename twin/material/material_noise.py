@@ -89,20 +89,14 @@ def inflation(samples: Samples, residual: NDArray[np.float32]) -> float:
     the largest found over several sizes. Channels are averaged first.
     """
     mean = np.clip(residual, -4, 4).mean(-1).astype(np.float64)
-    rows, columns = samples.rows - samples.rows.min(), samples.columns - samples.columns.min()
-    area = len(samples) / samples.pixel_share
-    directions = samples.toward.mean(0)
-    group = _grouped(directions)
+    group = _grouped(samples.toward.mean(0))
     per_group = np.stack([mean[:, group == g].sum(1) for g in range(group.max() + 1)], 1)
-    squares = float(np.sum(mean**2))
-    worst = 1.0
-    for pixels in CELLS:
-        side = max(1.0, np.sqrt(area / len(samples) * pixels))
-        wide = int(columns.max() // side) + 1
-        cell = (rows // side).astype(int) * wide + (columns // side).astype(int)
-        together = sum(float(np.sum(np.bincount(cell, column) ** 2)) for column in per_group.T)
-        worst = max(worst, together / max(squares, 1e-300))
-    return worst
+    squares = max(float(np.sum(mean**2)), 1e-300)
+    together = [
+        sum(float(np.sum(np.bincount(samples.blocks(pixels), column) ** 2)) for column in per_group.T)
+        for pixels in CELLS
+    ]
+    return max(1.0, max(together) / squares)
 
 
 def _grouped(directions: NDArray[np.float32]) -> NDArray[np.intp]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from twin.material.coat_search import TRIED
-from twin.material.fit_material import MaterialFit, fit_material
-from twin.material.material_kernels import predicted, reduced
+from twin.material.fit_material import MaterialFit, fit_material, robust
+from twin.material.material_kernels import reduced
 from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_regions import Neighbours
 from twin.material.material_samples import FEWEST, Samples
@@ -127,7 +127,7 @@ def _together(samples: Samples, places: Places) -> _Together:
         for number, fit in enumerate(places.fits):
             own = places.labels == number
             if own.any():
-                values[own], slope[own], _ = _robust(samples.only(own), fit, fit.noise if turn == 0 else noise)
+                values[own], slope[own], *_ = robust(samples.only(own), fit, fit.noise if turn == 0 else noise)
         noise = noise_of(samples.values - values, values, slope, usable)
         variance = noise.variance(values, slope)
     residual = np.where(usable[..., None], (samples.values - values) / np.sqrt(variance), 0)
@@ -135,21 +135,8 @@ def _together(samples: Samples, places: Places) -> _Together:
     return _Together(noise, weights, inflation(samples, residual), float(deviances(samples, values, variance).sum()))
 
 
-def _robust(
-    samples: Samples, fit: MaterialFit, noise: Noise
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return value, slope and variance (P, F, 3) of a fit, each pixel's albedo the best for Student's weights."""
-    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
-    for turn in range(4):
-        values, slope, _ = predicted(samples, weights, fit.surface, fit.strength)
-        variance = noise.variance(values, slope)
-        plain = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
-        weights = student_weights(samples, values, variance) if turn else plain
-    return values, slope, variance
-
-
 def _deviances(samples: Samples, fit: MaterialFit, noise: Noise) -> Array:
-    values, _, variance = _robust(samples, fit, noise)
+    values, _, variance, _ = robust(samples, fit, noise)
     return deviances(samples, values, variance)
 
 
@@ -162,7 +149,7 @@ def _parameters(fit: MaterialFit, lights: Lights) -> int:
 
 def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float32]) -> Places:
     """Return the two coats that explain blocks of pixels best, if each block takes the better one."""
-    which = _blocks(samples)
+    which = np.unique(samples.blocks(BLOCK), return_inverse=True)[1].reshape(-1)
     count = int(which.max()) + 1
     strengths = TIMES[:, None] * whole.strength
     surfaces = [coat(float(roughness), covered=whole.covered) for roughness in TRIED]
@@ -177,12 +164,3 @@ def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float3
     pair = divmod(int(np.argmin(least)), len(every))
     coats = [replace(whole, surface=surfaces[k // len(TIMES)], strength=strengths[k % len(TIMES)]) for k in pair]
     return Places(tuple(coats), (every[pair[1]] < every[pair[0]]).astype(np.intp)[which], "")
-
-
-def _blocks(samples: Samples) -> Labels:
-    """Return (P,) the number of each pixel's square of the picture."""
-    rows, columns = samples.rows - samples.rows.min(), samples.columns - samples.columns.min()
-    side = max(1.0, np.sqrt(BLOCK / samples.pixel_share))
-    wide = int(columns.max() // side) + 1
-    cell = (rows // side).astype(int) * wide + (columns // side).astype(int)
-    return np.unique(cell, return_inverse=True)[1].reshape(-1)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
 from scene.lights import Lights
 from twin.material.fit_material import MaterialFit
@@ -108,95 +109,69 @@ def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple
         return light * (own * (after - body)[..., None] + fit.strength * (shine - gloss)[..., None]) / STEP
 
     project = _Eliminated(design, int(np.count_nonzero(usable)), residual)
-    tangents = _tangents(samples.toward)
-    turned = np.stack([change(samples.normals, _turned(samples.toward, t)) for t in tangents], -1)
-    sigma = np.radians(lights.direction_sigma_deg)
-    yield "direction", project.part(
-        _by_frame(turned), float(np.degrees(1)), "deg",
-        float(np.sqrt(np.sum(turned**2 * (sigma**2)[:, None, None]) / bright)),
-    )  # fmt: skip
+    turned = np.stack([change(samples.normals, _turned(samples.toward, t)) for t in _tangents(samples.toward)], -1)
     scaled = np.where(usable, values, 0).astype(np.float64)[..., None] * np.eye(3)
-    expected = float(np.sqrt(np.sum(scaled**2 * (lights.intensity_sigma**2)[:, None, None]) / bright))
-    yield "intensity", project.part(_by_frame(scaled), 1.0, "relative", expected)
-    ambient = np.where(usable, own, 0)[..., None] * np.eye(3)
-    yield "ambient", project.part(_shared(ambient), 1.0, "pixel value on white")
+
+    def expected(columns: Array, sigma: Array) -> float:
+        return float(np.sqrt(np.sum(columns**2 * (sigma**2)[:, None, None]) / bright))
+
+    sigma, degree = np.radians(lights.direction_sigma_deg), float(np.degrees(1))
+    yield "direction", project.part(turned, "deg", by_frame=True, factor=degree, expected=expected(turned, sigma))
+    known = expected(scaled, lights.intensity_sigma)
+    yield "intensity", project.part(scaled, "relative", by_frame=True, expected=known)
+    yield "ambient", project.part(np.where(usable, own, 0)[..., None] * np.eye(3), "pixel value on white")
     shifts = [np.cross(axis, samples.normals) for axis in np.eye(3)]
     shifts += [samples.slopes[:, k] for k in (0, 1)]
     pose = np.stack([change(samples.normals + STEP * shift, samples.toward) for shift in shifts], -1)
-    yield "registration", project.part(_shared(pose), 1.0, "rad, px")
+    yield "registration", project.part(pose, "rad, px")
     lean = [change(_turned(samples.normals, t), samples.toward) for t in _tangents(samples.normals)]
     yield "normals", project.each_pixel(np.stack(lean, -1))
     lobe, lambert = _curves(samples, light, own)
-    yield "highlights", project.part(_shared(lobe), 1.0, "pixel value")
-    yield "body", project.part(_shared(lambert), 1.0, "relative")
+    yield "highlights", project.part(lobe, "pixel value")
+    yield "body", project.part(lambert, "relative")
 
 
 class _Eliminated:
     """Least squares on residuals (P, F, 3) with each pixel's albedo, of the columns `design`, free."""
 
     def __init__(self, design: Array, pixels_lit: int, residual: Array) -> None:
-        self._design, self._residual = design, residual
+        self._design = design
         self._square = np.maximum(np.einsum("pfc,pfc->pc", design, design), 1e-300)
-        self._left = float(np.sum(self._free(residual) ** 2))
+        self._residual = self._free(residual)
+        self._left = float(np.sum(self._residual**2))
         self._freedom = 3 * pixels_lit - self._square.size
 
     def _free(self, columns: Array) -> Array:
         share = np.einsum("pfc,pfc->pc", self._design, columns) / self._square
         return columns - self._design * share[:, None]
 
-    def part(self, columns: Iterator[tuple[int, Array]], factor: float, unit: str, expected: float = np.nan) -> Part:
-        """Return the part of nuisances: `columns` gives the frame of each (-1: all) and what it does."""
-        inner, right, over = {}, [], []
-        found = list(columns)
-        for one, (frame, column) in enumerate(found):
-            here = slice(None) if frame < 0 else slice(frame, frame + 1)
-            projection = np.einsum("pfc,pfc->pc", self._design[:, here], column)
-            over.append((projection / np.sqrt(self._square)).ravel())
-            free = self._residual[:, here]
-            own = np.einsum("pfc,pfc->pc", self._design, self._residual) / self._square
-            right.append(float(np.sum(column * free) - np.sum(projection * own)))
-            for other in range(one + 1):
-                if frame < 0 or found[other][0] in (frame, -1):
-                    inner[one, other] = float(np.sum(column * found[other][1]))
-        matrix = np.zeros((len(found),) * 2)
-        for (one, other), value in inner.items():
-            matrix[one, other] = matrix[other, one] = value
-        matrix -= np.stack(over) @ np.stack(over).T
+    def part(
+        self, columns: Array, unit: str, *, by_frame: bool = False, factor: float = 1.0, expected: float = np.nan
+    ) -> Part:
+        """Return the part of nuisances that do `columns` (P, F, 3, K): K for all frames, or for each by itself."""
+        over = np.einsum("pfc,pfck->fkpc", self._design, columns) / np.sqrt(self._square)
+        inner = np.einsum("pfck,pfcl->fkl", columns, columns)
+        right = np.einsum("pfck,pfc->fk", columns, self._residual)
+        if not by_frame:
+            over, inner, right = (sums.sum(0, keepdims=True) for sums in (over, inner, right))
+        over, right = over.reshape(right.size, -1), right.ravel()
         # A constant factor on all lights is the albedo's: the smallest step of all is taken along such directions.
-        solved, _, rank, _ = np.linalg.lstsq(matrix, np.array(right), rcond=1e-9)
-        return self._told(
-            float(solved @ np.array(right)), int(rank), factor * float(np.sqrt(np.mean(solved**2))), unit, expected
-        )
+        solved, _, rank, _ = np.linalg.lstsq(block_diag(*inner) - over @ over.T, right, rcond=1e-9)
+        return self._told(float(solved @ right), int(rank), factor * float(np.sqrt(np.mean(solved**2))), unit, expected)
 
     def each_pixel(self, columns: Array) -> Part:
         """Return the part of two nuisances of each pixel's own, columns (P, F, 3, 2)."""
-        first, second = (self._free(columns[..., k]) for k in (0, 1))
-        residual = self._free(self._residual)
-        a, b, c = (np.sum(x * y, (1, 2)) for x, y in ((first, first), (first, second), (second, second)))
-        r, s = (np.sum(x * residual, (1, 2)) for x in (first, second))
-        determinant = a * c - b * b
-        good = determinant > 1e-6 * (a * c + 1e-300)
-        bottom = np.where(good, determinant, 1)
-        x, y = np.where(good, (c * r - b * s) / bottom, 0), np.where(good, (a * s - b * r) / bottom, 0)
-        size = float(np.degrees(np.sqrt(np.median(x**2 + y**2) / 2)))
-        return self._told(float(np.sum(x * r + y * s)), 2 * int(good.sum()), size, "deg, median")
+        free = np.stack([self._free(columns[..., k]) for k in (0, 1)], -1)
+        inner, right = np.einsum("pfck,pfcl->pkl", free, free), np.einsum("pfck,pfc->pk", free, self._residual)
+        good = np.linalg.det(inner) > 1e-6 * (inner[:, 0, 0] * inner[:, 1, 1] + 1e-300)
+        lean = np.zeros_like(right)
+        lean[good] = np.linalg.solve(inner[good], right[good][..., None])[..., 0]
+        size = float(np.degrees(np.sqrt(np.median(np.sum(lean**2, 1)) / 2)))
+        return self._told(float(np.sum(lean * right)), 2 * int(good.sum()), size, "deg, median")
 
     def _told(self, fall: float, freed: int, size: float, unit: str, expected: float = np.nan) -> Part:
         left = max(self._left - fall, 0) / max(self._freedom - freed, 1)
         return Part(float(max(1 - left / (self._left / self._freedom), 0)), size, unit, expected)
-
-
-def _by_frame(columns: Array) -> Iterator[tuple[int, Array]]:
-    """Yield (frame, (P, 1, 3)) of columns (P, F, 3, K), each frame for itself."""
-    for frame in range(columns.shape[1]):
-        for k in range(columns.shape[3]):
-            yield frame, columns[:, frame : frame + 1, :, k]
-
-
-def _shared(columns: Array) -> Iterator[tuple[int, Array]]:
-    """Yield (-1, (P, F, 3)) of columns (P, F, 3, K), one for all frames."""
-    for k in range(columns.shape[3]):
-        yield -1, columns[..., k]
 
 
 def _tangents(vectors: NDArray) -> tuple[Array, Array]:

@@ -6,13 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
-from scene.pose import Pose
 from twin.visibility import Sight
 
 Array = NDArray[np.float64]
@@ -67,6 +64,12 @@ class Samples:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def blocks(self, pixels: float) -> NDArray[np.intp]:
+        """Return (P,) the number of the square of the picture that each lies in, of about so many of the pixels."""
+        rows, columns = self.rows - self.rows.min(), self.columns - self.columns.min()
+        side = max(1.0, np.sqrt(pixels / self.pixel_share))
+        return (rows // side).astype(int) * (int(columns.max() // side) + 1) + (columns // side).astype(int)
+
     def only(self, which: Any) -> "Samples":
         """Return some of the pixels."""
         whole = dict(self.__dict__)
@@ -75,98 +78,23 @@ class Samples:
 
 
 def samples_of_scan(
+    sight: Sight,
     frames: Frames,
-    lights: Lights,
-    camera: Camera,
     mask: NDArray[np.bool_],
-    mesh: Mesh,
-    pose: Pose,
-    *,
     normals: Image | None = None,
+    *,
     most: int = MOST,
     seed: int = 0,
 ) -> Samples:
     """Return samples of a registered scan, without those in its cast shadows.
 
-    frames, lights, camera: `lights`: near or distant, calibrated.
+    sight: The scan under the calibrated lights.
     mask (H, W): The object.
-    mesh, pose: The scan, mm; camera_from_scan.
     normals (H, W, 3): Where they are better known than by the mesh's vertices; NaN: not taken.
     most: Pixels.
     seed: Which ones.
     Raises RenderError: Fewer than `FEWEST` pixels are left.
     """
-    rows, columns, share = _chosen(mask, normals, most, seed)
-    surface = ScanSurface(camera, mesh, pose, normals)
-    return _enough(replace(surface.samples(frames, lights, rows, columns), pixel_share=share))
-
-
-class ScanSurface:
-    """A registered scan, ready to be asked for samples; see `samples_of_scan`."""
-
-    def __init__(self, camera: Camera, mesh: Mesh, pose: Pose, normals: Image | None) -> None:
-        self._camera, self._normals = camera, normals
-        self._placed = Mesh(pose.apply(mesh.vertices), mesh.faces)
-        self._sight = Sight(self._placed, camera)
-
-    def samples(self, frames: Frames, lights: Lights, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> Samples:
-        """Return the samples of those of the pixels (P,) that can be used."""
-        camera, normals, sight = self._camera, self._normals, self._sight
-        pixels = np.stack([columns, rows], -1).astype(np.float64)
-        looks = [sight.at(pixels + offset) for offset in BESIDE_PX]
-        points: Any = looks[0][2]
-        around = [unit(_interpolated(self._placed, *look)) for look in looks]
-        if normals is None:
-            # The plane through what is found beside.
-            found: Any = around[0]
-            slopes: Any = np.einsum("xk,kpi->pxi", np.linalg.pinv(BESIDE_PX[1:]), np.stack(around[1:]) - around[0])
-        else:
-            found, slopes = normals[rows, columns].astype(np.float64), _slopes(normals, rows, columns)
-        views = -camera.rays(pixels)[1]
-        step = np.linalg.norm(looks[1][2] - points, axis=1)
-        facing = np.sum(found * views, 1)
-        keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
-        keep &= np.isfinite(slopes).all((1, 2))
-        # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
-        scale = 1.0 if camera.is_orthographic else -points[:, 2]
-        keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
-        rows, columns = rows[keep], columns[keep]
-        found, views, points, slopes = (a[keep] for a in (found, views, points, slopes))
-        behind = np.zeros((len(rows), len(lights)), bool)
-        for look in looks:
-            flat = self._placed.face_normals[look[0][keep]]
-            behind |= np.logical_or(*sight.shadows(look[2][keep], flat, flat, lights))
-        return _read(frames, lights, rows, columns, points, found, views, behind, slopes)
-
-
-def samples_of_normals(
-    frames: Frames,
-    lights: Lights,
-    camera: Camera,
-    mask: NDArray[np.bool_],
-    normals: Image,
-    *,
-    most: int = MOST,
-    seed: int = 0,
-) -> Samples:
-    """Return samples where only normals are known: cast shadows stay in. Lights are seen from the reference point.
-
-    Parameters and errors: see `samples_of_scan`.
-    """
-    rows, columns, share = _chosen(mask, normals, most, seed)
-    pixels = np.stack([columns, rows], -1).astype(np.float64)
-    points = camera.points_at_depth(pixels, float(lights.reference_point_mm[2]))
-    found, views = normals[rows, columns].astype(np.float64), -camera.rays(pixels)[1]
-    slopes = _slopes(normals, rows, columns)
-    keep = (np.sum(found * views, 1) > GRAZING) & np.isfinite(slopes).all((1, 2))
-    rows, columns = rows[keep], columns[keep]
-    points, found, views, slopes = (a[keep] for a in (points, found, views, slopes))
-    behind = np.zeros((len(rows), len(lights)), bool)
-    read = _read(frames, lights, rows, columns, points, found, views, behind, slopes)
-    return _enough(replace(read, pixel_share=share))
-
-
-def _chosen(mask: NDArray[np.bool_], normals: Image | None, most: int, seed: int) -> tuple[Any, Any, float]:
     rows, columns = inner_pixels(mask, normals)
     if len(rows) < FEWEST:
         raise RenderError(
@@ -174,7 +102,64 @@ def _chosen(mask: NDArray[np.bool_], normals: Image | None, most: int, seed: int
             f"{FEWEST} or more. Check the mask, and that the pose fits these frames."
         )
     taken = np.sort(np.random.default_rng(seed).permutation(len(rows))[:most])
-    return rows[taken], columns[taken], len(taken) / len(rows)
+    samples = samples_at(sight, frames, normals, rows[taken], columns[taken])
+    if len(samples) < FEWEST:
+        raise RenderError(
+            f"material: {len(samples)} pixels have a normal and are lit by three flashes without being clipped; "
+            f"expected {FEWEST} or more. Check the lights, the exposure and the pose."
+        )
+    return replace(samples, pixel_share=len(taken) / len(rows))
+
+
+def samples_at(
+    sight: Sight, frames: Frames, normals: Image | None, rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> Samples:
+    """Return the samples of those of the pixels (P,) that can be used; see `samples_of_scan`."""
+    camera, lights, mesh = sight.camera, sight.lights, sight.mesh
+    pixels = np.stack([columns, rows], -1).astype(np.float64)
+    looks = [sight.at(pixels + offset) for offset in BESIDE_PX]
+    points: Any = looks[0][2]
+    if normals is None:
+        # The plane through what is found beside.
+        around = [unit(_interpolated(mesh, *look)) for look in looks]
+        found: Any = around[0]
+        slopes: Any = np.einsum("xk,kpi->pxi", np.linalg.pinv(BESIDE_PX[1:]), np.stack(around[1:]) - around[0])
+    else:
+        found, slopes = normals[rows, columns].astype(np.float64), _slopes(normals, rows, columns)
+    views = -camera.rays(pixels)[1]
+    step = np.linalg.norm(looks[1][2] - points, axis=1)
+    facing = np.sum(found * views, 1)
+    keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
+    keep &= np.isfinite(slopes).all((1, 2))
+    # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
+    scale = 1.0 if camera.is_orthographic else -points[:, 2]
+    keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
+    rows, columns = rows[keep], columns[keep]
+    found, views, points, slopes = (a[keep] for a in (found, views, points, slopes))
+    shape = (len(rows), len(lights))
+    behind = np.zeros(shape, bool)
+    for look in looks:
+        flat = mesh.face_normals[look[0][keep]]
+        behind |= np.logical_or(*sight.shadows(look[2][keep], flat, flat))
+    toward, irradiance = np.empty((*shape, 3), np.float32), np.empty((*shape, 3), np.float32)
+    values, clipped = np.empty((*shape, 3), np.float32), np.empty(shape, bool)
+    vectors = lights.toward(points)
+    for index in range(len(lights)):
+        length = np.linalg.norm(vectors[index], axis=1, keepdims=True)
+        toward[:, index] = vectors[index] / length
+        irradiance[:, index] = length * lights.intensities[index]
+        values[:, index], clipped[:, index] = frames.read_pixels(index, rows, columns)
+    cosine = np.einsum("pi,pfi->pf", found.astype(np.float32), toward)
+    usable = ~behind & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
+    smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
+    spread = smear * np.sum(slopes**2, (1, 2))
+    at, normal, view = (a.astype(np.float32) for a in (points, found, views))
+    samples = Samples(
+        rows, columns, at, normal, view, toward, irradiance, values, usable, slopes.astype(np.float32),
+        spread.astype(np.float32), 1.0,
+    )  # fmt: skip
+    # Three lights fix the albedo's channels and leave something to be judged.
+    return samples.only((usable.sum(1) >= 3) & (spread < CREASED))
 
 
 def inner_pixels(mask: NDArray[np.bool_], normals: Image | None) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -200,45 +185,3 @@ def _slopes(normals: Image, rows: NDArray[np.intp], columns: NDArray[np.intp]) -
     across = normals[rows, np.minimum(columns + 1, right)] - normals[rows, np.maximum(columns - 1, 0)]
     down = normals[np.minimum(rows + 1, low), columns] - normals[np.maximum(rows - 1, 0), columns]
     return np.stack([across, down], 1).astype(np.float64) / 2
-
-
-def _read(
-    frames: Frames,
-    lights: Lights,
-    rows: NDArray[np.intp],
-    columns: NDArray[np.intp],
-    points: Any,
-    normals: Any,
-    views: Any,
-    behind: NDArray[np.bool_],
-    slopes: Any,
-) -> Samples:
-    shape = (len(rows), len(lights))
-    toward, irradiance = np.empty((*shape, 3), np.float32), np.empty((*shape, 3), np.float32)
-    values, clipped = np.empty((*shape, 3), np.float32), np.empty(shape, bool)
-    vectors = lights.toward(points)
-    for index in range(len(lights)):
-        length = np.linalg.norm(vectors[index], axis=1, keepdims=True)
-        toward[:, index] = vectors[index] / length
-        irradiance[:, index] = length * lights.intensities[index]
-        values[:, index], clipped[:, index] = frames.read_pixels(index, rows, columns)
-    cosine = np.einsum("pi,pfi->pf", normals.astype(np.float32), toward)
-    usable = ~behind & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
-    smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
-    spread = smear * np.sum(slopes**2, (1, 2))
-    smooth = [a.astype(np.float32) for a in (points, normals, views)]
-    found = Samples(
-        rows, columns, smooth[0], smooth[1], smooth[2], toward, irradiance, values, usable,
-        slopes.astype(np.float32), spread.astype(np.float32), 1.0,
-    )  # fmt: skip
-    # Three lights fix the albedo's channels and leave something to be judged.
-    return found.only((usable.sum(1) >= 3) & (spread < CREASED))
-
-
-def _enough(samples: Samples) -> Samples:
-    if len(samples) < FEWEST:
-        raise RenderError(
-            f"material: {len(samples)} pixels have a normal and are lit by three flashes without being clipped; "
-            f"expected {FEWEST} or more. Check the lights, the exposure and the pose."
-        )
-    return samples

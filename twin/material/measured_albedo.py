@@ -1,5 +1,6 @@
 """The measured albedo on the scan: the photographs' own pixels as a texture, at their full resolution."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,6 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
-from scene.lights import Lights
 from scene.mesh import Mesh
 from twin.description.description import WHITE_BALL_ALBEDO
 from twin.description.materials import Texture
@@ -23,21 +23,21 @@ SPLIT_PX = 0.1
 
 
 def textured_surface(
-    mesh: Mesh, camera: Camera, albedo: NDArray, white_value: Array | None, rows: slice, columns: slice
+    sight: Sight, albedo: NDArray, rows: slice, columns: slice
 ) -> tuple[ObjectMesh, Texture, Array, tuple[str, ...]]:
-    """Return the mesh, given in the camera frame, the measured albedo upon it, the white value (3,), and warnings.
+    """Return the mesh, the measured albedo upon it, the white value (3,), and warnings.
 
     Normals at vertices that are added to the mesh's are means of its own, shorter than 1: interpolating them gives what
     interpolating the original mesh would. The texture's last rows hold the median, for what the camera does not see.
 
     albedo (H, W, 3): Pixel value under a light of intensity 1 along the normal; NaN where unknown.
-    white_value (3,): The same of the white ball.
     rows, columns: The box of the picture that holds the mesh.
     Raises RenderError: The albedo is unknown or black wherever the mesh is.
 
-    reflectance = albedo / white_value * 0.8, cut to 0 .. 0.98. Faces that the camera does not see get the median.
+    reflectance = albedo / white value * 0.8, cut to 0 .. 0.98. Faces that the camera does not see get the median.
     """
     warnings: list[str] = []
+    camera, white_value = sight.camera, sight.lights.white_value
     measured = np.asarray(albedo[rows, columns], np.float32)
     known: NDArray[np.bool_] = np.isfinite(measured).all(axis=-1)  # type: ignore[assignment]
     if not known.any():
@@ -63,14 +63,14 @@ def textured_surface(
     np.clip(filled(reflectance, known), 0, BRIGHTEST, out=reflectance)
     median = np.median(reflectance[known], 0)
 
-    vertices, normals, faces = _split_for_perspective(mesh, camera)
+    vertices, normals, faces = _split_for_perspective(sight.mesh, camera)
     # One row of copies below the picture, then two of the median: bilinear lookup must not mix the two.
     texture[height], texture[height + 1 :] = reflectance[-1], median
     pixels = camera.project(vertices) - [columns.start, rows.start]
     texcoords = (pixels + 0.5) / [width, height + 3]
     # Points outside the picture, or behind the camera, are not seen; a number must stand there all the same.
     texcoords = np.clip(np.nan_to_num(texcoords), 0, [1, (height + 0.5) / (height + 3)])
-    seen = Sight(Mesh(vertices, faces), camera).seen_faces(rows, columns)
+    seen = replace(sight, mesh=Mesh(vertices, faces)).seen_faces(rows, columns)
     hidden = faces[~seen]
     used, local = np.unique(hidden, return_inverse=True)
     faces = np.concatenate([faces[seen], local.reshape(-1, 3) + len(vertices)])
@@ -96,36 +96,23 @@ def _white(measured: NDArray, white_value: Array | None) -> Array:
 
 def _split_for_perspective(mesh: Mesh, camera: Camera) -> tuple[Array, Array, NDArray[np.int64]]:
     """Split faces until texture coordinates, linear in space, are linear in the picture too."""
-    vertices, normals, faces = mesh.vertices, mesh.vertex_normals, mesh.faces
+    from trimesh.remesh import subdivide
+
+    vertices, faces, normals = mesh.vertices, mesh.faces, {"of": mesh.vertex_normals}
     for _ in range(8):
-        edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), 1)
-        unique, which = np.unique(edges, axis=0, return_inverse=True)
-        ends = vertices[unique]
-        middle = ends.mean(1)
-        miss = np.linalg.norm(camera.project(middle) - camera.project(ends).mean(1), axis=-1)
+        turned, pixels = faces[:, [1, 2, 0]], camera.project(vertices)
+        middle = camera.project((vertices[faces] + vertices[turned]) / 2)
+        miss = np.linalg.norm(middle - (pixels[faces] + pixels[turned]) / 2, axis=-1)
         # Whole faces are split, and their edges' middles lie on the edges: neighbours still fit.
-        split = (miss > SPLIT_PX)[which].reshape(-1, 3).any(1)
-        if not split.any() or len(faces) + 3 * np.count_nonzero(split) > 4_000_000:
+        split = np.flatnonzero((miss > SPLIT_PX).any(1))
+        if not len(split) or len(faces) + 3 * len(split) > 4_000_000:
             break
-        edge_of = which.reshape(-1, 3)[split]
-        added, local = np.unique(edge_of, return_inverse=True)
-        ab, bc, ca = (local.reshape(-1, 3) + len(vertices)).T
-        a, b, c = faces[split].T
-        quarters = [np.stack(corners, 1) for corners in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-        normals = np.concatenate([normals, normals[unique[added]].mean(1)])
-        vertices = np.concatenate([vertices, middle[added]])
-        faces = np.concatenate([faces[~split], *quarters])
-    return vertices, normals, faces
+        vertices, faces, normals = subdivide(vertices, faces, split, normals)  # type: ignore[misc]
+    return vertices, normals["of"], faces  # type: ignore[return-value]
 
 
 def albedo_at_the_surface(
-    albedo: NDArray[np.float32],
-    measured_at_depth_mm: float,
-    mesh: Mesh,
-    camera: Camera,
-    lights: Lights,
-    rows: slice,
-    columns: slice,
+    sight: Sight, albedo: NDArray[np.float32], measured_at_depth_mm: float, rows: slice, columns: slice
 ) -> NDArray[np.float32]:
     """Return the albedo of the surface where it is, from one that was fitted on the plane z = `measured_at_depth_mm`.
 
@@ -133,14 +120,14 @@ def albedo_at_the_surface(
     albedo: 12 % for 60 mm at a metre.
 
     albedo (H, W, 3).
-    mesh: In the camera frame.
     rows, columns: The box of the picture that holds the mesh; elsewhere the albedo stays.
 
     With a = v(plane) . n, b = v(surface) . n over the lights that light the pixel, least squares on I = true b found
     fitted = true sum(a b) / sum(a^2); so true = fitted sum(a^2) / sum(a b).
     """
     out = np.array(albedo, np.float32)
-    for band, face, weights, points in Sight(mesh, camera).rows(rows, columns):
+    mesh, camera, lights = sight.mesh, sight.camera, sight.lights
+    for band, face, weights, points in sight.rows(rows, columns):
         seen = face >= 0
         if not seen.any():
             continue

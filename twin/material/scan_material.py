@@ -6,19 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
 from scene.errors import RenderError
 from scene.frames import Frames
 from scene.lights import Lights
-from scene.mesh import Mesh
-from scene.pose import Pose
-from twin.material.fit_material import MaterialFit, fit_material
-from twin.material.material_kernels import predicted
+from twin.material.fit_material import MaterialFit, fit_material, robust
 from twin.material.material_light import onward_light
-from twin.material.material_noise import student_weights
 from twin.material.material_places import Places, material_places
 from twin.material.material_residual import Part, Residual, material_residual
-from twin.material.material_samples import MOST, Samples, ScanSurface, inner_pixels, samples_of_scan
+from twin.material.material_samples import MOST, Samples, inner_pixels, samples_at, samples_of_scan
+from twin.visibility import Sight
 
 SAMPLES_AT_ONCE = 1 << 20
 MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
@@ -78,20 +74,11 @@ class ScanMaterial:
 
 
 def scan_material(
-    frames: Frames,
-    lights: Lights,
-    camera: Camera,
-    mask: NDArray[np.bool_],
-    mesh: Mesh,
-    pose: Pose,
-    *,
-    normals: NDArray[np.float32] | None = None,
-    most: int | None = None,
+    sight: Sight, frames: Frames, mask: NDArray[np.bool_], normals: NDArray[np.float32] | None = None
 ) -> ScanMaterial:
     """Return the material of a registered scan.
 
-    Parameters and errors: see `twin.material.material_samples.samples_of_scan`; `most` follows from the number of
-    frames.
+    Parameters and errors: see `twin.material.material_samples.samples_of_scan`.
 
     Notes
     -----
@@ -99,12 +86,12 @@ def scan_material(
     changes nothing that can be seen. Then places of different gloss are looked for. The albedo map holds what little of
     that light is left in each pixel.
     """
-    if most is None:
-        most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
-    samples = samples_of_scan(frames, lights, camera, mask, mesh, pose, normals=normals, most=most)
+    lights = sight.lights
+    most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
+    samples = samples_of_scan(sight, frames, mask, normals, most=most)
     fit, onward, trouble = fit_material(samples, lights), 0.0, ()
     try:
-        elsewhere = onward_light(samples, fit, albedo_of(samples, fit), mesh, pose, camera, lights)
+        elsewhere = onward_light(sight, samples, fit, albedo_of(samples, fit))
     except RenderError as error:
         trouble = (f"Light from elsewhere stayed in the fitted samples: {error}",)
     else:
@@ -114,12 +101,11 @@ def scan_material(
         fit = fit_material(samples, lights)
     places = material_places(samples, lights, fit)
     labels = places.picture(samples, mask)
-    albedo = np.full((camera.height, camera.width, 3), np.nan, np.float32)
-    surface = ScanSurface(camera, mesh, pose, normals)
+    albedo = np.full((*mask.shape, 3), np.nan, np.float32)
     rows, columns = inner_pixels(mask, normals)
     step = max(1, SAMPLES_AT_ONCE // len(frames))
     for first in range(0, len(rows), step):
-        some = surface.samples(frames, lights, rows[first : first + step], columns[first : first + step])
+        some = samples_at(sight, frames, normals, rows[first : first + step], columns[first : first + step])
         for number, one in enumerate(places.fits):
             own = some.only(labels[some.rows, some.columns] == number)
             if len(own):
@@ -129,11 +115,7 @@ def scan_material(
 
 def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of samples of a fitted material."""
-    weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
-    for _ in range(2):
-        values, slope, _ = predicted(samples, weights, fit.surface, fit.strength)
-        weights = student_weights(samples, values, np.maximum(fit.noise.variance(values, slope), 1e-12))
-    return predicted(samples, weights, fit.surface, fit.strength)[2]
+    return robust(samples, fit, fit.noise)[3]
 
 
 def _numbers(fit: MaterialFit) -> dict[str, float]:

@@ -26,6 +26,7 @@ from solve.solve import solve
 from twin.description.description import Sampling
 from twin.engines.render import render_scene
 from twin.scan_scene import scan_scene
+from twin.visibility import Sight
 
 MOST = 2 * LARGE
 """Bytes of a unit, with the text that it is served by."""
@@ -101,7 +102,7 @@ def test_units_of_every_step_are_small_and_give_the_same(session, scales, execut
     assert frames.codes[0].nbytes > MOST
     sent = len(scales.bytes)
     pose, albedo = Pose.from_rotation_translation(np.eye(3), np.array([0, 0, -300.0])), np.full((180, 240, 3), 0.5)
-    scene, _ = scan_scene(mesh, pose, camera, lights, albedo, sampling=Sampling("direct"))
+    scene, _ = scan_scene(Sight.of_scan(mesh, pose, camera, lights), albedo, Sampling("direct"))
     rendered = [render_scene(scene, executor=one).frames.codes for one in (None, executor)]
     np.testing.assert_array_equal(*rendered)
     assert len(scales.bytes) > sent

@@ -17,7 +17,7 @@ from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
 from studio.review.recalibration import mirrored_px
-from twin.description.mesh_files import write_ply
+from twin.description.mesh_files import write_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -100,7 +100,7 @@ def made(tmp_path):
     for name in lights.names:
         (session / "raw" / f"{name}.png").write_bytes(b"")
     cone = built_in("cone")
-    write_ply(session / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces))
+    write_mesh(session / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces))
     (session / "session.toml").write_text(
         '[frames]\nflash = "raw/flash_*.png"\nlinear = true\n[camera]\nwidth = 160\nheight = 120\nfx = 220.0\n'
         'fy = 220.0\ncx = 78.0\ncy = 61.0\n[[spheres]]\nkind = "chrome"\ndiameter_mm = 100.0\n[[spheres]]\n'

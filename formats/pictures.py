@@ -1,19 +1,33 @@
-"""Textures and environment maps: pictures and arrays as linear float32."""
+"""Pictures and arrays as linear float32; OpenEXR; the sRGB curve."""
 
 import os
+import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import RenderError
+from scene.errors import RenderError, SceneError
 from scene.files import in_place
 from scene.image_files import check_header, read_pixels
 from scene.reading import array_of, reading
-from twin.description.mesh_files import linear_from_srgb
 
 Picture = NDArray[np.float32]
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
+
+_THREADS = threading.Lock()
+
+
+def linear_from_srgb(values: Any) -> NDArray:
+    """Return linear light of coded values, both 0 to 1 (IEC 61966-2-1)."""
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def srgb_from_linear(values: Any) -> NDArray:
+    """Return the sRGB code, 0 to 1, of linear light, cut to 0 to 1."""
+    values = np.clip(values, 0, 1)
+    return np.where(values <= 0.0031308, 12.92 * values, 1.055 * values ** (1 / 2.4) - 0.055)
 
 
 def read_picture(path: Path, encoding: str | None = None) -> Picture:
@@ -60,39 +74,48 @@ def _read(path: Path) -> NDArray:
     if suffix == ".npy":
         return array_of(path, "cannot be read as a picture", RenderError)
     if suffix == ".exr":
-        with reading(path, "cannot be read as a picture", RenderError, do="Save it again."):
-            check_header(path.read_bytes())
-            return _read_exr(path)
+        return read_exr(path, "cannot be read as a picture", RenderError, do="Save it again.")
     import cv2
 
     image = read_pixels(path, cv2.IMREAD_UNCHANGED, RenderError)
     return image if image.ndim == 2 else np.asarray(image[..., :3][..., ::-1])
 
 
-def _read_exr(path: Path) -> NDArray:
-    import mitsuba as mi
+def read_exr(path: Path, fault: str, error: type[SceneError], *, do: str) -> Picture:
+    """Return the channels R, G, B (h, w, 3) or Y (h, w) of an OpenEXR file; see `scene.reading.reading`."""
+    import mitsuba
 
-    from twin.engines.variant import pick_variant
-
-    mi.set_variant(pick_variant()[0])  # type: ignore[attr-defined]
     _have_threads()
-    bitmap = mi.Bitmap(os.fspath(path))
-    one = bitmap.channel_count() < 3
-    form = mi.Bitmap.PixelFormat.Y if one else mi.Bitmap.PixelFormat.RGB
-    return np.array(bitmap.convert(form, mi.Struct.Type.Float32, srgb_gamma=False))
+    with reading(path, fault, error, do=do):
+        data = path.read_bytes()
+        if not data:
+            raise ValueError("it is empty")
+        check_header(data)
+        # Mitsuba brings a full OpenEXR reader; OpenCV's wheels have lost theirs.
+        bitmap: Any = mitsuba.Bitmap(os.fspath(path))
+        names = [field.name for field in bitmap.struct_()]
+        values = np.array(bitmap, np.float32)
+    values = values.reshape(*values.shape[:2], -1)
+    if {"R", "G", "B"} <= set(names):
+        return values[..., [names.index(name) for name in "RGB"]]
+    if len(names) == 1 or "Y" in names:
+        return values[..., names.index("Y") if "Y" in names else 0]
+    raise error(f"{path}: holds the channels {', '.join(names)}, expected R, G, B or Y. Export the picture alone.")
 
 
 def write_exr(path: Path, picture: Picture) -> None:
     """Write (h, w, 3) or (h, w, 1) as 32-bit OpenEXR."""
-    import mitsuba as mi
+    import mitsuba
 
     _have_threads()
     with in_place(path) as temporary:
-        mi.Bitmap(np.ascontiguousarray(picture, np.float32)).write(os.fspath(temporary))
+        mitsuba.Bitmap(np.ascontiguousarray(picture, np.float32)).write(os.fspath(temporary))
 
 
 def _have_threads() -> None:
     """Give Mitsuba's OpenEXR a thread to wait for: on one core, or kept to one, it would wait for ever."""
     import drjit
 
-    drjit.set_thread_count(max(drjit.thread_count(), 2))
+    with _THREADS:
+        if drjit.thread_count() < 2:
+            drjit.set_thread_count(2)

@@ -1,0 +1,46 @@
+"""TOML as text: what `tomllib` reads back the same."""
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from scene.files import plain
+
+
+def toml_text(data: Mapping[str, Any]) -> str:
+    """Return tables as TOML: arrays and dataclasses as `scene.files.plain` has them, without what is None."""
+    return "\n".join([*_lines(plain(data)), ""])
+
+
+def _lines(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
+    """Yield a table's plain keys, then its tables and lists of tables, of names that begin with `above`."""
+    for key, value in table.items():
+        if value is not None and not _is_table(value):
+            yield f"{_key(key)} = {_value(value)}"
+    for key, value in table.items():
+        if _is_table(value):
+            name, is_list = f"{above}{_key(key)}", isinstance(value, list)
+            for one in value if is_list else [value]:
+                yield from ["", f"[[{name}]]" if is_list else f"[{name}]", *_lines(one, f"{name}.")]
+
+
+def _is_table(value: Any) -> bool:
+    return isinstance(value, dict) or (isinstance(value, list) and bool(value) and isinstance(value[0], dict))
+
+
+def _key(key: str) -> str:
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list):
+        parts = [_value(part) for part in value]
+        if len(value) > 4 and isinstance(value[0], str):
+            # Files' names: one a line.
+            return "[\n" + "".join(f"  {part},\n" for part in parts) + "]"
+        return f"[{', '.join(parts)}]"
+    if isinstance(value, str):
+        # JSON escapes what TOML does, but for this one; in ASCII it would write surrogates, which TOML has not.
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return str(value).lower() if isinstance(value, bool) else repr(value)
