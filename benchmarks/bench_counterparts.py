@@ -12,10 +12,9 @@ import time
 from pathlib import Path
 
 from benchmarks.pages import put
+from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS, Experiment
+from benchmarks.virtual_pairs import METHODS, Pair, run_experiments
 from compare.report.line_chart import line_chart
-from experiments.catalogue import VIRTUAL_EXPERIMENTS, Experiment
-from experiments.counterparts.captures import METHODS
-from experiments.counterparts.pairs import Pair, run_experiments
 
 ROOT = Path(__file__).resolve().parents[1]
 SHOWN = ("ls", "iterative", "hsh")

@@ -264,12 +264,11 @@ def ray_traced(seed: int, kind: str = "two") -> Taken:
 
 
 def virtual(seed: int, scratch: Path) -> Taken:
-    """Return a virtual capture of experiments/counterparts: a white sphere amid balls, 16 flashes, by Mitsuba."""
+    """Return a virtual capture of `benchmarks.virtual_pairs`: a white sphere amid balls, 16 flashes, by Mitsuba."""
+    from benchmarks.virtual_lab import BALLS, CAMERA, CENTRE_MM, Setup, lab_scene
+    from benchmarks.virtual_pairs import write_capture
     from capture.photographs.decode import decode
     from capture.session.session import load_session
-    from experiments.counterparts.captures import write_capture
-    from experiments.recipe import Setup
-    from experiments.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene
 
     setup = Setup(seed=seed)
     write_capture(Store(scratch / "capture"), setup, "virtual")

@@ -1,3 +1,3 @@
-"""Many scenes through the steps: sweeps, datasets, virtual counterparts, two folders compared."""
+"""Many scenes through the steps: sweeps, datasets, two folders compared."""
 
 import scene  # noqa: F401 (before numpy is loaded)

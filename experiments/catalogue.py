@@ -1,11 +1,11 @@
-"""The catalogue: the nine sweeps, the four virtual experiments, and the named datasets, each a line."""
+"""The catalogue: the nine sweeps and the named datasets, each a line."""
 
 import fnmatch
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Generic, TypeVar
+from typing import Any
 
-from experiments.recipe import Cell, Dataset, Recipe, Setup
+from experiments.recipe import Cell, Dataset, Recipe
 from scene.errors import SceneError
 from twin.camera.virtual_camera import Sensor
 
@@ -18,11 +18,10 @@ CAMERA_NOISE = 0.005
 """Of 40 000 electrons at pixel value 1. Without any, three lights or a ring about the lens do as well as a dome."""
 OBJECTS = ("pear", "blob", "knot")
 QUICK_SIDE = 96
-Base = TypeVar("Base", Recipe, Setup)
 
 
 @dataclass(frozen=True)
-class Experiment(Generic[Base]):
+class Experiment:
     """One factor, from easy to hard."""
 
     name: str  # on the command line
@@ -30,24 +29,16 @@ class Experiment(Generic[Base]):
     vary: str  # the field of `base` that the levels are of
     levels: tuple[Any, ...]
     axis: str  # what the chart's axis says
-    base: Base  # what all levels have in common
-    shapes: tuple[str, ...] = OBJECTS  # of a sweep
-    seeds: int = 1  # how often a sweep draws each level, where chance enters
-    log: bool = False  # the chart's axis is logarithmic
+    base: Recipe  # what all levels have in common
+    shapes: tuple[str, ...] = OBJECTS
+    seeds: int = 1  # how often each level is drawn, where chance enters
 
-    def setups(self) -> Iterator[tuple[Any, Base]]:
-        """Yield each level with what it is made from."""
-        for level in self.levels:
-            yield level, replace(self.base, **{self.vary: level})
-
-    def cells(
-        self: "Experiment[Recipe]", *, methods: tuple[str, ...] = tuple(SOLVERS), quick: bool = False
-    ) -> Iterator[Cell]:
+    def cells(self, *, methods: tuple[str, ...] = tuple(SOLVERS), quick: bool = False) -> Iterator[Cell]:
         """Yield a sweep's cells, those that share a rendering one after the other.
 
         quick: a first look, with four levels, one shape, one draw, small pictures.
         """
-        levels = [(level, *setup) for level, setup in enumerate(self.setups())]
+        levels = [(level, value, replace(self.base, **{self.vary: value})) for level, value in enumerate(self.levels)]
         if quick:
             levels = [levels[round(i * (len(levels) - 1) / 3)] for i in range(4)]
         side = QUICK_SIDE if quick else Recipe.side
@@ -57,7 +48,7 @@ class Experiment(Generic[Base]):
                     yield Cell(self.name, level, value, replace(recipe, shape=shape, seed=seed, side=side), methods)
 
 
-EXPERIMENTS: dict[str, Experiment[Recipe]] = {
+EXPERIMENTS: dict[str, Experiment] = {
     one.name: one
     for one in (
         Experiment(
@@ -107,25 +98,6 @@ EXPERIMENTS: dict[str, Experiment[Recipe]] = {
 }  # fmt: skip
 """The nine sweeps in the order of the benchmark's table, by the name on the command line."""
 
-VIRTUAL_EXPERIMENTS: tuple[Experiment[Setup], ...] = (
-    Experiment(
-        "ambient", "White sphere, more and more light of the room", "ambient", (0.0, 0.05, 0.15, 0.4),
-        "ambient light left in, share of the flash", Setup(),
-    ),
-    Experiment(
-        "cardboard", "White cardboard, folded", "fold_deg", (160.0, 120.0, 90.0, 60.0), "degrees between the halves",
-        Setup("cardboard"),
-    ),
-    Experiment(
-        "iso", "White sphere, higher and higher ISO", "iso", (100.0, 1600.0, 6400.0, 25600.0), "ISO", Setup(), log=True
-    ),
-    Experiment(
-        "ring", "White sphere, flashes held on a ring", "ring_deg", (15.0, 35.0, 55.0, 75.0),
-        "degrees of the ring from the camera's axis", Setup(),
-    ),
-)  # fmt: skip
-"""The seed's four experiments on real things, as virtual captures."""
-
 FAMILIES = {
     "ambient": "light from everywhere that nobody subtracted, as a share of the flash",
     "interreflection": "a white hollow's depth over its radius",
@@ -163,7 +135,7 @@ SENSORS = {
 """Behind the lens of the camera datasets; 4x and 16x: a quarter and a sixteenth of the light, amplified."""
 
 
-def experiments_of(text: str) -> tuple[Experiment[Recipe], ...]:
+def experiments_of(text: str) -> tuple[Experiment, ...]:
     """Return the sweeps that a command line names: some, with commas, or all; raise SceneError for an unknown one."""
     names = list(EXPERIMENTS) if text == "all" else [name.strip() for name in text.split(",") if name.strip()]
     unknown = [name for name in names if name not in EXPERIMENTS]

@@ -9,6 +9,7 @@ from cyclopts import App, Parameter
 
 from lab.progress import say
 from scene.errors import SceneError
+from scene.reading import told
 
 
 def sweep(
@@ -102,7 +103,6 @@ def make(
 def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")], /, *, json: Json = False) -> None:
     """Check a dataset: its files, and by its photographs the axes, the intensities and the order of its lights."""
     from experiments.datasets.check import check_dataset
-    from experiments.datasets.shelf import faults_text
 
     verdict = check_dataset(folder)
     for note in verdict.notes:
@@ -111,7 +111,7 @@ def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.
         plain = {**asdict(verdict), "folder": str(verdict.folder), "ok": not verdict.faults}
         print(json_module.dumps(plain, indent=1))
     if verdict.faults:
-        raise SceneError(faults_text(folder, verdict.faults))
+        raise SceneError(told(folder, verdict.faults))
     if not json:
         facts = verdict.facts
         print(

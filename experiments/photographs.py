@@ -1,5 +1,7 @@
-"""Photographs of a recipe, of a dataset and of the virtual lab: rendered once, then lit, exposed and photographed."""
+"""Photographs of a recipe and of a dataset: rendered once, then lit, exposed and photographed."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import NamedTuple
@@ -7,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.recipe import Dataset, Recipe, Setup
-from experiments.scenes import DISTANCE_MM, MEAN_FREE_PATH_MM, dataset_scene, lab_scene, object_scene, recipe_scene
+from experiments.recipe import Dataset, Recipe
+from experiments.scenes import DISTANCE_MM, MEAN_FREE_PATH_MM, dataset_scene, recipe_scene
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -24,9 +26,7 @@ MEDIUM_PATHS = 9
 """A pixel and light, where there is a medium: each costs a hundred times as much."""
 MEDIUM_BLUR = 0.45
 """Standard deviation, in mean free paths, of the smoothing of what comes out of a medium: less than it itself does."""
-LAB_SAMPLES = 4
-"""A pixel and flash, of light straight from the flash; without noise but at edges and in penumbras."""
-BRIGHTEST, LAB_BRIGHTEST, BRIGHTEST_SHARE = 0.9, 0.75, 0.995
+BRIGHTEST, BRIGHTEST_SHARE = 0.9, 0.995
 """The exposure: so many of the object's samples are at most so bright, as a photographer would have it."""
 
 
@@ -51,6 +51,26 @@ class Photographs:
     @property
     def albedo(self) -> Images:
         return self.truth.albedo
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Hold rendering and image processing to one thread: neighbours have the other cores.
+
+    And the same cell shall give the same bytes: Dr.Jit's threads add to the samples of one pixel in the order in which
+    they come, and float32 sums depend on it. What was set before is set again.
+    """
+    import cv2
+    import drjit
+
+    before = cv2.getNumThreads(), drjit.thread_count()
+    cv2.setNumThreads(1)
+    drjit.set_thread_count(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(before[0])
+        drjit.set_thread_count(before[1])
 
 
 def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = False) -> Images:
@@ -196,64 +216,3 @@ def _developed(frames: Frames, names: tuple[str, ...], dataset: Dataset) -> Fram
         developed(expose(frames.frame(i), sensor, np.random.default_rng(seed)), sensor) for i, seed in enumerate(seeds)
     ]
     return Frames.from_linear(names, np.stack(images))
-
-
-@lru_cache(maxsize=1)
-def object_maps(setup: Setup) -> tuple[NDArray[np.bool_], Images]:
-    """Return the lab object's mask (H, W) and true normals (H, W, 3), NaN elsewhere; its outermost pixels left out."""
-    import cv2
-
-    truth = ground_truth(object_scene(setup))
-    mask = cv2.erode(truth.mask.astype(np.uint8), np.ones((3, 3), np.uint8)) > 0
-    return mask, np.where(mask[..., None], truth.normals, np.float32(np.nan))
-
-
-def photograph_lab(setup: Setup) -> Images:
-    """Return the lab's pictures (F, H, W, 3), linear, noiseless, exposed for the object."""
-    images = _lab_by_flash(replace(setup, ambient=0.0, iso=100.0))
-    if setup.ambient:
-        images = np.asarray(images + setup.ambient * _lab_by_room(setup.shape, setup.fold_deg), np.float32)
-    return _exposed(images, object_maps(setup)[0])
-
-
-def photograph_object(setup: Setup) -> Images:
-    """Return pictures (F, H, W, 3) of the lab's object alone, linear, noiseless, exposed for it."""
-    scene = object_scene(setup)
-    images = by_flash(scene)
-    if setup.ambient:
-        images += np.float32(setup.ambient) * _by_room(scene)
-    return _exposed(images, object_maps(setup)[0])
-
-
-def _exposed(images: Images, mask: NDArray[np.bool_]) -> Images:
-    """Return images (F, H, W, 3) as bright as a photographer would have the object under the mask."""
-    return images * np.float32(LAB_BRIGHTEST / np.quantile(images[:, mask].max(-1), BRIGHTEST_SHARE))
-
-
-@lru_cache(maxsize=1)
-def _lab_by_flash(setup: Setup) -> Images:
-    scene = lab_scene(setup)
-    images = rendered(_to_depth(scene, 2), "mitsuba", LAB_SAMPLES)
-    # A mirror shows the table in the light. On the table itself one surface more would be a caustic, found one time in
-    # a million, and then as a white speck.
-    mirrors = [number for number, one in enumerate(scene.objects) if one.material == "chrome"]
-    shown = np.isin(ground_truth(scene).object, mirrors)
-    images[:, shown] = rendered(_to_depth(scene, 3), "mitsuba", LAB_SAMPLES)[:, shown]
-    if scene.sampling.max_depth > 2:
-        # What the halves send to each other: the object alone, and no speck of a mirror's.
-        images += rendered(replace(object_scene(setup), lights=scene.lights), "many", PATHS, onward=True)
-    return images
-
-
-@lru_cache(maxsize=4)
-def _lab_by_room(shape: str, fold_deg: float) -> Images:
-    return _by_room(lab_scene(Setup(shape, fold_deg)))
-
-
-def _by_room(scene: TwinScene) -> Images:
-    """Return the picture (H, W, 3) in an even light of radiance 1, by light that met one surface."""
-    return by_surrounding(_to_depth(scene, 2))
-
-
-def _to_depth(scene: TwinScene, depth: int) -> TwinScene:
-    return replace(scene, sampling=replace(scene.sampling, max_depth=depth))

@@ -73,19 +73,6 @@ class Dataset:
         return replace(self, name=f"{self.name}-{side}px", recipe=replace(self.recipe, side=side))
 
 
-@dataclass(frozen=True)
-class Setup:
-    """What stands on the virtual lab's table, white and matte, and how it is photographed."""
-
-    shape: str = "sphere"  # or "cardboard"
-    fold_deg: float = 180.0  # between the cardboard's two halves; 180: flat
-    ring_deg: float | None = None  # flashes on a ring, degrees from the camera's axis; None: over a cap of 60 degrees
-    ambient: float = 0.0  # radiance of the room, not subtracted; a flash gives a white surface the radiance 1
-    iso: float = 100.0  # at 100 white are 40 000 electrons, at 200 half of them
-    frames: int = 16
-    seed: int = 0  # of the hand that holds the flash, and of the sensor's noise
-
-
 def code_times() -> tuple[int, ...]:
     """Return when each of these sources was last written, nanoseconds.
 

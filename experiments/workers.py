@@ -3,7 +3,7 @@
 import os
 import signal
 import threading
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
 from multiprocessing import get_context, parent_process
@@ -42,25 +42,13 @@ def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tup
     that one that kills its worker takes no other along; the third time it counts as failed.
     """
     waiting, suspects = deque(cells), deque[Unit]()
-    attempts: dict[Unit, int] = {}
-    while waiting or suspects:
-        queue, abreast = (waiting, processes) if waiting else (suspects, 1)
-        running: dict[Future, Unit] = {}
-        with _pool(abreast) as pool:
+    attempts: Counter[Unit] = Counter()
+    while queue := waiting or suspects:
+        with _pool(abreast := processes if waiting else 1) as pool:
             try:
-                while queue or running:
-                    while queue and len(running) < abreast:
-                        cell = queue.popleft()
-                        # Before it is handed over: a pool that is broken already refuses it.
-                        attempts[cell] = attempts.get(cell, 0) + 1
-                        running[_submitted(pool, work, cell)] = cell
-                    done, _ = wait(running, return_when=FIRST_COMPLETED)
-                    for future in done:
-                        result = future.result()
-                        yield running.pop(future), result
-            except BrokenExecutor:
-                for future, cell in running.items():
-                    if future.done() and future.exception() is None:
+                for cell, future in _run_through(queue, work, pool, abreast):
+                    attempts[cell] += 1
+                    if not isinstance(future.exception(), BrokenExecutor):
                         yield cell, future.result()
                     elif attempts[cell] < ATTEMPTS:
                         suspects.append(cell)
@@ -74,24 +62,29 @@ def _run_here(cells: Sequence[Unit], work: Work, processes: int) -> Iterator[tup
 
 def _run_there(cells: Sequence[Unit], work: Work, executor: Executor) -> Iterator[tuple[Unit, Any]]:
     """Run cells on a cluster, which itself gives those of a dead worker to another; see `_run_here`."""
-    waiting = deque(cells)
+    for cell, future in _run_through(deque(cells), work, executor, CLUSTER_WINDOW):
+        died = isinstance(error := future.exception(), WorkerDied)
+        yield cell, error if died else future.result()
+
+
+def _run_through(queue: deque[Unit], work: Work, pool: Executor, abreast: int) -> Iterator[tuple[Unit, Future]]:
+    """Yield cells of a queue with their futures as they are done; none is begun any more once the pool is broken."""
     running: dict[Future, Unit] = {}
-    while waiting or running:
-        while waiting and len(running) < CLUSTER_WINDOW:
-            cell = waiting.popleft()
-            running[executor.submit(work, cell)] = cell
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            cell, error = running.pop(future), future.exception()
-            if error is not None and not isinstance(error, WorkerDied):
-                raise error
-            yield cell, error or future.result()
+    broken = False
+    while running or (queue and not broken):
+        while queue and len(running) < abreast and not broken:
+            cell = queue.popleft()
+            running[_submitted(pool, work, cell)] = cell
+        for future in wait(running, return_when=FIRST_COMPLETED).done:
+            broken = broken or isinstance(future.exception(), BrokenExecutor)
+            yield running.pop(future), future
 
 
 def _submitted(pool: Executor, work: Work, cell: Any) -> Future:
     try:
         return pool.submit(work, cell)
     except BrokenExecutor as error:
+        # It broke a moment ago.
         refused: Future = Future()
         refused.set_exception(error)
         return refused

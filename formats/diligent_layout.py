@@ -20,7 +20,7 @@ from scene.frames import Frames
 from scene.image_files import read_pixels
 from scene.light_text import DIRECTIONS, FILENAMES, INTENSITIES, light_tables
 from scene.lights import Lights
-from scene.reading import text_of
+from scene.reading import listed, text_of
 
 Array = NDArray[np.float64]
 TABLES = (DIRECTIONS, INTENSITIES)
@@ -165,15 +165,15 @@ def _read_names(found: Layout) -> None:
         found.faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
     if absent:
         found.faults.append(
-            f"{FILENAMES}: {_some(absent)} {_are(absent)} not in the folder. Add, or take off the list."
+            f"{FILENAMES}: {listed(absent)} {_are(absent)} not in the folder. Add, or take off the list."
         )
     if twice:
-        found.faults.append(f"{FILENAMES}: names {_some(twice)} more than once. One line a photograph.")
+        found.faults.append(f"{FILENAMES}: names {listed(twice)} more than once. One line a photograph.")
     found.files = [] if absent or twice else names
-    listed = {Path(name).name for name in names}
-    spare = [one.name for one in sorted(found.folder.glob("[0-9][0-9][0-9].png")) if one.name not in listed]
+    there = {Path(name).name for name in names}
+    spare = [one.name for one in sorted(found.folder.glob("[0-9][0-9][0-9].png")) if one.name not in there]
     if names and spare:
-        found.notes.append(f"{FILENAMES}: {_some(spare)} {_are(spare)} in the folder but not on the list: left out.")
+        found.notes.append(f"{FILENAMES}: {listed(spare)} {_are(spare)} in the folder but not on the list: left out.")
 
 
 def _read_table(found: Layout, name: str) -> Array | None:
@@ -189,7 +189,7 @@ def _read_table(found: Layout, name: str) -> Array | None:
         return None
     wrong = [] if table is None else np.flatnonzero(~np.isfinite(table).all(1)) + 1
     if len(wrong):
-        found.faults.append(f"{name}: row {_some(wrong)} {_are(wrong)} not finite. Give every light its numbers.")
+        found.faults.append(f"{name}: row {listed(wrong)} {_are(wrong)} not finite. Give every light its numbers.")
         return None
     return table
 
@@ -200,14 +200,14 @@ def _check_directions(found: Layout) -> None:
         return
     length = np.linalg.norm(table, axis=1)
     if length.min() < 1e-6:
-        found.faults.append(f"{name}: row {_some(np.flatnonzero(length < 1e-6) + 1)} is zero. Give a direction.")
+        found.faults.append(f"{name}: row {listed(np.flatnonzero(length < 1e-6) + 1)} is zero. Give a direction.")
         found.directions = None
         return
     off = np.flatnonzero(np.abs(length - 1) > _UNIT) + 1
     if len(off):
         places = " They look like positions: this layout holds directions." if np.median(length) > 3 else ""
         found.faults.append(
-            f"{name}: row {_some(off)} {'has' if len(off) == 1 else 'have'} the length {length[off[0] - 1]:.4g}"
+            f"{name}: row {listed(off)} {'has' if len(off) == 1 else 'have'} the length {length[off[0] - 1]:.4g}"
             f"{' (the first)' if len(off) > 1 else ''}, expected 1: unit vectors toward the lights.{places} Divide "
             "each row by its length."
         )
@@ -223,7 +223,7 @@ def _check_directions(found: Layout) -> None:
 def _check_intensities(found: Layout) -> None:
     low = [] if found.intensities is None else np.flatnonzero((found.intensities <= 0).any(1)) + 1
     if len(low):
-        found.faults.append(f"{INTENSITIES}: row {_some(low)} {_are(low)} not above 0. Give R G B of each light.")
+        found.faults.append(f"{INTENSITIES}: row {listed(low)} {_are(low)} not above 0. Give R G B of each light.")
         found.intensities = None
 
 
@@ -293,8 +293,3 @@ def _is_turned(found: Layout, name: str, height: int, width: int) -> str:
 
 def _are(things) -> str:
     return "is" if len(things) == 1 else "are"
-
-
-def _some(things) -> str:
-    words = [str(one) for one in things]
-    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")

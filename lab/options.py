@@ -17,19 +17,7 @@ DEFAULT_METHODS = "ls,iterative"
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Solving:
-    """Which methods solve, and how.
-
-    Parameters
-    ----------
-    method : str or None
-        Methods, with commas; None: `DEFAULT_METHODS`.
-    profile : {"default", "seed"}
-        Of their settings.
-    external : tuple of str
-        Other programs as methods, each NAME=COMMAND.
-    external_timeout_s : float
-        That each may take.
-    """
+    """Which methods solve, and how; each field's help says what it is."""
 
     method: Annotated[
         str | None,
@@ -95,19 +83,10 @@ class Solving:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TwinSettings:
-    """The twin's options.
+    """How a twin is rendered.
 
-    Parameters
-    ----------
-    engine : {"auto", "direct", "many", "mitsuba"} or None
-        None: as the scene description says; of a session's twin `auto`.
-    error : float or None
-        Relative root-mean-square error that is aimed at; None: as the scene description says, of a session's twin
-        0.01, or half of what its material leaves unexplained where that is more.
-    layers : bool
-        Keep direct and indirect light apart too.
-    photograph : bool
-        Of a session's twin: photograph it by a sensor as noisy as the session's.
+    engine, error: None: as the scene description says; of a session's twin `auto`, and 0.01 or half of what its
+    material leaves unexplained where that is more.
     """
 
     engine: Annotated[

@@ -66,15 +66,7 @@ def open_job(
 
 
 def run_session(
-    session_path: Path,
-    wanted: str,
-    *,
-    out: Path | None = None,
-    solving: Solving = BY_DEFAULT,
-    scheduler: str | None = None,
-    truth: Path | None = None,
-    twin: TwinSettings = AS_GIVEN,
-    around: Callable[["Job"], AbstractContextManager] | None = None,
+    session_path: Path, wanted: str, *, around: Callable[["Job"], AbstractContextManager] | None = None, **how: Any
 ) -> dict[str, Any]:
     """Run one verb with all that it needs, and return the summary (summary.json).
 
@@ -84,21 +76,21 @@ def run_session(
         The last step to run, a key of `lab.plan.STEPS`.
     around : callable, optional
         Takes the job and gives the context in which the steps run: what a verb checks before and makes after them.
-    session_path, out, solving, scheduler, truth, twin
+    session_path, **how
         As in `open_job`.
     """
     from lab.plan import REPORTED, STEPS
     from lab.progress import say
     from lab.summary import write_summary
 
-    with open_job(session_path, out=out, solving=solving, scheduler=scheduler, truth=truth, twin=twin) as job:
+    with open_job(session_path, **how) as job:
         arguments = {
             "up_to": wanted,
             "session": str(session_path),
             "methods": list(job.methods),
-            "profile": solving.profile,
+            "profile": job.profile,
             "external": {name: program.command for name, program in job.externals.items()},
-            "twin": asdict(twin),
+            "twin": asdict(job.twin),
         }
         with around(job) if around else nullcontext():
             job.run(STEPS, wanted)

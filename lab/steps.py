@@ -225,11 +225,6 @@ def _truth_check(job: Job) -> dict:
     return known_truth(job.store, job.truth, methods=job.methods, mesh=mesh)
 
 
-def material_method(job: Job) -> str:
-    """Return the method whose albedo a twin has whose material cannot be fitted: the one that gloss disturbs least."""
-    return "iterative" if "iterative" in job.methods else job.methods[0]
-
-
 def _object_point(camera: Camera, spheres: list[Sphere], lights: Lights, mask: Any) -> Any:
     """Return the object's centre as far as it is known without a scan: mid mask, at the balls' mean depth."""
     rows, columns = np.nonzero(mask)

@@ -1,16 +1,12 @@
 """The verb `twin`: the registered scan rendered under the calibrated lights, and solved like the photographs."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 from lab.job import Job, Outcome
 from lab.progress import alive, progress_bar, say
-from lab.steps import material_method, solve_all
-from scene.errors import RenderError
+from lab.steps import solve_all
 from scene.store import Store
-
-ENOUGH = 0.5
-"""Of the share of the photographs that the material leaves unexplained: an error of the rendering that hides in it."""
 
 
 @alive("twin")
@@ -38,14 +34,8 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     say(f"twin: {material['sentence']}")
     say(f"twin: rendered to an error of {100 * scene.sampling.error:.2g} %")
     with progress_bar("twin") as progress:
-        rendered = render_scene(
-            scene,
-            apart=job.twin.layers,
-            executor=job.executor,
-            store=folder,
-            progress=progress,
-            tell=say,
-        )
+        how = {"apart": job.twin.layers, "executor": job.executor, "progress": progress, "tell": say}
+        rendered = render_scene(scene, store=folder, **how)
     sensor = _sensor(job) if job.twin.photograph else None
     camera, truth = store.load_camera(), store.load_normals("truth")
     write_session(
@@ -60,51 +50,21 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
 
 
 def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
-    """Return the registered scan under the calibrated lights as a scene: of the material that explains the photographs.
-
-    Returns
-    -------
-    scene : twin.description.description.TwinScene
-    material : dict
-        `twin.material.scan_material.ScanMaterial.facts`; where it could not be fitted, model and sentence alone: matte,
-        of a solver's albedo.
-    warnings : list of str
-    """
+    """Return the twin's scene, what it is made of, and warnings; see `twin.session_scene.session_scene`."""
     from twin.description.description import Sampling
-    from twin.material.material_light import material_scene
-    from twin.material.scan_material import scan_material
-    from twin.scan_scene import scan_scene
-    from twin.visibility import Sight
+    from twin.session_scene import session_scene
 
-    store, lights = job.store, job.store.load_lights()
-    sight = Sight.of_scan(job.load_scan(), store.load_pose(), store.load_camera(), lights)
-    sampling = job.twin.sampling(Sampling())
-    try:
-        found = scan_material(sight, store.load_frames(), store.load_mask(), store.load_normals("truth"))
-    except RenderError as error:
-        method = material_method(job)
-        reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
-        albedo = store.read_array("albedo", f"{method}.npy")
-        # The solvers evaluate near lights at this one depth; the scan knows better.
-        depth = float(lights.reference_point_mm[2])
-        scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=depth)
-        return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings]
-    if job.twin.error is None:
-        # No more than the scene needs: what the material is wrong by, exact light would not mend.
-        sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.residual.whole))
-    scene, warnings = material_scene(sight, found.places.fits, found.labels, found.albedo, sampling)
-    return scene, found.facts(), [*found.warnings, *warnings]
+    # Of the methods asked for, the one that gloss disturbs least.
+    method = "iterative" if "iterative" in job.methods else job.methods[0]
+    sampling, is_given = job.twin.sampling(Sampling()), job.twin.error is not None
+    return session_scene(job.store, job.load_scan(), sampling, is_error_given=is_given, method=method)
 
 
 def _sensor(job: Job) -> Any:
-    """Return a sensor as noisy as the session's, of its kind."""
-    from twin.camera.grain import sensor_like
+    from twin.session_scene import session_sensor
 
-    frames = job.store.load_frames()
-    sensor, iso = sensor_like(frames), (job.done["check"]["result"]["frames_table"][0].get("iso") or 100)
-    bayer = frames.is_mosaic and not job.session.half and frames.width % 2 == 0 and frames.height % 2 == 0
-    # The full well was measured at the session's ISO.
-    return replace(sensor, cfa="RGGB" if bayer else "none", iso=iso, full_well_e=sensor.full_well_e * iso / 100)
+    iso = job.done["check"]["result"]["frames_table"][0].get("iso") or 100
+    return session_sensor(job.store.load_frames(), half=job.session.half, iso=iso)
 
 
 def _develop(folder: Store) -> None:

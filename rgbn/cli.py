@@ -157,7 +157,7 @@ def compare(
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
     if counterpart is not None:
-        from experiments.counterparts.compare_folders import compare_folders
+        from experiments.compare_folders import compare_folders
 
         compare_folders(session, counterpart, out, methods=solving.method, json=json)
         return

@@ -2,7 +2,7 @@
 
 import contextlib
 import json
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from scene.errors import SceneError
 
+MOST_FAULTS = 100
+"""That are told at once."""
 LONGEST_TEXT = 64 << 20
 """Bytes. Tables, JSON and lists of this project's kinds are a thousand times smaller."""
 
@@ -70,6 +72,21 @@ def shortened(text: str, longest: int = 200) -> str:
     """Return a text in one line of printable characters, cut where it is long."""
     line = " ".join("".join(letter if letter.isprintable() else " " for letter in text[: 2 * longest]).split())
     return line if len(line) <= longest else f"{line[:longest]} ..."
+
+
+def listed(words: Iterable[object], most: int = 5) -> str:
+    """Return the first words with commas, and how many more there are."""
+    texts = [str(word) for word in words]
+    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
+
+
+def told(where: object, faults: Sequence[str], doing: str = "") -> str:
+    """Return all faults of a file or folder as one message; `doing`: what it was that they hinder."""
+    lines = [shortened(fault, 600) for fault in faults[:MOST_FAULTS]]
+    if len(faults) == 1:
+        return f"{where}: {doing}{lines[0]}"
+    more = [f"and {len(faults) - MOST_FAULTS} more"] if len(faults) > MOST_FAULTS else []
+    return "\n  ".join([f"{where}: {doing}{len(faults)} faults.", *lines, *more])
 
 
 def text_of(path: Path, fault: str = "cannot be read as text", error: type[SceneError] = SceneError, **how: Any) -> str:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from capture.audit.camera_settings import gaps_in_numbering, listed, mixed_settings
+from capture.audit.camera_settings import gaps_in_numbering, mixed_settings
 from capture.audit.encoding_check import black_warnings, compression_warnings, encoding_warnings
 from capture.audit.frame_facts import FrameFacts, facts_of, reduced
 from capture.audit.missing_flashes import doubles, misfires
@@ -15,6 +15,7 @@ from capture.audit.movement import movement
 from capture.camera.exif import Exif
 from capture.session.session_types import Session
 from scene.frames import Frames
+from scene.reading import listed
 
 BLOWN = 0.002
 """Share of the picture in large clipped spots that is worth a warning."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from capture.camera.exif import Exif
 from capture.session.session_types import Session
+from scene.reading import listed
 
 ROOM = 0.01
 """Of white: where the frame without flash is brighter, its noise does not matter."""
@@ -29,11 +30,6 @@ _SETTINGS = (
     ("focal_mm", "focal length {:g} mm", "the zoom"),
     ("camera", "camera {}", "the camera"),
 )
-
-
-def listed(names: Sequence[str]) -> str:
-    """Return the first six names, and how many more there are."""
-    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
 
 
 def reference_exposure(exif: Sequence[Exif]) -> tuple[float | None, NDArray[np.float64]]:
@@ -97,7 +93,7 @@ def mixed_settings(session: Session, exif: Sequence[Exif], ambient_exif: Sequenc
     without = [name for name, e in everyone if e.exposure is None]
     if 0 < len(without) < len(everyone):
         warnings.append(
-            f"{', '.join(without[:6])}: no exposure in EXIF, unlike the other {len(everyone) - len(without)} frames; "
+            f"{listed(without)}: no exposure in EXIF, unlike the other {len(everyone) - len(without)} frames; "
             "taken as the same exposure."
         )
     return warnings

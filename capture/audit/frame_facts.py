@@ -21,7 +21,7 @@ class FrameFacts:
     Parameters
     ----------
     small : (h, w) float32
-        Mean of the channels, averaged over boxes, at most SMALL_PX long; `mean` is its mean.
+        Mean of the channels, averaged over boxes, at most SMALL_PX long.
     clipped_share : float
         Share of pixels with a clipped channel.
     blown_share : float
@@ -33,17 +33,19 @@ class FrameFacts:
     """
 
     small: NDArray[np.float32]
-    mean: float
     clipped_share: float
     blown_share: float
     histogram: NDArray[np.int64]
     white: float = 1.0
     is_mosaic: bool = False
 
+    @property
+    def mean(self) -> float:
+        return float(self.small.mean())
+
 
 def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> FrameFacts:
     """Return the facts of one frame's codes (H, W, 3)."""
-    small = reduced(codes)
     clipped_share = blown_share = 0.0
     histogram = np.zeros((3, 0), np.int64)
     if codes.dtype == np.uint16:
@@ -51,7 +53,7 @@ def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> 
         step = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6)))
         sample = codes[::step, ::step] // BIN
         histogram = np.stack([np.bincount(sample[..., i].ravel(), minlength=65536 // BIN) for i in range(3)])
-    return FrameFacts(small, float(small.mean()), clipped_share, blown_share, histogram, white, is_mosaic)
+    return FrameFacts(reduced(codes), clipped_share, blown_share, histogram, white, is_mosaic)
 
 
 def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:

@@ -1,7 +1,6 @@
 """A session's photographs to `Frames`: decoded once, in parallel, into a memory-mapped store."""
 
 import os
-import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import asdict, dataclass, replace
@@ -37,46 +36,17 @@ class CaptureReport:
 
     Parameters
     ----------
-    width, height : int
-        Pixels, after `half`.
-    brightness : (F,) float64
-        Mean linear value of each frame at the reference exposure, ambient not subtracted.
-    saturated_share : (F,) float64
-        Share of each frame's pixels that are clipped, small highlights included.
-    gain : (F,) float64
-        Brings each frame to the reference exposure.
-    ambient_count : int
-        Ambient frames that were averaged.
-    seconds : float
-        Wall time of decoding and audit.
+    frames_table : list of dict
+        One row a frame, for summary and report: name; brightness, the mean linear value at the reference exposure,
+        ambient not subtracted; saturated_share of its pixels, small highlights included; gain, which brings it to the
+        reference exposure; what its EXIF says.
     warnings : tuple of str
         Suspicious but usable.
     """
 
-    names: tuple[str, ...]
-    width: int
-    height: int
-    brightness: NDArray[np.float64]
-    saturated_share: NDArray[np.float64]
-    gain: NDArray[np.float64]
     exif: tuple[Exif, ...]
-    ambient_count: int = 0
-    seconds: float = 0.0
+    frames_table: list[dict[str, Any]]
     warnings: tuple[str, ...] = ()
-
-    @property
-    def frames_table(self) -> list[dict[str, Any]]:
-        """One row a frame, for summary and report."""
-        return [
-            {
-                "name": name,
-                "brightness": float(self.brightness[i]),
-                "saturated_share": float(self.saturated_share[i]),
-                "gain": float(self.gain[i]),
-                **{key: value for key, value in asdict(self.exif[i]).items() if value is not None},
-            }
-            for i, name in enumerate(self.names)
-        ]
 
 
 def decode(
@@ -107,7 +77,6 @@ def decode(
     SessionError
         [camera] is of another size than the first photograph; told before the others are decoded.
     """
-    begin = time.perf_counter()
     exif = [read_exif(path) for path in session.flash]
     reference, gain = reference_exposure(exif)
     steps = _Steps(progress, len(session.flash) + len(session.ambient) + len(session.dark) + len(session.flat))
@@ -154,19 +123,12 @@ def decode(
     finally:
         for path in scratch.values():
             remove(path)
-    report = CaptureReport(
-        session.names,
-        width,
-        height,
-        brightness=np.array([fact.mean for fact in facts]) * gain,
-        saturated_share=np.array([fact.clipped_share for fact in facts]),
-        gain=gain,
-        exif=tuple(exif),
-        ambient_count=len(session.ambient),
-        seconds=time.perf_counter() - begin,
-        warnings=warnings,
-    )
-    return store.load_frames(), report
+    table = [
+        {"name": name, "brightness": fact.mean * factor, "saturated_share": fact.clipped_share, "gain": factor}
+        | {key: value for key, value in asdict(written).items() if value is not None}
+        for name, fact, factor, written in zip(session.names, facts, gain.tolist(), exif, strict=True)
+    ]
+    return store.load_frames(), CaptureReport(tuple(exif), table, warnings)
 
 
 class _Steps:

@@ -14,7 +14,7 @@ from capture.photographs.raw import read_raw
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
 from scene.errors import CaptureError
-from scene.frames import PEDESTAL, WHITE
+from scene.frames import PEDESTAL, WHITE, encode
 from scene.frames import decode as linear_of
 
 
@@ -95,8 +95,7 @@ def develop(job: Job) -> FrameFacts:
     if recipe.is_corrected:
         limit = min(recipe.saturation, SATURATION * photograph.white)
         codes = corrected(codes, _load(recipe.dark), _load(recipe.flat), limit)
-        small = reduced(codes)
-        facts = replace(facts, small=small, mean=float(small.mean()))
+        facts = replace(facts, small=reduced(codes))
     # Written, not mapped: on a network's file system others see what was written when the file is closed.
     with open(job.out, "r+b") as file:
         file.seek(job.offset)
@@ -131,7 +130,7 @@ def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None, satura
 def recoded(linear: NDArray, dtype: np.dtype) -> NDArray:
     """Return codes of linear values in the stack's own type."""
     if dtype == np.uint16:
-        return np.clip(np.round(linear * (WHITE - PEDESTAL)) + PEDESTAL, 0, 65535).astype(np.uint16)
+        return encode(linear)
     return np.clip(linear, -FLOAT16_MAX, FLOAT16_MAX).astype(np.float16)
 
 

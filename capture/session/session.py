@@ -7,12 +7,10 @@ from capture.session.globs import frame_names, kind_of
 from capture.session.session_types import Session
 from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
 from scene.errors import SessionError
-from scene.reading import reading, shortened
+from scene.reading import reading, told
 
 LONGEST = 1 << 20
 """Bytes of a session.toml."""
-MOST_FAULTS = 100
-"""That are told at once."""
 
 
 def load_session(path: Path) -> Session:
@@ -57,7 +55,7 @@ def _load_toml(path: Path) -> Session:
         manifest, faults = parse(data)
         session = Resolver(path.parent, faults).session(manifest) if manifest else None
     if faults or session is None:
-        raise _faults_error(path, faults)
+        raise SessionError(told(path, faults))
     return session
 
 
@@ -69,7 +67,7 @@ def _load_diligent(folder: Path) -> Session:
         f"{FILENAMES}: {path.name} is no photograph that can be read." for path in flash if kind_of(path) is None
     ]
     if faults:
-        raise _faults_error(folder, faults)
+        raise SessionError(told(folder, faults))
     return Session(
         name=folder.name,
         folder=folder,
@@ -82,12 +80,3 @@ def _load_diligent(folder: Path) -> Session:
         layout="diligent",
         photographed=len(flash),
     )
-
-
-def _faults_error(path: Path, faults: list[str]) -> SessionError:
-    """Return one error that tells all faults of a file or folder."""
-    told = [shortened(fault, 600) for fault in faults[:MOST_FAULTS]]
-    if len(faults) == 1:
-        return SessionError(f"{path}: {told[0]}")
-    more = [f"and {len(faults) - MOST_FAULTS} more"] if len(faults) > MOST_FAULTS else []
-    return SessionError(f"{path}: {len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in (*told, *more)))

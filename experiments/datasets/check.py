@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from experiments.datasets.checked_photographs import read_samples
 from formats.diligent_layout import TABLES, Layout, read_layout
+from scene.reading import listed
 from solve.axes import Axes
 from solve.convention import DISAGREES, FLOOR, Claim, Convention, infer_convention
 
@@ -113,7 +114,7 @@ def _tell_rows(found: Layout, proved: Convention) -> None:
     wrong, best = proved.misplaced, proved.rows.argmax(1)
     if not len(wrong):
         return
-    shown = _first([f"{found.files[i]} that of row {best[i] + 1}" for i in wrong])
+    shown = listed([f"{found.files[i]} that of row {best[i] + 1}" for i in wrong])
     found.faults.append(
         f"filenames.txt: {len(wrong)} of {len(best)} photographs show another light than their row of {TABLES[0]}: "
         f"{shown}. Put both in one order."
@@ -149,7 +150,7 @@ def _tell_intensities(found: Layout, given: Array, seen: Array) -> float:
     }
     words, least = min(((text, float(np.std(seen - other))) for text, other in others.items()), key=lambda one: one[1])
     if len(off) <= _FEW * len(ratio) + 1 and len(off):
-        shown = _first([f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off])
+        shown = listed([f"row {i + 1} by {np.exp(ratio[i]):.2g}" for i in off])
         found.faults.append(
             f"{name}: the photographs show other intensities than given: {shown} (1 is right). Measure them "
             "again, or take the photographs off the lists."
@@ -207,7 +208,3 @@ def _do(turn: Array, things: str) -> str:
 def _is_half_turn(turn: Array) -> bool:
     """Whether x and y change sign, which a hollow looks like."""
     return np.array_equal(turn, np.diag([-1.0, -1.0, 1.0]))
-
-
-def _first(words: list[str]) -> str:
-    return ", ".join(words[:5]) + (f" and {len(words) - 5} more" if len(words) > 5 else "")

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from formats.diligent_layout import Layout
 from scene.errors import SceneError
 from scene.image_files import read_pixels
+from scene.reading import listed
 from solve.convention import CLIPPED
 
 MOST_PIXELS = 1600
@@ -72,15 +73,14 @@ def read_samples(found: Layout) -> Samples | None:
 
 
 def _tell(found: Layout, shallow: list, dark: list, clipped: list, within: float, around: float) -> None:
-    def first(names: list[str]) -> str:
-        return f"{names[0]}{f' and {len(names) - 1} more' if len(names) > 1 else ''}"
-
     if shallow:
-        found.notes.append(f"{first(shallow)}: 8 bits, expected 16. Dark places have few steps; save 16-bit PNGs.")
+        found.notes.append(f"{listed(shallow)}: 8 bits, expected 16. Dark places have few steps; save 16-bit PNGs.")
     if dark:
-        found.faults.append(f"{first(dark)}: black all over the object. The flash did not fire? Take it off the lists.")
+        found.faults.append(
+            f"{listed(dark)}: black all over the object. The flash did not fire? Take it off the lists."
+        )
     if clipped:
-        found.notes.append(f"{first(clipped)}: more than {_MUCH_CLIPPED:.0%} of the object is clipped. Expose less.")
+        found.notes.append(f"{listed(clipped)}: more than {_MUCH_CLIPPED:.0%} of the object is clipped. Expose less.")
     if around > _DARKER * within > 0:
         found.notes.append(
             f"mask.png: the photographs are brighter outside it ({around / len(found.files):.3f}) than inside "

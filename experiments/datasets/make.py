@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from experiments.datasets.write import mark_of, write_dataset
+from experiments.photographs import one_thread
 from experiments.recipe import Dataset
 from experiments.workers import run_all
 from lab.progress import progress_bar, say
@@ -55,19 +56,11 @@ def _make(record: Record, missing: list[Dataset], processes: int | None) -> None
 
 def make_one(unfinished: Path, dataset: Dataset) -> str | None:
     """Make one dataset in a folder of its name, in a process of its own; return why not, if the input is at fault."""
-    from multiprocessing import parent_process
-
-    if parent_process() is not None:
-        import cv2
-        import drjit
-
-        # Its neighbours have the other cores. (Writing an EXR has asked for a second thread.)
-        cv2.setNumThreads(1)
-        drjit.set_thread_count(1)
     folder = unfinished / dataset.name
     shutil.rmtree(folder, ignore_errors=True)
     try:
-        write_dataset(folder, dataset)
+        with one_thread():
+            write_dataset(folder, dataset)
     except SceneError as error:
         return " ".join(str(error).split())
     return None

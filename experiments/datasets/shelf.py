@@ -14,7 +14,7 @@ from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import move_folder, write_json
 from scene.output_folder import open_record, read_record
-from scene.reading import json_of
+from scene.reading import json_of, listed, told
 from scene.record import Record
 
 ADDED = ".added"
@@ -62,7 +62,7 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
     """
     verdict = check_dataset(folder)
     if verdict.faults:
-        raise SceneError(faults_text(folder, verdict.faults, "not added, "))
+        raise SceneError(told(folder, verdict.faults, "not added, "))
     name = name or folder.resolve().name
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
@@ -99,17 +99,9 @@ def contents_of(shelf: Path, entry: Entry) -> str:
         raise SceneError(f"dataset {entry.name}: {entry.folder} is gone. Put it back, {do}.")
     expected = json_of(note)["checksums"] if is_added else (entry.folder / FILE).read_text()
     if said := differences(expected, entry.folder):
-        more = f" and {len(said) - 3} more" if len(said) > 3 else ""
         do = "Put the files back, or add it under another name" if is_added else "Remove it and make it again"
-        raise SceneError(f"{entry.folder}: {'; '.join(said[:3])}{more}, since it was put on the shelf. {do}.")
+        raise SceneError(f"{entry.folder}: {listed(said, 3)}, since it was put on the shelf. {do}.")
     return expected
-
-
-def faults_text(folder: Path, faults: tuple[str, ...], doing: str = "") -> str:
-    """Return all faults of a dataset as one message."""
-    if len(faults) == 1:
-        return f"{folder}: {doing}{faults[0]}"
-    return f"{folder}: {doing}{len(faults)} faults.\n" + "\n".join(f"  {fault}" for fault in faults)
 
 
 def tell(found: list[Entry]) -> None:

@@ -2,15 +2,15 @@
 
 import base64
 import time
-from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from threading import Lock
 from typing import Any
 
 import numpy as np
 
 from compare.statistics.error_kinds import error_kinds
+from experiments.photographs import one_thread, photograph
 from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
 from experiments.tables import errors_of
@@ -32,11 +32,9 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
     base64. code: hash of the code that made them, as this process has it.
     """
-    with _ONE_AT_A_TIME, _one_thread(), ThreadPoolExecutor(1) as one_core:
+    with _ONE_AT_A_TIME, one_thread(), ThreadPoolExecutor(1) as one_core:
         start = time.process_time()
         try:
-            from experiments.photographs import photograph
-
             photographs = photograph(cell.recipe)
         except Exception as error:
             return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
@@ -127,26 +125,6 @@ def _why(error: Exception) -> str:
     """Return an error in one line: an input's as it is told, others with their kind."""
     text = " ".join(str(error).split())
     return text if isinstance(error, SceneError) else f"{type(error).__name__}: {text}"
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Hold rendering and image processing to one thread: neighbours have the other cores.
-
-    And the same cell shall give the same bytes: Dr.Jit's threads add to the samples of one pixel in the order in which
-    they come, and float32 sums depend on it. What was set before is set again.
-    """
-    import cv2
-    import drjit
-
-    before = cv2.getNumThreads(), drjit.thread_count()
-    cv2.setNumThreads(1)
-    drjit.set_thread_count(1)
-    try:
-        yield
-    finally:
-        cv2.setNumThreads(before[0])
-        drjit.set_thread_count(before[1])
 
 
 def _picture(photographs: Any) -> str:

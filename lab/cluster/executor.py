@@ -13,7 +13,7 @@ from typing import Any
 from lab.cluster import worker
 from lab.cluster.worker import content_name, pack, unpack
 from lab.progress import say
-from scene import current
+from scene.current import code_fingerprint, libraries
 from scene.errors import ClusterError
 
 WAIT_FOR_WORKERS = "120 s"
@@ -41,8 +41,7 @@ class Cluster(Executor):
 
         self._client, self._address, self._shared = client, address, None if shared is None else str(shared)
         self._patience_s = parse_timedelta(config.get("rgbn.wait-for-workers", WAIT_FOR_WORKERS))
-        run = {"id": uuid.uuid4().hex, "folder": self._shared, "current": Path(current.__file__).read_text()}
-        run |= {"code": current.code_fingerprint(), "libraries": current.libraries()}
+        run = {"id": uuid.uuid4().hex, "folder": self._shared, "code": code_fingerprint(), "libraries": libraries()}
         self._order = {"text": Path(worker.__file__).read_text(), "run": run}
         self._units: dict[Future, tuple[Any, set[str]]] = {}
         self._users: Counter[str] = Counter()

@@ -1,8 +1,8 @@
 """What a worker of a cluster does with a unit: it makes sure that it may have it, and works.
 
 This file is sent to the workers as text, with every unit, since what a worker has installed under this name may be
-another version: it imports nothing of the house. Arrays do not go through the scheduler, but as files in a folder that
-client and workers share.
+another version: of the house it asks `scene.current` alone. Arrays do not go through the scheduler, but as files in a
+folder that client and workers share.
 """
 
 import hashlib
@@ -28,8 +28,8 @@ def serve(run: dict[str, Any], unit: tuple | None = None) -> tuple[str, Any]:
     Parameters
     ----------
     run : dict
-        id: str. current: text of `scene.current`. code, libraries: what that finds where the run was started. folder:
-        the shared one, or None; in its `files` stand the sizes and paths of what a worker must see.
+        id: str. code, libraries: what `scene.current` finds where the run was started. folder: the shared one, or
+        None; in its `files` stand the sizes and paths of what a worker must see.
     unit : tuple or None
         What `pack` returned of (function, arguments, keyword arguments). None: only the question whether it is fit.
 
@@ -60,17 +60,14 @@ def _address() -> str:
 
 def _reasons(run: dict[str, Any], known: dict[str, Any]) -> list[str]:
     """Return why this process would not give what the one that started the run gives."""
-    from importlib.util import find_spec
-
     if "own" not in known:
-        scene = find_spec("scene")
-        if scene is None or scene.origin is None:
-            return ["it has no rgbn"]
-        file = str(Path(scene.origin).with_name("current.py"))
-        space: dict[str, Any] = {"__name__": "current", "__file__": file}
-        exec(compile(run["current"], file, "exec"), space)
+        try:
+            from scene.current import ROOT, code_fingerprint
+            from scene.current import libraries as versions
+        except ImportError:
+            return ["it has no rgbn, or a very old one"]
         # Once in a process: what it has imported stays as it was, whatever becomes of the files.
-        known["own"] = space["ROOT"], space["code_fingerprint"](), space["libraries"]()
+        known["own"] = ROOT, code_fingerprint(), versions()
     root, code, libraries = known["own"]
     reasons = []
     if code != run["code"]:

@@ -8,12 +8,12 @@ import pytest
 
 from compare.report.counterpart_page import badge_of
 from compare.statistics.sigma_propagation import moved_lights, shifted
-from experiments.counterparts.compare_folders import NUMBERS, PAGE, compare_folders, open_folder, shifts_of
+from experiments.compare_folders import NUMBERS, PAGE, compare_folders, open_folder, shifts_of
+from fixtures.lit_surfaces import lights_along, spiral
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_json, write_npy, write_text
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from scene.store import Store
 from solve.solve import solve
@@ -27,12 +27,8 @@ TRUTH = np.where(MASK[..., None], np.stack([X, Y, np.sqrt(np.maximum(1 - X**2 - 
 
 
 def lights(count=10, **more):
-    turn = np.arange(count)
-    polar = np.radians(20 + 35 * turn / count)
-    x, y = np.sin(polar) * np.cos(2.4 * turn), np.sin(polar) * np.sin(2.4 * turn)
-    directions = np.stack([x, y, np.cos(polar)], 1)
-    names = tuple(f"flash_{i:02d}" for i in turn)
-    return Lights(names, directions, np.ones((count, 3)), reference_point_mm=np.array([0, 0, -800.0]), **more)
+    directions = spiral(np.cos(np.radians(20 + 35 * np.arange(count) / count)))
+    return lights_along(directions, digits=2, reference_point_mm=np.array([0, 0, -800.0]), **more)
 
 
 def photographed(true, truth=TRUTH, noise=0.0, seed=0):

@@ -3,13 +3,20 @@
 import numpy as np
 import pytest
 
-from experiments.catalogue import VIRTUAL_EXPERIMENTS, Experiment
-from experiments.counterparts import pairs
-from experiments.counterparts.captures import in_shadow
-from experiments.counterparts.compare_folders import NUMBERS
-from experiments.photographs import object_maps
-from experiments.recipe import Setup
-from experiments.scenes import BALLS, CAMERA, CENTRE_MM, lab_scene, object_scene
+from benchmarks import virtual_pairs as pairs
+from benchmarks.virtual_lab import (
+    BALLS,
+    CAMERA,
+    CENTRE_MM,
+    VIRTUAL_EXPERIMENTS,
+    Experiment,
+    Setup,
+    lab_scene,
+    object_maps,
+    object_scene,
+)
+from benchmarks.virtual_pairs import in_shadow
+from experiments.compare_folders import NUMBERS
 from scene.errors import SceneError
 from scene.files import write_json
 from scene.normals import angular_error_deg, unit

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lab.self_test import _judged
+from compare.statistics.light_errors import sigma_doubts
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
@@ -60,8 +60,8 @@ def test_a_session_without_balls_has_nothing_to_render(tmp_path):
 
 def test_dishonest_sigmas_are_told():
     honest = {"model": "near", "model_of_the_session": "near", "directions_inside_95": 0.92, "positions_inside_95": 1.0}
-    assert _judged(honest) == []
-    (told,) = _judged({**honest, "directions_inside_95": 0.5})
+    assert sigma_doubts(honest) == []
+    (told,) = sigma_doubts({**honest, "directions_inside_95": 0.5})
     assert "50% of the recovered directions" in told
-    (told,) = _judged({**honest, "model": "distant"})
+    (told,) = sigma_doubts({**honest, "model": "distant"})
     assert "come out distant" in told

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import as_floats, lights_along, spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -15,10 +16,7 @@ COUNT, HEIGHT, WIDTH = 24, 40, 50
 
 
 def lights(low=0.5, high=0.95):
-    z, azimuth = np.linspace(low, high, COUNT), np.arange(COUNT) * 2.4
-    across = np.sqrt(1 - z**2)
-    directions = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
-    return Lights(tuple(f"f{i}" for i in range(COUNT)), directions, np.linspace(0.7, 1.3, 3 * COUNT).reshape(-1, 3))
+    return lights_along(spiral(np.linspace(low, high, COUNT)), np.linspace(0.7, 1.3, 3 * COUNT).reshape(-1, 3))
 
 
 def plane(lights, normal=(0.1, -0.2, 0.97), albedo=0.4):
@@ -85,7 +83,7 @@ def test_sigma_needs_a_fourth_sample_and_vanishes_without_noise():
     assert np.isnan(found.sigma_deg).all()
     assert np.isfinite(found.condition).all()
     assert any("three samples" in text for text in found.warnings)
-    exact = run("ls", Frames(seen.names, images, np.ones(COUNT), saturation=np.inf), seen)
+    exact = run("ls", as_floats(seen, images), seen)
     assert exact.sigma_deg.max() < 0.01
 
 

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import spiral
 from solve.pixelwise import hsh
 from solve.samples import Geometry, Samples
 
 
 def lights(count, low, high):
     """Lights on a golden spiral between two heights, z."""
-    z, azimuth = np.linspace(low, high, count), np.arange(count) * 2.39996
-    across = np.sqrt(1 - z**2)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
+    return spiral(np.linspace(low, high, count), turn=2.39996)
 
 
 def fitted(gray, directions, settings, valid=None):

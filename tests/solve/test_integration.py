@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import ball_seen
 from scene.camera import Camera
 from scene.errors import SceneError
 from solve.surface.grid_laplacian import solve_grid
@@ -19,16 +20,6 @@ def plane(camera, normal, z_mm=-600.0):
     base, rays = camera.rays(camera.grid())
     along = ((np.array([0, 0, z_mm]) - base) @ normal) / (rays @ normal)
     return base + rays * along[..., None], np.broadcast_to(normal, base.shape)
-
-
-def ball(camera, radius_mm):
-    base, rays = camera.rays(camera.grid())
-    center = np.array([0.0, 0.0, -600.0])
-    half = np.sum((base - center) * rays, -1)
-    square = half**2 - np.sum((base - center) ** 2, -1) + radius_mm**2
-    mask = square > (0.2 * radius_mm) ** 2
-    points = base + rays * (-half - np.sqrt(np.where(mask, square, 0)))[..., None]
-    return points, (points - center) / radius_mm, mask
 
 
 def median_z(points, mask):
@@ -51,7 +42,7 @@ def test_a_plane_is_exact_whichever_way_it_leans(camera, normal):
 
 @pytest.mark.parametrize(("camera", "radius_mm", "atol"), [(PERSPECTIVE, 90.0, 1e-2), (ORTHOGRAPHIC, 11.0, 1e-3)])
 def test_a_ball_is_exact_to_its_limb_and_weighing_the_sides_spoils_only_the_limb(camera, radius_mm, atol):
-    points, normals, mask = ball(camera, radius_mm)
+    points, normals, mask = ball_seen(camera, (0.0, 0.0, -600.0), radius_mm, rim=0.2)
     z_mm = median_z(points, mask)
     plain = integrate(normals, mask, camera, z_mm=z_mm, sharpness=0.0)
     np.testing.assert_allclose(plain.z_mm[mask], points[mask][:, 2], atol=atol)
@@ -114,7 +105,7 @@ def test_parts_that_do_not_touch_get_the_median_each_and_gaps_are_left_out():
 
 
 def test_normals_that_face_away_are_taken_as_edge_on():
-    _, normals, mask = ball(PERSPECTIVE, 90.0)
+    _, normals, mask = ball_seen(PERSPECTIVE, (0.0, 0.0, -600.0), 90.0, rim=0.2)
     normals = normals.copy()
     normals[mask & (normals[..., 2] < 0.4)] *= [1, 1, -1]
     surface = integrate(normals, mask, PERSPECTIVE, z_mm=-550.0)

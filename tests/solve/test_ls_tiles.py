@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -17,9 +18,7 @@ COUNT, HEIGHT, WIDTH = 23, 20, 600
 def ball(seed=0):
     """A ball with gloss, noise, shadows, dark background, ambient light, gains; more columns than a tile has."""
     rng = np.random.default_rng(seed)
-    z, azimuth = np.linspace(0.4, 0.95, COUNT), np.arange(COUNT) * 2.4
-    across = np.sqrt(1 - z**2)
-    directions = np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
+    directions = spiral(np.linspace(0.4, 0.95, COUNT))
     intensities = rng.uniform(0.7, 1.3, (COUNT, 3))
     y, x = np.mgrid[1 : -1 : HEIGHT * 1j, -1 : 1 : WIDTH * 1j]
     inside = x**2 + y**2 < 0.9

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import as_floats, ball_seen, flashes_at, matte, spiral
 from scene.camera import Camera
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from solve.samples import Geometry, Samples
@@ -21,32 +21,23 @@ CAMERAS = {
 }
 
 
-def ball(camera, z_mm=-560.0, radius_mm=80.0):
-    base, rays = camera.rays(camera.grid())
-    center = np.array([15.0, -10.0, z_mm])
-    half = np.sum((base - center) * rays, -1)
-    square = half**2 - np.sum((base - center) ** 2, -1) + radius_mm**2
-    mask = square > (0.4 * radius_mm) ** 2
-    points = base + rays * (-half - np.sqrt(np.where(mask, square, 0)))[..., None]
-    return points, (points - center) / radius_mm, mask
+def ball(camera, z_mm=-560.0):
+    return ball_seen(camera, (15.0, -10.0, z_mm), 80.0, rim=0.4)
 
 
 def lights_at(distance_mm, reference, count=14):
-    turn, zenith = np.arange(count) * 2.4, np.radians(np.linspace(14, 50, count))
-    toward = np.stack([np.sin(zenith) * np.cos(turn), np.sin(zenith) * np.sin(turn), np.cos(zenith)], -1)
+    toward = spiral(np.cos(np.radians(np.linspace(14, 50, count))))
     positions = reference + toward * (distance_mm * np.linspace(0.8, 1.2, count)[:, None])
     intensities = np.linspace(0.7, 1.3, count)[:, None] * [0.9, 1.0, 1.1]
-    names = tuple(f"flash_{i:03d}" for i in range(count))
-    return Lights(names, toward, intensities, positions, np.asarray(reference, float)).normalised()
+    return flashes_at(positions, np.asarray(reference, float), intensities).normalised()
 
 
 def photographs(points, normals, mask, lights, *, noise=0.0):
-    vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), *mask.shape, 3, 3)
     v, u = np.mgrid[:SIZE, :SIZE]
     albedo = 0.3 + 0.1 * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1))
-    images = np.where(mask[..., None], albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0), 0)
+    images = np.where(mask[..., None], matte(lights, points, normals, albedo), 0)
     images += noise * np.random.default_rng(1).standard_normal(images.shape)
-    return Frames(lights.names, images, np.ones(len(lights)), saturation=np.inf)
+    return as_floats(lights, images)
 
 
 @pytest.mark.parametrize("projection", CAMERAS)

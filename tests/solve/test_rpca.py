@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import even_cap, lights_along
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from solve.problem import Problem
@@ -40,18 +41,8 @@ def textbook(data, there, weight, *, rank, tolerance, rounds=100):
     return low, turn
 
 
-def around(count, zenith_deg=55.0):
-    k = np.arange(count) + 0.5
-    z = 1 - k / count * (1 - np.cos(np.radians(zenith_deg)))
-    turn = np.pi * (1 + 5**0.5) * k
-    radius = np.sqrt(1 - z**2)
-    return np.stack([radius * np.cos(turn), radius * np.sin(turn), z], -1)
-
-
 def distant(directions):
-    return Lights(
-        tuple(f"f{k}" for k in range(len(directions))), directions, np.ones((len(directions), 3)), None, CENTER
-    )
+    return lights_along(directions, reference_point_mm=CENTER)
 
 
 def ball(size=32, count=24, *, gloss=0.0, seed=20_000):
@@ -60,7 +51,7 @@ def ball(size=32, count=24, *, gloss=0.0, seed=20_000):
     x, y = 2.2 * (u - size / 2) / size, -2.2 * (v - size / 2) / size
     mask = x**2 + y**2 < 0.95
     normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], -1)[mask]
-    directions = around(count)
+    directions = even_cap(count, 55.0)
     albedo = np.random.default_rng(seed).uniform(0.2, 0.6, len(normals))
     gray = albedo[:, None] * np.maximum(normals @ directions.T, 0)
     half = unit(directions + [0, 0, 1.0])
@@ -156,7 +147,7 @@ def test_a_rank_that_follows_a_mirror_instead_of_the_lights_gives_way():
 
 def test_near_lights_are_those_of_each_pixel():
     rng = np.random.default_rng(20_004)
-    directions = around(24, 50)
+    directions = even_cap(24, 50)
     positions = CENTER + directions * 800
     lights = Lights(tuple(f"f{k}" for k in range(24)), directions, np.ones((24, 3)), positions, CENTER)
     points = CENTER + np.stack([*rng.uniform(-80, 80, (2, 900)), np.zeros(900)], -1)

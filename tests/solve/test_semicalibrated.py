@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import as_floats, lights_along, matte, spiral
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -39,12 +40,11 @@ def lights_around(count, *, seed, near=False):
     """Lights whose intensities differ threefold, channel by channel."""
     rng = np.random.default_rng(seed)
     zenith = np.radians(np.linspace(12, 50, count))
-    azimuth = 2.4 * np.arange(count) + rng.uniform(0, 6)
-    directions = np.stack([np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)], -1)
+    directions = spiral(np.cos(zenith), first=rng.uniform(0, 6) / 2.4)
     center = np.array([0.0, 0.0, -600.0])
     positions = center + directions * rng.uniform(400, 900, (count, 1)) if near else None
-    names = tuple(f"flash_{i:03d}" for i in range(count))
-    return Lights(names, directions, rng.uniform(0.5, 1.5, (count, 3)), positions, center).normalised()
+    intensities = rng.uniform(0.5, 1.5, (count, 3))
+    return lights_along(directions, intensities, positions_mm=positions, reference_point_mm=center).normalised()
 
 
 def wrong(lights, share, seed=0):
@@ -56,13 +56,7 @@ def wrong(lights, share, seed=0):
 
 
 def photographs(lights, normals, albedo, camera, depth=-600.0):
-    points = camera.points_at_depth(camera.grid(), depth)
-    vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), SIZE, SIZE, 3, 3)
-    return albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0)
-
-
-def as_floats(lights, images):
-    return Frames(lights.names, images, np.ones(len(lights)), saturation=np.inf)
+    return matte(lights, camera.points_at_depth(camera.grid(), depth), normals, albedo)
 
 
 @pytest.mark.parametrize("near", [False, True])

@@ -6,6 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import as_floats, ball_seen, lights_along, matte, spiral
 from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
 from scene.frames import Frames
@@ -18,40 +19,25 @@ SIZE = 48
 CALIBRATED = [method for method in METHODS if method not in UNCALIBRATED]
 
 
-def sphere(camera, z_mm=-600.0, radius_mm=110.0):
+def sphere(camera):
     """Points, normals and mask of an analytic ball seen by a perspective camera."""
-    _, rays = camera.rays(camera.grid())
-    center = np.array([0.0, 0.0, z_mm])
-    along = rays @ center
-    square = along**2 - center @ center + radius_mm**2
-    mask = square > (0.35 * radius_mm) ** 2
-    points = rays * (along - np.sqrt(np.where(mask, square, 0)))[..., None]
-    return points, (points - center) / radius_mm, mask
+    return ball_seen(camera, (0.0, 0.0, -600.0), 110.0, rim=0.35)
 
 
 def lights_around(count=12, *, elevation_deg=55.0, near=False, seed=0):
     rng = np.random.default_rng(seed)
-    azimuth = np.arange(count) * 2.4
-    elevation = np.radians(elevation_deg + 20 * np.sin(np.arange(count)))
-    directions = np.stack(
-        [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)], -1
-    )
+    directions = spiral(np.sin(np.radians(elevation_deg + 20 * np.sin(np.arange(count)))))
     intensities = rng.uniform(0.6, 1.4, (count, 3))
     reference = np.array([0.0, 0.0, -600.0])
     positions = reference + directions * rng.uniform(700, 1000, (count, 1)) if near else None
-    return Lights(
-        tuple(f"flash_{i:03d}" for i in range(count)),
-        directions,
-        intensities / intensities.mean(0),
-        positions,
-        reference,
+    return lights_along(
+        directions, intensities / intensities.mean(0), positions_mm=positions, reference_point_mm=reference
     )
 
 
 def shade(points, normals, mask, lights, albedo):
     """Lambert with attached shadows, linear float64 (F, H, W, 3)."""
-    vectors = lights.at(points.reshape(-1, 3)).reshape(len(lights), *mask.shape, 3, 3)
-    return np.where(mask[..., None], albedo * np.maximum(np.einsum("fhwci,hwi->fhwc", vectors, normals), 0), 0)
+    return np.where(mask[..., None], matte(lights, points, normals, albedo), 0)
 
 
 @pytest.fixture
@@ -65,18 +51,13 @@ def albedo():
     return 0.25 + 0.1 * np.sin(np.stack([u / 5, v / 7, (u + v) / 6], -1))
 
 
-def float_frames(lights, images):
-    """Frames with float64 codes: no quantisation."""
-    return Frames(lights.names, images, np.ones(len(lights)), saturation=np.inf)
-
-
 @pytest.mark.parametrize("method", CALIBRATED)
 def test_exact_on_noiseless_lambertian_pixels_that_every_light_reaches(method, camera, albedo):
     _, normals, mask = sphere(camera)
     lights = lights_around(elevation_deg=65)
     mask = mask & (np.einsum("hwi,fi->fhw", normals, lights.directions) > 0.1).all(0)
     images = shade(normals, normals, mask, lights, albedo)
-    estimate = solve(method, float_frames(lights, images), lights, camera, mask)
+    estimate = solve(method, as_floats(lights, images), lights, camera, mask)
     assert angular_error_deg(estimate.normals, normals)[mask].max() < 1e-4
     np.testing.assert_allclose(estimate.albedo[mask], albedo[mask], rtol=1e-5)
     assert np.isnan(estimate.normals[~mask]).all()
@@ -90,7 +71,7 @@ def test_near_lights_are_exact_on_the_reference_plane_and_distant_ones_are_not(m
     points = camera.points_at_depth(camera.grid(), -600.0)
     normals = np.broadcast_to([0.1, -0.2, np.sqrt(0.95)], points.shape)
     lights = lights_around(near=True)
-    frames = float_frames(lights, shade(points, normals, mask, lights, albedo))
+    frames = as_floats(lights, shade(points, normals, mask, lights, albedo))
     near = angular_error_deg(solve(method, frames, lights, camera, mask).normals, normals)
     far = Lights(lights.names, lights.directions, lights.intensities, None, lights.reference_point_mm)
     assert near.max() < 1e-4
@@ -117,7 +98,7 @@ def test_laws_permutation_and_intensity(method, camera, albedo):
     points, normals, mask = sphere(camera)
     lights = lights_around(near=True)
     images = shade(points, normals, mask, lights, albedo)
-    plain = solve(method, float_frames(lights, images), lights, camera, mask)
+    plain = solve(method, as_floats(lights, images), lights, camera, mask)
 
     order = np.random.default_rng(1).permutation(len(lights))
     mixed = Lights(
@@ -127,7 +108,7 @@ def test_laws_permutation_and_intensity(method, camera, albedo):
         lights.positions_mm[order],
         lights.reference_point_mm,
     )
-    permuted = solve(method, float_frames(mixed, images[order]), mixed, camera, mask)
+    permuted = solve(method, as_floats(mixed, images[order]), mixed, camera, mask)
     # Rounding may end an iteration one step sooner: then the two differ by its tolerance.
     tolerance = 1e-3 if method in ("l1", "sbl", "reflectance") else 1e-4
     assert np.nanmax(angular_error_deg(permuted.normals, plain.normals)) < tolerance
@@ -136,7 +117,7 @@ def test_laws_permutation_and_intensity(method, camera, albedo):
     stronger = Lights(
         lights.names, lights.directions, lights.intensities * factor, lights.positions_mm, lights.reference_point_mm
     )
-    scaled = solve(method, float_frames(lights, images * factor[..., None, None]), stronger, camera, mask)
+    scaled = solve(method, as_floats(lights, images * factor[..., None, None]), stronger, camera, mask)
     assert np.nanmax(angular_error_deg(scaled.normals, plain.normals)) < tolerance
     np.testing.assert_allclose(scaled.albedo[mask], plain.albedo[mask], rtol=1e-4)
 
@@ -147,11 +128,11 @@ def test_rotating_scene_lights_and_camera_together_rotates_the_normals(method, c
     _, normals, mask = sphere(camera)
     lights = lights_around(elevation_deg=50)
     images = shade(normals, normals, mask, lights, albedo)
-    plain = solve(method, float_frames(lights, images), lights, camera, mask)
+    plain = solve(method, as_floats(lights, images), lights, camera, mask)
     turn = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
     turned_lights = Lights(lights.names, lights.directions @ turn.T, lights.intensities)
     turned = solve(
-        method, float_frames(lights, np.rot90(images, axes=(1, 2)).copy()), turned_lights, camera, np.rot90(mask)
+        method, as_floats(lights, np.rot90(images, axes=(1, 2)).copy()), turned_lights, camera, np.rot90(mask)
     )
     assert np.nanmax(angular_error_deg(turned.normals, np.rot90(plain.normals) @ turn.T)) < 1e-3
 
@@ -193,10 +174,10 @@ def test_bands_and_garbage_outside_the_mask_change_nothing(camera, albedo, monke
     points, normals, mask = sphere(camera)
     lights = lights_around(near=True)
     images = shade(points, normals, mask, lights, albedo)
-    whole = solve("iterative", float_frames(lights, images), lights, camera, mask)
+    whole = solve("iterative", as_floats(lights, images), lights, camera, mask)
     monkeypatch.setattr("solve.samples._BAND_BYTES", 12 * SIZE * 3 * 4 * 5)
     images[:, ~mask] = np.nan
-    pieces = solve("iterative", float_frames(lights, images), lights, camera, mask)
+    pieces = solve("iterative", as_floats(lights, images), lights, camera, mask)
     np.testing.assert_array_equal(pieces.normals, whole.normals)
     np.testing.assert_array_equal(pieces.albedo, whole.albedo)
 
@@ -210,7 +191,7 @@ def test_sixteen_bits_give_what_the_same_values_as_floats_give(method, camera, a
     frames = Frames.from_linear(lights.names, images)
     assert frames.codes.dtype == np.uint16
     coded = solve(method, frames, lights, camera, mask)
-    floats = solve(method, float_frames(lights, frames.read()), lights, camera, mask)
+    floats = solve(method, as_floats(lights, frames.read()), lights, camera, mask)
     both = mask & np.isfinite(coded.normals).all(-1) & np.isfinite(floats.normals).all(-1)
     assert both.sum() == (mask & np.isfinite(coded.normals).all(-1)).sum()
     # A sample at a threshold's edge may fall on the other side of it by rounding: a handful of pixels.

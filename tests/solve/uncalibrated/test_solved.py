@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import as_floats, lights_along, spiral
 from scene.camera import Camera
-from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from solve.methods import UNCALIBRATED
@@ -14,12 +14,10 @@ from solve.solve import solve
 def ball(count=24, dark=()):
     """Return frames of a ball, some of which missed the flash, with mask, lights, normals and color."""
     size = 64
-    k = np.arange(count) + 0.5
-    z = 1 - 0.4 * k / count
-    directions = np.stack([np.sqrt(1 - z**2) * np.cos(2.4 * k), np.sqrt(1 - z**2) * np.sin(2.4 * k), z], -1)
+    directions = spiral(1 - 0.4 * (np.arange(count) + 0.5) / count, first=0.5)
     rng = np.random.default_rng(20_020)
     intensities = rng.uniform(0.5, 1.5, (count, 3))
-    truth = Lights(tuple(f"f{i}" for i in range(count)), directions, intensities).normalised()
+    truth = lights_along(directions, intensities).normalised()
     v, u = np.mgrid[:size, :size]
     x, y = 2.3 * (u - size / 2) / size, -2.3 * (v - size / 2) / size
     mask = x**2 + y**2 < 0.93
@@ -28,7 +26,7 @@ def ball(count=24, dark=()):
     color = np.array([0.5, 0.3, 0.2])
     images = shade[..., None] * color * truth.intensities[:, None, None]
     images[list(dark)] = 0
-    return Frames(truth.names, images, np.ones(count), saturation=np.inf), mask, truth, normals, color
+    return as_floats(truth, images), mask, truth, normals, color
 
 
 def solved(method, frames, mask, truth):

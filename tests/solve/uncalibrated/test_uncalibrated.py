@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize
 
+from fixtures.lit_surfaces import even_cap
 from scene.errors import CalibrationError
 from scene.normals import angular_error_deg, unit
 from solve.problem import Problem
@@ -16,13 +17,6 @@ from solve.uncalibrated.tv import geometric_median
 
 METHODS = {"ldr": ldr, "entropy": entropy, "tv": tv}
 SIZE = 72
-
-
-def around(count, zenith_deg):
-    k = np.arange(count) + 0.5
-    z = 1 - k / count * (1 - np.cos(np.radians(zenith_deg)))
-    turn = np.pi * (1 + 5**0.5) * k
-    return np.stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z], -1)
 
 
 def dome(size=SIZE):
@@ -41,7 +35,7 @@ def photographs(normals, mask, directions, albedo=0.5, strength=1.0):
 @pytest.fixture(scope="module")
 def scene():
     normals, mask = dome()
-    directions = around(40, 50)
+    directions = even_cap(40, 50)
     return photographs(normals, mask, directions), normals[mask], directions, mask
 
 
@@ -79,7 +73,7 @@ def started_elsewhere(monkeypatch, module, mu, nu, depth):
 @pytest.mark.parametrize("robust", [True, False])
 def test_pseudo_normals_are_the_true_ones_up_to_a_bas_relief_transform(scene, robust):
     _, normals, _, mask = scene
-    directions = around(40, 15)
+    directions = even_cap(40, 15)
     gray = photographs(dome()[0], mask, directions)
     lit = (normals @ directions.T > 0.02).all(1)
     found = family(samples_of(gray), mask, FrontEnd(robust=robust, smooth_px=1.0))

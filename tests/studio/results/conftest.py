@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import flashes_at, matte
 from scene.camera import Camera
 from scene.estimate import Estimate
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.normals import unit
 from scene.output_folder import open_record
 from scene.store import Store
@@ -27,21 +27,13 @@ CLIPPED_FRAME, SHADOW_FRAME = 3, 6
 def lights_of(count=10, *, near=True):
     generator = np.random.default_rng(10_061)
     positions = REFERENCE + generator.uniform([-160, -160, 180], [160, 160, 260], (count, 3))
-    away = positions - REFERENCE
-    return Lights(
-        tuple(f"flash_{index:02}" for index in range(count)),
-        away / np.linalg.norm(away, axis=1, keepdims=True),
-        generator.uniform(0.6, 1.4, (count, 3)),
-        positions if near else None,
-        REFERENCE,
-    ).normalised()
+    return flashes_at(positions, REFERENCE, generator.uniform(0.6, 1.4, (count, 3)), near=near, digits=2).normalised()
 
 
 def render(lights, normals, albedo, generator, noise):
     """Return (F, H, W, 3): albedo times the light vectors' dot products, with noise."""
-    points = CAMERA.points_at_depth(CAMERA.grid().reshape(-1, 2), REFERENCE[2])
-    vectors = lights.at(points).reshape(len(lights), HEIGHT, WIDTH, 3, 3)
-    linear = albedo * np.maximum(np.einsum("fhwcx,hwx->fhwc", vectors, np.nan_to_num(normals)), 0)
+    points = CAMERA.points_at_depth(CAMERA.grid(), REFERENCE[2])
+    linear = matte(lights, points, normals, albedo)
     return linear + generator.normal(0, noise, linear.shape)
 
 

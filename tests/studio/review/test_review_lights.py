@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.lit_surfaces import flashes_at
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
@@ -28,15 +29,7 @@ def lights(near=True, count=7):
     generator = np.random.default_rng(10_003)
     reference = np.array([10.0, -20.0, -950.0])
     positions = reference + generator.uniform([-900, -900, 200], [900, 900, 1200], (count, 3))
-    away = positions - reference
-    return Lights(
-        tuple(f"flash_{i}" for i in range(count)),
-        away / np.linalg.norm(away, axis=1, keepdims=True),
-        np.ones((count, 3)),
-        positions if near else None,
-        reference,
-        np.full(count, 0.3),
-    )
+    return flashes_at(positions, reference, near=near, digits=1, direction_sigma_deg=np.full(count, 0.3))
 
 
 @pytest.mark.parametrize(("camera", "near"), [(CAMERA, True), (CAMERA, False), (ORTHOGRAPHIC, False)])

@@ -1,1 +1,0 @@
-"""Virtual captures of the seed's real experiments, and their synthetic counterparts."""

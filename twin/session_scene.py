@@ -1,0 +1,58 @@
+"""A session's twin as the session calls for it: of which material, how exact, and by what sensor it is photographed."""
+
+from dataclasses import replace
+from typing import Any
+
+from scene.errors import RenderError
+from scene.frames import Frames
+from scene.mesh import Mesh
+from scene.store import Store
+from twin.camera.grain import sensor_like
+from twin.camera.virtual_camera import NO_FILTER, Sensor
+from twin.description.description import Sampling, TwinScene
+
+ENOUGH = 0.5
+"""Of the share of the photographs that the material leaves unexplained: an error of the rendering that hides in it."""
+
+
+def session_scene(
+    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool, method: str
+) -> tuple[TwinScene, dict[str, Any], list[str]]:
+    """Return a registered scan under the calibrated lights as a scene: of the material that explains the photographs.
+
+    store: the session's output folder, after `solve`. is_error_given: the sampling's error is what the user asked for.
+    method: the solver whose albedo a matte object has where no material can be fitted. With the scene come
+    `twin.material.scan_material.ScanMaterial.facts`, of a matte object only model and sentence, and warnings.
+    """
+    from twin.material.material_light import material_scene
+    from twin.material.scan_material import scan_material
+    from twin.scan_scene import scan_scene
+    from twin.visibility import Sight
+
+    lights = store.load_lights()
+    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights)
+    try:
+        found = scan_material(sight, store.load_frames(), store.load_mask(), store.load_normals("truth"))
+    except RenderError as error:
+        reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
+        albedo = store.read_array("albedo", f"{method}.npy")
+        # The solvers evaluate near lights at this one depth; the scan knows better.
+        depth = float(lights.reference_point_mm[2])
+        scene, warnings = scan_scene(sight, albedo, sampling, albedo_depth_mm=depth)
+        return scene, {"model": "matte", "sentence": reason}, [f"The twin is {reason}", *warnings]
+    if not is_error_given:
+        # No more than the scene needs: what the material is wrong by, exact light would not mend.
+        sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.residual.whole))
+    scene, warnings = material_scene(sight, found.places.fits, found.labels, found.albedo, sampling)
+    return scene, found.facts(), [*found.warnings, *warnings]
+
+
+def session_sensor(frames: Frames, *, half: bool, iso: float = 100.0) -> Sensor:
+    """Return a sensor as noisy as the session's at its ISO, and of its kind: a Bayer sensor where the frames are one's.
+
+    half: the frames are 2 x 2 superpixels.
+    """
+    sensor = sensor_like(frames)
+    bayer = frames.is_mosaic and not half and frames.width % 2 == 0 and frames.height % 2 == 0
+    # The full well was measured at the session's ISO.
+    return replace(sensor, cfa=sensor.cfa if bayer else NO_FILTER, iso=iso, full_well_e=sensor.full_well_e * iso / 100)
