@@ -130,13 +130,9 @@ class EdgePictures:
         return out
 
     def _profiles(self, pixels: NDArray, outward: NDArray, along: NDArray) -> Array:
-        sector = _sector_of(outward)
-        out = np.zeros((len(pixels), len(along)))
-        for index in range(SECTORS):
-            here = sector == index
-            at = pixels[here, None] + along[:, None] * outward[here, None] - self.corner
-            out[here] = sample(self.pictures[index], at)
-        return out
+        at = pixels[:, None] + along[:, None] * outward[:, None] - self.corner
+        sector = np.broadcast_to(_sector_of(outward)[:, None, None], (*at.shape[:2], 1))
+        return sample(self.pictures, np.concatenate([at, sector], -1))
 
 
 def _sector_axes() -> Array:

@@ -34,7 +34,7 @@ class View:
 
     def hits(self, pixels: NDArray) -> Hits:
         """Return what pixels (P, 2) see of the scan."""
-        return self.caster.look(self.camera, self.pose, pixels)
+        return self.cast(*self.camera.rays(pixels))
 
     def normals(self, hits: Hits) -> Array:
         """Return the unit normals (P, 3), camera frame, interpolated over the faces that were hit; NaN elsewhere."""
@@ -55,7 +55,7 @@ class View:
 
     def cast(self, origins: Array, directions: Array) -> Hits:
         back = self.pose.inverse()
-        return self.caster.cast(back.apply(origins), back.rotate(directions))
+        return self.caster.cast(back.apply(origins), back.rotate(directions), lines=self.camera.is_orthographic)
 
     def front_normals(self, hits: Hits) -> Array:
         normals = self.normals(hits)

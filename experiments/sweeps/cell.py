@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.statistics.error_kinds import error_kinds
+from compare.statistics.ambiguity import error_kinds
 from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
 from experiments.tables import errors_of
