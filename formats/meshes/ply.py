@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from formats.meshes.numbers_in_text import parse
 from formats.meshes.polygons import fans, strips
 from scene.errors import AlignError
+from scene.files import write_whole
 from scene.reading import reading, shortened
 
 TYPES = {
@@ -82,6 +83,23 @@ def _triangles(path: Path, columns: Columns) -> tuple[NDArray[np.float64], NDArr
             elif element == "tristrips" and name in ("vertex_indices", "vertex_index"):
                 faces.append(strips(counts, flat))
     return vertices, np.concatenate(faces)
+
+
+def write_ply(path: Path, columns: dict[str, NDArray], faces: NDArray[np.int64]) -> None:
+    """Write triangles (T, 3) as binary PLY, in double precision; millimetres.
+
+    `columns`: of each vertex, values (V, k) by the names of k properties, with blanks between: "x y z", "nx ny nz".
+    """
+    rows = np.concatenate([np.asarray(values, "<f8") for values in columns.values()], 1)
+    listed = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+    listed["count"], listed["corners"] = 3, faces
+    properties = "".join(f"property double {name}\n" for name in " ".join(columns).split())
+    header = (
+        f"ply\nformat binary_little_endian 1.0\ncomment millimetres\nelement vertex {len(rows)}\n{properties}"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    with write_whole(path) as file:
+        file.write(header.encode() + rows.tobytes() + listed.tobytes())
 
 
 def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:

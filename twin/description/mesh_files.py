@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.meshes import ply
 from formats.meshes.scan_files import read_with_attributes
 from scene.errors import AlignError, RenderError
-from scene.files import write_whole
 from scene.reading import reading
 from twin.description.object_mesh import ObjectMesh, smooth
 
@@ -63,24 +63,7 @@ def linear_from_srgb(values: Any) -> NDArray:
 
 
 def write_ply(path: Path, mesh: ObjectMesh) -> None:
-    """Write a mesh as binary PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
+    """Write a mesh as PLY, in the precision that it has: positions, normals, s and t, linear r, g, b."""
     upward = None if mesh.texcoords is None else mesh.texcoords * [1, -1] + [0, 1]
     columns = {"x y z": mesh.vertices, "nx ny nz": mesh.normals, "s t": upward, "r g b": mesh.colours}
-    known = {group: values for group, values in columns.items() if values is not None}
-    names = " ".join(known).split()
-    rows = np.concatenate([np.asarray(values, "<f8") for values in known.values()], 1)
-    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.faces
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"element vertex {len(rows)}",
-        *(f"property double {name}" for name in names),
-        f"element face {len(faces)}",
-        "property list uchar int vertex_indices",
-        "end_header\n",
-    ]
-    with write_whole(path) as file:
-        file.write("\n".join(header).encode())
-        file.write(rows.tobytes())
-        file.write(faces.tobytes())
+    ply.write_ply(path, {names: values for names, values in columns.items() if values is not None}, mesh.faces)
