@@ -89,7 +89,7 @@ def find_outline(view: View, *, cells: int) -> Outline:
         middle = (inside + outside) / 2
         hit = view.hits(middle).hit[:, None]
         inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
-    points = view.surface(inside)[0]
+    points = view.surface(*camera.rays(inside))[0]
 
     soft = cv2.GaussianBlur(raster.astype(np.float32), (0, 0), 1.5)
     gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)

@@ -162,7 +162,7 @@ def scan_shading(
     step = 1 << 19
     for first in range(0, len(flat), step):
         part = slice(first, first + step)
-        points, normals = view.surface(flat[part])
+        points, normals = view.surface(*camera.rays(flat[part]))
         seen = np.isfinite(points[:, 0])
         points, normals = points[seen], normals[seen]
         cosine = np.maximum(np.einsum("pk,pk->p", one.toward(points)[0], normals), 0)
