@@ -17,8 +17,9 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.meshes.ply_write import write_ply
 from scene.camera import Camera
-from scene.files import write_png, write_text, write_whole
+from scene.files import write_png, write_text
 from scene.mesh import Mesh
 from scene.pose import Pose
 
@@ -96,7 +97,7 @@ def write_project(
     The mesh is as registered (mended, mm) at `pose` (camera_from_scan); photographs, by name, are (H, W, 3) RGB.
     """
     centred = centred_camera(camera)
-    _write_ply(folder / "scan.ply", mesh)
+    write_ply(folder / "scan.ply", {"x y z": mesh.vertices}, mesh.faces, "millimetres")
     paths = [folder / "registration.mlp", folder / "scan.ply"]
     shot = " ".join(f"{key}={quoteattr(value)}" for key, value in camera_element(pose, centred).items())
     rasters = ""
@@ -121,16 +122,3 @@ def write_project(
 
 def _numbers(values: list[float] | NDArray) -> str:
     return " ".join(f"{value:.12g}" for value in values)
-
-
-def _write_ply(path: Path, mesh: Mesh) -> None:
-    """Write a binary PLY with vertices in double precision."""
-    header = (
-        f"ply\nformat binary_little_endian 1.0\ncomment millimetres\nelement vertex {len(mesh.vertices)}\n"
-        "property double x\nproperty double y\nproperty double z\n"
-        f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\nend_header\n"
-    )
-    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.faces
-    with write_whole(path) as file:
-        file.write(header.encode() + mesh.vertices.astype("<f8").tobytes() + faces.tobytes())

@@ -6,9 +6,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.focal import LongerFocal
 from align.pose.motion import nudge
 from align.pose.scan_view import View
+from align.pose.unknown_lengths import LongerFocal
 from align.scan.smooth_normals import smooth_normals
 from scene.camera import Camera
 from scene.mesh import Mesh

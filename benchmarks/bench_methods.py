@@ -15,8 +15,7 @@ import tempfile
 from pathlib import Path
 
 from benchmarks.pages import put
-from compare.report.speed import speed_points
-from compare.report.speed_chart import speed_chart
+from compare.report.speed_chart import speed_chart, speed_points
 from solve.methods import METHODS
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.pages import put
-from compare.statistics.four_ways import four_ways
+from compare.statistics.ambiguity import four_ways
 from scene.normals import unit
 from scene.store import Store
 from solve.methods import UNCALIBRATED, method_of

@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.scan_view import View
 from align.scan.scan_noise import Neighbours, scan_noise
 from align.scan.smooth_normals import smooth_normals
 from align.truth import ground_truth
@@ -60,7 +61,7 @@ def star_subject(name: str, seed: int) -> Subject:
     shape = getattr(star_shapes, name)(seed)
     pose = _pose(seed)
     fine = RayCaster(shape.fine_mesh())
-    hits = fine.look(CAMERA, pose, CAMERA.grid().reshape(-1, 2))
+    hits = View(fine, CAMERA, pose).hits(CAMERA.grid().reshape(-1, 2))
     normals = np.full((len(hits.hit), 3), np.nan)
     points = hits.interpolate(fine.mesh, fine.mesh.vertices)[hits.hit]
     normals[hits.hit] = pose.rotate(shape.normals(points / np.linalg.norm(points, axis=1, keepdims=True)))
@@ -81,7 +82,7 @@ def bunny_subject(seed: int) -> Subject:
     fine = trimesh.Trimesh(*trimesh.remesh.subdivide_loop(vertices, np.array(raw.faces), 1), process=False)
     mesh = Mesh(np.array(fine.vertices), np.array(fine.faces, np.int64))
     pose = _pose(seed)
-    hits = RayCaster(mesh).look(CAMERA, pose, CAMERA.grid().reshape(-1, 2))
+    hits = View(RayCaster(mesh), CAMERA, pose).hits(CAMERA.grid().reshape(-1, 2))
     normals = unit(pose.rotate(hits.interpolate(mesh, mesh.vertex_normals)))
 
     def scan(faces: int) -> Mesh:

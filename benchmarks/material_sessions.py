@@ -120,7 +120,6 @@ def material_session(
         mesh,
         world.pose,
         world.camera,
-        normals="smooth",
         at_vertices=(mesh.vertex_normals, np.zeros(len(mesh.vertices))),
     )
     albedo = np.full((*real.mask.shape, 3), np.nan, np.float32)

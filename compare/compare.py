@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from compare.report.facts import light_rows, method_names, read_optional, sphere_rows
 from compare.report.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
-from compare.statistics.four_ways import four_ways, is_measured_so
+from compare.statistics.ambiguity import four_ways, is_measured_so
 from compare.statistics.statistics import angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png

@@ -17,9 +17,10 @@ from scene.pose import Pose
 def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, rough_mask: Any) -> tuple[dict, list[str]]:
     """Register the scan and write pose, truth, mask and lights."""
     from align.mask.object_mask import scan_mask
-    from align.pose.appearance import outline, shading
     from align.pose.motion import apart_px
-    from align.pose.unknown_scale import scaled_pose
+    from align.pose.register import scaled_pose
+    from align.pose.scan_outline import outline_strokes
+    from align.pose.shading import scan_shading
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from compare.report.registration_pictures import write_pictures
@@ -46,8 +47,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         store,
         frames,
         lights,
-        strokes=outline(mesh, found.pose, camera),
-        shading=lambda index, pixels: shading(mesh, found.pose, camera, lights, index, pixels),
+        strokes=outline_strokes(mesh, found.pose, camera),
+        shading=lambda index, pixels: scan_shading(mesh, found.pose, camera, lights, index, pixels),
         mask=final_mask.mask,
         sigma_deg=truth.sigma_deg,
     )
@@ -87,8 +88,7 @@ def _registered(
 ) -> tuple[Mesh, Any, float | None]:
     """Return the scan in millimetres, its registration, and its millimetres per unit where they were not known."""
     from align.pose.photographed import Photographs, sparse_normals
-    from align.pose.register import Registration, register
-    from align.pose.unknown_scale import register_unknown_scale
+    from align.pose.register import Registration, register, register_unknown_scale
     from solve.solve import solve
 
     def normals_of(some: NDArray[np.bool_]) -> NDArray:

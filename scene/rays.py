@@ -13,9 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.camera import Camera
 from scene.mesh import Mesh
-from scene.pose import Pose
 
 Array = NDArray[np.float64]
 
@@ -149,9 +147,3 @@ class RayCaster:
     def __reduce__(self) -> tuple:
         # Embree's tree cannot travel to another process; it is built again there, in milliseconds.
         return RayCaster, (self.mesh, self._given)
-
-    def look(self, camera: Camera, pose: Pose, pixels: NDArray) -> Hits:
-        """Return what pixels (P, 2) see of the mesh at `pose` (camera_from_scan)."""
-        origins, directions = camera.rays(pixels)
-        back = pose.inverse()
-        return self.cast(back.apply(origins), back.rotate(directions))

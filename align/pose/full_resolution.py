@@ -116,7 +116,7 @@ class FinalEvidence:
     seen: Observed
     pose: Pose
     surface: tuple[Array, Array]
-    """Points and normals (P, 3) that the samples' pixels see; see `View.surface_along`."""
+    """Points and normals (P, 3) that the samples' pixels see; see `View.surface`."""
     used: NDArray[np.bool_]
     """(N, P): samples lit."""
     outline: Outline

@@ -114,29 +114,20 @@ class EdgePictures:
 
     def _shading(self, view: View, lights: Lights, outline: Outline, along: NDArray) -> Array:
         """Return (K, M), the scan's shading in each outline point's sector at places `along` its normal."""
-        sector = _sector_of(outline.outward)
-        out = np.full((len(sector), len(along)), np.nan)
-        for index in range(SECTORS):
-            here = sector == index
-            if not here.any():
-                continue
-            pixels = outline.pixels[here, None] + along[:, None] * outline.outward[here, None]
-            points, normals = view.surface(pixels.reshape(-1, 2))
-            known = np.isfinite(normals[:, 0])
-            shading = np.full(len(points), np.nan)
-            toward = lights.toward(points[known])[self.members[index]]
-            shading[known] = np.maximum(np.einsum("npk,pk->np", toward, normals[known]), 0).mean(0)
-            out[here] = shading.reshape(-1, len(along))
-        return out
+        pixels = outline.pixels[:, None] + along[:, None] * outline.outward[:, None]
+        points, normals = view.surface(*view.camera.rays(pixels.reshape(-1, 2)))
+        known, sector = np.isfinite(normals[:, 0]), np.repeat(_sector_of(outline.outward), len(along))
+        out = np.full(len(points), np.nan)
+        for index, members in enumerate(self.members):
+            here = known & (sector == index)
+            cosine = np.einsum("npk,pk->np", lights.toward(points[here])[members], normals[here])
+            out[here] = np.maximum(cosine, 0).mean(0)
+        return out.reshape(len(pixels), len(along))
 
     def _profiles(self, pixels: NDArray, outward: NDArray, along: NDArray) -> Array:
-        sector = _sector_of(outward)
-        out = np.zeros((len(pixels), len(along)))
-        for index in range(SECTORS):
-            here = sector == index
-            at = pixels[here, None] + along[:, None] * outward[here, None] - self.corner
-            out[here] = sample(self.pictures[index], at)
-        return out
+        at = pixels[:, None] + along[:, None] * outward[:, None] - self.corner
+        sector = np.broadcast_to(_sector_of(outward)[:, None, None], (*at.shape[:2], 1))
+        return sample(self.pictures, np.concatenate([at, sector], -1))
 
 
 def _sector_axes() -> Array:

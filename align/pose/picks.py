@@ -1,9 +1,7 @@
 """A start by hand: points of the scan, the pixels that show them, and the pose of both (perspective-n-point)."""
 
 import csv
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, islice
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +25,7 @@ FAR_FROM_SURFACE = 0.03
 STRAIGHT = 0.05
 """Picks whose second principal extent is a smaller share of their first lie on one line."""
 TRIALS = 400
-"""Fours of picks that are tried, at most."""
+"""Fours of picks that are drawn."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +167,9 @@ def _consensus(
 ) -> tuple[Pose | None, NDArray[np.bool_]]:
     """Return the pose of four picks with which the others agree best, and who agrees [Torr2000]."""
     best, lowest, agree = None, np.inf, np.zeros(len(points), bool)
-    for chosen in _fours(len(points)):
+    generator = np.random.default_rng(0)
+    drawn = (tuple(sorted(generator.choice(len(points), FEWEST, replace=False).tolist())) for _ in range(TRIALS))
+    for chosen in map(list, dict.fromkeys(drawn)):
         pose = pose_of(camera, points[chosen], pixels[chosen], mesh.radius_mm, mesh.center_mm)
         if pose is None:
             continue
@@ -179,16 +179,6 @@ def _consensus(
         if cost < lowest:
             best, lowest, agree = pose, cost, misses < 2 * tolerance_px
     return best, agree
-
-
-def _fours(count: int) -> Iterator[list[int]]:
-    """Yield sets of four: all of them, or as many at random as are worth trying."""
-    if count <= 11:
-        yield from (list(chosen) for chosen in islice(combinations(range(count), FEWEST), TRIALS))
-        return
-    generator = np.random.default_rng(0)
-    for _ in range(TRIALS):
-        yield list(generator.choice(count, FEWEST, replace=False))
 
 
 def pose_of(camera: Camera, points: Array, pixels: Array, radius_mm: float, center_mm: Array) -> Pose | None:

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.focal import LongerFocal, register_longer
-from align.pose.free_scale import free_scale
 from align.pose.full_resolution import Fit
 from align.pose.photographed import Photographs
 from align.pose.search import FINALISTS, Found, search
+from align.pose.unknown_lengths import LongerFocal, free_scale, register_longer
 from align.scan.smooth_normals import smooth_normals
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -53,10 +52,9 @@ class Registration:
     """overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that fit the
     photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as one number, see
     `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of outline and shading: the variance is
-    inflated by it); under near lights scale, scale_sigma (see `align.pose.free_scale`); of the best pose and the next,
-    where there is one: cost, second_cost, second_deviations (see `align.pose.hypothesis_test`), second_angle_deg; where
-    the focal length is not known: focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one
-    sigma of it)."""
+    inflated by it); under near lights scale, scale_sigma (see `free_scale`); of the best pose and the next, where there
+    is one: cost, second_cost, second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not
+    known: focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one sigma of it)."""
     warnings: tuple[str, ...] = ()
     ambiguous: bool = False
     """Another pose explains the photographs as well, within chance: a symmetric object."""
@@ -78,7 +76,7 @@ def register(
 
     Every orientation is tried on silhouette and normals (`align.pose.start`); the best are refined on the same at
     growing resolution (`align.pose.rough`), the last few on the outline in the photographs and on the shading of all
-    frames (`align.pose.full_resolution`); a hypothesis test chooses (`align.pose.hypothesis_test`).
+    frames (`align.pose.full_resolution`); a hypothesis test chooses (`align.pose.search.compare_poses`).
 
     Parameters
     ----------
@@ -193,3 +191,60 @@ def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaste
             f"scan: it fits mirrored only: {fit.words}; of its mirror image, {mirrored.words}. One axis of the scan "
             "is reversed: export it again from the scanner's program, or negate one coordinate."
         )
+
+
+def register_unknown_scale(
+    mesh: Mesh,
+    photographs: Photographs,
+    register: Callable[[Mesh, Pose | None], Registration],
+    *,
+    start: Pose | None = None,
+) -> tuple[Mesh, Registration, float]:
+    """Register a scan whose unit is not known: its scale comes out of the registration.
+
+    A camera alone cannot tell a small object nearby from a large one far off. The lights were calibrated about a point
+    at a known distance, though, where the balls stand and the object with them: that distance is the scale.
+
+    `mesh` and `start`, camera_from_scan as picks give it, are in the file's unit; `register` takes a mesh in mm, and a
+    start or None. Return the mesh in mm, its
+    registration, and the millimetres of one unit.
+
+    Raises
+    ------
+    AlignError
+        The camera is orthographic: it does not tell distance.
+    """
+    camera = photographs.camera
+    if camera.is_orthographic:
+        raise AlignError(
+            "scan_unit: it is unknown, and an orthographic camera does not tell the scale. Give scan_unit, or a ball "
+            "in the scan: scan_ball_diameter_mm under [object]."
+        )
+    distance = -float(photographs.lights.reference_point_mm[2])
+    if start is None:
+        rows, columns = np.nonzero(photographs.mask)
+        extent_px = float(np.hypot(np.ptp(rows), np.ptp(columns)))
+        # Near enough to look for the pose: the mask's diagonal is about the scan's diameter.
+        scale = distance * extent_px / camera.fx / (2 * mesh.radius_mm)
+        first = register(_scaled(mesh, scale), None)
+    else:
+        scale = distance / -float(start.apply(mesh.center_mm)[2])
+        first = register(_scaled(mesh, scale), scaled_pose(start, scale))
+    middle = first.pose.apply(scale * mesh.center_mm)
+    nearer = distance / -float(middle[2])
+    scale *= nearer
+    found = register(_scaled(mesh, scale), scaled_pose(first.pose, nearer))
+    said = (
+        f"scan_unit is unknown: 1 unit of the scan's file was taken for {scale:.4g} mm, which puts the object at the "
+        f"distance that the lights were calibrated about, {distance:.4g} mm. Normals hardly depend on it; lengths do."
+    )
+    return _scaled(mesh, scale), replace(found, warnings=(*found.warnings, said)), scale
+
+
+def scaled_pose(pose: Pose, scale: float) -> Pose:
+    """Return camera_from_scan when all lengths are multiplied by `scale`."""
+    return Pose.from_rotation_translation(pose.rotation, scale * pose.translation)
+
+
+def _scaled(mesh: Mesh, scale: float) -> Mesh:
+    return Mesh(scale * mesh.vertices, mesh.faces, mesh.repairs)

@@ -8,8 +8,14 @@ from numpy.typing import NDArray
 from align.pose.motion import image_flow
 from align.pose.scan_view import View
 from scene.camera import Camera
+from scene.mesh import Mesh
+from scene.pose import Pose
+from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
+
+STROKES = 1500
+"""An outline to be drawn is searched on a raster of at most so many cells across the scan; its points are exact."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ def find_outline(view: View, *, cells: int) -> Outline:
         middle = (inside + outside) / 2
         hit = view.hits(middle).hit[:, None]
         inside, outside = np.where(hit, middle, inside), np.where(hit, outside, middle)
-    points = view.surface(inside)[0]
+    points = view.surface(*camera.rays(inside))[0]
 
     soft = cv2.GaussianBlur(raster.astype(np.float32), (0, 0), 1.5)
     gradient = np.stack([cv2.Sobel(soft, cv2.CV_32F, 1, 0), cv2.Sobel(soft, cv2.CV_32F, 0, 1)], -1)
@@ -94,6 +100,17 @@ def find_outline(view: View, *, cells: int) -> Outline:
     good = (length[:, 0] > 1e-3) & np.isfinite(points[:, 0])
     good &= (inside > 1).all(1) & (inside[:, 0] < camera.width - 2) & (inside[:, 1] < camera.height - 2)
     return Outline(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
+
+
+def outline_strokes(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float64]:
+    """Return the scan's outline in the picture as short strokes along it, (K, 2 ends, 2), pixels, distortion honoured.
+
+    `pose` is camera_from_scan.
+    """
+    found = find_outline(View(RayCaster(mesh), camera, pose), cells=STROKES)
+    along = np.stack([-found.outward[:, 1], found.outward[:, 0]], -1)
+    # A little longer than their distance, so that they join.
+    return found.pixels[:, None] + 0.6 * found.step * np.array([-1.0, 1.0])[:, None] * along[:, None]
 
 
 def _frame(view: View) -> tuple[NDArray[np.int64], Array]:
@@ -123,13 +140,7 @@ def signed_distance(mask: NDArray[np.bool_]) -> NDArray[np.float32]:
 
 
 def sample(image: NDArray[np.float32], pixels: NDArray) -> Array:
-    """Return `image` (H, W) at pixels (..., 2), bilinear; the border's value outside."""
-    import cv2
+    """Return `image` (H, W) at pixels (..., 2), bilinear, the border's value outside; (L, H, W) at (u, v, layer)."""
+    from scipy.ndimage import map_coordinates
 
-    # cv2.remap's maps may have at most 32767 rows or columns: fold the list.
-    flat = np.asarray(pixels, np.float32).reshape(-1, 2)
-    if not len(flat):
-        return np.zeros(np.shape(pixels)[:-1])
-    grid = np.resize(flat, (-(-len(flat) // 4096), 4096, 2))
-    values = cv2.remap(image, grid[..., 0], grid[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return values.ravel()[: len(flat)].reshape(np.shape(pixels)[:-1]).astype(np.float64)
+    return map_coordinates(image, np.moveaxis(pixels, -1, 0)[::-1], np.float64, order=1, mode="nearest")

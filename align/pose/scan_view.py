@@ -34,33 +34,25 @@ class View:
 
     def hits(self, pixels: NDArray) -> Hits:
         """Return what pixels (P, 2) see of the scan."""
-        return self.caster.look(self.camera, self.pose, pixels)
+        return self._cast(*self.camera.rays(pixels))
 
     def normals(self, hits: Hits) -> Array:
         """Return the unit normals (P, 3), camera frame, interpolated over the faces that were hit; NaN elsewhere."""
         return unit(self.pose.rotate(hits.interpolate(self.caster.mesh, self.caster.normals)))
 
-    def surface(self, pixels: NDArray) -> tuple[Array, Array]:
-        """Return points and unit normals (P, 3), camera frame, that pixels (P, 2) see; see `surface_along`."""
-        return self.surface_along(*self.camera.rays(pixels))
-
-    def surface_along(self, origins: Array, directions: Array) -> tuple[Array, Array]:
+    def surface(self, origins: Array, directions: Array) -> tuple[Array, Array]:
         """Return points and unit normals (P, 3), camera frame, that rays meet; NaN where the scan is missed.
 
         Through a hole in the scan its inside is seen: there, normals are NaN, too.
         """
-        hits = self.cast(origins, directions)
-        points = origins + directions * np.where(hits.hit, hits.distance, np.nan)[:, None]
-        return points, self.front_normals(hits)
-
-    def cast(self, origins: Array, directions: Array) -> Hits:
-        back = self.pose.inverse()
-        return self.caster.cast(back.apply(origins), back.rotate(directions))
-
-    def front_normals(self, hits: Hits) -> Array:
-        normals = self.normals(hits)
+        hits = self._cast(origins, directions)
+        points, normals = origins + directions * np.where(hits.hit, hits.distance, np.nan)[:, None], self.normals(hits)
         normals[~hits.front] = np.nan
-        return normals
+        return points, normals
+
+    def _cast(self, origins: Array, directions: Array) -> Hits:
+        back = self.pose.inverse()
+        return self.caster.cast(back.apply(origins), back.rotate(directions), lines=self.camera.is_orthographic)
 
 
 @dataclass(frozen=True)
@@ -83,8 +75,8 @@ class Probes:
         return cls(camera, pixels, step_px, origins, directions)
 
     def surface(self, caster: RayCaster, pose: Pose) -> tuple[Array, Array]:
-        """Return points and unit normals (P, 3), camera frame; see `View.surface_along`."""
-        return View(caster, self.camera, pose).surface_along(self.origins[0], self.directions[0])
+        """Return points and unit normals (P, 3), camera frame; see `View.surface`."""
+        return View(caster, self.camera, pose).surface(self.origins[0], self.directions[0])
 
     def slopes(self, caster: RayCaster, pose: Pose, points: Array, normals: Array) -> Array:
         """Return d(normal)/d(twist) (P, 3, 6) at the fixed pixels, for `nudge` about the scan's middle; 0 if unknown.
@@ -94,8 +86,8 @@ class Probes:
         neighbouring rays give the slope; one-sided ones would take a scan's ripples for a slope.
         """
         view = View(caster, self.camera, pose)
-        hits = view.cast(self.origins[1:].reshape(-1, 3), self.directions[1:].reshape(-1, 3))
-        beside = view.front_normals(hits).reshape(4, len(points), 3)
+        beside = view.surface(self.origins[1:].reshape(-1, 3), self.directions[1:].reshape(-1, 3))[1]
+        beside = beside.reshape(4, len(points), 3)
         flow = image_flow(self.camera, points, view.pivot)
         out = np.zeros((len(points), 3, 6))
         out[:, :, :3] = -cross_matrices(normals)

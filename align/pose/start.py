@@ -3,7 +3,7 @@
 The scan is looked at from directions all around. Silhouette and normals of each view are sampled on
 a polar grid about the silhouette's centroid; there, a turn in the image plane is a shift along the angle,
 and normals written as (radial, tangential, toward the viewer) do not change with it. So all turns of
-a view are scored at once by a Fourier transform, against the mask and the photometric-stereo normals.
+all views are scored at once, by one product of matrices, against the mask and the photometric-stereo normals.
 """
 
 from dataclasses import dataclass
@@ -205,20 +205,16 @@ def _score(
         x, y, z = (vectors[..., i].reshape(*vectors.shape[:-2], *shape) for i in range(3))
         return np.stack([x * np.cos(angle) + y * np.sin(angle), y * np.cos(angle) - x * np.sin(angle), z], -3)
 
-    def transform(values: NDArray) -> NDArray[np.complex64]:
-        return np.fft.rfft(values.astype(np.float32), axis=-1).astype(np.complex64)
-
-    def correlate(a: NDArray, b: NDArray) -> Array:
-        # sum over the grid of a(phi) b(phi - turn): the view turned by +turn against the target.
-        spectrum = a * np.conj(b)
-        return np.fft.irfft(spectrum.sum(axis=tuple(range(1, spectrum.ndim - 1))), ANGLES, axis=-1)
+    def correlate(a: NDArray, views: NDArray) -> NDArray:
+        # sum over the grid of a(phi) view(phi - turn): each view turned by +turn against the target.
+        a = a.reshape(-1, *shape).astype(np.float32)
+        turned = np.stack([np.roll(a, -turn, axis=-1).ravel() for turn in range(ANGLES)])
+        return views.reshape(len(views), -1).astype(np.float32) @ turned.T
 
     known = np.linalg.norm(target, axis=1) > 0.5
-    silhouettes = transform(seen.reshape(-1, *shape))
-    overlap = correlate(transform((inside * area).reshape(1, *shape)), silhouettes)
-    outside = transform((np.linalg.norm(rendered, axis=-1) > 0.5).reshape(-1, *shape))
-    both = correlate(transform((known * area).reshape(1, *shape)), outside)
-    agreement = correlate(transform(polar_frame(target * area[:, None])[None]), transform(polar_frame(rendered)))
+    overlap = correlate(inside * area, seen)
+    both = correlate(known * area, np.linalg.norm(rendered, axis=-1) > 0.5)
+    agreement = correlate(polar_frame(target * area[:, None]), polar_frame(rendered))
     union = (inside * area).sum() + (seen * area).sum(1)[:, None] - overlap
     cosine = np.clip(agreement / np.maximum(both, 1e-6), -1, 1)
     # Angles weigh as in a Gaussian of 25 degrees: photometric-stereo normals may be 20 degrees off.

@@ -57,6 +57,14 @@ def cross_creases(
 
 
 @numba.njit(nogil=True, cache=True)
+def _likeness(normals, one, two):  # pragma: no cover
+    square = 0.0
+    for axis in range(3):
+        square += (normals[one, axis] - normals[two, axis]) ** 2
+    return np.exp(-0.5 * square / ALIKE**2)
+
+
+@numba.njit(nogil=True, cache=True)
 def _agree(corners, indptr, indices, normals, area):  # pragma: no cover
     """Average each face's normal over the faces at its corners that agree with it."""
     out = np.zeros_like(normals)
@@ -64,13 +72,9 @@ def _agree(corners, indptr, indices, normals, area):  # pragma: no cover
         for corner in range(3):
             vertex = corners[face, corner]
             for k in range(indptr[vertex], indptr[vertex + 1]):
-                other = indices[k]
-                square = 0.0
+                weight = area[indices[k]] * _likeness(normals, face, indices[k])
                 for axis in range(3):
-                    square += (normals[face, axis] - normals[other, axis]) ** 2
-                weight = area[other] * np.exp(-0.5 * square / ALIKE**2)
-                for axis in range(3):
-                    out[face, axis] += weight * normals[other, axis]
+                    out[face, axis] += weight * normals[indices[k], axis]
         length = np.sqrt((out[face] ** 2).sum())
         out[face] = out[face] / length if length > 0 else normals[face]
     return out
@@ -84,10 +88,7 @@ def _sides(vertices, indptr, indices, normals, trust, side):  # pragma: no cover
         for k in range(indptr[vertex], indptr[vertex + 1]):
             votes = 0.0
             for m in range(indptr[vertex], indptr[vertex + 1]):
-                square = 0.0
-                for axis in range(3):
-                    square += (normals[indices[k], axis] - normals[indices[m], axis]) ** 2
-                votes += trust[indices[m]] * np.exp(-0.5 * square / ALIKE**2)
+                votes += trust[indices[m]] * _likeness(normals, indices[k], indices[m])
             if votes > best:
                 best = votes
                 side[vertex] = normals[indices[k]]

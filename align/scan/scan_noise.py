@@ -77,7 +77,8 @@ class Neighbours:
 
     def fit(self, start: Array, chosen: NDArray, step: float, heights: Array | None = None) -> Fits:
         """Fit around the vertices `chosen` (K,) within `step` spacings, on all cores; see `jets.fit_normals`."""
-        fits = Fits.empty(len(chosen))
+        count = len(chosen)
+        fits = Fits(np.zeros((count, 2, 3)), np.zeros((count, 2)), np.zeros((count, 2)))
 
         def work(first: int) -> None:
             part = slice(first, first + CHUNK)

@@ -6,23 +6,9 @@ from itertools import zip_longest
 
 import numpy as np
 
-from compare.report import charts, pictures
-from compare.report.facts import read_optional
-from compare.report.page import (
-    absent,
-    drawing,
-    folded,
-    is_number,
-    number,
-    picture,
-    polyline,
-    say,
-    section,
-    table_of,
-    words,
-)
+from compare.report import charts, page, pictures
+from compare.report.facts import Material, Summary, read_optional
 from compare.report.pictures import Box
-from compare.report.shown_material import Material, Summary
 from scene.errors import SceneError
 from scene.spheres import Sphere
 
@@ -33,29 +19,29 @@ def frames_section(material: Material, summary: Summary) -> str:
     """Return a contact sheet of all frames, one brightness scale for all."""
     frames, capture, title = material.frames, summary.get("capture") or {}, "The photographs"
     if frames is None:
-        return section("frames", title, absent("The decoded frames are not in this folder any more."))
+        return page.section("frames", title, page.absent("The decoded frames are not in this folder any more."))
     facts = {row.get("name"): row for row in capture.get("frames_table") or []}
     width = 200 if len(frames) <= 48 else 120
     box, sheet = Box(0, 0, frames.width, frames.height), ""
     for index, name in enumerate(frames.names):
         row = facts.get(name) or {}
         caption = f"<b>{index + 1}</b> {escape(name)}"
-        there = (key for key in ("brightness", "saturated_share") if is_number(row.get(key)))
-        caption += "".join(say("frames", key, **row) for key in there)
+        there = (key for key in ("brightness", "saturated_share") if page.is_number(row.get(key)))
+        caption += "".join(page.say("frames", key, **row) for key in there)
         image = material.photograph(index, box, width)
-        sheet += picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
-    lead = say("frames", "count", **capture) if is_number(capture.get("frames")) else ""
-    lead += say("frames", "size", **capture) if capture.get("width") else ""
-    lead += say("frames", {None: "not told", False: "none"}.get(capture.get("ambient"), "ambient"))
-    lead += say("frames", "lead")
-    return section("frames", title, f'<div class="sheet width-{width}">{sheet}</div>', lead)
+        sheet += page.picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
+    lead = page.say("frames", "count", **capture) if page.is_number(capture.get("frames")) else ""
+    lead += page.say("frames", "size", **capture) if capture.get("width") else ""
+    lead += page.say("frames", {None: "not told", False: "none"}.get(capture.get("ambient"), "ambient"))
+    lead += page.say("frames", "lead")
+    return page.section("frames", title, f'<div class="sheet width-{width}">{sheet}</div>', lead)
 
 
 def balls_section(material: Material) -> str:
     """Return each ball's crop with its fitted outline and highlights."""
     title = "The calibration balls"
     if not material.spheres:
-        return section("balls", title, absent(words("balls")["none"]))
+        return page.section("balls", title, page.absent(page.words("balls")["none"]))
     calibration = read_optional(material.store, "calibration.json") or {}
     highlights = calibration.get("highlights_px") or []
     spheres = []
@@ -67,7 +53,7 @@ def balls_section(material: Material) -> str:
     if rejected := calibration.get("rejected"):
         rows = "".join(f"<li>{escape(_sentence(item))}</li>" for item in rejected)
         body += f"<h3>Candidates that were refused</h3><ul>{rows}</ul>"
-    return section("balls", title, body, say("balls", "lead"))
+    return page.section("balls", title, body, page.say("balls", "lead"))
 
 
 def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | None) -> str:
@@ -75,12 +61,12 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
     frames, exposure = material.photographs_of_ball(index)
     caption = _ball_caption(index, row)
     if camera is None or sphere is None:
-        reason = absent("Its camera or its place is not in this folder.")
+        reason = page.absent("Its camera or its place is not in this folder.")
         return f"<figure>{reason}<figcaption>{caption}</figcaption></figure>"
     outline = sphere.outline(camera)
     box = pictures.ball_box(sphere, outline, width=camera.width, height=camera.height)
     corner = np.array([box.left - 0.5, box.top - 0.5])
-    shapes = polyline(outline - corner, "outline-halo") + polyline(outline - corner, "outline")
+    shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
     arm = max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
         if pixel is None:
@@ -90,7 +76,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         cross = f"M{u - arm:.2f},{v:.2f}H{u + arm:.2f}M{u:.2f},{v - arm:.2f}V{v + arm:.2f}"
         title = f"<title>{escape(f'{frame + 1}: {name}')}</title>"
         shapes += f'<g>{title}<path class="highlight-halo" d="{cross}"/><path class="highlight" d="{cross}"/></g>'
-    overlay = drawing(box.width, box.height, shapes, label="fitted outline and highlights")
+    overlay = page.drawing(box.width, box.height, shapes, label="fitted outline and highlights")
     if row.get("apart"):
         caption += " Photographed apart."
     if frames is None or exposure is None or (frames.width, frames.height) != (camera.width, camera.height):
@@ -103,15 +89,15 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
         brightest = pictures.ball_picture(frames, box, brightest=True)
         image = pictures.mirror_picture(mean / exposure.balance, pictures.shrink(brightest, BALL_WIDTH))
     words = f"{row.get('kind')} ball {index + 1} with its fitted outline"
-    return picture(image, words, caption, photograph=True, overlay=overlay, kind="ball")
+    return page.picture(image, words, caption, photograph=True, overlay=overlay, kind="ball")
 
 
 def _ball_caption(index: int, row: Summary) -> str:
-    text = say("balls", "fit", **{"kind": "", **row, "number": str(index + 1)})
-    text += say("balls", "diameter", **row) if row.get("diameter_mm") else ""
-    text += say("balls", "distance", **row) if row.get("distance_mm") else ""
-    if row.get("kind") == "chrome" and is_number(row.get("highlights_seen")):
-        text += say("balls", "highlights", **row)
+    text = page.say("balls", "fit", **{"kind": "", **row, "number": str(index + 1)})
+    text += page.say("balls", "diameter", **row) if row.get("diameter_mm") else ""
+    text += page.say("balls", "distance", **row) if row.get("distance_mm") else ""
+    if row.get("kind") == "chrome" and page.is_number(row.get("highlights_seen")):
+        text += page.say("balls", "highlights", **row)
     return text + "."
 
 
@@ -119,28 +105,28 @@ def lights_section(material: Material) -> str:
     """Return the lights: hemisphere, intensities, sigmas, and positions where they are near."""
     lights = material.lights
     if not lights or not lights.get("frames"):
-        return section("lights", "The lights", absent("No lights were calibrated or given."))
+        return page.section("lights", "The lights", page.absent("No lights were calibrated or given."))
     body = f'<div class="pair">{charts.light_directions(lights)}{charts.light_intensities(lights)}</div>'
-    if any(is_number(row.get("direction_sigma_deg")) for row in lights["frames"]):
+    if any(page.is_number(row.get("direction_sigma_deg")) for row in lights["frames"]):
         body += charts.light_sigmas(lights)
     else:
-        body += absent("How uncertain the directions are is not known: the lights were given, not measured here.")
+        body += page.absent("How uncertain the directions are is not known: the lights were given, not measured here.")
     if lights.get("model") == "near":
         body += "<h3>Where the flashes stood</h3>" + charts.light_positions(lights, material.spheres)
     else:
-        body += absent("The lights are taken as distant: directions, no positions.")
+        body += page.absent("The lights are taken as distant: directions, no positions.")
     rows = [
         {
             **row,
             "number": str(index + 1),
-            "distance": say("lights", "distance", **row) if row.get("distance_mm") else "–",
+            "distance": page.say("lights", "distance", **row) if row.get("distance_mm") else "–",
             "flags": "; ".join(row.get("flags") or []) or "–",
         }
         for index, row in enumerate(lights["frames"])
     ]
-    body += folded("All lights as a table", table_of("lights", rows))
-    lead = f"{number(lights['count'])} lights, {escape(str(lights['model']))}, seen from the object's centre."
-    return section("lights", "The lights", body, lead)
+    body += page.folded("All lights as a table", page.table_of("lights", rows))
+    lead = f"{page.number(lights['count'])} lights, {escape(str(lights['model']))}, seen from the object's centre."
+    return page.section("lights", "The lights", body, lead)
 
 
 def _sentence(item: object) -> str:

@@ -5,10 +5,9 @@ from html import escape
 import numpy as np
 
 from compare.report import charts, pictures
-from compare.report.facts import by_error, doubts_of
+from compare.report.facts import Material, Summary, by_error, doubts_of
 from compare.report.page import absent, folded, is_number, picture, say, section
 from compare.report.pictures import Box
-from compare.report.shown_material import Material, Summary
 
 MAP_WIDTH = 440
 FEW_METHODS = 4

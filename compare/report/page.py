@@ -1,6 +1,7 @@
 """The report's smallest pieces: numbers that can be traced, tables, figures, badges, sections; everything escaped."""
 
 import functools
+import json
 import math
 import re
 import tomllib
@@ -87,6 +88,17 @@ def is_number(value: Any) -> TypeGuard[float]:
 def _tagged(value: float, shown: str, unit: str) -> str:
     gap = "" if unit in {"", "°"} else "\u202f"
     return f'<span class="n" data-value="{value!r}">{shown}{gap}{escape(unit)}</span>'
+
+
+def as_text(value: Any) -> str:
+    """Return a setting as a short text."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, list | tuple):
+        return ", ".join(as_text(item) for item in value)
+    return json.dumps(value, default=str)
 
 
 def plain(html: str) -> str:

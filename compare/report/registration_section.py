@@ -6,21 +6,9 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report import pictures
+from compare.report import page, pictures
+from compare.report.facts import Material, Summary
 from compare.report.maps import colour_scale
-from compare.report.page import (
-    Sentence,
-    absent,
-    drawing,
-    is_number,
-    picture,
-    polyline,
-    say,
-    section,
-    table,
-    wiper,
-    words,
-)
 from compare.report.pictures import Box, Image
 from compare.report.registration_pictures import (
     Views,
@@ -31,7 +19,6 @@ from compare.report.registration_pictures import (
     sigma_scale_end,
     views,
 )
-from compare.report.shown_material import Material, Summary
 from scene.errors import SceneError
 
 TITLE = "The object in the photographs"
@@ -42,14 +29,16 @@ def registration_section(material: Material, summary: Summary) -> str:
     """Return pictures that show whether the scan lies where the object is, and the numbers that say so."""
     frames, mask, truth = material.frames, material.mask, material.map_of("normals", "truth")
     if frames is None or (mask is None and truth is None):
-        return section("registration", TITLE, absent("No scan and no mask: nothing to lay over the photographs."))
+        return page.section(
+            "registration", TITLE, page.absent("No scan and no mask: nothing to lay over the photographs.")
+        )
     size = (frames.height, frames.width)
     truth = truth if truth is not None and truth.shape[:2] == size else None
     known = None if truth is None else pictures.known_pixels(truth)
     mask = mask if mask is not None and mask.shape == size else None
     shape = mask if mask is not None else known
     if shape is None:
-        return section("registration", TITLE, absent(words("registration")["sizes"]))
+        return page.section("registration", TITLE, page.absent(page.words("registration")["sizes"]))
     box = Box.of_mask(shape, margin=0.12)
     registered = material.store.path("pose.json").exists()
     index = 0 if material.directions is None else raking_frame(material.directions[: len(frames)])
@@ -69,21 +58,21 @@ def registration_section(material: Material, summary: Summary) -> str:
     if both is not None:
         left, right = (pictures.data_uri(image, photograph=True) for image in both)
         shaded = "shaded scan" if registered else "shaded ground truth"
-        caption = say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
-        figures += wiper((left, "photograph"), (right, shaded), caption)
+        caption = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
+        figures += page.wiper((left, "photograph"), (right, shaded), caption)
         board = pictures.checkerboard(both.photograph, both.shaded)
         alt = "checkerboard of photograph and shaded scan"
-        squares = picture(board, alt, say("registration", "squares"), photograph=True)
-    body = "" if registered else absent("No scan was registered in this folder (there is no pose).")
+        squares = page.picture(board, alt, page.say("registration", "squares"), photograph=True)
+    body = "" if registered else page.absent("No scan was registered in this folder (there is no pose).")
     body += f'<div class="pair">{figures}</div>'
     if zoom is not None:
-        caption = say("registration", "zoom")
-        body += f"<h3>The outline, enlarged</h3>{picture(zoom, 'four stretches of the outline', caption)}"
+        caption = page.say("registration", "zoom")
+        body += f"<h3>The outline, enlarged</h3>{page.picture(zoom, 'four stretches of the outline', caption)}"
     sigma = _sigma(material, box, mask)
     if squares or sigma:
         title = "In squares, and how sure each normal is" if sigma else "In squares"
         body += f'<h3>{title}</h3><div class="pair">{squares}{sigma}</div>'
-    return section("registration", TITLE, body + _facts(summary))
+    return page.section("registration", TITLE, body + _facts(summary))
 
 
 def _outlines(
@@ -93,11 +82,11 @@ def _outlines(
     shapes = ""
     for region, kind, shown in regions:
         if region is not None and region.any():
-            shapes += "".join(polyline(line, kind) for line in pictures.contours(region, box))
+            shapes += "".join(page.polyline(line, kind) for line in pictures.contours(region, box))
             legend.append(f'<span class="key {kind}"></span> {shown}')
-    overlay = drawing(box.width, box.height, shapes, label="outline of the object")
+    overlay = page.drawing(box.width, box.height, shapes, label="outline of the object")
     caption = f"{escape(name)} with the outline of {'; '.join(legend)}."
-    return picture(image, "photograph with the object's outline", caption, photograph=True, overlay=overlay)
+    return page.picture(image, "photograph with the object's outline", caption, photograph=True, overlay=overlay)
 
 
 def _views(material: Material, box: Box, index: int, truth: NDArray | None) -> Views | None:
@@ -128,7 +117,7 @@ def _sigma(material: Material, box: Box, mask: NDArray[np.bool_] | None) -> str:
     small = pictures.shrink(box.of(sigma), box.shown_width(PHOTOGRAPH_WIDTH // 2))
     image = sigma_picture(small, box.of(mask), end)
     image = pictures.enlarged(image, max(1, growth(image.shape[1]) // 2))
-    figure = picture(image, "map of the ground truth’s sigma", say("registration", "sigma"), kind="map")
+    figure = page.picture(image, "map of the ground truth’s sigma", page.say("registration", "sigma"), kind="map")
     return f"<div>{figure}{colour_scale(end)}</div>"
 
 
@@ -136,6 +125,10 @@ def _facts(summary: Summary) -> str:
     """Return the registration's numbers as a table."""
     align = summary.get("align") or (summary.get("compare") or {}).get("pose") or {}
     values = {**(align.get("fit") or {}), **align}
-    facts = words("tables")["registration"]
-    rows = [(what, Sentence().format(text, values[key])) for what, key, text in facts if is_number(values.get(key))]
-    return table(("registration", "found"), rows, kind="plain") if rows else ""
+    facts = page.words("tables")["registration"]
+    rows = [
+        (what, page.Sentence().format(text, values[key]))
+        for what, key, text in facts
+        if page.is_number(values.get(key))
+    ]
+    return page.table(("registration", "found"), rows, kind="plain") if rows else ""

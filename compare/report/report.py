@@ -4,13 +4,11 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from compare.report import charts, sections
-from compare.report.facts import all_warnings
+from compare.report import charts, page
+from compare.report.facts import Material, Summary, all_warnings, by_error, family
 from compare.report.galleries import balls_section, frames_section, lights_section
 from compare.report.maps import errors_section, normals_section
-from compare.report.page import is_number, number, whole_page
 from compare.report.registration_section import registration_section
-from compare.report.shown_material import Material
 from compare.report.statistics_section import statistics_section, time_section
 from compare.report.twin_section import twin_section
 from compare.report.verdict import verdict_box
@@ -38,8 +36,8 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     material = Material.load(store, summary)
     compared, warnings = summary.get("compare") or {}, all_warnings(summary)
     chapters = {
-        "Verdict": verdict_box(summary, len(warnings)) + sections.truth_check_section(summary),
-        "Warnings": sections.warnings_section(warnings),
+        "Verdict": verdict_box(summary, len(warnings)) + _truth_check_section(summary),
+        "Warnings": _warnings_section(warnings),
         "Photographs": frames_section(material, summary),
         "Balls": balls_section(material),
         "Lights": lights_section(material),
@@ -49,21 +47,21 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         "Errors": errors_section(material, summary),
         "Statistics": statistics_section(compared),
         "Speed": time_section(summary),
-        "Provenance": sections.provenance_section(summary),
-        "How to read": sections.how_to_read_section(compared),
+        "Provenance": _provenance_section(summary),
+        "How to read": _how_to_read_section(compared),
     }
     name = str(summary.get("name") or store.folder.resolve().name)
     kind, subtitle = "Photometric stereo report", _subtitle(summary, compared)
-    write_text(store.path("report.html"), whole_page(name, kind, subtitle, chapters, script=charts.library()))
+    write_text(store.path("report.html"), page.whole_page(name, kind, subtitle, chapters, script=charts.library()))
     return store.path("report.html")
 
 
 def _subtitle(summary: dict[str, Any], compared: dict[str, Any]) -> str:
     capture, parts = summary.get("capture") or {}, []
-    if is_number(capture.get("frames")):
-        parts.append(f"{number(capture['frames'])} flash photographs")
-    if is_number(capture.get("width")) and is_number(capture.get("height")):
-        parts.append(f"{number(capture['width'])} × {number(capture['height'])} px")
+    if page.is_number(capture.get("frames")):
+        parts.append(f"{page.number(capture['frames'])} flash photographs")
+    if page.is_number(capture.get("width")) and page.is_number(capture.get("height")):
+        parts.append(f"{page.number(capture['width'])} × {page.number(capture['height'])} px")
     if compared.get("methods"):
         parts.append("methods " + escape(", ".join(compared["methods"])))
     if summary.get("created"):
@@ -71,3 +69,70 @@ def _subtitle(summary: dict[str, Any], compared: dict[str, Any]) -> str:
     if version := (summary.get("versions") or {}).get("rgbn"):
         parts.append(f"rgbn {escape(str(version))}")
     return " · ".join(parts)
+
+
+def _warnings_section(warnings: list[tuple[str, str]]) -> str:
+    """Return all warnings, each with its step."""
+    if not warnings:
+        return page.section("warnings", "Warnings", "<p>None of the steps gave a warning.</p>")
+    rows = "".join(f"<li><b>{escape(step or 'session')}</b> {escape(text)}</li>" for step, text in warnings)
+    return page.section("warnings", "Warnings", f'<ul class="warnings">{rows}</ul>')
+
+
+def _truth_check_section(summary: Summary) -> str:
+    """Return known truth against what was found (the demo); nothing where none was supplied."""
+    rows = []
+    for label, row in (summary.get("truth_check") or {}).items():
+        value, bar, unit = row.get("value"), row.get("bar"), str(row.get("unit") or "")
+        unit = {"degrees": "°"}.get(unit, unit)
+        mark = (
+            "" if not (page.is_number(value) and page.is_number(bar)) else "within" if value <= bar else "<b>over</b>"
+        )
+        name = escape(str(row.get("text") or label)).replace("`", "")
+        rows.append(
+            (name, page.number(value, 3, unit), page.round_number(bar, unit) if page.is_number(bar) else "", mark)
+        )
+    if not rows:
+        return ""
+    columns = 4 if any(mark for *_, mark in rows) else 2
+    lead = "This session's truth is known from elsewhere; none of the steps was given it."
+    found = page.table(("quantity", "found", "bar", "verdict")[:columns], [row[:columns] for row in rows])
+    return page.section("truth-check", "Against the known truth", found, lead)
+
+
+def _provenance_section(summary: Summary) -> str:
+    """Return versions, arguments, camera, rendering and seconds: what is needed to get these numbers again."""
+    parts = []
+    if seconds := summary.get("seconds"):
+        rows = [(escape(str(step)), page.number(value, 1, "s")) for step, value in seconds.items()]
+        parts.append(page.table(("step", "time"), rows, caption="Seconds per step"))
+    for key in ("versions", "arguments", "camera", "twin"):
+        values = {name: value for name, value in (summary.get(key) or {}).items() if name != "warnings"}
+        if values:
+            rows = [(escape(str(name)), escape(page.as_text(value))) for name, value in values.items()]
+            parts.append(page.table(("name", "value"), rows, caption=key.capitalize(), kind="plain"))
+    notes = "".join(
+        f"<li><b>{escape(step)}</b> {escape(str(text))}</li>"
+        for step in ("calibrate", "align")
+        for text in (summary.get(step) or {}).get("evidence") or ()
+    )
+    notes = f"<h3>What the steps decided, and on what evidence</h3><ul>{notes}</ul>" if notes else ""
+    body = (
+        f'<div class="columns">{"".join(parts)}</div>{notes}'
+        if parts or notes
+        else page.absent("Nothing was recorded.")
+    )
+    lead = "Every number of this page is in summary.json beside it; its full precision too."
+    return page.section("provenance", "Where the numbers come from", body, lead)
+
+
+def _how_to_read_section(compared: Summary) -> str:
+    """Return what the page's words mean, the families and the names of the methods that are there among them."""
+    names = by_error(compared)
+    families, known = {family(name) for name in names}, page.words("methods")
+    terms = [
+        *page.words("how_to_read").items(),
+        *((f"{word.capitalize()} method", text) for word, text in page.words("families").items() if word in families),
+        *((name, known[name].replace("`", "")) for name in names if name in known),
+    ]
+    return page.section("how-to-read", "How to read this page", page.definitions(terms))

@@ -1,14 +1,16 @@
-"""Speed against accuracy as one SVG, each method's name beside its mark: for pages and the documentation alike."""
+"""Speed against accuracy, out of a summary, as one SVG for pages and the documentation: a name beside each mark."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from compare.report.facts import Summary, family
 from compare.report.line_chart import Axis, Frame, axes, svg
-from compare.report.speed import SpeedPoint, pareto_front
+from compare.report.page import is_number
 
 Array = NDArray[np.float64]
 
@@ -23,6 +25,60 @@ GAPS = (7.0, 16.0, 28.0, 42.0, 58.0, 78.0, 100.0, 130.0, 165.0)
 """Distances, pixels, between a point and its name that are tried, in 24 directions."""
 MOST_ROUNDS = 12
 _OVERLAP, _OUTSIDE, _ON_MARK, _ON_LINE, _FOREIGN = 1e6, 1e6, 400.0, 40.0, 120.0
+
+
+@dataclass(frozen=True)
+class SpeedPoint:
+    """One method on the photographs (`kind` real) or on their twin.
+
+    `family`: of `facts.family`. `seconds`: wall seconds for a million pixels of one frame, of this kind's own solving.
+    `median_deg`: median angular error against the ground truth.
+    """
+
+    method: str
+    family: str
+    kind: str
+    seconds: float
+    median_deg: float
+
+
+def seconds_per_megapixel_image(row: Summary, kind: str) -> float | None:
+    """Return a method's seconds for a million pixels of one frame, real or twin; `row` of summary's solve.methods."""
+    if kind == "real":
+        seconds = row.get("seconds_per_megapixel_image")
+        return seconds if is_number(seconds) else None
+    seconds, megapixels, frames = row.get("twin_seconds"), row.get("megapixels"), row.get("frames")
+    if is_number(seconds) and is_number(megapixels) and is_number(frames) and megapixels * frames > 0:
+        return seconds / (megapixels * frames)
+    return None
+
+
+def speed_points(summary: Summary) -> tuple[list[SpeedPoint], list[tuple[str, str]]]:
+    """Return what can be charted, and what cannot: (method, why), every method in one of the two or in both.
+
+    `summary` is as in summary.json; of it solve.methods and compare.
+    """
+    compared, solved = summary.get("compare") or {}, (summary.get("solve") or {}).get("methods") or {}
+    errors = compared.get("methods") or {}
+    any_twin = any((row or {}).get("twin") for row in errors.values())
+    points, missing = [], []
+    for method in dict.fromkeys([*solved, *errors]):
+        row, error = solved.get(method) or {}, errors.get(method) or {}
+        for kind, words in (("real", ""), ("twin", " on the twin")):
+            median, seconds = (error.get(kind) or {}).get("median_deg"), seconds_per_megapixel_image(row, kind)
+            if is_number(median) and is_number(seconds) and min(median, seconds) > 0:
+                points.append(SpeedPoint(method, family(method), kind, seconds, median))
+            elif kind == "twin" and not any_twin:
+                continue
+            elif not compared.get("has_truth"):
+                missing.append((method, "there is no ground truth to tell an error"))
+            elif not is_number(median):
+                missing.append((method, f"no normal{words} where the truth is known"))
+            elif not is_number(seconds):
+                missing.append((method, f"no time{words} is in the summary"))
+            else:
+                missing.append((method, f"a median error or a time{words} of zero has no place on logarithmic axes"))
+    return points, missing
 
 
 def speed_chart(
@@ -87,6 +143,15 @@ def speed_chart(
             f'stroke="white" stroke-width="3" paint-order="stroke" stroke-linejoin="round">{escape(name)}</text>'
         )
     return svg(760, 470, [*parts, *_legend(points, hollow)], label=label)
+
+
+def pareto_front(points: Sequence[SpeedPoint]) -> list[SpeedPoint]:
+    """Return the points, fastest first, for which none is both at least as fast and at least as accurate."""
+    front: list[SpeedPoint] = []
+    for point in sorted(points, key=lambda p: (p.seconds, p.median_deg)):
+        if not front or point.median_deg < front[-1].median_deg:
+            front.append(point)
+    return front
 
 
 def _steps(front: list[tuple[float, float]]) -> list[tuple[float, float]]:

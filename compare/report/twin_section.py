@@ -5,11 +5,11 @@ from html import escape
 from typing import Any
 
 from compare.report import pictures
+from compare.report.facts import Material, Summary
 from compare.report.line_chart import line_chart
 from compare.report.page import absent, is_number, picture, say, section, table_of, words
 from compare.report.pictures import Box, Exposure
 from compare.report.registration_pictures import raking_frame
-from compare.report.shown_material import Material, Summary
 from scene.errors import SceneError
 from scene.store import Store
 

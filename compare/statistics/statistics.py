@@ -4,15 +4,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def angular_statistics(error_deg: NDArray, *, mask: NDArray[np.bool_] | None = None) -> dict[str, float | int]:
+def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
     """Return the statistics of an error map.
 
     Parameters
     ----------
     error_deg : (...) float
         Degrees, NaN where unknown (left out).
-    mask : same shape, bool, optional
-        Pixels that count; all of them when absent.
 
     Returns
     -------
@@ -27,8 +25,7 @@ def angular_statistics(error_deg: NDArray, *, mask: NDArray[np.bool_] | None = N
     type 7 of [Hyndman1996]. The seed's table has min, max, mean, median and std.
     """
     error = np.asarray(error_deg)
-    known = np.isfinite(error) if mask is None else np.isfinite(error) & mask
-    error = error[known].astype(np.float64)
+    error = error[np.isfinite(error)].astype(np.float64)
     pixels = int(error.size)
     if pixels == 0:
         error = np.array([np.nan])

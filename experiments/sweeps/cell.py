@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from compare.statistics.error_kinds import error_kinds
+from compare.statistics.ambiguity import error_kinds
 from experiments.photographs import one_thread, photograph
 from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from compare.report.facts import family
-from compare.report.speed import SpeedPoint
+from compare.report.speed_chart import SpeedPoint
 from experiments.catalogue import CALIBRATED, EXPERIMENTS, SOLVERS
 from experiments.tables import KEY, Rows, grouped, has_failed
 

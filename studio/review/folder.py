@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from capture.session.session import load_session
 from capture.session.session_types import Session
-from compare.report.facts import all_warnings, read_optional
-from compare.report.shown_material import Material
+from compare.report.facts import Material, all_warnings, read_optional
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.light_text import DIRECTIONS, FILENAMES

@@ -82,12 +82,12 @@ class ScanPanel:
         self._window.refresh()
 
     def _pose(self) -> None:
-        from align.pose.appearance import outline
+        from align.pose.scan_outline import outline_strokes
 
         review, picks = self._window.review, self._window.picks
         mesh = load_scan(review)
         found = self.found = pose_of(review, picks, mesh)
-        self._strokes = outline(mesh, found.pose, *review.need("camera"))
+        self._strokes = outline_strokes(mesh, found.pose, *review.need("camera"))
         self._window.choose(view="Photograph")
         told = "".join(f"\n\n**Warning:** {plain(text)}" for text in found.warnings)
         self._status.content = (

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from align.pose.photographed import Photographs
+from align.pose.scan_view import View
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -108,7 +109,7 @@ def make_world(
 def _shade(caster, camera, pose, lights, pixels, gloss, table):
     mesh = caster.mesh
     shape = pixels.shape[:2]
-    hits = caster.look(camera, pose, pixels.reshape(-1, 2))
+    hits = View(caster, camera, pose).hits(pixels.reshape(-1, 2))
     origins, rays = (x.reshape(-1, 3) for x in camera.rays(pixels))
     plane = pose.apply(mesh.center_mm)[2] - mesh.radius_mm
     on_plane = (plane - origins[:, 2]) / rays[:, 2]

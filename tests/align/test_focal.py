@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from align.pose.focal import EXACT, receded_lights, register_longer
 from align.pose.photographed import Photographs
 from align.pose.register import register
+from align.pose.unknown_lengths import EXACT, receded_lights, register_longer
 from align.truth import ground_truth
 from scene.camera import Camera
 from scene.normals import angular_error_deg

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from align.pose.full_resolution import FinalEvidence, Observed
-from align.pose.hypothesis_test import compare_poses
 from align.pose.motion import nudge
 from align.pose.outline_edges import EdgePictures
+from align.pose.search import compare_poses
 from scene.rays import RayCaster
 
 

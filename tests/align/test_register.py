@@ -11,6 +11,7 @@ import pytest
 from align.pose.motion import nudge
 from align.pose.photographed import Photographs
 from align.pose.register import register
+from align.pose.scan_view import View
 from align.truth import ground_truth
 from fixtures.mesh_shapes import scan_of
 from scene.camera import Camera
@@ -201,8 +202,8 @@ def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
 def test_the_ray_caster_travels_to_other_processes(world):
     caster = RayCaster(world.mesh)
     pixels = world.camera.grid()[::7, ::7].reshape(-1, 2)
-    here = caster.look(world.camera, world.pose, pixels)
-    there = pickle.loads(pickle.dumps(caster)).look(world.camera, world.pose, pixels)
+    here = View(caster, world.camera, world.pose).hits(pixels)
+    there = View(pickle.loads(pickle.dumps(caster)), world.camera, world.pose).hits(pixels)
     assert here.hit.any()
     assert (here.face == there.face).all()
 
@@ -221,7 +222,7 @@ def test_a_noisy_scan_seen_through_its_hole(bumpy, rotations, build):
         noise_mm=0.05,
         unscanned=-world.pose.rotation[2],
     )
-    seen_inside = RayCaster(scan).look(world.camera, world.pose, world.camera.grid().reshape(-1, 2))
+    seen_inside = View(RayCaster(scan), world.camera, world.pose).hits(world.camera.grid().reshape(-1, 2))
     assert (seen_inside.hit & ~seen_inside.front).sum() > 0.08 * seen_inside.hit.sum()
     found = run(world, mesh=scan)
     px, deg = apart(world, found.pose)

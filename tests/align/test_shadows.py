@@ -11,7 +11,7 @@ def test_only_known_surface_is_asked_for_shadows(world, monkeypatch):
     """Points without a normal (the inside, through a hole) sent rays of NaN, a thousand times as slow as others."""
     pixels = np.argwhere(world.mask)[::7, ::-1].astype(float)
     view = View(RayCaster(world.mesh), world.camera, world.pose)
-    points, normals = view.surface(pixels)
+    points, normals = view.surface(*view.camera.rays(pixels))
     whole = find_shadows(view, world.lights, points, normals)
     assert 0.01 < whole.mean() < 0.5
     asked, blocked = [], RayCaster.blocked

@@ -47,9 +47,10 @@ def test_a_sphere_is_met_where_geometry_says(distortion):
     assert truth.normals[v, u, 2] > 0.9
 
 
-def test_orthographic_rays_are_parallel():
+@pytest.mark.parametrize("z_mm", [-90, 0, 20, 500])
+def test_orthographic_rays_are_parallel_wherever_the_scan_stands(z_mm):
     camera = Camera(160, 120, 1.5, 1.5, 83.0, 57.0, projection="orthographic")
-    truth = ground_truth(sphere_mesh(radius_mm=30), Pose.from_rotation_translation(np.eye(3), [5, -4, -90]), camera)
+    truth = ground_truth(sphere_mesh(radius_mm=30), Pose.from_rotation_translation(np.eye(3), [5, -4, z_mm]), camera)
     u, v = camera.grid()[..., 0], camera.grid()[..., 1]
     x, y = (u - 83) / 1.5 - 5, -(v - 57) / 1.5 + 4
     z = np.sqrt(np.maximum(900 - x * x - y * y, 0))

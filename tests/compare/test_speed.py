@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from compare.report.facts import family
-from compare.report.speed import SpeedPoint, pareto_front, speed_points
-from compare.report.speed_chart import place_labels, speed_chart
+from compare.report.speed_chart import SpeedPoint, pareto_front, place_labels, speed_chart, speed_points
 
 FRAME = (0.0, 0.0, 700.0, 360.0)
 

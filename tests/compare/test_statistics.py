@@ -42,11 +42,6 @@ def test_neither_the_order_of_pixels_nor_unknown_ones_matter():
     assert angular_statistics(shuffled) == pytest.approx(angular_statistics(error), rel=1e-12)
 
 
-def test_a_mask_leaves_pixels_out():
-    error = np.array([1.0, 2.0, 90.0, NAN])
-    assert angular_statistics(error, mask=np.array([True, True, False, True])) == angular_statistics(error[:2])
-
-
 def test_no_pixel_is_no_statistic_rather_than_zero():
     found = angular_statistics(np.full((3, 3), NAN))
     assert found.pop("pixels") == 0

@@ -6,8 +6,7 @@ from typing import Any
 import pytest
 
 from compare.report.page import Sentence, number, percent, plain, round_number, words
-from compare.report.ranking import ranking, ranking_table
-from compare.report.verdict import verdict
+from compare.report.verdict import ranking, ranking_table, verdict
 
 
 def statistics(median: float) -> dict[str, Any]:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from compare.statistics.error_kinds import FLIP, error_kinds
+from compare.statistics.ambiguity import MIRROR as FLIP
+from compare.statistics.ambiguity import error_kinds
 from experiments.sweeps import perturbation
 from experiments.sweeps.atlas import atlas
 from experiments.sweeps.perturbation import (
