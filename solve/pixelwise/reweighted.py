@@ -106,7 +106,12 @@ def _step(columns, lit, move, prior, floor, residual, sums):  # pragma: no cover
     scale = 1.0 / det
     aa, bb, cc = np.float32(ia * scale), np.float32(2.0 * ib * scale), np.float32(2.0 * ic * scale)
     dd, ee, ff = np.float32(id_ * scale), np.float32(2.0 * ie * scale), np.float32(if_ * scale)
-    x, y, z, least = np.float32(move[0]), np.float32(move[1]), np.float32(move[2]), np.float32(floor * floor if prior > 0.0 else floor)
+    x, y, z, least = (
+        np.float32(move[0]),
+        np.float32(move[1]),
+        np.float32(move[2]),
+        np.float32(floor * floor if prior > 0.0 else floor),
+    )
     xx = xy = xz = yy = yz = zz = mx = my = mz = np.float32(0)
     for k in range(len(residual)):
         u, v, w = columns[0, k], columns[1, k], columns[2, k]
