@@ -16,9 +16,8 @@ from typing import Any
 
 from scene.current import file_digest, libraries
 from scene.errors import SceneError
-from scene.file_look import TICK_NS, is_settled, look_of
 from scene.journal import Journal, Line
-from scene.owned_file import OwnedFile, own_digest
+from scene.owned_file import TICK_NS, OwnedFile, is_settled, look_of, own_digest
 
 PLACE = ".rgbn"
 """Folder in the output folder: the record, the lock, and what is not finished."""
