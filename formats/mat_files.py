@@ -19,20 +19,11 @@ MOST_BYTES = 4 << 30
 """Address space of the reading process: the largest maps take a hundredth of it."""
 
 
-def arrays_of_mat(
-    path: Path, fault: str = "cannot be read as a MATLAB file", error: type[SceneError] = SceneError
-) -> dict[str, NDArray]:
-    """Return the variables that are numbers, (...) float or int, or lists of text, (n,) str.
-
-    Parameters
-    ----------
-    path : Path
-    fault, error
-        As in `scene.reading.reading`.
-    """
+def arrays_of_mat(path: Path, error: type[SceneError] = SceneError) -> dict[str, NDArray]:
+    """Return the variables that are numbers, (...) float or int, or lists of text, (n,) str; see `reading`."""
     root = str(Path(__file__).resolve().parents[1])
     script = f"import sys; sys.path.insert(0, {root!r}); import formats.mat_files as m; m.send()"
-    with reading(path, fault, error, do="Save it again, with MATLAB or SciPy."):
+    with reading(path, "cannot be read as a MATLAB file", error, do="Save it again, with MATLAB or SciPy."):
         try:
             done = subprocess.run(
                 [sys.executable, "-c", script, os.fspath(path)],

@@ -4,7 +4,8 @@ import errno
 import json
 import os
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -39,23 +40,26 @@ class Journal:
             The disk is full, or the file cannot be written.
         """
         data = json.dumps(line, allow_nan=False).encode() + b"\n"
-        with self._guard:
+        with self._guard, self._writing(), open(self.path, "ab", buffering=0) as file:
+            end = file.tell()
             try:
-                with open(self.path, "ab", buffering=0) as file:
-                    end = file.tell()
-                    try:
-                        if file.write(data) < len(data):
-                            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-                    except OSError:
-                        # No torn line before the next one.
-                        file.truncate(end)
-                        raise
-            except OSError as error:
-                raise SceneError(
-                    f"{self.path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
-                    "--out; what is done is kept."
-                ) from error
+                if file.write(data) < len(data):
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            except OSError:
+                # No torn line before the next one.
+                file.truncate(end)
+                raise
             self.count += 1
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise SceneError(
+                f"{self.path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
+                "--out; what is done is kept."
+            ) from error
 
     def read(self, use: Callable[[Line], None]) -> bool:
         """Give each line to a function; return whether the last one is torn.
@@ -89,12 +93,7 @@ class Journal:
         """Replace all lines at once."""
         data = [json.dumps(line, allow_nan=False) + "\n" for line in lines]
         temporary = self.path.with_suffix(".new")
-        try:
+        with self._writing():
             temporary.write_text("".join(data))
             os.replace(temporary, self.path)
-        except OSError as error:
-            raise SceneError(
-                f"{self.path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
-                "--out; what is done is kept."
-            ) from error
         self.count = len(data)

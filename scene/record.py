@@ -16,9 +16,8 @@ from typing import Any
 
 from scene.current import file_digest, libraries
 from scene.errors import SceneError
-from scene.file_look import TICK_NS, is_settled, look_of
 from scene.journal import Journal, Line
-from scene.owned_file import OwnedFile, own_digest
+from scene.owned_file import TICK_NS, OwnedFile, is_settled, look_of, own_digest
 
 PLACE = ".rgbn"
 """Folder in the output folder: the record, the lock, and what is not finished."""
@@ -110,7 +109,7 @@ class Record:
         works = set(works)
         names = [name for name, file in self._files.items() if file.of in works]
         for name in names:
-            self._check_own(self.folder / name)
+            self.check_free(self.folder / name)
         for work in sorted(works & set(self.done)):
             del self.done[work]
             self._journal.append({"forgotten": work})
@@ -119,8 +118,7 @@ class Record:
 
     def remove(self, path: Path) -> None:
         """Remove a file that rgbn wrote, if it is there; raise SceneError where it is another's."""
-        if os.path.lexists(path):
-            self._check_own(path)
+        if self.check_free(path):
             self._remove(path)
 
     def _finish(self, work: str, entry: dict[str, Any]) -> None:
@@ -173,20 +171,14 @@ class Record:
         """Note that a path may have the content of a file from now on, beside the one that it has."""
         name, digest = self.name_of(path), file_digest(source)
         assert digest is not None
-        old, before = self._files.get(name), ()
-        if os.path.lexists(path):
-            before = (self._check_own(path),)
-        file = OwnedFile(self._work if old is None or not before else old.of, (*before, digest))
+        old, before = self._files.get(name), self.check_free(path)
+        file = OwnedFile(old.of if old and before else self._work, (before, digest) if before else (digest,))
         self._journal.append({"file": name, "of": file.of, "digests": file.digests})
         self._files[name] = file
         return file
 
-    def check_free(self, path: Path) -> None:
-        """Raise SceneError where a file may not be written: another's stands there."""
-        if os.path.lexists(path):
-            self._check_own(path)
-
-    def _check_own(self, path: Path) -> str:
+    def check_free(self, path: Path) -> str:
+        """Return the digest of the file that may be written over, empty where there is none; see `own_digest`."""
         return own_digest(path, self._files.get(self.name_of(path)))
 
     def _remove(self, path: Path) -> None:

@@ -4,7 +4,7 @@ import numba
 import numpy as np
 
 from solve.codes import tile_at
-from solve.pixelwise.kernels import light_vector
+from solve.pixelwise.kernels import adjugate, light_vector
 
 DARK = 0.02
 """Samples under this share of the stack's 99th percentile are not lit: they cannot count among the three."""
@@ -20,9 +20,7 @@ def condition_and_inverse(a, b, c, d, e, f):  # pragma: no cover
     mean = (a + d + f) / 3.0
     x, y, z = a - mean, d - mean, f - mean
     spread = np.sqrt(max((x * x + y * y + z * z + 2.0 * (b * b + c * c + e * e)) / 6.0, 0.0))
-    ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
-    id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * ia + b * ib + c * ic
+    det, (ia, ib, ic, id_, ie, if_) = adjugate(a, b, c, d, e, f)
     condition = 1.0
     if spread > 1e-12 * mean:
         centred = x * (y * z - e * e) - b * (b * z - c * e) + c * (b * e - c * y)

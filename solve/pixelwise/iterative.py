@@ -6,8 +6,16 @@ import numba
 import numpy as np
 
 from solve.methods import Method
-from solve.pixelwise.kernels import SINGULAR, light_vector, residuals_of, solve_sums, weighted_sums
-from solve.pixelwise.selection import NO_KEY, keys_of, median, smallest_key, value_of
+from solve.pixelwise.kernels import (
+    SINGULAR,
+    agreeing,
+    light_vector,
+    lit_samples,
+    residuals_of,
+    solve_sums,
+    weighted_sums,
+)
+from solve.pixelwise.selection import NO_KEY, median, smallest_key
 
 
 class Settings(NamedTuple):
@@ -71,11 +79,7 @@ def fit(samples, scale, settings):  # pragma: no cover
             for k in range(lights):
                 vectors[0, k], vectors[1, k], vectors[2, k] = light_vector(k, points[i], geometry)
                 columns[0, k], columns[1, k], columns[2, k] = vectors[0, k], vectors[1, k], vectors[2, k]
-        keys_of(values, keys)
-        limit = settings.shadow_threshold * value_of(smallest_key(keys, int(0.75 * (lights - 1))), room)
-        count = _choose(values, valid[i], limit, lit)
-        if count < 4:
-            count = _choose(values, valid[i], -np.inf, lit)
+        count = lit_samples(values, valid[i], settings.shadow_threshold, keys, room, lit)
         _without_brightest(lit, count, settings.highlight_share, keys, now)
         x, y, z, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
         if not well:
@@ -86,7 +90,7 @@ def fit(samples, scale, settings):  # pragma: no cover
                 count = residuals_of(columns, values, now, (x, y, z), residual)
                 limit = settings.outlier_sigmas * max(1.4826 * median(residual.view(np.int32), count, room), floor)
                 before[:] = now
-                size, changed = _agreeing(columns, values, lit, before, (x, y, z), limit, now)
+                size, changed = agreeing(columns, values, lit, before, (x, y, z), limit, now)
                 if not changed:
                     break
                 p, q, r, well = solve_sums(weighted_sums(vectors, values, now), SINGULAR)
@@ -101,30 +105,6 @@ def fit(samples, scale, settings):  # pragma: no cover
 
 
 METHOD = Method("iterative", {"default": Settings(), "seed": SEED}, fit=fit)
-
-
-@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _choose(values, valid, limit, out):  # pragma: no cover
-    """Write 1 to `out` where a sample is valid and above the limit, else 0; return how many."""
-    count = np.float32(0)
-    for k in range(len(values)):
-        out[k] = np.float32(valid[k] & (values[k] > limit))
-        count += out[k]
-    return int(count)
-
-
-@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
-def _agreeing(columns, values, lit, before, b, limit, out):  # pragma: no cover
-    """Write 1 to `out` where a lit sample is within the limit of b and faces it; say how many, and if one changed."""
-    x, y, z, limit = np.float32(b[0]), np.float32(b[1]), np.float32(b[2]), np.float32(limit)
-    size = changed = np.float32(0)
-    for k in range(len(values)):
-        shade = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
-        keep = np.float32((shade > 0) & (abs(values[k] - shade) <= limit)) * lit[k]
-        out[k] = keep
-        size += keep
-        changed += abs(keep - before[k])
-    return int(size), changed > 0
 
 
 @numba.njit(nogil=True, cache=True)

@@ -59,25 +59,27 @@ def normal_equations(vectors, values, used):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True)
-def lit_samples(values, valid, threshold, lit):  # pragma: no cover
-    """Write to `lit` (F,) what is no clipped and no shadowed sample; return how many.
+def lit_samples(values, valid, threshold, keys, room, lit):  # pragma: no cover
+    """Write 1 to `lit` (F,) float32 for what is no clipped and no shadowed sample, else 0; return how many are.
 
     Shadowed is what lies under `threshold` times the pixel's own 75th percentile (not its maximum, which
-    a highlight would lift). A pixel with fewer than four lit samples keeps all that are not clipped.
+    a highlight would lift). A pixel with fewer than four lit samples keeps all that are not clipped. `keys` (F,) int32
+    become those of the values; `room` (1,) float32 is to work in.
     """
-    keys, room = np.empty(len(values), np.int32), np.empty(1, np.float32)
     keys_of(values, keys)
     limit = threshold * value_of(smallest_key(keys, int(0.75 * (len(values) - 1))), room)
-    count = 0
+    count = _above(values, valid, limit, lit)
+    return count if count >= 4 else _above(values, valid, -np.inf, lit)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
+def _above(values, valid, limit, out):  # pragma: no cover
+    """Write 1 to `out` where a sample is valid and above the limit, else 0; return how many."""
+    count = np.float32(0)
     for k in range(len(values)):
-        lit[k] = valid[k] and values[k] > limit
-        count += lit[k]
-    if count < 4:
-        count = 0
-        for k in range(len(values)):
-            lit[k] = valid[k]
-            count += lit[k]
-    return count
+        out[k] = np.float32(valid[k] & (values[k] > limit))
+        count += out[k]
+    return int(count)
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"reassoc", "contract", "nsz"})
@@ -104,6 +106,13 @@ def weighted_sums(vectors, values, weights):  # pragma: no cover
     return a, b, c, d, e, f, p, q, r
 
 
+@numba.njit(nogil=True, cache=True, inline="always")
+def adjugate(a, b, c, d, e, f):  # pragma: no cover
+    """Return determinant and adjugate of a symmetric matrix, upper triangles both."""
+    x, y, z = d * f - e * e, c * e - b * f, b * e - c * d
+    return a * x + b * y + c * z, (x, y, z, a * f - c * c, b * c - a * e, a * d - b * b)
+
+
 @numba.njit(nogil=True, cache=True)
 def solve_sums(sums, singular):  # pragma: no cover
     """Solve [[a b c] [b d e] [c e f]] (x, y, z) = (p, q, r) by the adjugate; return as `normal_equations`.
@@ -111,9 +120,7 @@ def solve_sums(sums, singular):  # pragma: no cover
     `singular` is `SINGULAR` where weights are alike, `SINGULAR_WEIGHTED` where they span decades.
     """
     a, b, c, d, e, f, p, q, r = sums
-    ia, ib, ic = d * f - e * e, c * e - b * f, b * e - c * d
-    id_, ie, if_ = a * f - c * c, b * c - a * e, a * d - b * b
-    det = a * ia + b * ib + c * ic
+    det, (ia, ib, ic, id_, ie, if_) = adjugate(a, b, c, d, e, f)
     trace = (a + d + f) / 3.0
     if det <= singular * trace * trace * trace or trace <= 0.0:
         return 0.0, 0.0, 0.0, False
@@ -134,3 +141,17 @@ def residuals_of(columns, values, lit, b, out):  # pragma: no cover
     for k in range(len(values)):
         bits[k] = bits[k] if lit[k] > 0 else NO_KEY
     return int(size)
+
+
+@numba.njit(nogil=True, cache=True, fastmath={"reassoc"})
+def agreeing(columns, values, lit, before, b, limit, out):  # pragma: no cover
+    """Write 1 to `out` where a lit sample is within the limit of b and faces it; say how many, and if one changed."""
+    x, y, z, limit = np.float32(b[0]), np.float32(b[1]), np.float32(b[2]), np.float32(limit)
+    size = changed = np.float32(0)
+    for k in range(len(values)):
+        shade = columns[0, k] * x + columns[1, k] * y + columns[2, k] * z
+        keep = np.float32((shade > 0) & (abs(values[k] - shade) <= limit)) * lit[k]
+        out[k] = keep
+        size += keep
+        changed += abs(keep - before[k])
+    return int(size), changed > 0

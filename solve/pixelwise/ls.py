@@ -68,7 +68,8 @@ def _stream(band, lights, scale, settings):
     if lights.positions_mm is not None or not plain:
         return None
     directions, intensities = np.ascontiguousarray(lights.directions), np.ascontiguousarray(lights.intensities)
-    return fit_tiles(band, directions, intensities, GRAY, settings.shadow_threshold * scale)
+    weights = (GRAY / intensities).astype(np.float32)
+    return fit_tiles(band, directions, intensities, weights, settings.shadow_threshold * scale)
 
 
 METHOD = Method(

@@ -7,7 +7,7 @@ import numpy as np
 
 from solve.methods import Method
 from solve.pixelwise.kernels import light_vectors, lit_samples, normal_equations
-from solve.pixelwise.selection import NO_KEY, keys_of, smallest_key
+from solve.pixelwise.selection import NO_KEY, smallest_key
 
 
 class Settings(NamedTuple):
@@ -47,24 +47,23 @@ def fit(samples, scale, settings):  # pragma: no cover
     b = np.zeros((pixels, 3))
     used = np.zeros((pixels, lights), np.bool_)
     vectors = np.empty((lights, 3))
-    lit = np.empty(lights, np.bool_)
-    keys = np.empty(lights, np.int32)
+    lit = np.empty(lights, np.float32)
+    keys, room = np.empty(lights, np.int32), np.empty(1, np.float32)
     for i in range(pixels):
         values = gray[i]
         light_vectors(points[i], geometry, vectors)
-        count = lit_samples(values, valid[i], settings.shadow_threshold, lit)
+        count = lit_samples(values, valid[i], settings.shadow_threshold, keys, room, lit)
         if count == 0:
             continue
-        keys_of(values, keys)
         for k in range(lights):
-            keys[k] = keys[k] if lit[k] else NO_KEY
+            keys[k] = keys[k] if lit[k] > 0 else NO_KEY
         first = smallest_key(keys, int(np.floor(settings.low * count)))
         last = smallest_key(keys, max(int(np.ceil(settings.high * count)) - 1, 0))
         for k in range(lights):
             used[i, k] = first <= keys[k] <= last
         x, y, z, well = normal_equations(vectors, values, used[i])
         if not well:
-            used[i] = lit
+            used[i] = lit > 0
             x, y, z, well = normal_equations(vectors, values, used[i])
         b[i, 0], b[i, 1], b[i, 2] = x, y, z
     return b, used

@@ -5,31 +5,26 @@ from typing import NamedTuple
 import numpy as np
 
 from solve.methods import Method
-from solve.pixelwise.reweighted import Weighting, fit_reweighted
+from solve.pixelwise import reweighted
 from solve.samples import Samples
 
 
 class Settings(NamedTuple):
-    """Settings of `sbl`: those of `solve.pixelwise.l1`, and
+    """Settings of `sbl`.
 
     Parameters
     ----------
     prior : float
         Precision of b before any sample was seen, in units of 1 / (the stack's 99th percentile)^2.
-    residual_floor : float
-        Least standard deviation of a sample, as a share of the same.
+    weighting : NamedTuple
+        Of `solve.pixelwise.reweighted`; its residual floor is the least standard deviation of a sample.
     """
 
-    shadow_threshold: float = 0.05
     prior: float = 0.01
-    residual_floor: float = 3e-3
-    tolerance: float = 1e-5
-    iterations: int = 50
-    outlier_sigmas: float = 2.5
-    noise_floor: float = 0.004
+    weighting: reweighted.Settings = reweighted.Settings(residual_floor=3e-3, iterations=50)
 
 
-SEED = Settings(shadow_threshold=-np.inf, prior=1.0, residual_floor=1e-4, tolerance=1e-8, iterations=1000)
+SEED = Settings(1.0, reweighted.Settings(-np.inf, tolerance=1e-8, iterations=1000))
 """The plain reading: shadows are outliers like any other, and it is run to the end. (The seed has no such method.)"""
 
 
@@ -50,17 +45,7 @@ def fit(samples: Samples, scale: float, settings: Settings):
     Do not believe it where half of the lit samples are not Lambertian; and it is not convex: it may settle on
     the wrong half.
     """
-    how = Weighting(
-        unit=1.0 / scale,
-        prior=settings.prior,
-        least=settings.residual_floor * settings.residual_floor,
-        tolerance=settings.tolerance,
-        iterations=settings.iterations,
-        shadow_threshold=settings.shadow_threshold,
-        outlier_sigmas=settings.outlier_sigmas,
-        noise_floor=settings.noise_floor * scale,
-    )
-    return fit_reweighted(samples, how)
+    return reweighted.fit_reweighted(samples, scale, settings.weighting, settings.prior)
 
 
 METHOD = Method("sbl", {"default": Settings(), "seed": SEED}, fit=fit)

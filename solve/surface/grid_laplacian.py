@@ -31,10 +31,10 @@ class _Level(NamedTuple):
 
 
 class _Grids(NamedTuple):
-    """The levels, finest first, and Cholesky's factor of the last one's matrix."""
+    """The levels, finest first, and the inverse of the last one's matrix."""
 
     levels: list[_Level]
-    factor: Array
+    inverse: Array
 
 
 def solve_grid(
@@ -47,28 +47,9 @@ def solve_grid(
     the residual's length, as a share of the right side's. Returns x, and whether the tolerance was reached.
     """
     grids = _grids(right, down, shift)
-    top = grids.levels[0]
-    x = start.copy()
-    residual = rhs - _apply(top, x)
     goal = tolerance * _length(rhs)
-    step, before, slope = np.zeros_like(x), residual, 1.0
-    for count in range(iterations):
-        if _length(residual) <= goal:
-            return x, True
-        z = _cycle(grids, 0, residual)
-        # Flexible conjugate gradients: a cycle is not the same linear map twice.
-        beta = _dot(z, residual - before) / slope if count else 0.0
-        step = z + beta * step
-        slope = _dot(z, residual)
-        image = _apply(top, step)
-        bend = _dot(step, image)
-        if not bend > 0.0:
-            break
-        length = _dot(step, residual) / bend
-        x += length * step
-        before = residual
-        residual = residual - length * image
-    return x, _length(residual) <= goal
+    change, left = _conjugate(grids, 0, rhs - _apply(grids.levels[0], start), goal, iterations)
+    return start + change, _length(left) <= goal
 
 
 def _grids(right: Array, down: Array, shift: Array) -> _Grids:
@@ -76,87 +57,68 @@ def _grids(right: Array, down: Array, shift: Array) -> _Grids:
     while np.prod(levels[-1].shift.shape) > _COARSEST:
         levels.append(_level(*_coarser(levels[-1].right, levels[-1].down, levels[-1].shift)))
     last = levels[-1]
-    height, width = last.shift.shape
     matrix = np.diag(np.where(last.diagonal > 0, last.diagonal, 1.0).ravel())
-    at = np.arange(height * width).reshape(height, width)
+    at = np.arange(last.shift.size).reshape(last.shift.shape)
     for weight, a, b in ((last.right, at[:, :-1], at[:, 1:]), (last.down, at[:-1], at[1:])):
         matrix[a, b] = matrix[b, a] = -weight[: a.shape[0], : a.shape[1]]
     # Its least eigenvalue is the shift's, tiny beside the largest: what is below is rounding.
     least = max(float(last.shift.sum()) / max(int((last.shift > 0).sum()), 1), 1e-15 * float(last.diagonal.max()))
-    return _Grids(levels, _factorised(matrix, least))
+    return _Grids(levels, _inverse(matrix, least))
+
+
+def _conjugate(grids: _Grids, depth: int, rhs: Array, goal: float, iterations: int) -> tuple[Array, Array]:
+    """Return x of a level and what it leaves of the right side: conjugate gradients, preconditioned by a cycle."""
+    if depth == len(grids.levels) - 1:
+        return np.einsum("ij,j", grids.inverse, rhs.ravel()).reshape(rhs.shape), np.zeros_like(rhs)
+    x, residual = np.zeros_like(rhs), rhs
+    step, before, slope = x, residual, 1.0
+    for count in range(iterations):
+        if _length(residual) <= goal:
+            break
+        z = _cycle(grids, depth, residual)
+        # Flexible conjugate gradients: a cycle is not the same linear map twice.
+        step = z + (_dot(z, residual - before) / slope) * step if count else z
+        slope = _dot(z, residual)
+        image = _apply(grids.levels[depth], step)
+        bend = _dot(step, image)
+        if not bend > 0.0:
+            break
+        length = _dot(step, residual) / bend
+        x += length * step
+        before, residual = residual, residual - length * image
+    return x, residual
 
 
 def _cycle(grids: _Grids, depth: int, rhs: Array) -> Array:
-    """Return an approximate solution: smooth, correct from the coarser grid, smooth."""
-    if depth == len(grids.levels) - 1:
-        return _substituted(grids.factor, rhs.ravel()).reshape(rhs.shape)
+    """Return an approximate solution: smooth, correct by two steps on the coarser grid [Notay2008], smooth."""
     level = grids.levels[depth]
     # Two steps of Jacobi's method from zero; the first needs no product.
-    x = _smoothed(level, rhs, (_WEIGHTS[0] * rhs) * level.reciprocal, _WEIGHTS[1:])
+    x = _jacobi(level, rhs, (_WEIGHTS[0] * rhs) * level.reciprocal, _WEIGHTS[1])
     coarse = np.zeros_like(grids.levels[depth + 1].shift)
     _restrict(level, rhs, x, coarse)
-    _prolong(_coarse_solution(grids, depth + 1, coarse), level.diagonal, x)
-    return _smoothed(level, rhs, x, _WEIGHTS)
-
-
-def _smoothed(level: _Level, rhs: Array, x: Array, weights: tuple[float, ...]) -> Array:
-    for weight in weights:
+    found, _ = _conjugate(grids, depth + 1, coarse, 0.25 * _length(coarse), 2)
+    _prolong(found, level.diagonal, x)
+    for weight in _WEIGHTS:
         x = _jacobi(level, rhs, x, weight)
     return x
 
 
-def _coarse_solution(grids: _Grids, depth: int, rhs: Array) -> Array:
-    """Return one or two steps of conjugate gradients, each preconditioned by a cycle [Notay2008]."""
-    level = grids.levels[depth]
-    first = _cycle(grids, depth, rhs)
-    if depth == len(grids.levels) - 1:
-        return first
-    image = _apply(level, first)
-    bend, slope = _dot(first, image), _dot(first, rhs)
-    if not bend > 0.0:
-        return first
-    left = rhs - (slope / bend) * image
-    if _length(left) <= 0.25 * _length(rhs):
-        return (slope / bend) * first
-    second = _cycle(grids, depth, left)
-    shared, slope_2 = _dot(second, image), _dot(second, left)
-    bend_2 = _dot(second, _apply(level, second)) - shared * shared / bend
-    if not bend_2 > 0.0:
-        return (slope / bend) * first
-    return (slope / bend - shared * slope_2 / (bend * bend_2)) * first + (slope_2 / bend_2) * second
-
-
 # Not the linear algebra library's, here and in `_dot`: waking its threads costs more than the work.
 @numba.njit(nogil=True, cache=True)
-def _factorised(matrix, least):  # pragma: no cover
-    """Return Cholesky's lower factor, no pivot below `least`."""
-    count = len(matrix)
-    factor = np.zeros((count, count))
-    for i in range(count):
-        for j in range(i + 1):
-            total = matrix[i, j]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            if i == j:
-                factor[i, i] = np.sqrt(max(total, least))
-            else:
-                factor[i, j] = total / factor[j, j]
-    return factor
-
-
-@numba.njit(nogil=True, cache=True)
-def _substituted(factor, rhs):  # pragma: no cover
-    count = len(rhs)
-    x = rhs.copy()
-    for i in range(count):
-        for k in range(i):
-            x[i] -= factor[i, k] * x[k]
-        x[i] /= factor[i, i]
-    for i in range(count - 1, -1, -1):
-        x[i] /= factor[i, i]
-        for k in range(i):
-            x[k] -= factor[i, k] * x[i]
-    return x
+def _inverse(matrix, least):  # pragma: no cover
+    """Return the inverse of a symmetric matrix by Gauss and Jordan's steps, no pivot below `least`."""
+    out = matrix.copy()
+    for k in range(len(out)):
+        pivot = max(out[k, k], least)
+        out[k, k] = 1.0
+        out[k] /= pivot
+        for i in range(len(out)):
+            if i != k:
+                factor = out[i, k]
+                out[i, k] = 0.0
+                for j in range(len(out)):
+                    out[i, j] -= factor * out[k, j]
+    return out
 
 
 @numba.njit(nogil=True, cache=True)
@@ -184,13 +146,16 @@ def _level(right: Array, down: Array, shift: Array) -> _Level:
 
 def _coarser(right: Array, down: Array, shift: Array) -> tuple[Array, Array, Array]:
     """Merge 2 x 2 pixels: weights between two of them add up, those inside one fall away."""
-    height, width = shift.shape
-    even = ((0, height % 2), (0, width % 2))
-    right, down, shift = (np.pad(a, even) for a in (right, down, shift))
-    across = right[0::2, 1::2] + right[1::2, 1::2]
-    along = down[1::2, 0::2] + down[1::2, 1::2]
-    total = shift[0::2, 0::2] + shift[0::2, 1::2] + shift[1::2, 0::2] + shift[1::2, 1::2]
-    return np.ascontiguousarray(across), np.ascontiguousarray(along), np.ascontiguousarray(total)
+    across, along = right.copy(), down.copy()
+    across[:, 0::2], along[0::2] = 0, 0
+    return _merged(across), _merged(along), _merged(shift)
+
+
+def _merged(values: Array) -> Array:
+    """Return the sums over 2 x 2 pixels."""
+    height, width = values.shape
+    values = np.pad(values, ((0, height % 2), (0, width % 2)))
+    return values[0::2, 0::2] + values[0::2, 1::2] + values[1::2, 0::2] + values[1::2, 1::2]
 
 
 @numba.njit(nogil=True, cache=True, inline="always")

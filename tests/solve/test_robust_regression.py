@@ -59,7 +59,7 @@ def test_l1_reaches_the_least_sum_that_linear_programming_finds():
 def test_sbl_is_the_loop_over_matrices_written_out():
     directions, _, samples = scene(5, seed=3)
     samples += np.random.default_rng(4).normal(0, 0.01, samples.shape)
-    settings = sbl.SEED._replace(iterations=12, tolerance=0.0)
+    settings = sbl.SEED._replace(weighting=sbl.SEED.weighting._replace(iterations=12, tolerance=0.0))
     found, _ = fitted(sbl, samples, directions, settings)
     for m, b in zip(samples, found, strict=True):
         inverse = np.ones(LIGHTS)
