@@ -129,32 +129,29 @@ class BrowserWindow:
             if self._is_behind:
                 self.refresh()
 
-    def on_click(self, handle: Any, use: Callable[[], Any]) -> Any:
-        """Call `use` when a button is pressed. Return the handle."""
+    def on(
+        self, listen: Callable[..., Any], use: Callable[..., Any], said: Callable[[Any], tuple] = lambda event: ()
+    ) -> None:
+        """Call `use` at each event of a person's that `listen` is given a listener of, such as `handle.on_click`.
+
+        said: Given the event as it comes, returns what `use` is called with; default: nothing.
+        """
 
         async def _(event: Any) -> None:
             if event.client is not None:
-                self.post(use)
+                values = said(event)
+                self.post(lambda: use(*values))
 
-        handle.on_click(_)
+        listen(_)
+
+    def on_click(self, handle: Any, use: Callable[[], Any]) -> Any:
+        """Call `use` when a button is pressed. Return the handle."""
+        self.on(handle.on_click, use)
         return handle
-
-    def on_pick(self, handle: Any, use: Callable[..., Any], *arguments: Any) -> None:
-        """Call `use` with the arguments when something in the view is clicked."""
-
-        async def _(event: Any) -> None:
-            self.post(lambda: use(*arguments))
-
-        handle.on_click(_)
 
     def on_ray(self, handle: Any, use: Callable[[Array, Array], Any]) -> None:
         """Call `use` with origin and direction (3,) of the ray by which something in the view is clicked."""
-
-        async def _(event: Any) -> None:
-            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-            self.post(lambda: use(origin, direction))
-
-        handle.on_click(_)
+        self.on(handle.on_click, use, lambda event: (np.array(event.ray_origin), np.array(event.ray_direction)))
 
     def look(self, middle: ArrayLike, away: ArrayLike) -> None:
         """Look at a point (3,) of the view from `away` (3,) of it, y upward."""

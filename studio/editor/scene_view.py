@@ -1,6 +1,8 @@
 """The 3-D view: objects, lights as arrows, the camera. What is selected can be dragged."""
 
 from collections.abc import Callable
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -67,7 +69,7 @@ class SceneView:
         mesh = self._view.add_mesh_simple(
             f"{root}/mesh", vertices, faces, color=colour, flat_shading=one.mesh.normals is None, side="double"
         )
-        self._window.on_pick(mesh, self._window.select, "object", index)
+        self._window.on(mesh.on_click, lambda: self._window.select("object", index))
         if is_picked:
             self._add_scaler(root, index, size)
         return [gizmo]
@@ -107,7 +109,7 @@ class SceneView:
         arrow = add_light_arrow(self._view, f"{root}_arrow", ends, spread, colour)
         radius = 0.028 * spread * UNITS_PER_MM
         knob = self._view.add_icosphere(root, radius=radius, color=colour, position=at, **NO_SHADOW)
-        self._window.on_pick(knob, self._window.select, "light", index)
+        self._window.on(knob.on_click, lambda: self._window.select("light", index))
 
         def to_place(place_mm: Array, *_: Array) -> Edit:
             return lambda scene: edits.moved_light(scene, index, place_mm)
@@ -133,27 +135,24 @@ class SceneView:
 
     def _on_drag(self, knob: Any, name: str, edit_to: Callable[[Array, Array], Edit]) -> None:
         """Follow a knob: `edit_to` makes the edit from where it was (3,) to where it is, in the view's units."""
-
-        async def _(event: Any) -> None:
-            self._drag(event.phase, name, edit_to(np.array(event.start_position), np.array(event.end_position)))
-
-        knob.on_drag("left")(_)
+        said = attrgetter("phase", "start_position", "end_position")
+        self._window.on(knob.on_drag("left"), partial(self._drag, name, edit_to), said)
 
     def _follow(self, gizmo: Any, name: str, edit_to: Callable[[Array, Array], Edit]) -> None:
         """Follow a gizmo: `edit_to` makes the edit to a place, mm, and a rotation (3, 3)."""
 
-        async def _(event: Any) -> None:
-            at, turn = np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz)
-            self._drag(event.phase, name, edit_to(at, turn))
+        def placed(event: Any) -> tuple[Any, ...]:
+            return event.phase, np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz)
 
-        gizmo.on_update(_)
+        self._window.on(gizmo.on_update, partial(self._drag, name, edit_to), placed)
 
-    def _drag(self, phase: str, name: str, edit: Edit) -> None:
+    def _drag(self, name: str, edit_to: Callable[[Array, Array], Edit], phase: str, *places: Any) -> None:
         """Preview a drag while it lasts; at its end it is one change."""
+        edit = edit_to(*map(np.array, places))
         if phase == "update":
-            self._window.post(lambda: self._window.drag(edit))
+            self._window.drag(edit)
         elif phase == "end":
-            self._window.post(lambda: self._window.change(f"drag {name}", edit))
+            self._window.change(f"drag {name}", edit)
 
 
 def _spread(scene: TwinScene) -> float:

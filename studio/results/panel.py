@@ -38,8 +38,8 @@ class ResultsPanel:
         self._what = gui.add_dropdown("map", WHATS)
         self._left, self._right = gui.add_dropdown("left", ("",)), gui.add_dropdown("right", ("",))
         self._zoom = gui.add_dropdown("zoom", tuple(f"{zoom} x" for zoom in ZOOMS), hint="About the cursor")
-        self._pan = gui.add_button_group("move", tuple(STEPS))
-        self._pan.on_click(self._on_pan)
+        pan = gui.add_button_group("move", tuple(STEPS))
+        window.on(pan.on_click, self._move, lambda event: STEPS[event.target.value])
         self._cursor = gui.add_vector2("cursor, px", (0, 0), step=1, hint="Column and row; or click either picture")
         with gui.add_folder("Pixel"):
             self._side = gui.add_dropdown("samples of", SIDES)
@@ -109,12 +109,11 @@ class ResultsPanel:
         self.choice = choice
         self._look()
 
+    def _move(self, across: float, down: float) -> None:
+        self._take(self.choice.moved(self._results, across, down))
+
     def _look(self) -> None:
         self._window.choose(view=VIEW)
-
-    async def _on_pan(self, event: Any) -> None:
-        step = STEPS[self._pan.value]
-        self._window.post(lambda: self._take(self.choice.moved(self._results, *step)))
 
     def _high(self) -> float:
         wide, high = layout_of(self._results).size

@@ -117,13 +117,15 @@ class BallMarks:
         return list(self._knobs)
 
     def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float]], None]) -> None:
-        async def _(event: Any) -> None:
-            eye = np.array(event.client.camera.position)
-            pixel = plane.pixel(eye, np.array(event.end_position) - eye)
-            if pixel is not None and event.phase != "start":
-                self._window.post(lambda: use(pixel))
+        def dragged(phase: str, eye: Array, end: Array) -> None:
+            pixel = plane.pixel(eye, end - eye)
+            if pixel is not None and phase != "start":
+                use(pixel)
 
-        knob.on_drag("left")(_)
+        def said(event: Any) -> tuple[Any, ...]:
+            return event.phase, np.array(event.client.camera.position), np.array(event.end_position)
+
+        self._window.on(knob.on_drag("left"), dragged, said)
 
     def _add_highlights(self, plane: Plane) -> list[Any]:
         """Draw the chosen ball's highlights, and by how much they miss, drawn larger."""

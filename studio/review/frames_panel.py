@@ -19,8 +19,8 @@ class FramesPanel:
         self._window, gui = window, window.client.gui
         self._look = Inputs(window, window.show)
         self._lacks = gui.add_markdown("")
-        self._view = gui.add_button_group("view", VIEWS)
-        self._view.on_click(self._on_view)
+        views = gui.add_button_group("view", VIEWS)
+        window.on(views.on_click, self._see, lambda event: (event.target.value,))
         self._frame = gui.add_slider("frame", min=1, max=2, step=1, initial_value=1, hint="Or click one in the strip")
         self._facts = gui.add_markdown("")
         with gui.add_folder("Over the photograph"):
@@ -32,10 +32,10 @@ class FramesPanel:
             self._note = gui.add_markdown("")
         window.on_input(self._frame, lambda value: window.choose(frame=int(value) - 1))
 
-    async def _on_view(self, event: object) -> None:
-        window, value = self._window, self._view.value
-        # A second press on the view that is shown looks at all of it again.
-        window.post(lambda: window.choose(view=value) if window.view != value else window.look_again())
+    def _see(self, view: Any) -> None:
+        """Look at a view; a second press on the one that is shown looks at all of it again."""
+        window = self._window
+        window.choose(view=view) if window.view != view else window.look_again()
 
     def refresh(self) -> None:
         """Follow the window."""

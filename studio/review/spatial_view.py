@@ -6,11 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import SceneError
-from scene.lights import Lights
 from scene.mesh import Mesh
 from studio.display_mesh import MOST_FACES, display_mesh
 from studio.editor.placement import quaternion
-from studio.review.hemisphere import Ellipsoid, distant_ellipsoid, ellipsoid_of
+from studio.review.hemisphere import covariance_mm2, ellipsoid_of, light_places
 from studio.review.plane import add_numbered
 from studio.review.review_window import ReviewWindow
 from studio.review.scan_picks import load_scan, met
@@ -108,28 +107,24 @@ class SpatialView:
             return handles
         places, reference = light_places(lights), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
-        for index, (place, ellipsoid) in enumerate(zip(places, self._ellipsoids(lights, reach), strict=True)):
+        known = window.review.position_covariance_mm2
+        # Of a near light its direction alone says nothing of how far away it is.
+        is_told = lights.positions_mm is None or known is not None
+        for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
             colour = CHOSEN if index == window.frame else PLAIN
             at = tuple(place * UNITS_PER_MM)
             look = {"subdivisions": 2, "color": colour, "position": at, **NO_SHADOW}
             handles.append(add_light_arrow(view, f"{LIGHTS}/arrow_{index}", (place, reference), reach, colour))
             bodies = [view.add_icosphere(f"{LIGHTS}/light_{index}", radius=0.012 * reach * UNITS_PER_MM, **look)]
             handles.append(view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at))
-            if ellipsoid is not None:
-                axes = tuple(np.maximum(window.factor * ellipsoid.half_axes_mm * UNITS_PER_MM, 1e-4))
-                look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid.rotation)}
+            if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
+                axes = tuple(np.maximum(window.factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
+                look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
                 bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
             for body in bodies:
-                window.on_pick(body, lambda frame=index: window.choose(frame=frame))
+                window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
             handles += bodies
         return handles
-
-    def _ellipsoids(self, lights: Lights, reach: float) -> list[Ellipsoid | None]:
-        covariance = self._window.review.position_covariance_mm2
-        if lights.positions_mm is not None:
-            return [None] * len(lights) if covariance is None else [ellipsoid_of(one) for one in covariance]
-        pairs = zip(lights.directions, lights.direction_sigma_deg, strict=True)
-        return [distant_ellipsoid(direction, float(sigma), reach) for direction, sigma in pairs]
 
     def _add_scan(self) -> list[Any]:
         mesh = self._scan()
@@ -166,13 +161,6 @@ class SpatialView:
             return []
         places = [tuple((np.array(point) - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)) for point in points]
         return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
-
-
-def light_places(lights: Lights) -> Array:
-    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
-    if lights.positions_mm is not None:
-        return lights.positions_mm
-    return lights.reference_point_mm + 1000.0 * lights.directions
 
 
 def _display(mesh: Mesh, most_faces: int = MOST_FACES) -> tuple[Array, NDArray[np.uint32]]:
