@@ -128,7 +128,9 @@ class LightsPanel:
 
     def _choose_map(self, name: str) -> None:
         if name == NONE:
-            self._window.change("no map", edits.without_map)
+            # The ambient light stays.
+            bare: dict[str, Any] = {"radiance": None, "scale": 1.0, "rotate_deg": 0.0}
+            self._window.change("no map", lambda scene: edits.with_environment(scene, **bare))
         elif not name.startswith("("):
             radiance = read_picture(self._window.workspace.path(name))
             # Kept with the picture itself: its identity is given to no other while it is here.

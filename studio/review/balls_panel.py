@@ -61,10 +61,8 @@ class BallsPanel:
             self._radius.value = round(ball.radius_px, 2)
 
     def _choose(self, value: str) -> None:
-        if value == ALL:
-            self._window.leave_ball()
-        else:
-            self._window.choose(ball=int(value.split(":")[0]) - 1, view="Photograph")
+        there = {"ball": None} if value == ALL else {"ball": int(value.split(":")[0]) - 1, "view": "Photograph"}
+        self._window.choose(**there)
 
     def _correct(self, edit: Callable[..., Any], value: Any) -> None:
         window, camera = self._window, self._window.review.material.camera

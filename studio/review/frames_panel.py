@@ -35,7 +35,7 @@ class FramesPanel:
     def _see(self, view: Any) -> None:
         """Look at a view; a second press on the one that is shown looks at all of it again."""
         window = self._window
-        window.choose(view=view) if window.view != view else window.look_again()
+        window.choose(**{"view": view} if window.view != view else {"looks": window.looks + 1, "ball": None})
 
     def refresh(self) -> None:
         """Follow the window."""
@@ -102,13 +102,14 @@ class WarningsPanel:
 
     def _add(self, one: Warned) -> list[Any]:
         gui, frames = self._window.client.gui, self._window.review.material.frames
-        targets = [(f"Show {frames.names[frame]}", frame) for frame in one.frames[:4]] if frames is not None else []
-        if one.ball is not None and not targets:
-            targets = [(f"Show ball {one.ball + 1}", None)]
-        return [
-            gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"),
-            *(self._window.on_click(gui.add_button(label), self._going(frame, one)) for label, frame in targets),
-        ]
+        targets = [(f"Show {frames.names[frame]}", {"frame": frame}) for frame in one.frames[:4]] if frames else []
+        ball = {} if one.ball is None else {"ball": one.ball}
+        if ball and not targets:
+            targets = [(f"Show ball {ball['ball'] + 1}", ball)]
 
-    def _going(self, frame: int | None, one: Warned) -> Any:
-        return lambda: self._window.choose(frame=frame, ball=one.ball, view="Photograph")
+        def button(label: str, there: dict[str, int]) -> Any:
+            return self._window.on_click(
+                gui.add_button(label), lambda: self._window.choose(view="Photograph", **ball | there)
+            )
+
+        return [gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"), *(button(*pair) for pair in targets)]

@@ -125,7 +125,7 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
         visitor.keep("review_twin")
 
         visitor.tab("Scan")
-        window.post(lambda: window.stand_beside(None))
+        window.post(lambda: window.choose(beside=None))
         visitor.press("Start picking")
         visitor.until(lambda: window.on_photograph is not None, "picking has begun")
         picks, mesh, plane = panel(window, ScanPanel), load_scan(window.review), Plane(160, 120)
