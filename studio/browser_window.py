@@ -1,6 +1,5 @@
 """What every browser has: a thread that does what it says in order, panels, and words for what went wrong."""
 
-import asyncio
 import ctypes
 import sys
 import traceback
@@ -81,13 +80,12 @@ class BrowserWindow:
         """Show what was done, for a while."""
         self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
 
-    def post(self, work: Callable[[], Any]) -> bool:
+    def post(self, work: Callable[[], Any], *, droppable: bool = False) -> bool:
         """Do something in the window's thread, after what it is at; return whether it will be done.
 
-        Where too much waits, what the browser says, in the server's loop, is dropped, and that is told once; what the
-        studio's own threads say never is.
+        droppable: What the browser says: where too much waits it is dropped, and that is told once.
         """
-        if len(self._waiting) >= MOST_WAITING and _is_in_loop():
+        if len(self._waiting) >= MOST_WAITING and droppable:
             if not self._is_full:
                 self._is_full = True
                 self.show_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
@@ -114,7 +112,7 @@ class BrowserWindow:
             if event.client is not None:
                 value = event.target.value
                 self._inputs.append(handle)
-                if not self.post(lambda: self._take(use, value)):
+                if not self.post(lambda: self._take(use, value), droppable=True):
                     self._inputs.pop()
 
         handle.on_update(_)
@@ -140,7 +138,7 @@ class BrowserWindow:
         async def _(event: Any) -> None:
             if event.client is not None:
                 values = said(event)
-                self.post(lambda: use(*values))
+                self.post(lambda: use(*values), droppable=True)
 
         listen(_)
 
@@ -191,14 +189,6 @@ class BrowserWindow:
             except Exception:
                 traceback.print_exc()
         _give_back()
-
-
-def _is_in_loop() -> bool:
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
-        return False
-    return True
 
 
 def _give_back() -> None:

@@ -28,20 +28,18 @@ class SceneView:
         self._window, self._view = window, window.client.scene
         self._layers = Layers()
         self._meshes: dict[int, tuple[ObjectMesh, Any]] = {}
-        self._looked_at = np.full(3, np.nan)
 
     def refresh(self) -> None:
         """Show the window's scene; only what changed is sent."""
         window, scene, layers = self._window, self._window.scene, self._layers
         lights, spread = scene.lights, _spread(scene)
-        if not np.array_equal(lights.reference_point_mm, self._looked_at):
-            self._looked_at = lights.reference_point_mm
-            # At the objects, from beside the camera.
-            away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
-            window.look(edits.middle_of(scene) * UNITS_PER_MM, away)
+        # At the objects, from beside the camera.
+        away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
+        look = partial(window.look, edits.middle_of(scene) * UNITS_PER_MM, away)
+        layers.draw("look", lights.reference_point_mm.tobytes(), look)
         objects = {f"object {index}": one for index, one in enumerate(scene.objects)}
         places = {f"light {index}": _place(scene, index, spread) for index in range(len(lights))}
-        layers.keep_only({*objects, *places, "camera"})
+        layers.keep_only({*objects, *places, "camera", "look"})
         for index, (name, one) in enumerate(objects.items()):
             is_picked = window.picked == "object" and window.object == index
             colour = _colour(scene.materials[one.material])

@@ -31,7 +31,7 @@ class ResultsPanel:
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
-        self._layers, self._looked = Layers(), None
+        self._layers = Layers()
         self._root = window.client.scene.add_frame(ROOT, show_axes=False, visible=False)
         self._pictures: list[Any] = []
         self._read()
@@ -91,12 +91,11 @@ class ResultsPanel:
         self._what.value, self._zoom.value = choice.what, f"{choice.zoom} x"
         if choice.cursor is not None:
             self._cursor.value = choice.cursor
+        self._layers.draw("face", (window.view, self._reading, window.looks), self._face)
         if window.view != VIEW:
-            self._looked = None
             return
         self._layers.draw("frame", self._reading, self._add_pictures)
         self._layers.draw("pictures", (self._reading, choice), self._draw)
-        self._face()
         methods = [source.method for source in (choice.left, choice.right) if source.method in results.methods]
         self._layers.draw("errors", (self._reading, tuple(methods)), lambda: self._add_errors(methods))
         key = (self._reading, choice.cursor, self._side.value, self._by.value)
@@ -126,9 +125,7 @@ class ResultsPanel:
 
     def _face(self) -> None:
         """Look straight at both pictures when they are first shown."""
-        wanted = (self._reading, self._window.looks)
-        is_new, self._looked = wanted != self._looked, wanted
-        if is_new:
+        if self._window.view == VIEW:
             wide, high = self.size
             self._window.look_straight([0.0, -BELOW / 2, 0.0], 2 * wide + GAP, high + BELOW + 0.5)
 

@@ -23,7 +23,6 @@ class PhotographView:
         self._root = self._view.add_frame(ROOT, show_axes=False)
         self._layers, self._marks = Layers(), BallMarks(window)
         self._sheet: ContactSheet | None = None
-        self._looked: Any = None
 
     def refresh(self) -> None:
         """Show the window's frame, balls and strip; only what changed is sent."""
@@ -34,7 +33,8 @@ class PhotographView:
         draw, reading = self._layers.draw, window.reading
         draw("sheet", reading, self._make_sheet)
         draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
-        self._face(plane)
+        key = (window.view, window.ball, reading, window.beside is None, window.looks)
+        draw("face", key, lambda: self._face(plane))
         draw("picture", (reading, window.frame, window.shown), lambda: self._add_picture(plane))
         draw("beside", window.beside, lambda: self._add_beside(plane))
         self._marks.refresh(plane)
@@ -45,9 +45,7 @@ class PhotographView:
     def _face(self, plane: Plane) -> None:
         """Look straight at the photograph, or at the chosen ball, when another is chosen."""
         window = self._window
-        wanted = (window.view, window.ball, window.reading, window.beside is None, window.looks)
-        is_new, self._looked = wanted != self._looked, wanted
-        if not is_new or window.view != "Photograph":
+        if window.view != "Photograph":
             return
         if window.ball is not None:
             ball = window.outlines[window.ball]
@@ -89,9 +87,8 @@ class PhotographView:
         if away and min(away) < 1:
             window.choose(ball=int(np.argmin(away)))
 
-    def _make_sheet(self) -> list[Any]:
+    def _make_sheet(self) -> None:
         self._sheet = contact_sheet(self._window.review)
-        return []
 
     def _add_strip(self, plane: Plane) -> list[Any]:
         window, sheet, high = self._window, self._sheet, self._strip_high()
