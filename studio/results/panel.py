@@ -2,7 +2,6 @@
 
 import textwrap
 from dataclasses import replace
-from functools import partial
 from typing import Any, cast
 
 import numpy as np
@@ -13,9 +12,9 @@ from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pi
 from studio.results.result_maps import SIDES, Results, Side, Source
 from studio.results.side_by_side import PALE, WHATS, Choice, key_of, map_picture, viewport_of
 from studio.results.viewport import LARGEST, ZOOMS
-from studio.review.plane import UPRIGHT
+from studio.review.plane import add_picture
 from studio.review.review_window import ReviewWindow, View
-from studio.widgets import NO_SHADOW, Layers, met_in_plane, plain
+from studio.widgets import Layers, plain
 
 ROOT = "/results"
 VIEW: View = "Results"
@@ -131,23 +130,16 @@ class ResultsPanel:
 
     def _add_pictures(self) -> list[Any]:
         """Add both pictures, in which what has changed is drawn anew: nothing flickers."""
-        wide, high = self.size
         # Without loss: a colour is a value.
-        look = {"format": "png", "wxyz": UPRIGHT, **NO_SHADOW}
-        add, size = self._window.client.scene.add_image, (np.full((2, 2, 3), PALE, np.uint8), wide, high)
-        self._pictures = [add(f"{ROOT}/{i}", *size, position=(x, 0, 0), **look) for i, x in enumerate(MIDDLES)]
-
-        def clicked(x: float, origin: Any, direction: Any) -> None:
-            met = met_in_plane(origin, direction)
-            if met is None:
-                return
-            pixel = viewport_of(self._results, self.choice).pixel((met[0] - x) / wide + 0.5, 0.5 - met[1] / high)
-            if pixel is not None:
-                self.point(*pixel)
-
-        for picture, x in zip(self._pictures, MIDDLES, strict=True):
-            self._window.on_ray(picture, partial(clicked, x))
+        blank, look = np.full((2, 2, 3), PALE, np.uint8), {"use": self._clicked, "lossless": True}
+        places = [(f"{ROOT}/{side}", blank, self.size, (x, 0.0, 0.0)) for side, x in enumerate(MIDDLES)]
+        self._pictures = [add_picture(self._window, *place, **look) for place in places]
         return self._pictures
+
+    def _clicked(self, across: float, down: float) -> None:
+        pixel = viewport_of(self._results, self.choice).pixel(across, down)
+        if pixel is not None:
+            self.point(*pixel)
 
     def _draw(self) -> list[Any]:
         """Draw both maps, with their names above, the key below, and in the place of one that is not there, why."""
@@ -165,7 +157,7 @@ class ResultsPanel:
         if key is not None:
             broad, low = wide * key.shape[1] / LARGEST, wide * key.shape[0] / LARGEST
             place = (left + broad / 2, -high / 2 - 0.1 - low / 2, 0)
-            handles.append(view.add_image(f"{ROOT}/key", key, broad, low, position=place, wxyz=UPRIGHT, **NO_SHADOW))
+            handles.append(add_picture(self._window, f"{ROOT}/key", key, (broad, low), place))
             left += broad + 0.1
         labels.append((words, (left, -high / 2 - 0.3), "top-left"))
         for number, (text, place, anchor) in enumerate(labels):
