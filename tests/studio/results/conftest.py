@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fixtures.random_lights import random_lights
 from scene.camera import Camera
 from scene.estimate import Estimate
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.normals import unit
 from scene.output_folder import open_record
 from scene.store import Store
@@ -25,16 +25,8 @@ CLIPPED_FRAME, SHADOW_FRAME = 3, 6
 
 
 def lights_of(count=10, *, near=True):
-    generator = np.random.default_rng(10_061)
-    positions = REFERENCE + generator.uniform([-160, -160, 180], [160, 160, 260], (count, 3))
-    away = positions - REFERENCE
-    return Lights(
-        tuple(f"flash_{index:02}" for index in range(count)),
-        away / np.linalg.norm(away, axis=1, keepdims=True),
-        generator.uniform(0.6, 1.4, (count, 3)),
-        positions if near else None,
-        REFERENCE,
-    ).normalised()
+    room = ([-160, -160, 180], [160, 160, 260])
+    return random_lights(10_061, REFERENCE, *room, count=count, strengths=(0.6, 1.4), near=near).normalised()
 
 
 def render(lights, normals, albedo, generator, noise):

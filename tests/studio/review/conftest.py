@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fixtures.random_lights import random_lights
 from lab.run import run_session
 from scene.camera import Camera
 from scene.files import write_json
 from scene.frames import Frames
-from scene.lights import Lights
 from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
@@ -27,20 +27,11 @@ WARNING = "flash_2: the white ball stands in shadow; look at the frame."
 
 
 def near_lights(count=5):
-    generator = np.random.default_rng(10_001)
-    positions = REFERENCE + generator.uniform([-500, -500, 500], [500, 500, 900], (count, 3))
-    away = positions - REFERENCE
-    return Lights(
-        tuple(f"flash_{index}" for index in range(count)),
-        away / np.linalg.norm(away, axis=1, keepdims=True),
-        generator.uniform(0.7, 1.3, (count, 3)),
-        positions,
-        REFERENCE,
-        np.full(count, 0.4),
-        np.full(count, 0.01),
-        white_value=np.ones(3),
-        flags=((), (), (), ("no highlight seen",), ()),
-    ).normalised()
+    room, sigmas = ([-500, -500, 500], [500, 500, 900]), (np.full(count, 0.4), np.full(count, 0.01))
+    return random_lights(
+        10_001, REFERENCE, *room, count=count, strengths=(0.7, 1.3), direction_sigma_deg=sigmas[0],
+        intensity_sigma=sigmas[1], white_value=np.ones(3), flags=((), (), (), ("no highlight seen",), ()),
+    ).normalised()  # fmt: skip
 
 
 def balls():

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fixtures.random_lights import random_lights
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
@@ -25,18 +26,10 @@ BALL = Sphere("chrome", np.array([150.0, 330.0]), 45.0, 100.0)
 
 
 def lights(near=True, count=7):
-    generator = np.random.default_rng(10_003)
+    room = ([-900, -900, 200], [900, 900, 1200])
+    sigma = np.full(count, 0.3)
     reference = np.array([10.0, -20.0, -950.0])
-    positions = reference + generator.uniform([-900, -900, 200], [900, 900, 1200], (count, 3))
-    away = positions - reference
-    return Lights(
-        tuple(f"flash_{i}" for i in range(count)),
-        away / np.linalg.norm(away, axis=1, keepdims=True),
-        np.ones((count, 3)),
-        positions if near else None,
-        reference,
-        np.full(count, 0.3),
-    )
+    return random_lights(10_003, reference, *room, count=count, near=near, direction_sigma_deg=sigma)
 
 
 @pytest.mark.parametrize(("camera", "near"), [(CAMERA, True), (CAMERA, False), (ORTHOGRAPHIC, False)])
