@@ -76,8 +76,8 @@ class WorkButtons:
     ) -> None:  # fmt: skip
         self._window, self._label, self._begin, self._ended, self._idle = window, label, begin, ended, idle
         gui = window.client.gui
-        self.start = window.on_click(gui.add_button(label, color="green"), self._start)
-        self._stop = window.on_click(gui.add_button("Stop", color="red", disabled=True), self._halt)
+        self.start = window.button(label, self._start, color="green")
+        self._stop = window.button("Stop", self._halt, color="red", disabled=True)
         self._bar = gui.add_progress_bar(0, visible=False)
         self.text = gui.add_markdown("")
         self._process: BackgroundProcess | None = None

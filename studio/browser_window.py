@@ -142,8 +142,9 @@ class BrowserWindow:
 
         listen(_)
 
-    def on_click(self, handle: Any, use: Callable[[], Any]) -> Any:
-        """Call `use` when a button is pressed. Return the handle."""
+    def button(self, label: str, use: Callable[[], Any], **look: Any) -> Any:
+        """Add a button that calls `use`. Return the handle."""
+        handle = self.client.gui.add_button(label, **look)
         self.on(handle.on_click, use)
         return handle
 

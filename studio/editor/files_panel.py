@@ -20,19 +20,17 @@ class FilesPanel:
     def __init__(self, window: EditorWindow) -> None:
         self._window, gui = window, window.client.gui
         with gui.add_folder("Scene"):
-            self._undo = window.on_click(gui.add_button("Undo"), window.undo)
-            self._redo = window.on_click(gui.add_button("Redo"), window.redo)
+            self._undo = window.button("Undo", window.undo)
+            self._redo = window.button("Redo", window.redo)
             self._document = window.history.document
             self._name = gui.add_text("name", self._document.name, hint="Folder in the workspace")
-            window.on_click(
-                gui.add_button("Save scene"), lambda: window.notify("Saved", window.workspace.name(self._save()))
-            )
+            window.button("Save scene", lambda: window.notify("Saved", window.workspace.name(self._save())))
             self._file = gui.add_dropdown("scene", (NONE,))
-            window.on_click(gui.add_button("Open scene"), self._open)
-            window.on_click(gui.add_button("New scene"), self._new)
-            window.on_click(gui.add_button("Look for files again"), self._look)
+            window.button("Open scene", self._open)
+            window.button("New scene", self._new)
+            window.button("Look for files again", self._look)
         with gui.add_folder("Dataset"):
-            window.on_click(gui.add_button("Export for Mitsuba"), self._export)
+            window.button("Export for Mitsuba", self._export)
             self._work = WorkButtons(window, "Render dataset", self._render, self._rendered)
 
     def refresh(self) -> None:

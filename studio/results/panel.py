@@ -35,7 +35,7 @@ class ResultsPanel:
         self._pictures: list[Any] = []
         self._read()
         self.choice = Choice("normals", *self._results.first_pair)
-        window.on_click(gui.add_button("Show side by side"), self._look)
+        window.button("Show side by side", self._look)
         self._lacks = gui.add_markdown("")
         self._what = gui.add_dropdown("map", WHATS)
         self._left, self._right = gui.add_dropdown("left", ("",)), gui.add_dropdown("right", ("",))

@@ -31,17 +31,16 @@ class BallsPanel:
             window.on_input(self._center, lambda value: self._correct(moved, value))
             window.on_input(self._radius, lambda value: self._correct(resized, value))
             self._kind = gui.add_dropdown("kind of a new ball", ("chrome", "white"))
-            window.on_click(gui.add_button("Add a ball"), self._add)
-            self._remove = window.on_click(gui.add_button("Remove this ball"), self._take_out)
-            back = gui.add_button("Back to the balls as found")
-            window.on_click(back, lambda: window.correct(outlines_of(window.review)))
+            window.button("Add a ball", self._add)
+            self._remove = window.button("Remove this ball", self._take_out)
+            window.button("Back to the balls as found", lambda: window.correct(outlines_of(window.review)))
         with gui.add_folder("Calibrate again"):
-            self._again = window.on_click(gui.add_button("Calibrate again", color="green"), self._start)
+            self._again = window.button("Calibrate again", self._start, color="green")
             self._bar = gui.add_progress_bar(0, visible=False)
             self._changes = gui.add_markdown(
                 "Nothing is written: what would change is shown here, and the outlines as they are found again (blue)."
             )
-            self._keep = window.on_click(gui.add_button("Keep these balls", disabled=True), self._keep_balls)
+            self._keep = window.button("Keep these balls", self._keep_balls, disabled=True)
         window.on_input(self._ball, self._choose)
 
     def refresh(self) -> None:

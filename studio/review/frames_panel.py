@@ -108,8 +108,6 @@ class WarningsPanel:
             targets = [(f"Show ball {ball['ball'] + 1}", ball)]
 
         def button(label: str, there: dict[str, int]) -> Any:
-            return self._window.on_click(
-                gui.add_button(label), lambda: self._window.choose(view="Photograph", **ball | there)
-            )
+            return self._window.button(label, lambda: self._window.choose(view="Photograph", **ball | there))
 
         return [gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"), *(button(*pair) for pair in targets)]

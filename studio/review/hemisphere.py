@@ -138,7 +138,7 @@ class HemispherePanel:
         self._picture = gui.add_html("")
         self._factor = gui.add_dropdown("sigma drawn", tuple(f"{factor} times" for factor in FACTORS))
         self._facts = gui.add_markdown("")
-        window.on_click(gui.add_button("Show in 3-D"), lambda: window.choose(view="Lights in 3-D"))
+        window.button("Show in 3-D", lambda: window.choose(view="Lights in 3-D"))
         window.on_input(self._factor, lambda value: window.choose(factor=int(value.split()[0])))
         if window.review.lights is not None:
             window.factor = fitting_factor(window.review.lights)

@@ -20,8 +20,8 @@ class RunPanel:
         self._window, gui = window, window.client.gui
         self._what = gui.add_markdown("")
         self.work = WorkButtons(window, "Run the steps", self._arguments, self._ended, window.read_again)
-        window.on_click(gui.add_button("Read the folder again"), window.read_again)
-        self._forget_button = window.on_click(gui.add_button("Forget what was kept"), self._forget)
+        window.button("Read the folder again", window.read_again)
+        self._forget_button = window.button("Forget what was kept", self._forget)
 
     def refresh(self) -> None:
         """Say what would be run."""

@@ -28,11 +28,11 @@ class ScanPanel:
                 "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. "
                 "Four pairs at least, better six, spread over the object."
             )
-            self._go = window.on_click(gui.add_button("Start picking"), self._toggle)
+            self._go = window.button("Start picking", self._toggle)
             self._status = gui.add_markdown("")
-            window.on_click(gui.add_button("Take the last one back"), self._take_back)
-            window.on_click(gui.add_button("Pose from the picks"), self._pose)
-            self._keep = window.on_click(gui.add_button("Keep these picks", disabled=True), self._keep_picks)
+            window.button("Take the last one back", self._take_back)
+            window.button("Pose from the picks", self._pose)
+            self._keep = window.button("Keep these picks", self._keep_picks, disabled=True)
 
     def refresh(self) -> None:
         """Follow the window."""
