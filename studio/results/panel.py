@@ -159,7 +159,7 @@ class ResultsPanel:
             place = (left + broad / 2, -high / 2 - 0.1 - low / 2, 0)
             handles.append(add_picture(self._window, f"{ROOT}/key", key, (broad, low), place))
             left += broad + 0.1
-        labels.append((words, (left, -high / 2 - 0.3), "top-left"))
+        labels.append((textwrap.fill(words, 36), (left, -high / 2 - 0.15), "top-left"))
         for number, (text, place, anchor) in enumerate(labels):
             handles.append(view.add_label(f"{ROOT}/words_{number}", text, position=(*place, 0.0), anchor=anchor))
         return handles
