@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from lab.job import Job
+from rgbn.summary_table import number_table
 from scene.errors import AlignError
 from scene.files import write_json
 
@@ -65,25 +66,24 @@ def check_alignment(job: Job) -> dict[str, Any]:
 def tell_check(result: dict[str, Any]) -> None:
     """Print what `check_alignment` found, for people at a terminal."""
     from rich.console import Console
-    from rich.table import Table
 
-    console = Console()
-    ways = Table(title="Started beside the pose, and refined again", title_justify="left")
-    for head in ("", "from the pose, px", "outline, px", "shading, %", "normals, degrees"):
-        ways.add_column(head, justify="right")
+    console, rows = Console(), []
     starts = zip(result["before"], result["after"], result["started_px"], result["returned_px"], strict=True)
     for number, (before, after, started, returned) in enumerate(starts):
-        ways.add_row(f"start {number + 1}", f"{started:.2f}", *_residuals(before))
-        ways.add_row("refined", f"{returned:.3f}", *_residuals(after))
-    ways.add_row("the pose", "0", *_residuals(result["here"]))
-    console.print(ways)
-    along = result["along"]
-    middle = result["steps_px"].index(0.0)
-    around = Table(title="The cost around the pose, relative to the cost at it", title_justify="left")
-    for head in ("px", *(row["axis"].replace("about ", "").replace("along ", "") for row in along)):
-        around.add_column(head, justify="right")
-    for index, step in enumerate(result["steps_px"]):
-        around.add_row(f"{step:+g}", *(f"{row['cost'][index] / max(row['cost'][middle], 1e-12):.2f}" for row in along))
+        rows.append((f"start {number + 1}", f"{started:.2f}", *_residuals(before)))
+        rows.append(("refined", f"{returned:.3f}", *_residuals(after)))
+    rows.append(("the pose", "0", *_residuals(result["here"])))
+    heads = ("", "from the pose, px", "outline, px", "shading, %", "normals, degrees")
+    console.print(number_table("Started beside the pose, and refined again", heads, rows))
+    along, steps = result["along"], result["steps_px"]
+    middle = steps.index(0.0)
+    costs = [[f"{cost / max(row['cost'][middle], 1e-12):.2f}" for cost in row["cost"]] for row in along]
+    heads = ("px", *(row["axis"].replace("about ", "").replace("along ", "") for row in along))
+    around = number_table(
+        "The cost around the pose, relative to the cost at it",
+        heads,
+        ((f"{step:+g}", *row) for step, *row in zip(steps, *costs, strict=True)),
+    )
     around.add_section()
     least = (row["minimum_px"] for row in along)
     around.add_row("least at", *("–" if value is None else f"{value:+.2f}" for value in least))

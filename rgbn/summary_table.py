@@ -1,7 +1,20 @@
 """The end of a run, for people at a terminal: the figures and the warnings."""
 
 import json
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
+
+
+def number_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, words: int = 0) -> Any:
+    """Return a table for a terminal, whose first columns, `words`, are texts and the others numbers."""
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left")
+    for place, head in enumerate(heads):
+        table.add_column(head, justify="left" if place < words else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table
 
 
 def tell(summary: dict[str, Any], as_json: bool) -> None:
@@ -22,14 +35,11 @@ def tell(summary: dict[str, Any], as_json: bool) -> None:
     console.print(table)
     methods = summary["compare"].get("methods") or {}
     if any(row.get("real") for row in methods.values()):
-        console.print(_error_table(Table, methods))
+        heads = ("method", "frames", "mean", "median", "under 5", "under 10")
+        console.print(number_table("Angular error, degrees", heads, _error_rows(methods), words=2))
     if check := summary.get("truth_check"):
-        known = Table(title="Against the known truth", title_justify="left")
-        known.add_column("figure")
-        known.add_column("value", justify="right")
-        for row in check.values():
-            known.add_row(row["text"], f"{row['value']:.3g} {row['unit']}")
-        console.print(known)
+        known = [(row["text"], f"{row['value']:.3g} {row['unit']}") for row in check.values()]
+        console.print(number_table("Against the known truth", ("figure", "value"), known, words=1))
     for warning in summary["warnings"]:
         # The texts name keys such as [camera], which rich would take for its markup.
         console.print(Text("warning ", style="yellow") + Text(f"({warning['step']}) {warning['text']}"))
@@ -66,19 +76,9 @@ def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
     return rows
 
 
-def _error_table(table_type: Any, methods: dict[str, Any]) -> Any:
-    table = table_type(title="Angular error, degrees", title_justify="left")
-    for column in ("method", "frames", "mean", "median", "under 5", "under 10"):
-        table.add_column(column, justify="left" if column in ("method", "frames") else "right")
+def _error_rows(methods: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     for name, row in methods.items():
         for label in ("real", "twin"):
-            if statistics := row.get(label):
-                table.add_row(
-                    name,
-                    label,
-                    f"{statistics['mean_deg']:.2f}",
-                    f"{statistics['median_deg']:.2f}",
-                    f"{statistics['under_5_deg']:.0%}",
-                    f"{statistics['under_10_deg']:.0%}",
-                )
-    return table
+            if found := row.get(label):
+                degrees = (f"{found[key]:.2f}" for key in ("mean_deg", "median_deg"))
+                yield name, label, *degrees, *(f"{found[key]:.0%}" for key in ("under_5_deg", "under_10_deg"))

@@ -34,22 +34,24 @@ def absent(libraries: dict[str, str]) -> list[str]:
     return packages
 
 
+def install(packages: list[str]) -> None:
+    """Install Debian packages, where that may be done without asking."""
+    command = _installer() if packages and sys.platform == "linux" else []
+    if not command:
+        return
+    print(f"installing {' '.join(packages)}", flush=True)
+    # One by one: an older release that lacks a helpful one must still get the needed ones.
+    installs = (["install", "-y", "-qq", "--no-install-recommends", package] for package in packages)
+    for words in (["update", "-qq"], *installs):
+        subprocess.run([*command, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
+
+
 def main() -> int:
     """Install what is missing; return the exit code for make."""
-    needed, helpful = absent(NEEDED), absent_files(HELPFUL)
-    if not needed and not helpful:
-        return 0
     if sys.platform != "linux":
         return 0
-    command = _installer()
-    if command:
-        print(f"installing system libraries: {' '.join([*needed, *helpful])}", flush=True)
-        _quietly([*command, "update", "-qq"])
-        # One by one: an older release that lacks a helpful one must still get the needed ones.
-        for package in (*needed, *helpful):
-            _quietly([*command, "install", "-y", "-qq", package])
-    needed = absent(NEEDED)
-    if needed:
+    install([*absent(NEEDED), *absent(HELPFUL)])
+    if needed := absent(NEEDED):
         libraries = ", ".join(library for library, package in NEEDED.items() if package in needed)
         print(
             f"rgbn needs system libraries that are not here, and may not install them itself. Run:\n"
@@ -58,29 +60,9 @@ def main() -> int:
             file=sys.stderr,
         )
         return 2
-    if absent_files(HELPFUL):
+    if absent(HELPFUL):
         print("Optional: `sudo apt-get install libllvm19` makes rendering several times faster.")
     return 0
-
-
-def have_browser() -> int:
-    """Install the Chromium that the studio is tested in, where that may be; its tests are skipped without."""
-    command = _installer() if sys.platform == "linux" and not shutil.which("chromium") else []
-    if command:
-        print("installing Chromium for the tests of the studio", flush=True)
-        _quietly([*command, "update", "-qq"])
-        _quietly([*command, "install", "-y", "-qq", "--no-install-recommends", "chromium"])
-    return 0
-
-
-def absent_files(libraries: dict[str, str]) -> list[str]:
-    """Like `absent`, by file: loading an LLVM into this process would be a waste."""
-    known = subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=False).stdout
-    return [package for library, package in libraries.items() if library not in known]
-
-
-def _quietly(command: list[str]) -> None:
-    subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False)
 
 
 def _installer() -> list[str]:
@@ -96,4 +78,8 @@ def _installer() -> list[str]:
 
 
 if __name__ == "__main__":
-    sys.exit(have_browser() if "--browser" in sys.argv else main())
+    if "--browser" not in sys.argv:
+        sys.exit(main())
+    # The Chromium that the studio is tested in; its tests are skipped without.
+    if not shutil.which("chromium"):
+        install(["chromium"])

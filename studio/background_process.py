@@ -1,42 +1,40 @@
 """Work of the command line in a process of its own: it can be stopped, and what breaks it spares the studio."""
 
+import re
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from scene.errors import SceneError
 from scene.rooms import ROOT
+from studio.browser_window import BrowserWindow
+from studio.widgets import plain
+
+LINES = 8
+"""The last ones that are shown."""
 
 
 class BackgroundProcess:
-    """Python at work with these arguments. All that is told comes from threads of this.
+    """Python at work with these arguments. All that is told comes from a thread of this.
 
-    said, printed: called with each line of the standard error and of the standard output.
-    ended: called at the end with an empty text, or with what was at fault; not after `stop`.
+    said: Called with each line of the standard error.
+    ended: Called at the end with an empty text, or with what was at fault; not after `stop`.
     """
 
-    def __init__(
-        self,
-        arguments: Sequence[str],
-        said: Callable[[str], Any],
-        ended: Callable[[str], Any],
-        printed: Callable[[str], Any] | None = None,
-    ) -> None:
+    def __init__(self, arguments: Sequence[str], said: Callable[[str], Any], ended: Callable[[str], Any]) -> None:
         self._process = subprocess.Popen(
             [sys.executable, *arguments],
             cwd=ROOT,
             stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL if printed is None else subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
             stderr=subprocess.PIPE,
             text=True,
         )
-        self._said, self._ended, self._is_stopped = [], ended, False
-        streams = ((self._process.stderr, lambda line: self._keep(line, said)), (self._process.stdout, printed))
-        readers = [threading.Thread(target=_read, args=pair, daemon=True) for pair in streams if pair[0] is not None]
-        self._end = threading.Thread(target=self._tell_the_end, args=(readers,), daemon=True)
-        for thread in (*readers, self._end):
-            thread.start()
+        self._is_stopped = False
+        self._reader = threading.Thread(target=self._read, args=(said, ended), daemon=True)
+        self._reader.start()
 
     def stop(self) -> None:
         """End the process; what it has done is kept, and the same work goes on from there."""
@@ -46,27 +44,93 @@ class BackgroundProcess:
 
     def wait(self) -> None:
         """Return when the process has ended and everything was told."""
-        self._process.wait()
-        self._end.join()
+        self._reader.join()
 
-    def _keep(self, line: str, said: Callable[[str], Any]) -> None:
-        self._said.append(line)
-        said(line.strip())
-
-    def _tell_the_end(self, readers: list[threading.Thread]) -> None:
-        for reader in readers:
-            reader.join()
-        code = self._process.wait()
+    def _read(self, said: Callable[[str], Any], ended: Callable[[str], Any]) -> None:
+        lines = []
+        with self._process:
+            for line in self._process.stderr or ():
+                lines.append(line.rstrip())
+                said(line.strip())
+        code = self._process.returncode
         if not self._is_stopped:
-            self._ended("" if code == 0 else self._fault() or f"the process ended with code {code}.")
-
-    def _fault(self) -> str:
-        """Return the message that ended the process: from the line that the command line begins with its name."""
-        starts = [number for number, line in enumerate(self._said) if line.startswith("rgbn: ")]
-        return "\n".join(self._said[starts[-1] :] if starts else self._said[-12:]).removeprefix("rgbn: ")
+            ended("" if code == 0 else _fault(lines) or f"the process ended with code {code}.")
 
 
-def _read(stream: Any, use: Callable[[str], Any]) -> None:
-    with stream as lines:
-        for line in lines:
-            use(line.rstrip())
+def _fault(lines: list[str]) -> str:
+    """Return the message that ended the process: from the line that the command line begins with its name."""
+    starts = [number for number, line in enumerate(lines) if line.startswith("rgbn: ")]
+    return "\n".join(lines[starts[-1] :] if starts else lines[-12:]).removeprefix("rgbn: ")
+
+
+class WorkButtons:
+    """A button that begins work in a process, one that stops it, a bar and what it says.
+
+    begin: Returns the process' arguments; raises SceneError where it cannot be begun.
+    ended: Called where it ended well. idle: Called whenever nothing is at work any more.
+    """
+
+    def __init__(
+        self, window: BrowserWindow, label: str, begin: Callable[[], Sequence[str]], ended: Callable[[], Any],
+        idle: Callable[[], Any] = lambda: None,
+    ) -> None:  # fmt: skip
+        self._window, self._label, self._begin, self._ended, self._idle = window, label, begin, ended, idle
+        gui = window.client.gui
+        self.start = window.button(label, self._start, color="green")
+        self._stop = window.button("Stop", self._halt, color="red", disabled=True)
+        self._bar = gui.add_progress_bar(0, visible=False)
+        self.text = gui.add_markdown("")
+        self._process: BackgroundProcess | None = None
+        self._said: list[str] = []
+        window.on_close(lambda: self._process and self._process.stop())
+
+    @property
+    def is_busy(self) -> bool:
+        return self._process is not None
+
+    def check_idle(self) -> None:
+        """Raise SceneError while something is at work."""
+        if self.is_busy:
+            raise SceneError(f"{self._label}: it is at work. Stop it first, or wait.")
+
+    def _start(self) -> None:
+        self.check_idle()
+        arguments, post = self._begin(), self._window.post
+        self._said, self._bar.value, self.text.content = [], 0, "At work ..."
+        self._process = BackgroundProcess(
+            arguments, lambda line: post(lambda: self._tell(line)), lambda fault: post(lambda: self._end(fault))
+        )
+        self._show()
+
+    def _tell(self, line: str) -> None:
+        if not self.is_busy:
+            return
+        if count := re.search(r": (\d+) of (\d+)", line):
+            self._bar.value = 100 * int(count[1]) / max(int(count[2]), 1)
+            # A count takes the place of the one before it.
+            self._said = [text for text in self._said if not text.startswith(line[: count.start(1)])]
+        self._said = [*self._said, line][-LINES:]
+        self.text.content = "\n".join(f"- {plain(text)}" for text in self._said)
+
+    def _end(self, fault: str) -> None:
+        self._rest()
+        if fault:
+            self.text.content = f"**Stopped by a fault.** {plain(fault)}"
+            self._window.show_fault(fault)
+        else:
+            self._ended()
+
+    def _halt(self) -> None:
+        if self._process is not None:
+            self._process.stop()
+            self._rest()
+            self.text.content = f"Stopped. What is done is kept; **{self._label}** goes on from there."
+
+    def _rest(self) -> None:
+        self._process = None
+        self._show()
+        self._idle()
+
+    def _show(self) -> None:
+        self.start.disabled = self._bar.visible = self.is_busy
+        self._stop.disabled = not self.is_busy

@@ -1,6 +1,5 @@
 """What every browser has: a thread that does what it says in order, panels, and words for what went wrong."""
 
-import asyncio
 import ctypes
 import sys
 import traceback
@@ -81,13 +80,12 @@ class BrowserWindow:
         """Show what was done, for a while."""
         self.client.add_notification(title, text, color="green", auto_close_seconds=8.0)
 
-    def post(self, work: Callable[[], Any]) -> bool:
+    def post(self, work: Callable[[], Any], *, droppable: bool = False) -> bool:
         """Do something in the window's thread, after what it is at; return whether it will be done.
 
-        Where too much waits, what the browser says, in the server's loop, is dropped, and that is told once; what the
-        studio's own threads say never is.
+        droppable: What the browser says: where too much waits it is dropped, and that is told once.
         """
-        if len(self._waiting) >= MOST_WAITING and _is_in_loop():
+        if len(self._waiting) >= MOST_WAITING and droppable:
             if not self._is_full:
                 self._is_full = True
                 self.show_fault("the studio is far behind; what was said last is dropped. Wait until it has caught up.")
@@ -114,7 +112,7 @@ class BrowserWindow:
             if event.client is not None:
                 value = event.target.value
                 self._inputs.append(handle)
-                if not self.post(lambda: self._take(use, value)):
+                if not self.post(lambda: self._take(use, value), droppable=True):
                     self._inputs.pop()
 
         handle.on_update(_)
@@ -129,32 +127,30 @@ class BrowserWindow:
             if self._is_behind:
                 self.refresh()
 
-    def on_click(self, handle: Any, use: Callable[[], Any]) -> Any:
-        """Call `use` when a button is pressed. Return the handle."""
+    def on(
+        self, listen: Callable[..., Any], use: Callable[..., Any], said: Callable[[Any], tuple] = lambda event: ()
+    ) -> None:
+        """Call `use` at each event of a person's that `listen` is given a listener of, such as `handle.on_click`.
+
+        said: Given the event as it comes, returns what `use` is called with; default: nothing.
+        """
 
         async def _(event: Any) -> None:
             if event.client is not None:
-                self.post(use)
+                values = said(event)
+                self.post(lambda: use(*values), droppable=True)
 
-        handle.on_click(_)
+        listen(_)
+
+    def button(self, label: str, use: Callable[[], Any], **look: Any) -> Any:
+        """Add a button that calls `use`. Return the handle."""
+        handle = self.client.gui.add_button(label, **look)
+        self.on(handle.on_click, use)
         return handle
-
-    def on_pick(self, handle: Any, use: Callable[..., Any], *arguments: Any) -> None:
-        """Call `use` with the arguments when something in the view is clicked."""
-
-        async def _(event: Any) -> None:
-            self.post(lambda: use(*arguments))
-
-        handle.on_click(_)
 
     def on_ray(self, handle: Any, use: Callable[[Array, Array], Any]) -> None:
         """Call `use` with origin and direction (3,) of the ray by which something in the view is clicked."""
-
-        async def _(event: Any) -> None:
-            origin, direction = np.array(event.ray_origin), np.array(event.ray_direction)
-            self.post(lambda: use(origin, direction))
-
-        handle.on_click(_)
+        self.on(handle.on_click, use, lambda event: (np.array(event.ray_origin), np.array(event.ray_direction)))
 
     def look(self, middle: ArrayLike, away: ArrayLike) -> None:
         """Look at a point (3,) of the view from `away` (3,) of it, y upward."""
@@ -194,14 +190,6 @@ class BrowserWindow:
             except Exception:
                 traceback.print_exc()
         _give_back()
-
-
-def _is_in_loop() -> bool:
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
-        return False
-    return True
 
 
 def _give_back() -> None:

@@ -72,32 +72,25 @@ class GuardedServer:
         self._host, self._protocol = host, f"viser-v{viser.__version__}"
         self._answer: Callable[..., Any] | None = None
         self._heard = {name: msgspec.msgpack.Decoder(getattr(_messages, name)) for name in HEARD}
-        self._connections: dict[Connection, None] = {}
+        self.connections: dict[Connection, None] = {}
+        """All that are open, in the order in which they came."""
         with _serving(self._serve):
             self.server = viser.ViserServer(host=host, port=port, **options)
         if self._answer is None:
             self.server.stop()
             raise RuntimeError("viser did not serve through the studio's door; its version is not the one expected.")
         loop = self.server.get_event_loop()
-        loop.call_soon_threadsafe(loop.set_exception_handler, _say_fault)
+
+        def say_fault(_: Any, context: dict[str, Any]) -> None:
+            LOG.warning("%s", context["message"], exc_info=context.get("exception"))
+
+        loop.call_soon_threadsafe(loop.set_exception_handler, say_fault)
 
     def _serve(self, handler: Any, host: str, port: int, **options: Any) -> Any:
         self._answer = options["process_request"]
         own: dict[str, Any] = {"process_request": self._admit, "max_size": MOST_MESSAGE, "logger": LOG}
         own["create_connection"] = partial(Connection, self)
         return serve(handler, host, port, **(options | own))
-
-    def enter(self, connection: "Connection") -> None:
-        """Count a connection. Where there are too many, the one that has waited longest to ask goes."""
-        if len(self._connections) >= MOST_CONNECTIONS:
-            waiting = next(one for one in self._connections if not one.is_window)
-            self.leave(waiting)
-            waiting.transport.abort()
-        self._connections[connection] = None
-
-    def leave(self, connection: "Connection") -> None:
-        """Forget a connection."""
-        self._connections.pop(connection, None)
 
     def _admit(self, connection: "Connection", request: Any) -> Any:
         """Answer a request, or turn it away; None: it is a window's socket, and comes in."""
@@ -112,7 +105,7 @@ class GuardedServer:
         connection.is_window = "Upgrade" in headers
         if connection.is_window and headers.get("Sec-WebSocket-Protocol") != self._protocol:
             return connection.respond(HTTPStatus.BAD_REQUEST, "rgbn studio: load its page again.\n")
-        if sum(one.is_window for one in self._connections) > MOST_WINDOWS - (not connection.is_window):
+        if sum(one.is_window for one in self.connections) > MOST_WINDOWS - (not connection.is_window):
             connection.is_window = False
             text = f"rgbn studio: {MOST_WINDOWS} windows are open, the most at a time. Close one, and load this page.\n"
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text)
@@ -147,7 +140,8 @@ class GuardedServer:
 
     def _begun(self, sender: "Connection", message: Any) -> Any:
         """Return the begin of an upload: one without content where it is larger than may be."""
-        left = MOST_UPLOAD - sum(one.incoming for one in self._connections)
+        announced = (size for one in self.connections for size, *_ in one.uploads.values())
+        left = MOST_UPLOAD - sum(announced)
         if 0 <= message.size_bytes <= left and 0 <= message.part_count <= 1 + message.size_bytes // 1024:
             sender.uploads[message.transfer_uuid] = message.size_bytes, message.part_count, 0
             return message
@@ -166,11 +160,7 @@ class Connection(ServerConnection):
         super().__init__(*arguments, **options)
         self._guard, self._faults, self.is_window = guard, 0, False
         self.uploads: dict[str, tuple[int, int, int]] = {}
-
-    @property
-    def incoming(self) -> int:
-        """Bytes of the files that this window has announced and not yet sent whole."""
-        return sum(size for size, *_ in self.uploads.values())
+        """Files that were let in: bytes that are still to come, parts in all, number of the next one."""
 
     def takes_part(self, part: Any) -> bool:
         """Count a part of a file; return whether the file was let in.
@@ -191,13 +181,18 @@ class Connection(ServerConnection):
         return True
 
     def connection_made(self, transport: Any) -> None:
-        """Begin."""
+        """Begin. Where there are too many, the one that has waited longest to ask goes."""
         super().connection_made(transport)
-        self._guard.enter(self)
+        others = self._guard.connections
+        if len(others) >= MOST_CONNECTIONS:
+            waiting = next(one for one in others if not one.is_window)
+            del others[waiting]
+            waiting.transport.abort()
+        others[self] = None
 
     def connection_lost(self, exc: Exception | None) -> None:
         """End."""
-        self._guard.leave(self)
+        self._guard.connections.pop(self, None)
         super().connection_lost(exc)
 
     async def recv(self, decode: bool | None = None) -> Any:
@@ -227,8 +222,3 @@ def _serving(serve: Callable[..., Any]) -> Iterator[None]:
         yield
     finally:
         setattr(_infra, NAME, own)
-
-
-def _say_fault(loop: Any, context: dict[str, Any]) -> None:
-    """Say what went wrong in the server's loop."""
-    LOG.warning("%s", context["message"], exc_info=context.get("exception"))

@@ -56,14 +56,14 @@ class Layers:
         self._keys: dict[str, Any] = {}
         self._handles: dict[str, list[Any]] = {}
 
-    def draw(self, name: str, key: Any, add: Callable[[], list[Any]]) -> None:
-        """Put a part, of which `add` returns all handles, in place of what it was, unless it has this key already."""
+    def draw(self, name: str, key: Any, add: Callable[[], list[Any] | None]) -> None:
+        """Put a part, whose handles, if any, `add` returns, in place of what it was, unless it has this key already."""
         if name in self._keys and self._keys[name] == key:
             return
         self.remove(name)
         # Kept first: what fails once would fail again at each refresh.
         self._keys[name] = key
-        self._handles[name] = add()
+        self._handles[name] = add() or []
 
     def remove(self, name: str) -> None:
         """Take a part away."""

@@ -1,5 +1,6 @@
 """The panels of the camera: the preview that it takes under one of the lights; its size, and how it is rendered."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -51,7 +52,7 @@ class CameraPanel:
 
         def edit(scene: TwinScene) -> TwinScene:
             # The table knows what is allowed.
-            return edits.with_sampling(scene, TypeAdapter(Sampling).validate_python(vars(scene.sampling) | said))
+            return replace(scene, sampling=TypeAdapter(Sampling).validate_python(vars(scene.sampling) | said))
 
         self._window.change("sampling", edit)
 

@@ -157,7 +157,7 @@ class EditorWindow(BrowserWindow):
                 self.show_fault(f"{name}: the last file is just being read. Send it again after that.")
             else:
                 self._is_keeping = True
-                if not self.post(lambda: use(self._kept(name, content))):
+                if not self.post(lambda: use(self._kept(name, content)), droppable=True):
                     self._is_keeping = False
 
         handle.on_upload(_)

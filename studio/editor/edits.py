@@ -16,7 +16,7 @@ from scene.camera import Camera
 from scene.errors import RenderError
 from scene.lights import Lights
 from studio.editor.placement import Placement, matrix_of, placement_of
-from twin.description.description import Environment, Sampling, TwinObject, TwinScene
+from twin.description.description import TwinObject, TwinScene
 from twin.description.light_groups import LightGroup, direction, expand
 from twin.description.materials import Diffuse, Material
 from twin.description.object_mesh import ObjectMesh, built_in
@@ -146,19 +146,10 @@ def with_environment(scene: TwinScene, **changes: object) -> TwinScene:
     return replace(scene, environment=replace(scene.environment, **changes))  # type: ignore[arg-type]
 
 
-def without_map(scene: TwinScene) -> TwinScene:
-    """Return the scene without environment map; the ambient light stays."""
-    return replace(scene, environment=Environment(ambient=scene.environment.ambient))
-
-
 def with_camera(
-    scene: TwinScene,
-    *,
-    width: int | None = None,
-    height: int | None = None,
-    focal_px: float | None = None,
+    scene: TwinScene, *, width: int | None = None, height: int | None = None, focal_px: float | None = None,
     orthographic: bool | None = None,
-) -> TwinScene:
+) -> TwinScene:  # fmt: skip
     """Return the scene before another camera; None: as it was, at least one pixel.
 
     A change of size scales the principal point and keeps the distortion.
@@ -172,11 +163,6 @@ def with_camera(
     projection = "orthographic" if is_parallel else "perspective"
     sized = was.scaled(width, height, width / was.width, height / was.height)
     return replace(scene, camera=replace(sized, fx=focal, fy=focal * was.fy / was.fx, projection=projection))
-
-
-def with_sampling(scene: TwinScene, sampling: Sampling) -> TwinScene:
-    """Return the scene rendered otherwise."""
-    return replace(scene, sampling=sampling)
 
 
 def _with_object(scene: TwinScene, index: int, **changes: object) -> TwinScene:

@@ -4,10 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from scene.errors import SceneError
-from studio.background_process import BackgroundProcess
+from studio.background_process import WorkButtons
 from studio.editor.editor_window import Document, EditorWindow
 from studio.editor.edits import start_scene
-from studio.editor.rendering import Progress, start_rendering
 from studio.own_files import put_own
 from studio.widgets import code, plain
 
@@ -20,26 +19,19 @@ class FilesPanel:
 
     def __init__(self, window: EditorWindow) -> None:
         self._window, gui = window, window.client.gui
-        self._rendering: BackgroundProcess | None = None
         with gui.add_folder("Scene"):
-            self._undo = window.on_click(gui.add_button("Undo"), window.undo)
-            self._redo = window.on_click(gui.add_button("Redo"), window.redo)
+            self._undo = window.button("Undo", window.undo)
+            self._redo = window.button("Redo", window.redo)
             self._document = window.history.document
             self._name = gui.add_text("name", self._document.name, hint="Folder in the workspace")
-            window.on_click(
-                gui.add_button("Save scene"), lambda: window.notify("Saved", window.workspace.name(self._save()))
-            )
+            window.button("Save scene", lambda: window.notify("Saved", window.workspace.name(self._save())))
             self._file = gui.add_dropdown("scene", (NONE,))
-            window.on_click(gui.add_button("Open scene"), self._open)
-            window.on_click(gui.add_button("New scene"), self._new)
-            window.on_click(gui.add_button("Look for files again"), self._look)
+            window.button("Open scene", self._open)
+            window.button("New scene", self._new)
+            window.button("Look for files again", self._look)
         with gui.add_folder("Dataset"):
-            window.on_click(gui.add_button("Export for Mitsuba"), self._export)
-            self._render = window.on_click(gui.add_button("Render dataset", color="green"), self._start)
-            self._stop = window.on_click(gui.add_button("Stop", color="red", disabled=True), self._halt)
-            self._bar = gui.add_progress_bar(0, visible=False)
-            self._status = gui.add_markdown("")
-        window.on_close(lambda: self._rendering and self._rendering.stop())
+            window.button("Export for Mitsuba", self._export)
+            self._work = WorkButtons(window, "Render dataset", self._render, self._rendered)
 
     def refresh(self) -> None:
         """Show what can be taken back, where the scene is saved to, and what can be opened."""
@@ -100,48 +92,15 @@ class FilesPanel:
         command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr scene.xml"
         where = self._window.workspace.name(out)
         lines = [f"Exported {len(paths) - 1} lights to {code(where)}.", code(command), *map(plain, notes)]
-        self._status.content = "\n\n".join(lines)
+        self._work.text.content = "\n\n".join(lines)
 
-    def _start(self) -> None:
-        if self._rendering is not None:
-            raise SceneError("a dataset is being rendered. Stop it first, or wait.")
+    def _render(self) -> list[str]:
         path = self._save()
-        out = path.parent / "dataset"
-        where = self._window.workspace.name(out)
-        self._bar.value, self._bar.visible, self._stop.disabled, self._render.disabled = 0, True, False, True
-        self._status.content = f"Rendering {len(self._window.scene.lights)} frames into {code(where)} ..."
-        post = self._window.post
-        self._rendering = start_rendering(
-            path,
-            out,
-            lambda progress: post(lambda: self._tell(progress)),
-            lambda fault: post(lambda: self._end(fault, where)),
-        )
+        self._out = path.parent / "dataset"
+        return ["-m", "studio.editor.rendering", str(path), str(self._out)]
 
-    def _tell(self, progress: Progress) -> None:
-        if self._rendering is None:
-            return
-        text = progress.label
-        if progress.total:
-            self._bar.value, text = 100 * progress.done / progress.total, f"{text}: {progress.done} of {progress.total}"
-        self._status.content = plain(text)
-
-    def _end(self, fault: str, where: str) -> None:
-        self._idle()
-        if fault:
-            self._status.content = "Not rendered."
-            self._window.show_fault(fault)
-        else:
-            self._status.content = f"Rendered into {code(where)}. Solve it with {code(f'rgbn process {where}')}."
-            self._window.notify("Rendered", where)
-            self._look()
-
-    def _halt(self) -> None:
-        if self._rendering is not None:
-            self._rendering.stop()
-            self._idle()
-            self._status.content = "Stopped. What was rendered is kept; **Render dataset** goes on from there."
-
-    def _idle(self) -> None:
-        self._rendering = None
-        self._bar.visible, self._stop.disabled, self._render.disabled = False, True, False
+    def _rendered(self) -> None:
+        where = self._window.workspace.name(self._out)
+        self._work.text.content = f"Rendered into {code(where)}. Solve it with {code(f'rgbn process {where}')}."
+        self._window.notify("Rendered", where)
+        self._look()

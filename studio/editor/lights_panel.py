@@ -43,8 +43,8 @@ class LightsPanel:
             add("distance", "number", "distance, mm", 800.0, min=1.0, step=10.0)
             add("radius", "number", "radius, mm", 0.0, min=0.0, step=1.0, hint="0: a point")
             add("session", "dropdown", "session", (NONE,))
-            window.on_click(gui.add_button("Replace the lights"), lambda: self._make(edits.with_lights))
-            window.on_click(gui.add_button("Add to the lights"), lambda: self._make(edits.with_more_lights))
+            window.button("Replace the lights", lambda: self._make(edits.with_lights))
+            window.button("Add to the lights", lambda: self._make(edits.with_more_lights))
             for name in ("kind", "near"):
                 window.on_input(self._group[name], lambda value: self._show_inputs())
         with gui.add_folder("Light"):
@@ -53,7 +53,7 @@ class LightsPanel:
             self._intensity = gui.add_vector3("intensity", (1.0, 1.0, 1.0), min=(0.0, 0.0, 0.0), step=0.05)
             window.on_input(self._place, self._move)
             window.on_input(self._intensity, lambda value: self._edit("intensity", edits.with_intensity, value))
-            window.on_click(gui.add_button("Remove light"), lambda: self._edit("remove", edits.without_light))
+            window.button("Remove light", lambda: self._edit("remove", edits.without_light))
         with gui.add_folder("Environment"):
             self._around.add("ambient", "vector3", "ambient", (0.0, 0.0, 0.0), min=(0.0, 0.0, 0.0), step=0.01)
             self._map = gui.add_dropdown("map", (NONE,), hint="Latitude and longitude, from the workspace")
@@ -128,7 +128,9 @@ class LightsPanel:
 
     def _choose_map(self, name: str) -> None:
         if name == NONE:
-            self._window.change("no map", edits.without_map)
+            # The ambient light stays.
+            bare: dict[str, Any] = {"radiance": None, "scale": 1.0, "rotate_deg": 0.0}
+            self._window.change("no map", lambda scene: edits.with_environment(scene, **bare))
         elif not name.startswith("("):
             radiance = read_picture(self._window.workspace.path(name))
             # Kept with the picture itself: its identity is given to no other while it is here.

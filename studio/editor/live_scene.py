@@ -39,8 +39,8 @@ class LiveScene:
     def picture(self, scene: TwinScene, light: int, *, width: int, height: int, error: float = ROUGH_ERROR) -> Picture:
         """Return the light of one flash that meets one surface, (h, w, 3) linear, at most `width` x `height`.
 
-        A disc is taken for a point, and of a mirror nothing is seen: `refined` shows them. The picture has the shape of
-        the camera's. Raises RenderError: the camera sees nothing, or the vectorised variant does not run here.
+        A disc is taken for a point, and of a mirror nothing is seen: `refining` shows them. The picture has the shape
+        of the camera's. Raises RenderError: the camera sees nothing, or the vectorised variant does not run here.
         """
         from twin.engines.direct import Direct
 
@@ -179,10 +179,3 @@ def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: 
         bands.append(renderer.render(Piece(slice(0, 1), slice(row, min(row + step, rows)))).frames()[0])
     frame, standing = np.concatenate(bands), standing_light(asked, film, choice)
     yield _placed(np.asarray(frame if standing is None else frame + standing, np.float32), film)
-
-
-def refined(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Picture:
-    """Return the picture that `refining` ends with."""
-    *_, picture = refining(scene, light, width=width, height=height, samples=samples)
-    assert picture is not None
-    return picture

@@ -26,11 +26,11 @@ class ObjectsPanel:
         self._place = Inputs(window, self._change_place)
         with gui.add_folder("Add an object"):
             self._file = gui.add_dropdown("model", (NONE,), hint="Models in the workspace")
-            window.on_click(gui.add_button("Load model"), self._load)
+            window.button("Load model", self._load)
             upload = gui.add_upload_button("Send a model from here", mime_type=",".join(MESHES))
             window.on_upload(upload, self._load_file)
             self._shape = gui.add_dropdown("shape", SHAPES)
-            window.on_click(gui.add_button("Add shape"), self._add_shape)
+            window.button("Add shape", self._add_shape)
         with gui.add_folder("Object"):
             self._object = gui.add_dropdown("object", ("sphere",), hint="Or click it in the view")
             self._material = gui.add_dropdown("material", ("matte",))
@@ -39,9 +39,8 @@ class ObjectsPanel:
             add("rotate_deg", "vector3", "turn, deg", (0.0, 0.0, 0.0), step=0.1, hint="About x, then y, then z")
             add("scale", "vector3", "scale", (1.0, 1.0, 1.0), step=0.001, hint="Along its own axes")
             self._size = gui.add_markdown("")
-            window.on_click(gui.add_button("Remove object"), lambda: self._edit("remove object", edits.removed))
-            centre = gui.add_button("Lights about the middle")
-            window.on_click(centre, lambda: window.change("centre", edits.centred))
+            window.button("Remove object", lambda: self._edit("remove object", edits.removed))
+            window.button("Lights about the middle", lambda: window.change("centre", edits.centred))
         window.on_input(self._object, lambda name: window.select("object", self._names().index(name)))
         window.on_input(self._material, lambda name: self._edit(f"material of {window.object}", edits.assigned, name))
 

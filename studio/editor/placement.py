@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
-from scene.pose import rotation_from_vector
 from twin.description.description import TwinObject
 
 Array = NDArray[np.float64]
@@ -30,8 +30,7 @@ class Placement:
     @property
     def rotation(self) -> Array:
         """(3, 3)."""
-        x, y, z = (rotation_from_vector(np.radians(angle) * np.eye(3)[i]) for i, angle in enumerate(self.rotate_deg))
-        return z @ y @ x
+        return Rotation.from_euler("xyz", self.rotate_deg, degrees=True).as_matrix()
 
 
 def own_middle(one: TwinObject) -> Array:
@@ -54,7 +53,9 @@ def placement_of(one: TwinObject) -> Placement:
     is_exact = bool(np.allclose(turned.T @ turned, np.eye(3), atol=1e-6))
     u, _, v = np.linalg.svd(turned)
     rotation = u @ np.diag([1, 1, np.linalg.det(u @ v)]) @ v
-    return Placement(linear @ own_middle(one) + one.matrix[:3, 3], angles_deg(rotation), scale, is_exact)
+    # Where y is +-90 degrees, x and z turn about one axis, and z is taken as 0.
+    angles = Rotation.from_matrix(rotation).as_euler("xyz", degrees=True, suppress_warnings=True)
+    return Placement(linear @ own_middle(one) + one.matrix[:3, 3], angles, scale, is_exact)
 
 
 def matrix_of(one: TwinObject, placement: Placement) -> Array:
@@ -65,28 +66,11 @@ def matrix_of(one: TwinObject, placement: Placement) -> Array:
     return matrix
 
 
-def angles_deg(rotation: Array) -> Array:
-    """Return the angles (3,) about x, y, z of a rotation (3, 3) = Rz Ry Rx.
-
-    R[2, 0] = -sin y; at y = +-90 degrees x and z turn about one axis, and z is taken as 0.
-    """
-    y = np.arcsin(np.clip(-rotation[2, 0], -1, 1))
-    if np.hypot(rotation[2, 1], rotation[2, 2]) > 1e-9:
-        x, z = np.arctan2(rotation[2, 1], rotation[2, 2]), np.arctan2(rotation[1, 0], rotation[0, 0])
-    else:
-        x, z = np.arctan2(-rotation[1, 2], rotation[1, 1]), 0.0
-    return np.degrees([x, y, z])
-
-
 def quaternion(rotation: Array) -> Array:
     """Return (w, x, y, z), unit, w >= 0, of a rotation (3, 3): viser's."""
-    from scipy.spatial.transform import Rotation
-
     return Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
 
 
 def rotation_of(wxyz: Array) -> Array:
     """Return the rotation (3, 3) of a quaternion (w, x, y, z)."""
-    from scipy.spatial.transform import Rotation
-
     return Rotation.from_quat(np.asarray(wxyz, float), scalar_first=True).as_matrix()

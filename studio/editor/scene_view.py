@@ -1,6 +1,8 @@
 """The 3-D view: objects, lights as arrows, the camera. What is selected can be dragged."""
 
 from collections.abc import Callable
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -26,20 +28,18 @@ class SceneView:
         self._window, self._view = window, window.client.scene
         self._layers = Layers()
         self._meshes: dict[int, tuple[ObjectMesh, Any]] = {}
-        self._looked_at = np.full(3, np.nan)
 
     def refresh(self) -> None:
         """Show the window's scene; only what changed is sent."""
         window, scene, layers = self._window, self._window.scene, self._layers
         lights, spread = scene.lights, _spread(scene)
-        if not np.array_equal(lights.reference_point_mm, self._looked_at):
-            self._looked_at = lights.reference_point_mm
-            # At the objects, from beside the camera.
-            away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
-            window.look(edits.middle_of(scene) * UNITS_PER_MM, away)
+        # At the objects, from beside the camera.
+        away = 1.6 * spread * UNITS_PER_MM * np.array([0.75, 0.5, 0.95])
+        look = partial(window.look, edits.middle_of(scene) * UNITS_PER_MM, away)
+        layers.draw("look", lights.reference_point_mm.tobytes(), look)
         objects = {f"object {index}": one for index, one in enumerate(scene.objects)}
         places = {f"light {index}": _place(scene, index, spread) for index in range(len(lights))}
-        layers.keep_only({*objects, *places, "camera"})
+        layers.keep_only({*objects, *places, "camera", "look"})
         for index, (name, one) in enumerate(objects.items()):
             is_picked = window.picked == "object" and window.object == index
             colour = _colour(scene.materials[one.material])
@@ -67,7 +67,7 @@ class SceneView:
         mesh = self._view.add_mesh_simple(
             f"{root}/mesh", vertices, faces, color=colour, flat_shading=one.mesh.normals is None, side="double"
         )
-        self._window.on_pick(mesh, self._window.select, "object", index)
+        self._window.on(mesh.on_click, lambda: self._window.select("object", index))
         if is_picked:
             self._add_scaler(root, index, size)
         return [gizmo]
@@ -107,7 +107,7 @@ class SceneView:
         arrow = add_light_arrow(self._view, f"{root}_arrow", ends, spread, colour)
         radius = 0.028 * spread * UNITS_PER_MM
         knob = self._view.add_icosphere(root, radius=radius, color=colour, position=at, **NO_SHADOW)
-        self._window.on_pick(knob, self._window.select, "light", index)
+        self._window.on(knob.on_click, lambda: self._window.select("light", index))
 
         def to_place(place_mm: Array, *_: Array) -> Edit:
             return lambda scene: edits.moved_light(scene, index, place_mm)
@@ -133,27 +133,24 @@ class SceneView:
 
     def _on_drag(self, knob: Any, name: str, edit_to: Callable[[Array, Array], Edit]) -> None:
         """Follow a knob: `edit_to` makes the edit from where it was (3,) to where it is, in the view's units."""
-
-        async def _(event: Any) -> None:
-            self._drag(event.phase, name, edit_to(np.array(event.start_position), np.array(event.end_position)))
-
-        knob.on_drag("left")(_)
+        said = attrgetter("phase", "start_position", "end_position")
+        self._window.on(knob.on_drag("left"), partial(self._drag, name, edit_to), said)
 
     def _follow(self, gizmo: Any, name: str, edit_to: Callable[[Array, Array], Edit]) -> None:
         """Follow a gizmo: `edit_to` makes the edit to a place, mm, and a rotation (3, 3)."""
 
-        async def _(event: Any) -> None:
-            at, turn = np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz)
-            self._drag(event.phase, name, edit_to(at, turn))
+        def placed(event: Any) -> tuple[Any, ...]:
+            return event.phase, np.array(gizmo.position) / UNITS_PER_MM, rotation_of(gizmo.wxyz)
 
-        gizmo.on_update(_)
+        self._window.on(gizmo.on_update, partial(self._drag, name, edit_to), placed)
 
-    def _drag(self, phase: str, name: str, edit: Edit) -> None:
+    def _drag(self, name: str, edit_to: Callable[[Array, Array], Edit], phase: str, *places: Any) -> None:
         """Preview a drag while it lasts; at its end it is one change."""
+        edit = edit_to(*map(np.array, places))
         if phase == "update":
-            self._window.post(lambda: self._window.drag(edit))
+            self._window.drag(edit)
         elif phase == "end":
-            self._window.post(lambda: self._window.change(f"drag {name}", edit))
+            self._window.change(f"drag {name}", edit)
 
 
 def _spread(scene: TwinScene) -> float:

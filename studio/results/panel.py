@@ -1,5 +1,6 @@
 """The panel of the results: what stands side by side, the cursor, its charts and numbers, the histograms."""
 
+import textwrap
 from dataclasses import replace
 from typing import Any, cast
 
@@ -9,16 +10,17 @@ from scene.errors import SceneError
 from studio.results.pixel import lit_from, numbers_at, read_pixel
 from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pixel_chart
 from studio.results.result_maps import SIDES, Results, Side, Source
-from studio.results.side_by_side import WHATS, Choice, layout_of, side_by_side, viewport_of
-from studio.results.viewport import ZOOMS
-from studio.review.plane import UPRIGHT
+from studio.results.side_by_side import PALE, WHATS, Choice, key_of, map_picture, viewport_of
+from studio.results.viewport import LARGEST, ZOOMS
+from studio.review.plane import add_picture
 from studio.review.review_window import ReviewWindow, View
-from studio.widgets import NO_SHADOW, Layers, met_in_plane, plain
+from studio.widgets import Layers, plain
 
 ROOT = "/results"
 VIEW: View = "Results"
-WIDE = 8.0
-"""Width of both pictures in the view's units."""
+WIDE, GAP, BELOW = 4.0, 0.1, 1.0
+"""Width of a picture, way between both, and room below them, in the view's units."""
+MIDDLES = (-(WIDE + GAP) / 2, (WIDE + GAP) / 2)
 PLOT: dict[str, Any] = {"aspect": 0.75, "config": {"displayModeBar": False}}
 STEPS = {"left": (-0.5, 0.0), "right": (0.5, 0.0), "up": (0.0, -0.5), "down": (0.0, 0.5)}
 
@@ -28,18 +30,18 @@ class ResultsPanel:
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
-        self._layers, self._looked = Layers(), None
+        self._layers = Layers()
         self._root = window.client.scene.add_frame(ROOT, show_axes=False, visible=False)
-        self._pictures: Any = None
+        self._pictures: list[Any] = []
         self._read()
         self.choice = Choice("normals", *self._results.first_pair)
-        window.on_click(gui.add_button("Show side by side"), self._look)
+        window.button("Show side by side", self._look)
         self._lacks = gui.add_markdown("")
         self._what = gui.add_dropdown("map", WHATS)
         self._left, self._right = gui.add_dropdown("left", ("",)), gui.add_dropdown("right", ("",))
         self._zoom = gui.add_dropdown("zoom", tuple(f"{zoom} x" for zoom in ZOOMS), hint="About the cursor")
-        self._pan = gui.add_button_group("move", tuple(STEPS))
-        self._pan.on_click(self._on_pan)
+        pan = gui.add_button_group("move", tuple(STEPS))
+        window.on(pan.on_click, self._move, lambda event: STEPS[event.target.value])
         self._cursor = gui.add_vector2("cursor, px", (0, 0), step=1, hint="Column and row; or click either picture")
         with gui.add_folder("Pixel"):
             self._side = gui.add_dropdown("samples of", SIDES)
@@ -88,12 +90,11 @@ class ResultsPanel:
         self._what.value, self._zoom.value = choice.what, f"{choice.zoom} x"
         if choice.cursor is not None:
             self._cursor.value = choice.cursor
+        self._layers.draw("face", (window.view, self._reading, window.looks), self._face)
         if window.view != VIEW:
-            self._looked = None
             return
         self._layers.draw("frame", self._reading, self._add_pictures)
         self._layers.draw("pictures", (self._reading, choice), self._draw)
-        self._face()
         methods = [source.method for source in (choice.left, choice.right) if source.method in results.methods]
         self._layers.draw("errors", (self._reading, tuple(methods)), lambda: self._add_errors(methods))
         key = (self._reading, choice.cursor, self._side.value, self._by.value)
@@ -109,47 +110,59 @@ class ResultsPanel:
         self.choice = choice
         self._look()
 
+    def _move(self, across: float, down: float) -> None:
+        self._take(self.choice.moved(self._results, across, down))
+
     def _look(self) -> None:
         self._window.choose(view=VIEW)
 
-    async def _on_pan(self, event: Any) -> None:
-        step = STEPS[self._pan.value]
-        self._window.post(lambda: self._take(self.choice.moved(self._results, *step)))
-
-    def _high(self) -> float:
-        wide, high = layout_of(self._results).size
-        return WIDE * high / wide
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height of each picture in the view's units."""
+        viewport = viewport_of(self._results, self.choice)
+        return WIDE, WIDE * viewport.high / viewport.wide
 
     def _face(self) -> None:
         """Look straight at both pictures when they are first shown."""
-        wanted = (self._reading, self._window.looks)
-        is_new, self._looked = wanted != self._looked, wanted
-        if is_new:
-            self._window.look_straight(np.zeros(3), WIDE, self._high())
+        if self._window.view == VIEW:
+            wide, high = self.size
+            self._window.look_straight([0.0, -BELOW / 2, 0.0], 2 * wide + GAP, high + BELOW + 0.5)
 
     def _add_pictures(self) -> list[Any]:
-        results, high = self._results, self._high()
+        """Add both pictures, in which what has changed is drawn anew: nothing flickers."""
         # Without loss: a colour is a value.
-        self._pictures = self._window.client.scene.add_image(
-            f"{ROOT}/pictures", side_by_side(results, self.choice), WIDE, high, format="png", wxyz=UPRIGHT, **NO_SHADOW
-        )
+        blank, look = np.full((2, 2, 3), PALE, np.uint8), {"use": self._clicked, "lossless": True}
+        places = [(f"{ROOT}/{side}", blank, self.size, (x, 0.0, 0.0)) for side, x in enumerate(MIDDLES)]
+        self._pictures = [add_picture(self._window, *place, **look) for place in places]
+        return self._pictures
 
-        def clicked(origin: Any, direction: Any) -> None:
-            met = met_in_plane(origin, direction)
-            if met is None:
-                return
-            viewport = viewport_of(results, self.choice)
-            pixel = layout_of(results).pixel(viewport, met[0] / WIDE + 0.5, 0.5 - met[1] / high)
-            if pixel is not None:
-                self.point(*pixel)
-
-        self._window.on_ray(self._pictures, clicked)
-        return [self._pictures]
+    def _clicked(self, across: float, down: float) -> None:
+        pixel = viewport_of(self._results, self.choice).pixel(across, down)
+        if pixel is not None:
+            self.point(*pixel)
 
     def _draw(self) -> list[Any]:
-        """Draw anew what has changed, in the same place: nothing flickers."""
-        self._pictures.image = side_by_side(self._results, self.choice)
-        return []
+        """Draw both maps, with their names above, the key below, and in the place of one that is not there, why."""
+        results, choice, view, (wide, high) = self._results, self.choice, self._window.client.scene, self.size
+        labels = []
+        for picture, x, source in zip(self._pictures, MIDDLES, (choice.left, choice.right), strict=True):
+            labels.append((f"{choice.what}: {source.label}", (x - wide / 2, high / 2 + 0.1), "bottom-left"))
+            try:
+                picture.image = map_picture(results, choice, source)
+            except SceneError as error:
+                picture.image = np.full((2, 2, 3), PALE, np.uint8)
+                labels.append((textwrap.fill(str(error), 36), (x, 0.0), "center-center"))
+        key, words = key_of(results, choice)
+        left, handles = -wide - GAP / 2, []
+        if key is not None:
+            broad, low = wide * key.shape[1] / LARGEST, wide * key.shape[0] / LARGEST
+            place = (left + broad / 2, -high / 2 - 0.1 - low / 2, 0)
+            handles.append(add_picture(self._window, f"{ROOT}/key", key, (broad, low), place))
+            left += broad + 0.1
+        labels.append((textwrap.fill(words, 36), (left, -high / 2 - 0.15), "top-left"))
+        for number, (text, place, anchor) in enumerate(labels):
+            handles.append(view.add_label(f"{ROOT}/words_{number}", text, position=(*place, 0.0), anchor=anchor))
+        return handles
 
     def _add_errors(self, methods: list[str]) -> list[Any]:
         gui = self._window.client.gui

@@ -1,4 +1,4 @@
-"""Two maps side by side, of the same part of the picture and with the same cursor, in one picture."""
+"""Two maps side by side: pictures of the same part, with the same cursor, by the same colours."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, get_args
@@ -7,15 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report import pictures
-from compare.report.pictures import Box, Exposure, Image, error_picture, legend_ball, normal_picture
+from compare.report.pictures import (
+    Box,
+    Exposure,
+    Image,
+    error_picture,
+    legend_ball,
+    normal_picture,
+    with_colour_scale,
+)
 from scene.errors import SceneError
 from studio.results.result_maps import TRUTH, Results, Source
-from studio.results.viewport import Layout, Viewport
+from studio.results.viewport import LARGEST, Viewport
 
 What = Literal["normals", "errors", "albedo"]
 WHATS: tuple[What, ...] = get_args(What)
-PAPER, INK, GREY, MARK = (255, 255, 255), (40, 40, 40), (110, 110, 110), (200, 0, 60)
-EMPTY = (pictures.PAPER,) * 3
+PAPER, MARK, PALE = (255, 255, 255), (200, 0, 60), (pictures.PAPER,) * 3
 
 
 @dataclass(frozen=True)
@@ -53,11 +60,6 @@ def box_of(results: Results) -> Box:
     return Box(0, 0, width, height) if mask is None else Box.of_mask(mask, margin=0.04)
 
 
-def layout_of(results: Results) -> Layout:
-    """Return where both pictures stand."""
-    return Layout.of(box_of(results))
-
-
 def viewport_of(results: Results, choice: Choice) -> Viewport:
     """Return what part of the picture is shown."""
     box = box_of(results)
@@ -65,40 +67,32 @@ def viewport_of(results: Results, choice: Choice) -> Viewport:
     return Viewport.of(box, choice.zoom, choice.centre or middle, results.size)
 
 
-def side_by_side(results: Results, choice: Choice) -> Image:
-    """Return both maps with their names, the cursor and the key to read the colours by.
-
-    What is not there is told in its place.
-    """
-    layout, viewport = layout_of(results), viewport_of(results, choice)
-    rows, columns = np.meshgrid(viewport.rows(layout.high), viewport.columns(layout.wide), indexing="ij")
-    image = np.full((layout.size[1], layout.size[0], 3), PAPER, np.uint8)
-    white = _albedo_white(results, choice) if choice.what == "albedo" else 1.0
-    for side, source in enumerate((choice.left, choice.right)):
-        x, y = layout.corner(side)
-        place = np.s_[y : y + layout.high, x : x + layout.wide]
-        try:
-            image[place] = _map_picture(results, choice.what, source, rows, columns, white)
-        except SceneError as error:
-            image[place] = _words(str(error), layout)
-        image[place] = _with_cursor(image[place], viewport, choice.cursor)
-        image = _text(image, [(f"{choice.what}: {source.label}", (x + 2, layout.above - 10))], 0.75)
-    key = _key(results, choice, layout, white)
-    top = layout.above + layout.high + 8
-    image[top : top + key.shape[0], : key.shape[1]] = key
-    return image
-
-
-def _map_picture(results: Results, what: What, source: Source, rows: NDArray, columns: NDArray, white: float) -> Image:
-    if what == "errors":
+def map_picture(results: Results, choice: Choice, source: Source) -> Image:
+    """Return one of the maps with the cursor. Raises SceneError: it is not there."""
+    viewport = viewport_of(results, choice)
+    columns, rows = np.meshgrid(*viewport.pixels)
+    if choice.what == "errors":
         if source == TRUTH:
             raise SceneError("The ground truth is what errors are measured against: choose a method.")
-        return error_picture(results.errors(source, rows, columns), results.error_end_deg)
-    values = np.asarray(results.map(what, source)[rows, columns], np.float32)
-    if what == "normals":
-        return normal_picture(values, values.shape[1])
-    developed = Exposure(white, _balance(results)).develop(values)
-    return np.where(np.isfinite(values).all(-1, keepdims=True), developed, EMPTY).astype(np.uint8)
+        picture = error_picture(results.errors(source, rows, columns), results.error_end_deg)
+    else:
+        values = np.asarray(results.map(choice.what, source)[rows, columns], np.float32)
+        if choice.what == "normals":
+            picture = normal_picture(values, values.shape[1])
+        else:
+            picture = Exposure(albedo_white(results, choice), _balance(results)).develop(values)
+            picture = np.where(np.isfinite(values).all(-1, keepdims=True), picture, PALE).astype(np.uint8)
+    return _with_cursor(picture, viewport, choice.cursor)
+
+
+def key_of(results: Results, choice: Choice) -> tuple[Image | None, str]:
+    """Return a picture, if any, and words to read the colours by."""
+    if choice.what == "normals":
+        return legend_ball(80), "a ball facing you: red right, green up, blue toward you; pale grey: unknown"
+    if choice.what == "albedo":
+        return None, f"sRGB; white is {albedo_white(results, choice):.3g}, on both sides"
+    scale = with_colour_scale(np.zeros((0, LARGEST, 3), np.uint8), results.error_end_deg, "")
+    return scale, "angle to the ground truth, one scale for all; pale grey: unknown"
 
 
 def _balance(results: Results) -> NDArray[np.float64]:
@@ -106,7 +100,7 @@ def _balance(results: Results) -> NDArray[np.float64]:
     return np.ones(3) if exposure is None else exposure.balance
 
 
-def _albedo_white(results: Results, choice: Choice) -> float:
+def albedo_white(results: Results, choice: Choice) -> float:
     """Return the albedo that is drawn white on both sides: 99 % of the object are below it on either."""
     rows, columns, _ = results.some_pixels
     peaks = []
@@ -141,42 +135,3 @@ def _with_cursor(picture: Image, viewport: Viewport, cursor: tuple[int, int] | N
         for start, end in strokes:
             drawn = cv2.line(drawn, start, end, colour, thickness)
     return np.asarray(drawn, np.uint8)
-
-
-def _words(text: str, layout: Layout) -> Image:
-    """Return an empty picture that says why it is empty."""
-    picture = np.full((layout.high, layout.wide, 3), EMPTY, np.uint8)
-    letters, lines = max(12, layout.wide // 10), [""]
-    for word in text.split():
-        if len(lines[-1]) + len(word) >= letters:
-            lines.append("")
-        lines[-1] += f" {word}" if lines[-1] else word
-    return _text(picture, [(line, (16, 40 + 24 * number)) for number, line in enumerate(lines)], 0.5, GREY)
-
-
-def _key(results: Results, choice: Choice, layout: Layout, white: float) -> Image:
-    """Return the key of the colours, as wide as both pictures."""
-    key = np.full((layout.below - 12, layout.size[0], 3), PAPER, np.uint8)
-    if choice.what == "normals":
-        ball = legend_ball(80)
-        key[:80, :80] = np.where((ball == pictures.PAPER).all(-1, keepdims=True), PAPER, ball)
-        words = "a ball facing you: red right, green up, blue toward you"
-        return _text(key, [(words, (94, 36)), ("pale grey: unknown", (94, 60))])
-    if choice.what == "albedo":
-        return _text(key, [(f"sRGB; white is {white:.3g}, on both sides", (2, 28))])
-    wide, end = layout.wide, results.error_end_deg
-    key[6:26, :wide] = error_picture(np.linspace(0, end, wide)[None], end)
-    lines = [(f"{end * part / 4:g}", (part * wide // 4, 46)) for part in range(4)]
-    lines += [(f"{end:g}+ deg", (wide - 76, 46))]
-    return _text(key, [*lines, ("angle to the ground truth, one scale for all; pale grey: unknown", (2, 70))])
-
-
-def _text(
-    image: Image, lines: list[tuple[str, tuple[int, int]]], size: float = 0.62, colour: tuple[int, int, int] = INK
-) -> Image:
-    """Write texts at places (x, y) into a picture; return it."""
-    import cv2
-
-    for text, place in lines:
-        cv2.putText(image, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)
-    return image

@@ -32,8 +32,7 @@ class BallMarks:
         window, draw = self._window, self._layers.draw
         now = (window.reading, window.ball)
         count = len(window.outlines)
-        draw("outlines", (now, window.outlines), lambda: self._add_outlines(plane))
-        draw("refitted", (now, id(window.refitted)), lambda: self._add_refitted(plane))
+        draw("outlines", (now, window.outlines, id(window.refitted)), lambda: self._add_outlines(plane))
         draw("crop", (now, count), lambda: self._add_crop(plane))
         draw("highlights", (now, window.frame, count), lambda: self._add_highlights(plane))
         draw("knobs", (now, count), lambda: self._add_knobs(plane))
@@ -41,34 +40,28 @@ class BallMarks:
             for knob, place in zip(self._knobs, self._knob_places(plane, window.ball), strict=True):
                 knob.position = tuple(place)
 
-    def _outline(self, plane: Plane, sphere: Sphere, lift: float) -> Array:
-        (camera,) = self._window.review.need("camera")
-        return _closed(plane.place(sphere.outline(camera, 180), lift=lift))
-
     def _add_outlines(self, plane: Plane) -> list[Any]:
-        window, handles = self._window, []
-        if window.review.material.camera is None:
+        """Draw the balls as they are to be calibrated with, with their names, and as calibrating again found them."""
+        window, camera, handles = self._window, self._window.review.material.camera, []
+        if camera is None:
             return handles
-        for index, ball in enumerate(window.outlines):
-            is_chosen = window.ball == index
-            if ball.apart and not is_chosen:
-                continue
-            line, colour = self._outline(plane, ball.sphere, 0.002), MOVED if ball.is_moved else FITTED
-            handles.append(add_lines(self._view, f"outline_{index}", line, colour, 3.0 if is_chosen else 2.0))
-            corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
-            label = f"{ball.kind} ball {index + 1}"
-            handles.append(self._view.add_label(f"{ROOT}/name_{index}", label, position=tuple(corner)))
-        return handles
 
-    def _add_refitted(self, plane: Plane) -> list[Any]:
-        window = self._window
-        if window.review.material.camera is None:
-            return []
-        return [
-            add_lines(self._view, f"refitted_{index}", self._outline(plane, sphere, 0.0022), AGAIN, 2.0)
-            for index, sphere in enumerate(window.refitted)
-            if not sphere.apart or window.ball == index
-        ]
+        def draw(name: str, index: int, sphere: Sphere, lift: float, colour: Any, width_px: float) -> bool:
+            is_seen = not sphere.apart or window.ball == index
+            if is_seen:
+                line = _closed(plane.place(sphere.outline(camera, 180), lift=lift))
+                handles.append(add_lines(self._view, f"{name}_{index}", line, colour, width_px))
+            return is_seen
+
+        for index, ball in enumerate(window.outlines):
+            colour = MOVED if ball.is_moved else FITTED
+            if draw("outline", index, ball.sphere, 0.002, colour, 3.0 if window.ball == index else 2.0):
+                corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
+                name, label = f"{ROOT}/name_{index}", f"{ball.kind} ball {index + 1}"
+                handles.append(self._view.add_label(name, label, position=tuple(corner)))
+        for index, sphere in enumerate(window.refitted):
+            draw("refitted", index, sphere, 0.0022, AGAIN, 2.0)
+        return handles
 
     def _add_crop(self, plane: Plane) -> list[Any]:
         """Show the chosen ball by all of its photographs together, in full resolution."""
@@ -90,7 +83,8 @@ class BallMarks:
         else:
             image = exposure.develop(image)
         middle = plane.place([(box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2], lift=0.001)
-        return [add_picture(self._view, "crop", image, (box.width * plane.per_px, box.height * plane.per_px), middle)]
+        size = (box.width * plane.per_px, box.height * plane.per_px)
+        return [add_picture(window, f"{ROOT}/crop", image, size, middle)]
 
     def _knob_places(self, plane: Plane, index: int) -> Array:
         """Return where the knobs stand, on the middle and the rim."""
@@ -117,13 +111,15 @@ class BallMarks:
         return list(self._knobs)
 
     def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float]], None]) -> None:
-        async def _(event: Any) -> None:
-            eye = np.array(event.client.camera.position)
-            pixel = plane.pixel(eye, np.array(event.end_position) - eye)
-            if pixel is not None and event.phase != "start":
-                self._window.post(lambda: use(pixel))
+        def dragged(phase: str, eye: Array, end: Array) -> None:
+            pixel = plane.pixel(eye, end - eye)
+            if pixel is not None and phase != "start":
+                use(pixel)
 
-        knob.on_drag("left")(_)
+        def said(event: Any) -> tuple[Any, ...]:
+            return event.phase, np.array(event.client.camera.position), np.array(event.end_position)
+
+        self._window.on(knob.on_drag("left"), dragged, said)
 
     def _add_highlights(self, plane: Plane) -> list[Any]:
         """Draw the chosen ball's highlights, and by how much they miss, drawn larger."""

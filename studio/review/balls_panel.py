@@ -1,7 +1,7 @@
 """The panel of the balls: what was found, corrected by hand, calibrated again, and kept for the command line."""
 
-import threading
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,6 @@ class BallsPanel:
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
-        self._is_busy = False
         self._ball = gui.add_dropdown("ball", (ALL,), hint="Or click one in the photograph")
         self._facts = gui.add_markdown("")
         with gui.add_folder("Correct the outline"):
@@ -32,17 +31,16 @@ class BallsPanel:
             window.on_input(self._center, lambda value: self._correct(moved, value))
             window.on_input(self._radius, lambda value: self._correct(resized, value))
             self._kind = gui.add_dropdown("kind of a new ball", ("chrome", "white"))
-            window.on_click(gui.add_button("Add a ball"), self._add)
-            self._remove = window.on_click(gui.add_button("Remove this ball"), self._take_out)
-            back = gui.add_button("Back to the balls as found")
-            window.on_click(back, lambda: window.correct(outlines_of(window.review)))
+            window.button("Add a ball", self._add)
+            self._remove = window.button("Remove this ball", self._take_out)
+            window.button("Back to the balls as found", lambda: window.correct(outlines_of(window.review)))
         with gui.add_folder("Calibrate again"):
-            self._again = window.on_click(gui.add_button("Calibrate again", color="green"), self._start)
+            self._again = window.button("Calibrate again", self._start, color="green")
             self._bar = gui.add_progress_bar(0, visible=False)
             self._changes = gui.add_markdown(
                 "Nothing is written: what would change is shown here, and the outlines as they are found again (blue)."
             )
-            self._keep = window.on_click(gui.add_button("Keep these balls", disabled=True), self._keep_balls)
+            self._keep = window.button("Keep these balls", self._keep_balls, disabled=True)
         window.on_input(self._ball, self._choose)
 
     def refresh(self) -> None:
@@ -61,10 +59,8 @@ class BallsPanel:
             self._radius.value = round(ball.radius_px, 2)
 
     def _choose(self, value: str) -> None:
-        if value == ALL:
-            self._window.leave_ball()
-        else:
-            self._window.choose(ball=int(value.split(":")[0]) - 1, view="Photograph")
+        there = {"ball": None} if value == ALL else {"ball": int(value.split(":")[0]) - 1, "view": "Photograph"}
+        self._window.choose(**there)
 
     def _correct(self, edit: Callable[..., Any], value: Any) -> None:
         window, camera = self._window, self._window.review.material.camera
@@ -84,41 +80,27 @@ class BallsPanel:
             window.correct(removed(window.outlines, index))
 
     def _start(self) -> None:
-        if self._is_busy:
+        if self._bar.visible:
             raise SceneError("the calibration is at work. Wait for it.")
-        window = self._window
-        review, outlines = window.review, window.outlines
-        self._is_busy = self._again.disabled = self._bar.visible = True
+        window, review, outlines = self._window, self._window.review, self._window.outlines
+        self._again.disabled = self._bar.visible = True
         self._bar.value, self._changes.content = 0, "Calibrating ..."
 
         def told(done: int, total: int) -> None:
             window.post(lambda: setattr(self._bar, "value", 100 * done / max(total, 1)))
 
-        def work() -> None:
-            try:
-                change = change_of(review, calibrate_again(review, outlines, progress=told))
-                window.post(lambda: self._show(change, review is window.review and outlines is window.outlines))
-            except Exception as error:
-                fault = error
-                window.post(lambda: self._fail(fault))
+        def show(found: Future[Change]) -> None:
+            self._again.disabled = self._bar.visible = False
+            self._changes.content, frames = "Not calibrated.", window.review.material.frames
+            change = found.result()  # What was at fault is told by the window.
+            self._changes.content = change_text(change, () if frames is None else frames.names)
+            if review is window.review and outlines is window.outlines:
+                window.choose(refitted=change.spheres)
 
-        threading.Thread(target=work, name="calibrate", daemon=True).start()
-
-    def _idle(self) -> None:
-        self._is_busy = self._again.disabled = self._bar.visible = False
-
-    def _show(self, change: Change, is_current: bool) -> None:
-        self._idle()
-        frames = self._window.review.material.frames
-        self._changes.content = change_text(change, () if frames is None else frames.names)
-        if is_current:
-            self._window.refitted = change.spheres
-            self._window.refresh()
-
-    def _fail(self, fault: Exception) -> None:
-        self._idle()
-        self._changes.content = "Not calibrated."
-        raise fault
+        pool = ThreadPoolExecutor(1, thread_name_prefix="calibrate")
+        work = pool.submit(lambda: change_of(review, calibrate_again(review, outlines, progress=told)))
+        work.add_done_callback(lambda found: window.post(lambda: show(found)))
+        pool.shutdown(wait=False)
 
     def _keep_balls(self) -> None:
         window = self._window

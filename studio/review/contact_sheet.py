@@ -21,31 +21,32 @@ CLIPPED, WARNED, CHOSEN = (255, 60, 90), (255, 160, 0), (60, 170, 255)
 class ContactSheet:
     """Small pictures in rows.
 
-    image (h, w, 3).
-    cell: Width and height of what a picture takes with its label and gap.
+    cells (R, C, h, w, 3): Of each, what a picture takes with its label and gap; `count` of them have one.
     """
 
-    image: Image
-    columns: int
+    cells: Image
     count: int
-    cell: tuple[int, int]
+
+    @property
+    def image(self) -> Image:
+        """(R h, C w, 3)."""
+        rows, columns, high, wide, _ = self.cells.shape
+        return self.cells.swapaxes(1, 2).reshape(rows * high, columns * wide, 3)
 
     def frame_at(self, across: float, down: float) -> int | None:
         """Return the frame at a place, in shares of the sheet's width and height; None beside the pictures."""
-        column = int(across * self.image.shape[1] // self.cell[0])
-        row = int(down * self.image.shape[0] // self.cell[1])
-        index = row * self.columns + column
-        inside = 0 <= column < self.columns and row >= 0 and across >= 0 and down >= 0
-        return index if inside and index < self.count else None
+        rows, columns = self.cells.shape[:2]
+        index = int(down * rows) * columns + int(across * columns)
+        return index if 0 <= across < 1 and 0 <= down < 1 and index < self.count else None
 
     def with_chosen(self, index: int) -> Image:
         """Return the sheet with one picture framed."""
         import cv2
 
-        left, top = _corner(index, self.columns, self.cell)
-        size = (left + self.cell[0] - GAP_PX // 2, top + self.cell[1] - GAP_PX // 2)
-        framed = cv2.rectangle(self.image.copy(), (left + GAP_PX // 2 - 1, top + GAP_PX // 2 - 1), size, CHOSEN, 3)
-        return np.asarray(framed, np.uint8)
+        cells, gap = self.cells.copy(), GAP_PX // 2
+        high, wide = cells.shape[2:4]
+        cv2.rectangle(cells[divmod(index, cells.shape[1])], (gap - 1, gap - 1), (wide - gap, high - gap), CHOSEN, 3)
+        return ContactSheet(cells, self.count).image
 
 
 def contact_sheet(review: Review) -> ContactSheet | None:
@@ -60,25 +61,19 @@ def contact_sheet(review: Review) -> ContactSheet | None:
         warned |= {index for index, flags in enumerate(review.lights.flags) if flags}
     count, height = len(frames), max(1, round(CELL_PX * frames.height / frames.width))
     columns = max(1, min(count, max(6, int(np.ceil(np.sqrt(3 * count))))))
-    cell = (CELL_PX + GAP_PX, height + LABEL_PX + GAP_PX)
-    rows = -(-count // columns)
-    sheet = np.full((rows * cell[1], columns * cell[0], 3), PAPER, np.uint8)
+    rows, gap = -(-count // columns), GAP_PX // 2
+    cells = np.full((rows, columns, height + LABEL_PX + GAP_PX, CELL_PX + GAP_PX, 3), PAPER, np.uint8)
     for index in range(count):
-        left, top = _corner(index, columns, cell)
-        left, top = left + GAP_PX // 2, top + GAP_PX // 2
+        cell = cells[divmod(index, columns)]
         picture = exposure.develop(thumbnail(frames, index, CELL_PX))
         small = cv2.resize(picture, (CELL_PX, height), interpolation=cv2.INTER_AREA)
-        sheet[top : top + height, left : left + CELL_PX] = small
+        cell[gap : gap + height, gap : gap + CELL_PX] = small
         label, colour = f"{index + 1} {frames.names[index]}", INK
         share = None if review.clipped_share is None else review.clipped_share[index]
         if share is not None and share >= MUCH_CLIPPED:
             label, colour = f"{index + 1}  clipped {share:.1%}", CLIPPED
         elif index in warned:
             label, colour = f"{label}  (!)", WARNED
-        place = (left + 2, top + height + LABEL_PX - 8)
-        sheet = cv2.putText(sheet, label[:24], place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
-    return ContactSheet(np.asarray(sheet, np.uint8), columns, count, cell)
-
-
-def _corner(index: int, columns: int, cell: tuple[int, int]) -> tuple[int, int]:
-    return (index % columns) * cell[0], (index // columns) * cell[1]
+        place = (gap + 2, gap + height + LABEL_PX - 8)
+        cv2.putText(cell, label[:24], place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv2.LINE_AA)
+    return ContactSheet(cells, count)

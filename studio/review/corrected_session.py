@@ -2,7 +2,6 @@
 
 import glob
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +15,9 @@ from studio.review.folder import HEADLINE, KEPT, OWN, Review
 
 PICKS = "picks.csv"
 """Beside it."""
-GLOBS = (("frames", "flash"), ("frames", "ambient"), ("frames", "dark"), ("frames", "flat"), ("camera", "charuco"))
-FILES = (("object", "mask"), ("object", "scan"), ("object", "normals"), ("object", "picks"), ("lights", "file"))
+GLOBS = {"flash", "ambient", "dark", "flat", "charuco", "frames"}
+FILES = {"mask", "scan", "normals", "picks", "file"}
+"""Keys of a session that name files, by patterns or one each."""
 
 
 def write_amended(review: Review, *, spheres: tuple[SphereSpec, ...] | None = None, picks: Path | None = None) -> Path:
@@ -72,30 +72,17 @@ def _source(review: Review) -> Path:
     return path if path.is_file() else path / "session.toml"
 
 
-def _in_full(data: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return the manifest with its paths absolute."""
-    out = {key: dict(value) if isinstance(value, dict) else value for key, value in data.items()}
-    # Signs in the folder's own name are no wildcards.
-    root = Path(glob.escape(str(folder.resolve())))
-    for table, key in GLOBS:
-        if key in out.get(table, {}):
-            out[table][key] = _globs(out[table][key], root)
-    for table, key in FILES:
-        if key in out.get(table, {}):
-            out[table][key] = str(folder.resolve() / out[table][key])
-    balls = []
-    for ball in out.get("spheres", []):
-        full = dict(ball)
-        if "frames" in full:
-            full["frames"] = _globs(full["frames"], root)
-        if "mask" in full:
-            full["mask"] = str(folder.resolve() / full["mask"])
-        balls.append(full)
-    return out | ({"spheres": balls} if balls else {})
-
-
-def _globs(patterns: str | list[str], root: Path) -> list[str]:
-    return [str(root / pattern) for pattern in ([patterns] if isinstance(patterns, str) else patterns)]
+def _in_full(value: Any, folder: Path, key: str = "") -> Any:
+    """Return a manifest, or the value of a key of it, with its paths absolute."""
+    if isinstance(value, dict):
+        return {name: _in_full(part, folder, name) for name, part in value.items()}
+    if key in GLOBS:
+        # Signs in the folder's own name are no wildcards.
+        root = Path(glob.escape(str(folder.resolve())))
+        return [str(root / pattern) for pattern in ([value] if isinstance(value, str) else value)]
+    if key in FILES:
+        return str(folder.resolve() / value)
+    return [_in_full(part, folder) for part in value] if isinstance(value, list) else value
 
 
 def _sphere_table(spec: SphereSpec) -> dict[str, Any]:

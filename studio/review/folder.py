@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,14 @@ from scene.errors import SceneError
 from scene.frames import Frames
 from scene.light_text import DIRECTIONS, FILENAMES
 from scene.lights import Lights
+from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.record import PLACE
 from scene.spheres import Sphere
 from scene.store import Store
+
+if TYPE_CHECKING:
+    from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 KEPT = "review"
@@ -142,6 +146,23 @@ class Review:
             if name in self.missing:
                 raise SceneError(f"{name}: {self.missing[name]}")
         return [self.session if name == "session" else self._parts[name][0] for name in names]
+
+    @cached_property
+    def scan_mesh(self) -> Mesh:
+        """The session's scan. Raises SceneError: there is none, or it cannot be read."""
+        from align.scan.mended_scan import load_scan
+
+        session = self.session
+        if session is None or session.scan is None:
+            raise SceneError(self.why_no_session or "object.scan: the session names no scan. Add it to session.toml.")
+        return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
+
+    @cached_property
+    def scan_rays(self) -> "RayCaster":
+        """Its tree, which takes a second for a large scan."""
+        from scene import rays
+
+        return rays.RayCaster(self.scan_mesh)
 
     def _unfinished(self, step: str) -> str:
         if step in self.done:

@@ -19,8 +19,8 @@ class FramesPanel:
         self._window, gui = window, window.client.gui
         self._look = Inputs(window, window.show)
         self._lacks = gui.add_markdown("")
-        self._view = gui.add_button_group("view", VIEWS)
-        self._view.on_click(self._on_view)
+        views = gui.add_button_group("view", VIEWS)
+        window.on(views.on_click, self._see, lambda event: (event.target.value,))
         self._frame = gui.add_slider("frame", min=1, max=2, step=1, initial_value=1, hint="Or click one in the strip")
         self._facts = gui.add_markdown("")
         with gui.add_folder("Over the photograph"):
@@ -32,10 +32,10 @@ class FramesPanel:
             self._note = gui.add_markdown("")
         window.on_input(self._frame, lambda value: window.choose(frame=int(value) - 1))
 
-    async def _on_view(self, event: object) -> None:
-        window, value = self._window, self._view.value
-        # A second press on the view that is shown looks at all of it again.
-        window.post(lambda: window.choose(view=value) if window.view != value else window.look_again())
+    def _see(self, view: Any) -> None:
+        """Look at a view; a second press on the one that is shown looks at all of it again."""
+        window = self._window
+        window.choose(**{"view": view} if window.view != view else {"looks": window.looks + 1, "ball": None})
 
     def refresh(self) -> None:
         """Follow the window."""
@@ -102,13 +102,12 @@ class WarningsPanel:
 
     def _add(self, one: Warned) -> list[Any]:
         gui, frames = self._window.client.gui, self._window.review.material.frames
-        targets = [(f"Show {frames.names[frame]}", frame) for frame in one.frames[:4]] if frames is not None else []
-        if one.ball is not None and not targets:
-            targets = [(f"Show ball {one.ball + 1}", None)]
-        return [
-            gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"),
-            *(self._window.on_click(gui.add_button(label), self._going(frame, one)) for label, frame in targets),
-        ]
+        targets = [(f"Show {frames.names[frame]}", {"frame": frame}) for frame in one.frames[:4]] if frames else []
+        ball = {} if one.ball is None else {"ball": one.ball}
+        if ball and not targets:
+            targets = [(f"Show ball {ball['ball'] + 1}", ball)]
 
-    def _going(self, frame: int | None, one: Warned) -> Any:
-        return lambda: self._window.choose(frame=frame, ball=one.ball, view="Photograph")
+        def button(label: str, there: dict[str, int]) -> Any:
+            return self._window.button(label, lambda: self._window.choose(view="Photograph", **ball | there))
+
+        return [gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"), *(button(*pair) for pair in targets)]

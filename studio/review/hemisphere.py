@@ -1,6 +1,5 @@
 """The lights' directions and how well they are known: the panel with the hemisphere, and ellipsoids in space."""
 
-from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -21,22 +20,32 @@ SIZE, RIM, TICKS = 400, 165, (30, 60, 90)
 
 def directions_deg(lights: Lights) -> Array:
     """Return (N, 2): angle from the camera's axis, and azimuth, 0 right and 90 up as the camera sees it."""
-    x, y, z = lights.directions.T
-    return np.degrees(np.stack([np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)], -1))
+    return np.stack(_angles_deg(lights.directions), -1)
 
 
-def direction_covariance(lights: Lights, position_covariance_mm2: Array | None) -> Array:
-    """Return (N, 2, 2), degrees squared, along (away from the axis, around it); NaN where nothing is known.
+def _angles_deg(vectors: Array) -> tuple[Array, Array]:
+    x, y, z = np.moveaxis(vectors, -1, 0)
+    return np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x))
 
-    A near light's direction d = (q - x) / r moves by (I - d d^T) / r dq. Where the positions' covariance is not known,
-    the stated sigma holds along both.
+
+def light_places(lights: Lights) -> Array:
+    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
+    if lights.positions_mm is not None:
+        return lights.positions_mm
+    return lights.reference_point_mm + 1000.0 * lights.directions
+
+
+def covariance_mm2(lights: Lights, position_covariance_mm2: Array | None) -> Array:
+    """Return (N, 3, 3), how well each of `light_places` is known; NaN where nothing is.
+
+    Where the positions' covariance is not known, the stated sigma holds all round, across the direction.
     """
-    across = np.stack(_tangents(lights), 1)
-    if position_covariance_mm2 is None or lights.positions_mm is None:
-        return lights.direction_sigma_deg[:, None, None] ** 2 * np.eye(2)
-    ranges = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)
-    jacobian = np.degrees(across / ranges[:, None, None])
-    return jacobian @ position_covariance_mm2 @ jacobian.transpose(0, 2, 1)
+    if position_covariance_mm2 is not None and lights.positions_mm is not None:
+        return position_covariance_mm2
+    away = np.linalg.norm(light_places(lights) - lights.reference_point_mm, axis=1)
+    wide = away * np.tan(np.radians(lights.direction_sigma_deg))
+    across = np.eye(3) - lights.directions[:, :, None] * lights.directions[:, None]
+    return wide[:, None, None] ** 2 * across
 
 
 def fitting_factor(lights: Lights) -> int:
@@ -70,7 +79,7 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
         _words("down", middle, SIZE - 6, text_anchor="middle"),
     ]
     places = directions_deg(lights)
-    covariance = direction_covariance(lights, position_covariance_mm2)
+    ellipses = _ellipses(lights, position_covariance_mm2)
     for index, (zenith, azimuth) in enumerate(places):
         x, y = place_in_picture(zenith, azimuth)
         colour = "#1a73e8" if index == chosen else "#e37400" if lights.flags[index] else "#202124"
@@ -79,10 +88,10 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
         title += f", sigma {sigma:.2f}°" if np.isfinite(sigma) else ", sigma unknown"
         title += "".join(f"; {flag}" for flag in lights.flags[index])
         parts.append(f"<g><title>{escape(title)}</title>")
-        if np.isfinite(covariance[index]).all():
-            wide, high, turn = _ellipse(covariance[index], zenith, azimuth)
+        wide, high, turn = ellipses[index]
+        if np.isfinite(wide):
             parts.append(
-                f'<ellipse cx="0" cy="0" rx="{factor * wide:.2f}" ry="{factor * high:.2f}" fill="{colour}" '
+                f'<ellipse cx="0" cy="0" rx="{factor * wide:.3f}" ry="{factor * high:.3f}" fill="{colour}" '
                 f'fill-opacity="0.25" stroke="{colour}" transform="translate({x:.2f} {y:.2f}) rotate({turn:.2f})"/>'
             )
         parts.append(f'<circle cx="{x:.2f}" cy="{y:.2f}" r="3" fill="{colour}"/>')
@@ -94,56 +103,31 @@ def hemisphere_picture(lights: Lights, position_covariance_mm2: Array | None, *,
     )
 
 
-@dataclass(frozen=True)
-class Ellipsoid:
-    """Where a light may be: one standard deviation along each of its own axes.
+def ellipsoid_of(covariance_mm2: Array) -> tuple[Array, Array] | None:
+    """Return one standard deviation (3,) along each axis, and the axes (3, 3), right-handed, as columns.
 
-    half_axes_mm (3,).
-    rotation (3, 3): Columns are the axes, right-handed.
+    None where the covariance (3, 3) is not known.
     """
-
-    half_axes_mm: Array
-    rotation: Array
-
-
-def ellipsoid_of(covariance_mm2: Array) -> Ellipsoid | None:
-    """Return the ellipsoid of a covariance (3, 3); None where it is not known."""
     if not np.isfinite(covariance_mm2).all():
         return None
     values, axes = np.linalg.eigh(covariance_mm2)
-    if np.linalg.det(axes) < 0:
-        axes = axes * [1.0, 1.0, -1.0]
-    return Ellipsoid(np.sqrt(np.maximum(values, 0)), axes)
+    return np.sqrt(np.maximum(values, 0)), axes * [1.0, 1.0, np.sign(np.linalg.det(axes))]
 
 
-def distant_ellipsoid(direction: Array, sigma_deg: float, distance_mm: float) -> Ellipsoid | None:
-    """Return the flat ellipsoid, `distance_mm` away, of a light of which a direction alone is known."""
-    if not np.isfinite(sigma_deg):
-        return None
-    wide = distance_mm * np.tan(np.radians(sigma_deg))
-    normal = np.asarray(direction) / np.linalg.norm(direction)
-    covariance = wide**2 * (np.eye(3) - np.outer(normal, normal))
-    return ellipsoid_of(covariance)
+def _ellipses(lights: Lights, position_covariance_mm2: Array | None) -> Array:
+    """Return (N, 3): half axes in the picture, and by how many degrees the first is turned, clockwise as SVG has it.
 
-
-def _tangents(lights: Lights) -> tuple[Array, Array]:
-    """Return unit vectors (N, 3) away from the axis and around it, counter-clockwise as the camera sees it."""
-    zenith, azimuth = np.radians(directions_deg(lights)).T
-    away = np.stack([np.cos(zenith) * np.cos(azimuth), np.cos(zenith) * np.sin(azimuth), -np.sin(zenith)], -1)
-    around = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros_like(azimuth)], -1)
-    return away, around
-
-
-def _ellipse(covariance_deg2: Array, zenith_deg: float, azimuth_deg: float) -> tuple[float, float, float]:
-    """Return half axes in the picture, and by how many degrees the first is turned, clockwise as SVG has it.
-
-    On the picture a turn around the axis moves a light by its angle from the axis, not by that angle's sine.
+    The covariance of the places is taken into the picture by the derivatives of `place_in_picture` there.
     """
-    angle = np.radians(zenith_deg)
-    stretch = np.diag([1.0, angle / np.sin(angle) if angle > 1e-6 else 1.0]) * RIM / 90
-    values, axes = np.linalg.eigh(stretch @ covariance_deg2 @ stretch)
-    wide, high = np.sqrt(np.maximum(values[::-1], 0))
-    return float(wide), float(high), float(-(azimuth_deg + np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))))
+    away = light_places(lights) - lights.reference_point_mm
+    step = 1e-4 * np.linalg.norm(away, axis=1)[:, None, None]
+    ends = [place_in_picture(*_angles_deg(away[:, None] + side * step * np.eye(3))) for side in (1, -1)]
+    slopes = (ends[0] - ends[1]) / (2 * step)
+    spread = slopes.transpose(0, 2, 1) @ covariance_mm2(lights, position_covariance_mm2) @ slopes
+    known = np.isfinite(spread).all((1, 2))
+    values, axes = np.linalg.eigh(np.where(known[:, None, None], spread, 0))
+    found = np.column_stack([np.sqrt(np.maximum(values[:, ::-1], 0)), np.degrees(np.arctan2(*axes[:, ::-1, 1].T))])
+    return np.where(known[:, None], found, np.nan)
 
 
 class HemispherePanel:
@@ -154,8 +138,8 @@ class HemispherePanel:
         self._picture = gui.add_html("")
         self._factor = gui.add_dropdown("sigma drawn", tuple(f"{factor} times" for factor in FACTORS))
         self._facts = gui.add_markdown("")
-        window.on_click(gui.add_button("Show in 3-D"), lambda: window.choose(view="Lights in 3-D"))
-        window.on_input(self._factor, lambda value: window.enlarge(int(value.split()[0])))
+        window.button("Show in 3-D", lambda: window.choose(view="Lights in 3-D"))
+        window.on_input(self._factor, lambda value: window.choose(factor=int(value.split()[0])))
         if window.review.lights is not None:
             window.factor = fitting_factor(window.review.lights)
 

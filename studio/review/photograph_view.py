@@ -10,7 +10,7 @@ from studio.review.contact_sheet import ContactSheet, contact_sheet
 from studio.review.photograph_picture import Look, photograph
 from studio.review.plane import ROOT, WIDE, Plane, add_picture
 from studio.review.review_window import ReviewWindow
-from studio.widgets import Layers, met_in_plane
+from studio.widgets import Layers
 
 GAP = 0.25
 
@@ -23,7 +23,6 @@ class PhotographView:
         self._root = self._view.add_frame(ROOT, show_axes=False)
         self._layers, self._marks = Layers(), BallMarks(window)
         self._sheet: ContactSheet | None = None
-        self._looked: Any = None
 
     def refresh(self) -> None:
         """Show the window's frame, balls and strip; only what changed is sent."""
@@ -34,7 +33,8 @@ class PhotographView:
         draw, reading = self._layers.draw, window.reading
         draw("sheet", reading, self._make_sheet)
         draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
-        self._face(plane)
+        key = (window.view, window.ball, reading, window.beside is None, window.looks)
+        draw("face", key, lambda: self._face(plane))
         draw("picture", (reading, window.frame, window.shown), lambda: self._add_picture(plane))
         draw("beside", window.beside, lambda: self._add_beside(plane))
         self._marks.refresh(plane)
@@ -45,9 +45,7 @@ class PhotographView:
     def _face(self, plane: Plane) -> None:
         """Look straight at the photograph, or at the chosen ball, when another is chosen."""
         window = self._window
-        wanted = (window.view, window.ball, window.reading, window.beside is None, window.looks)
-        is_new, self._looked = wanted != self._looked, wanted
-        if not is_new or window.view != "Photograph":
+        if window.view != "Photograph":
             return
         if window.ball is not None:
             ball = window.outlines[window.ball]
@@ -66,9 +64,12 @@ class PhotographView:
             # What was to lie over it is not there: the frame as it is.
             window.show_fault(str(error))
             image = photograph(window.review, window.frame, Look(brightness=window.shown.brightness))
-        handle = add_picture(self._view, "picture", image, (WIDE, plane.high), (0.0, 0.0, 0.0))
-        window.on_ray(handle, lambda origin, direction: self._clicked(plane.pixel(origin, direction)))
-        return [handle]
+        size, middle = (WIDE, plane.high), (0.0, 0.0, 0.0)
+
+        def clicked(across: float, down: float) -> None:
+            self._clicked((across * plane.width - 0.5, down * plane.height - 0.5))
+
+        return [add_picture(window, f"{ROOT}/picture", image, size, middle, clicked)]
 
     def _add_beside(self, plane: Plane) -> list[Any]:
         """Show another picture of the same view to the right, as large."""
@@ -76,12 +77,10 @@ class PhotographView:
         if beside is None:
             return []
         label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=(x, plane.high / 2 + 0.1, 0.0))
-        return [add_picture(self._view, "beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
+        return [add_picture(self._window, f"{ROOT}/beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
 
-    def _clicked(self, pixel: tuple[float, float] | None) -> None:
+    def _clicked(self, pixel: tuple[float, float]) -> None:
         window = self._window
-        if pixel is None:
-            return
         if window.on_photograph is not None:
             window.on_photograph(pixel)
             return
@@ -89,22 +88,18 @@ class PhotographView:
         if away and min(away) < 1:
             window.choose(ball=int(np.argmin(away)))
 
-    def _make_sheet(self) -> list[Any]:
+    def _make_sheet(self) -> None:
         self._sheet = contact_sheet(self._window.review)
-        return []
 
     def _add_strip(self, plane: Plane) -> list[Any]:
         window, sheet, high = self._window, self._sheet, self._strip_high()
         if sheet is None:
             return []
         top, image = -plane.high / 2 - GAP, sheet.with_chosen(window.frame)
-        handle = add_picture(self._view, "strip", image, (WIDE, high), (0.0, top - high / 2, 0.0))
 
-        def clicked(origin: Any, direction: Any) -> None:
-            met = met_in_plane(origin, direction)
-            frame = None if met is None else sheet.frame_at(met[0] / WIDE + 0.5, (top - met[1]) / high)
+        def clicked(across: float, down: float) -> None:
+            frame = sheet.frame_at(across, down)
             if frame is not None:
                 window.choose(frame=frame)
 
-        window.on_ray(handle, clicked)
-        return [handle]
+        return [add_picture(window, f"{ROOT}/strip", image, (WIDE, high), (0.0, top - high / 2, 0.0), clicked)]

@@ -1,5 +1,6 @@
 """The photograph as a plane in the browser's view: where its pixels stand, and which pixel a ray meets."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,10 +54,27 @@ class Plane:
         return (float(u), float(v)) if inside else None
 
 
-def add_picture(view: Any, name: str, image: NDArray[np.uint8], size: tuple[float, float], middle: ArrayLike) -> Any:
-    """Add a picture (h, w, 3), wide and high in the view's units, beside the photograph or on it; return it."""
-    place, look = tuple(np.asarray(middle, np.float64).tolist()), {"format": "jpeg", "jpeg_quality": 92, **NO_SHADOW}
-    return view.add_image(f"{ROOT}/{name}", image, *size, wxyz=UPRIGHT, position=place, **look)
+def add_picture(
+    window: Any, name: str, image: NDArray[np.uint8], size: tuple[float, float], middle: ArrayLike,
+    use: Callable[[float, float], Any] | None = None, *, lossless: bool = False,
+) -> Any:  # fmt: skip
+    """Add a picture (h, w, 3), wide and high in the view's units, that stands upright before the viewer; return it.
+
+    use: Called with where it is clicked, in shares of its width, to the right, and of its height, downward.
+    """
+    look, place = {"format": "png"} if lossless else {"format": "jpeg", "jpeg_quality": 92}, np.asarray(middle, float)
+    look |= {"wxyz": UPRIGHT, "position": tuple(place.tolist()), **NO_SHADOW}
+    handle = window.client.scene.add_image(name, image, *size, **look)
+
+    def clicked(origin: Array, direction: Array) -> None:
+        met = met_in_plane(origin, direction)
+        if use is not None and met is not None:
+            across, down = (met - place[:2]) / [size[0], -size[1]] + 0.5
+            use(float(across), float(down))
+
+    if use is not None:
+        window.on_ray(handle, clicked)
+    return handle
 
 
 def add_lines(view: Any, name: str, strokes: Array, colour: tuple[int, int, int], width_px: float) -> Any:

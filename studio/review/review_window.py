@@ -93,46 +93,21 @@ class ReviewWindow(BrowserWindow):
         for panel in self.panels:
             self.attempt(panel.refresh)
 
-    def choose(self, *, frame: int | None = None, ball: int | None = None, view: View | None = None) -> None:
-        """Look at another frame or ball, or from elsewhere; what is not said stays."""
-        self.frame = self.frame if frame is None else frame
-        self.ball = self.ball if ball is None else ball
-        self.view = self.view if view is None else view
+    def choose(self, **changes: Any) -> None:
+        """Look at another `frame`, `ball`, `view` or whatever else is kept here; what is not said stays."""
+        assert vars(self).keys() >= changes.keys()
+        vars(self).update(changes)
         self.refresh()
-
-    def leave_ball(self) -> None:
-        """Look at no ball in particular."""
-        self.ball = None
-        self.refresh()
-
-    def look_again(self) -> None:
-        """Look at the whole of what is shown, from where it is first looked at."""
-        self.looks += 1
-        self.leave_ball()
 
     def show(self, **changes: Any) -> None:
         """Show the photograph in another way; see `Look`."""
-        self.shown = replace(self.shown, **changes)
-        self.refresh()
-
-    def enlarge(self, factor: int) -> None:
-        """Draw the lights' sigmas larger."""
-        self.factor = factor
-        self.refresh()
-
-    def stand_beside(self, beside: Beside | None) -> None:
-        """Show another picture beside the photograph, or none."""
-        self.beside = beside
-        self.refresh()
+        self.choose(shown=replace(self.shown, **changes))
 
     def correct(self, outlines: Outlines) -> None:
         """Take other balls for calibrating again."""
-        self.outlines, self.refitted = outlines, ()
-        self.refresh()
+        self.choose(outlines=outlines, refitted=())
 
     def read_again(self) -> None:
         """Read the folder again; corrections that were not kept are dropped."""
         self.read()
-        self.reading += 1
-        self.refitted, self.beside = (), None
-        self.refresh()
+        self.choose(reading=self.reading + 1, refitted=(), beside=None)

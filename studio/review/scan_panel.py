@@ -8,7 +8,7 @@ from compare.report.facts import read_optional
 from studio.review.corrected_session import write_amended
 from studio.review.plane import ROOT, Plane, add_lines, add_numbered
 from studio.review.review_window import ReviewWindow
-from studio.review.scan_picks import load_scan, pose_of, write_picks
+from studio.review.scan_picks import pose_of, write_picks
 from studio.widgets import Layers, plain
 
 FEWEST = 4
@@ -28,11 +28,11 @@ class ScanPanel:
                 "Where the pose is refused or wrong: click a point in the photograph, then the same point on the scan. "
                 "Four pairs at least, better six, spread over the object."
             )
-            self._go = window.on_click(gui.add_button("Start picking"), self._toggle)
+            self._go = window.button("Start picking", self._toggle)
             self._status = gui.add_markdown("")
-            window.on_click(gui.add_button("Take the last one back"), self._take_back)
-            window.on_click(gui.add_button("Pose from the picks"), self._pose)
-            self._keep = window.on_click(gui.add_button("Keep these picks", disabled=True), self._keep_picks)
+            window.button("Take the last one back", self._take_back)
+            window.button("Pose from the picks", self._pose)
+            self._keep = window.button("Keep these picks", self._keep_picks, disabled=True)
 
     def refresh(self) -> None:
         """Follow the window."""
@@ -64,7 +64,7 @@ class ScanPanel:
         if window.on_photograph is not None:
             window.on_photograph = window.on_scan = None
         else:
-            load_scan(window.review)  # What is at fault with it is told before anything is picked.
+            _ = window.review.scan_mesh  # What is at fault with it is told before anything is picked.
             window.on_photograph, window.on_scan = self._take_pixel, self._take_point
             window.ball = None
         window.choose(view="Photograph")
@@ -85,7 +85,7 @@ class ScanPanel:
         from align.pose.scan_outline import outline_strokes
 
         review, picks = self._window.review, self._window.picks
-        mesh = load_scan(review)
+        mesh = review.scan_mesh
         found = self.found = pose_of(review, picks, mesh)
         self._strokes = outline_strokes(mesh, found.pose, *review.need("camera"))
         self._window.choose(view="Photograph")

@@ -52,16 +52,6 @@ class Picks:
         return Picks(self.pixels[: max(count, 0)], self.points[: max(count, 0)])
 
 
-def load_scan(review: Review) -> Mesh:
-    """Return the session's scan; SceneError where there is none."""
-    from align.scan.mended_scan import load_scan
-
-    session = review.session
-    if session is None or session.scan is None:
-        raise SceneError(review.why_no_session or "object.scan: the session names no scan. Add it to session.toml.")
-    return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
-
-
 def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
     """Return the point (3,) at which a ray first meets a mesh, None where it misses."""
     direction = np.asarray(direction, np.float64) / np.linalg.norm(direction)

@@ -5,15 +5,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.errors import SceneError
-from scene.lights import Lights
 from scene.mesh import Mesh
 from studio.display_mesh import MOST_FACES, display_mesh
 from studio.editor.placement import quaternion
-from studio.review.hemisphere import Ellipsoid, distant_ellipsoid, ellipsoid_of
+from studio.review.hemisphere import covariance_mm2, ellipsoid_of, light_places
 from studio.review.plane import add_numbered
 from studio.review.review_window import ReviewWindow
-from studio.review.scan_picks import load_scan, met
+from studio.review.scan_picks import met
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
 from twin.description.object_mesh import ObjectMesh
 
@@ -35,53 +33,37 @@ class SpatialView:
             "Lights in 3-D": self._view.add_frame(LIGHTS, show_axes=False, visible=False),
             "Scan": self._view.add_frame(SCAN, show_axes=False, visible=False),
         }
-        self._looked: Any = None
-        self._mesh: tuple[int, Mesh | None] = (-1, None)
-        self._caster: Any = None
 
     def refresh(self) -> None:
         """Show the window's lights around its object, or its scan with the points that were picked."""
         window, draw, reading = self._window, self._layers.draw, self._window.reading
         for view, root in self._roots.items():
             root.visible = window.view == view
-        wanted = (window.view, reading, window.looks)
-        is_new, self._looked = wanted != self._looked, wanted
         if window.view == "Lights in 3-D":
             draw("object", reading, self._add_object)
             draw("balls", reading, self._add_balls)
             draw("lights", (reading, window.frame, window.factor), self._add_lights)
-            if is_new:
-                self._look_at_lights()
         elif window.view == "Scan":
             draw("scan", reading, self._add_scan)
-            if is_new:
-                window.look(np.zeros(3), [0.0, 0.0, 1.9 * SCAN_SIZE])
+        draw("look", (window.view, reading, window.looks), self._look)
         draw("marks", window.picks.points, self._add_marks)
 
-    def _scan(self) -> Mesh | None:
-        """Return the session's scan; None where there is none, which is told once."""
-        if self._mesh[0] != self._window.reading:
-            self._mesh = (self._window.reading, None)
-            self._mesh = (self._window.reading, load_scan(self._window.review))
-        return self._mesh[1]
-
-    def _look_at_lights(self) -> None:
-        lights = self._window.review.lights
-        if lights is None:
-            return
-        places, middle = light_places(lights), lights.reference_point_mm
-        reach = float(np.linalg.norm(places - middle, axis=1).max()) * UNITS_PER_MM
-        self._window.look(middle * UNITS_PER_MM, reach * np.array([1.3, 0.75, 1.5]))
+    def _look(self) -> None:
+        """Look at the whole of what is shown."""
+        window, lights = self._window, self._window.review.lights
+        if window.view == "Scan":
+            window.look(np.zeros(3), [0.0, 0.0, 1.9 * SCAN_SIZE])
+        elif window.view == "Lights in 3-D" and lights is not None:
+            places, middle = light_places(lights), lights.reference_point_mm
+            reach = float(np.linalg.norm(places - middle, axis=1).max()) * UNITS_PER_MM
+            window.look(middle * UNITS_PER_MM, reach * np.array([1.3, 0.75, 1.5]))
 
     def _add_object(self) -> list[Any]:
         review = self._window.review
         if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
             return []
-        mesh = self._scan()
-        if mesh is None:
-            return []
         scale = review.store.load_scan_scale()
-        vertices, faces = _display(mesh, CONTEXT_FACES)
+        vertices, faces = _display(review.scan_mesh, CONTEXT_FACES)
         placed = (review.store.load_pose().apply(scale * vertices) * UNITS_PER_MM).astype(np.float32)
         return [self._view.add_mesh_simple(f"{LIGHTS}/object", placed, faces, color=CLAY, **NO_SHADOW)]
 
@@ -108,71 +90,51 @@ class SpatialView:
             return handles
         places, reference = light_places(lights), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
-        for index, (place, ellipsoid) in enumerate(zip(places, self._ellipsoids(lights, reach), strict=True)):
+        known = window.review.position_covariance_mm2
+        # Of a near light its direction alone says nothing of how far away it is.
+        is_told = lights.positions_mm is None or known is not None
+        for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
             colour = CHOSEN if index == window.frame else PLAIN
             at = tuple(place * UNITS_PER_MM)
             look = {"subdivisions": 2, "color": colour, "position": at, **NO_SHADOW}
             handles.append(add_light_arrow(view, f"{LIGHTS}/arrow_{index}", (place, reference), reach, colour))
             bodies = [view.add_icosphere(f"{LIGHTS}/light_{index}", radius=0.012 * reach * UNITS_PER_MM, **look)]
             handles.append(view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at))
-            if ellipsoid is not None:
-                axes = tuple(np.maximum(window.factor * ellipsoid.half_axes_mm * UNITS_PER_MM, 1e-4))
-                look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid.rotation)}
+            if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
+                axes = tuple(np.maximum(window.factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
+                look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
                 bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
             for body in bodies:
-                window.on_pick(body, lambda frame=index: window.choose(frame=frame))
+                window.on(body.on_click, lambda frame=index: window.choose(frame=frame))
             handles += bodies
         return handles
 
-    def _ellipsoids(self, lights: Lights, reach: float) -> list[Ellipsoid | None]:
-        covariance = self._window.review.position_covariance_mm2
-        if lights.positions_mm is not None:
-            return [None] * len(lights) if covariance is None else [ellipsoid_of(one) for one in covariance]
-        pairs = zip(lights.directions, lights.direction_sigma_deg, strict=True)
-        return [distant_ellipsoid(direction, float(sigma), reach) for direction, sigma in pairs]
-
     def _add_scan(self) -> list[Any]:
-        mesh = self._scan()
-        if mesh is None:
-            raise SceneError("object.scan: the scan could not be read.")
+        mesh = self._window.review.scan_mesh
         scale = SCAN_SIZE / (2 * mesh.radius_mm)
         vertices, faces = _display(mesh)
         shown = ((vertices - mesh.center_mm) * scale).astype(np.float32)
         handle = self._view.add_mesh_simple(f"{SCAN}/mesh", shown, faces, color=CLAY, **NO_SHADOW)
 
         def clicked(origin: Array, direction: Array) -> None:
-            self._click(mesh, origin / scale + mesh.center_mm, direction)
+            use, review = self._window.on_scan, self._window.review
+            if use is None:
+                return
+            point = met(review.scan_rays, origin / scale + mesh.center_mm, direction)
+            if point is not None:
+                use(point)
 
         self._window.on_ray(handle, clicked)
-        self._caster = None
         return [handle]
-
-    def _click(self, mesh: Mesh, origin: Array, direction: Array) -> None:
-        from scene.rays import RayCaster
-
-        use = self._window.on_scan
-        if use is None:
-            return
-        # Its tree takes a second for a large scan.
-        self._caster = self._caster or RayCaster(mesh)
-        point = met(self._caster, origin, direction)
-        if point is not None:
-            use(point)
 
     def _add_marks(self) -> list[Any]:
         """Show the points of the scan that were picked, numbered."""
-        mesh, points = self._mesh[1], self._window.picks.points
-        if mesh is None:
+        review, points = self._window.review, self._window.picks.points
+        if "scan_mesh" not in vars(review):
             return []
+        mesh = review.scan_mesh
         places = [tuple((np.array(point) - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)) for point in points]
         return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
-
-
-def light_places(lights: Lights) -> Array:
-    """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
-    if lights.positions_mm is not None:
-        return lights.positions_mm
-    return lights.reference_point_mm + 1000.0 * lights.directions
 
 
 def _display(mesh: Mesh, most_faces: int = MOST_FACES) -> tuple[Array, NDArray[np.uint32]]:

@@ -57,7 +57,7 @@ class TwinPanel:
         window = self._window
         self._drawn, self._facts.content = None, ""
         if self._beside.value == NOTHING:
-            window.stand_beside(None)
+            window.choose(beside=None)
         elif self._beside.value == SAME:
             window.choose(view="Photograph")
         else:
@@ -89,7 +89,7 @@ class TwinPanel:
             return
         self._facts.content = f"The scan with its measured albedo, matte, drawn small: {drawn.stage}."
         picture = self._exposure().develop(shrink(drawn.picture, WIDTH))
-        self._window.stand_beside(Beside(picture, "light from anywhere"))
+        self._window.choose(beside=Beside(picture, "light from anywhere"))
 
 
 def twin_picture(review: Review, index: int, exposure: Exposure) -> tuple[Image, float]:

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ def studio(tmp_path):
     write_mesh(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
     small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
     # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
-    quick = edits.with_sampling(small, Sampling("direct" if pick_variant()[0] == FAST else "mitsuba", 16, 2))
+    quick = replace(small, sampling=Sampling("direct" if pick_variant()[0] == FAST else "mitsuba", 16, 2))
     running = Studio(Workspace.at(root), port=0, scene=quick)
     yield running
     running.close()

@@ -193,7 +193,7 @@ EDITS = {
     "intensity": lambda s: edits.with_intensity(s, 1, (2, 1, 1)),
     "ambient": lambda s: edits.with_environment(s, ambient=(0.1, 0.1, 0.2)),
     "camera": lambda s: edits.with_camera(s, width=100, height=80, focal_px=300.0, orthographic=False),
-    "sampling": lambda s: edits.with_sampling(s, Sampling("mitsuba", 16, 5)),
+    "sampling": lambda s: replace(s, sampling=Sampling("mitsuba", 16, 5)),
 }
 
 

@@ -9,7 +9,7 @@ import pytest
 from scene.pose import rotation_from_vector
 from studio.display_mesh import display_mesh
 from studio.editor import edits
-from studio.editor.live_scene import LiveScene, refined
+from studio.editor.live_scene import LiveScene, refining
 from studio.editor.placement import placement_of
 from studio.editor.preview import Preview
 from twin.description.description import TwinObject
@@ -22,6 +22,10 @@ pytestmark = [
     pytest.mark.skipif(pick_variant()[0] != FAST, reason="the preview's first picture needs the vectorised variant"),
 ]
 SIZE = {"width": 48, "height": 36}
+
+
+def refined(scene, light):
+    return list(refining(scene, light, **SIZE))[-1]
 
 
 def two_objects():
@@ -71,14 +75,14 @@ def test_a_light_shines_from_where_its_arrow_stands():
 def test_the_refined_picture_shows_what_the_first_leaves_out():
     """A mirror in an even environment; and where there is nothing more, both agree."""
     scene = edits.start_scene()
-    rough, fine = LiveScene().picture(scene, 0, **SIZE), refined(scene, 0, **SIZE)
+    rough, fine = LiveScene().picture(scene, 0, **SIZE), refined(scene, 0)
     inside = rough.min(-1) > 0.05
     assert np.median(np.abs(rough - fine)[inside] / fine[inside]) < 0.02
     mirror = edits.with_environment(
         edits.with_material(scene, "matte", Conductor("none", 0.0)), ambient=(0.3, 0.2, 0.1)
     )
     assert LiveScene().picture(mirror, 0, **SIZE).max() == 0
-    middle = refined(mirror, 0, **SIZE)[18, 24]
+    middle = refined(mirror, 0)[18, 24]
     np.testing.assert_allclose(middle, [0.3, 0.2, 0.1], rtol=1e-3)
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from studio import background_process
+from studio.background_process import BackgroundProcess
 from studio.editor import edits
-from studio.editor.rendering import Progress, start_rendering
 from twin.description.description import Sampling
 from twin.description.description_tables import RingTable
 from twin.description.description_writer import write_scene
@@ -23,15 +23,24 @@ def small_scene(folder, samples):
     return write_scene(replace(scene, sampling=Sampling("mitsuba", samples)), folder)
 
 
+def start_rendering(scene, out, tell, ended):
+    return BackgroundProcess(["-m", "studio.editor.rendering", scene, out], tell, ended)
+
+
+def pieces(told):
+    """Return how many pieces were done at each line that says so."""
+    return [int(line.split()[1]) for line in told if line.startswith("twin: ")]
+
+
 @pytest.mark.full
 def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     """What was rendered when it was stopped is kept, and the whole is as if it had never been stopped."""
     scene = small_scene(tmp_path / "scene", samples=1600)
     told, ended, first = [], [], threading.Event()
 
-    def tell(progress):
-        told.append(progress)
-        if progress.label == "twin" and progress.done >= 1:
+    def tell(line):
+        told.append(line)
+        if max(pieces(told), default=0) >= 1:
             first.set()
 
     stopped = start_rendering(scene, tmp_path / "a", tell, ended.append)
@@ -44,7 +53,7 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     told.clear()
     start_rendering(scene, tmp_path / "a", tell, ended.append).wait()
     assert ended == [""]
-    counts = [progress.done for progress in told if progress.label == "twin"]
+    counts = pieces(told)
     assert counts[0] >= 1, "it goes on from what was done"
     assert counts == sorted(counts)
     assert counts[-1] == 6
@@ -54,17 +63,23 @@ def test_a_rendering_is_stopped_and_goes_on(tmp_path):
     assert np.abs(a.astype(int) - b.astype(int)).max() <= 1
 
 
-@pytest.mark.parametrize(("code", "fault"), [(0, ""), (3, "the process ended with code 3.")])
-def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, code, fault):
-    """A library may print between the lines of progress: that is shown, and nothing waits for ever."""
+@pytest.mark.parametrize(
+    ("said", "code", "fault"),
+    [
+        (["hello", "twin: 1 of 2", "[1, 2]"], 0, ""),
+        ([], 3, "the process ended with code 3."),
+        (["at work", "rgbn: no scan.", "Add one."], 2, "no scan.\nAdd one."),
+    ],
+)
+def test_whatever_is_printed_the_end_is_told(tmp_path, monkeypatch, said, code, fault):
+    """A library may print between the lines, more than a pipe holds too: it is shown, and nothing waits for ever."""
     program = tmp_path / "renderer"
-    progress = '{"label": "twin", "done": 1, "total": 2}'
-    program.write_text(f"#!/bin/sh\necho hello\necho '{progress}'\necho '[1, 2]'\necho '{{\"a\": 1}}'\nexit {code}\n")
+    program.write_text("\n".join(["#!/bin/sh", "seq 100000", *(f"echo '{line}' >&2" for line in said), f"exit {code}"]))
     program.chmod(0o755)
     monkeypatch.setattr(background_process, "sys", SimpleNamespace(executable=str(program)))
     told, ended = [], []
     start_rendering(tmp_path / "scene.toml", tmp_path / "out", told.append, ended.append).wait()
-    assert told == [Progress("hello"), Progress("twin", 1, 2), Progress("[1, 2]"), Progress('{"a": 1}')]
+    assert told == said
     assert ended == [fault]
 
 
@@ -72,7 +87,7 @@ def test_a_fault_is_told(tmp_path):
     scene = small_scene(tmp_path, samples=4)
     scene.write_text(scene.read_text().replace('kind = "distant"', 'kind = "distand"', 1))
     ended = []
-    start_rendering(scene, tmp_path / "out", lambda progress: None, ended.append).wait()
+    start_rendering(scene, tmp_path / "out", lambda line: None, ended.append).wait()
     assert len(ended) == 1
     assert "distand" in ended[0]
     assert not (tmp_path / "out").exists()

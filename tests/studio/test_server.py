@@ -141,7 +141,7 @@ def test_an_input_takes_only_values_of_its_kind(studio, nobody, monkeypatch, lab
 
 
 def test_a_file_that_is_too_large_comes_without_content_and_its_parts_are_dropped(studio):
-    sender = SimpleNamespace(uploads={}, incoming=0)
+    sender = SimpleNamespace(uploads={})
     start = {
         "type": "FileTransferStartUpload", "source_component_uuid": "x", "transfer_uuid": "t", "filename": "big.ply",
         "mime_type": "", "part_count": 500, "size_bytes": MOST_UPLOAD + 1,

@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from studio.results.panel import WIDE, ResultsPanel
-from studio.results.side_by_side import layout_of, side_by_side, viewport_of
+from studio.results.panel import MIDDLES, ResultsPanel
+from studio.results.side_by_side import map_picture, viewport_of
 from studio.server import Studio
 from studio.workspace import Workspace
 
@@ -14,26 +14,18 @@ pytestmark = [pytest.mark.slow]
 
 def place_of(panel, results, pixel, side):
     """Return where a pixel of the left or the right picture stands in the 3-D view."""
-    layout, viewport = layout_of(results), viewport_of(results, panel.choice)
-    across, down = viewport.share(*pixel)
-    left, top = layout.corner(side)
-    x, y = left + across * layout.wide, top + down * layout.high
-    wide, high = layout.size
-    return np.array([(x / wide - 0.5) * WIDE, (0.5 - y / high) * WIDE * high / wide, 0.0])
+    across, down = viewport_of(results, panel.choice).share(*pixel)
+    wide, high = panel.size
+    return np.array([MIDDLES[side] + (across - 0.5) * wide, (0.5 - down) * high, 0.0])
 
 
 def is_drawn(visitor, panel, results, pixel):
     """Whether the screen shows, in the middle of a pixel on both sides, the colour that the picture has there."""
     screen = cv2.imdecode(np.frombuffer(visitor.page.screenshot(), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
-    picture, layout, viewport = (
-        side_by_side(results, panel.choice),
-        layout_of(results),
-        viewport_of(results, panel.choice),
-    )
-    across, down = viewport.share(*pixel)
-    for side in (0, 1):
-        left, top = layout.corner(side)
-        drawn = picture[int(top + down * layout.high), int(left + across * layout.wide)]
+    across, down = viewport_of(results, panel.choice).share(*pixel)
+    for side, source in enumerate((panel.choice.left, panel.choice.right)):
+        picture = map_picture(results, panel.choice, source)
+        drawn = picture[int(down * picture.shape[0]), int(across * picture.shape[1])]
         x, y = visitor.on_screen(place_of(panel, results, pixel, side)).astype(int)
         if np.abs(screen[y, x].astype(int) - drawn).max() > 25:
             return False

@@ -7,7 +7,7 @@ import pytest
 
 from studio.results.pixel import numbers_at
 from studio.results.result_maps import Source
-from studio.results.side_by_side import Choice, box_of, layout_of, side_by_side, viewport_of
+from studio.results.side_by_side import Choice, box_of, map_picture, viewport_of
 from studio.results.viewport import Viewport
 
 LEFT, RIGHT = Source("ls"), Source("ls", "twin")
@@ -22,23 +22,21 @@ def test_a_click_on_an_odd_pixel_is_that_pixel(flat, zoom, centre):
     """Every point of the picture that is coloured oddly is clicked as an odd pixel, and no other point is."""
     results = flat(ODD)
     choice = Choice("normals", LEFT, RIGHT, zoom, centre)
-    image, layout, viewport = side_by_side(results, choice), layout_of(results), viewport_of(results, choice)
-    assert image.shape[:2] == layout.size[::-1]
-    is_odd = (image == RED).all(-1)
-    seen: dict[int, set] = {0: set(), 1: set()}
+    viewport, seen = viewport_of(results, choice), []
+    high, wide = viewport.high, viewport.wide
     generator = np.random.default_rng(10_064)
-    for side in (0, 1):
-        left, top = layout.corner(side)
-        part = is_odd[top : top + layout.high, left : left + layout.wide]
+    for source in (LEFT, RIGHT):
+        part = (map_picture(results, choice, source) == RED).all(-1)
+        assert part.shape == (high, wide)
         anywhere = generator.uniform(0, part.shape, (300, 2)).astype(int)
         # The points at the odd pixels' edges, where a shift by half a point would show.
         edge = part ^ (part & np.roll(part, 1, 0) & np.roll(part, -1, 0) & np.roll(part, 1, 1) & np.roll(part, -1, 1))
+        seen.append(set())
         for y, x in [*anywhere, *np.argwhere(edge)[::7], *(np.argwhere(edge)[::7] + [1, 1])]:
-            if x < layout.wide and y < layout.high:
-                place = (left + x + 0.5) / layout.size[0], (top + y + 0.5) / layout.size[1]
-                pixel = layout.pixel(viewport, *place)
+            if x < wide and y < high:
+                pixel = viewport.pixel((x + 0.5) / wide, (y + 0.5) / high)
                 assert (pixel in ODD) == part[y, x], (x, y, pixel)
-                seen[side] |= {pixel} & set(ODD)
+                seen[-1] |= {pixel} & set(ODD)
     assert seen[0] == seen[1]
     if centre is None and zoom == 1:
         assert seen[0] == set(ODD), "zoom 1 shows all of the object"
@@ -48,13 +46,9 @@ def test_a_click_on_an_odd_pixel_is_that_pixel(flat, zoom, centre):
 
 def test_a_click_beside_the_pictures_is_no_pixel(flat):
     results = flat(ODD)
-    layout, viewport = layout_of(results), viewport_of(results, Choice("normals", LEFT, RIGHT))
-    wide, high = layout.size
-    assert layout.pixel(viewport, (layout.wide + layout.gap / 2) / wide, 0.5) is None
-    assert layout.pixel(viewport, 0.2, (layout.above - 2) / high) is None
-    assert layout.pixel(viewport, 0.2, (layout.above + layout.high + 2) / high) is None
-    for across, down in ((-0.01, 0.5), (1.01, 0.5), (0.2, -0.1), (0.2, 1.1)):
-        assert layout.pixel(viewport, across, down) is None
+    viewport = viewport_of(results, Choice("normals", LEFT, RIGHT))
+    for across, down in ((-0.01, 0.5), (1.01, 0.5), (0.2, -0.1), (0.2, 1.1), (1.0, 0.5), (0.5, 1.0)):
+        assert viewport.pixel(across, down) is None
 
 
 def test_the_numbers_are_those_of_the_odd_pixel_alone(flat):
@@ -69,17 +63,14 @@ def test_the_cursor_stands_around_its_pixel_on_both_sides(flat):
     """The strokes' middle is the pixel's middle, and the pixel itself stays to be seen."""
     results = flat([(31, 12)])
     choice = Choice("normals", LEFT, RIGHT, zoom=8, centre=(30, 13))
-    layout = layout_of(results)
-    plain = side_by_side(results, choice)
-    marked = side_by_side(results, replace(choice, cursor=(31, 12)))
-    for side in (0, 1):
-        left, top = layout.corner(side)
-        place = np.s_[top : top + layout.high, left : left + layout.wide]
-        rows, columns = np.nonzero((plain[place] != marked[place]).any(-1))
-        odd_rows, odd_columns = np.nonzero((plain[place] == RED).all(-1))
+    for source in (LEFT, RIGHT):
+        plain = map_picture(results, choice, source)
+        marked = map_picture(results, replace(choice, cursor=(31, 12)), source)
+        rows, columns = np.nonzero((plain != marked).any(-1))
+        odd_rows, odd_columns = np.nonzero((plain == RED).all(-1))
         assert (rows.min() + rows.max()) / 2 == pytest.approx((odd_rows.min() + odd_rows.max()) / 2, abs=2)
         assert (columns.min() + columns.max()) / 2 == pytest.approx((odd_columns.min() + odd_columns.max()) / 2, abs=2)
-        assert (marked[place][odd_rows, odd_columns] == RED).all(-1).mean() > 0.9
+        assert (marked[odd_rows, odd_columns] == RED).all(-1).mean() > 0.9
 
 
 def test_zoom_is_about_the_cursor_and_the_edge_ends_a_move(flat):

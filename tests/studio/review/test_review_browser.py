@@ -7,7 +7,7 @@ from capture.session.session import load_session
 from scene.rays import RayCaster
 from studio.review.plane import Plane
 from studio.review.scan_panel import ScanPanel
-from studio.review.scan_picks import load_scan, met
+from studio.review.scan_picks import met
 from studio.review.spatial_view import SCAN_SIZE
 from studio.server import Studio
 from studio.workspace import Workspace
@@ -125,10 +125,10 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
         visitor.keep("review_twin")
 
         visitor.tab("Scan")
-        window.post(lambda: window.stand_beside(None))
+        window.post(lambda: window.choose(beside=None))
         visitor.press("Start picking")
         visitor.until(lambda: window.on_photograph is not None, "picking has begun")
-        picks, mesh, plane = panel(window, ScanPanel), load_scan(window.review), Plane(160, 120)
+        picks, mesh, plane = panel(window, ScanPanel), window.review.scan_mesh, Plane(160, 120)
         scale = SCAN_SIZE / (2 * mesh.radius_mm)
         towards = [(-25, 10), (22, 14), (3, -38), (8, 20)]
         for count, (x, y) in enumerate(towards, 1):

@@ -21,7 +21,7 @@ from studio.review.frames_panel import lacks_text
 from studio.review.photograph_picture import CLIPPED_COLOUR, Look, photograph
 from studio.review.plane import Plane
 from studio.review.recalibration import change_of, mirrored_px
-from studio.review.scan_picks import Picks, load_scan, met, pose_of, write_picks
+from studio.review.scan_picks import Picks, met, pose_of, write_picks
 from studio.review.twin_panel import twin_picture
 
 PLANE = Plane(160, 120)
@@ -140,7 +140,7 @@ def test_the_strip_leads_to_the_frame_that_is_seen_there(review, made):
     assert sheet.frame_at(-0.01, 0.5) is None
     assert sheet.frame_at(0.5, 1.01) is None
     clipped, warned = (
-        (sheet.image == colour).all(-1).any(0).nonzero()[0] // sheet.cell[0] for colour in (CLIPPED, WARNED)
+        (sheet.image == colour).all(-1).any(0).nonzero()[0] // sheet.cells.shape[3] for colour in (CLIPPED, WARNED)
     )
     assert set(clipped) == {1}, "the frame with a clipped block"
     assert set(warned) == {2, 3}, "a step warned of one, the other's light has a flag"
@@ -359,7 +359,7 @@ def test_picks_are_pairs():
 
 def test_picks_give_the_pose_at_which_they_were_made(review, made):
     """Rays from aside meet the scan; the points are seen where the true pose puts them: that pose is found."""
-    mesh, generator, picks = load_scan(review), np.random.default_rng(10_007), Picks()
+    mesh, generator, picks = review.scan_mesh, np.random.default_rng(10_007), Picks()
     caster = RayCaster(mesh)
     while picks.pairs < 7:
         origin = mesh.center_mm + 300 * generator.normal(size=3)

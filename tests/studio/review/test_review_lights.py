@@ -11,7 +11,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
 from studio.review.hemisphere import (
-    distant_ellipsoid,
+    covariance_mm2,
     ellipsoid_of,
     fitting_factor,
     hemisphere_picture,
@@ -127,19 +127,20 @@ def test_sigmas_are_drawn_so_large_that_they_are_seen():
 def test_an_ellipsoid_is_its_covariance():
     factor = np.random.default_rng(10_005).normal(size=(3, 3))
     covariance = factor @ factor.T
-    found = ellipsoid_of(covariance)
-    assert np.linalg.det(found.rotation) == pytest.approx(1)
-    np.testing.assert_allclose(found.rotation @ np.diag(found.half_axes_mm**2) @ found.rotation.T, covariance)
+    half_axes, rotation = ellipsoid_of(covariance)
+    assert np.linalg.det(rotation) == pytest.approx(1)
+    np.testing.assert_allclose(rotation @ np.diag(half_axes**2) @ rotation.T, covariance)
     assert ellipsoid_of(np.full((3, 3), np.nan)) is None
 
 
 def test_a_distant_lights_ellipsoid_is_flat_and_as_wide_as_its_sigma():
     direction = toward(40, 130)
-    found = distant_ellipsoid(direction, 1.0, 1000.0)
-    np.testing.assert_allclose(np.sort(found.half_axes_mm), [0, 17.455, 17.455], atol=1e-3)
-    thin = found.rotation[:, np.argmin(found.half_axes_mm)]
-    assert abs(thin @ direction) == pytest.approx(1)
-    assert distant_ellipsoid(direction, np.nan, 1000.0) is None
+    one = Lights(("a",), direction[None], np.ones((1, 3)), None, np.zeros(3), np.array([1.0]))
+    half_axes, rotation = ellipsoid_of(covariance_mm2(one, None)[0])
+    np.testing.assert_allclose(np.sort(half_axes), [0, 17.455, 17.455], atol=1e-3)
+    assert abs(rotation[:, np.argmin(half_axes)] @ direction) == pytest.approx(1)
+    unknown = replace(one, direction_sigma_deg=np.array([np.nan]))
+    assert ellipsoid_of(covariance_mm2(unknown, None)[0]) is None
 
 
 def test_a_light_from_elsewhere_shines_from_there():

@@ -14,11 +14,12 @@ from lab.plan import STEPS
 from lab.run import run_session
 from rgbn.cli import app
 from scene.errors import SceneError
-from studio.review import run_panel
+from studio import background_process
+from studio.background_process import BackgroundProcess
 from studio.review.corrected_session import write_amended
 from studio.review.corrections import moved, specs_of
 from studio.review.review_window import ReviewWindow
-from studio.review.run_panel import RunPanel, options_of, run_steps
+from studio.review.run_panel import RunPanel, options_of, process_arguments
 from studio.workspace import Workspace
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -27,8 +28,8 @@ FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 def test_what_stops_the_steps_is_told(made):
     """The command line in its own process: photographs that are no pictures end it, with the line that says so."""
     said, ended = [], []
-    run = run_steps(made.session, made.folder.parent / "again", said.append, ended.append)
-    run.wait()
+    arguments = process_arguments(made.session, made.folder.parent / "again")
+    BackgroundProcess(arguments, said.append, ended.append).wait()
     (fault,) = ended
     assert "flash_0.png" in fault
     assert not fault.startswith("rgbn")
@@ -81,15 +82,17 @@ def test_the_panel_runs_what_was_kept_as_the_session_is_now(made, nobody, no_pre
     runs = []
 
     class Ran:
-        def __init__(self, session, out, tell, ended, options=()):
-            runs.append((load_session(session), options))
+        def __init__(self, arguments, tell, ended):
+            verb, session, *options = arguments[2:]
+            assert (verb, options[:2]) == ("process", ["--out", str(made.folder)])
+            runs.append((load_session(Path(session)), options[2:]))
             tell("<b>solve</b> ...")
             ended("")
 
         def stop(self):
             pass
 
-    monkeypatch.setattr(run_panel, "run_steps", Ran)
+    monkeypatch.setattr(background_process, "BackgroundProcess", Ran)
     arguments = {"methods": ["ls", "Net"], "external": {"Net": "python `net` {data} {out}"}}
     made.store.path("summary.json").write_text(json.dumps({"arguments": arguments}))
     window = ReviewWindow(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
@@ -101,7 +104,7 @@ def test_the_panel_runs_what_was_kept_as_the_session_is_now(made, nobody, no_pre
     window.client.says("Run the steps")
     settle(window)
     assert runs[0][0].folder == made.session
-    assert "\\<b\\>solve" in panel._lines.content
+    assert "\\<b\\>solve" in panel.work.text.content
     write_amended(
         window.review,
         spheres=specs_of(window.review.session, moved(window.outlines, 0, (40.0, 30.0), made.camera), made.camera),

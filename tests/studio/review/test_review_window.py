@@ -16,7 +16,6 @@ from studio.review.frames_panel import FramesPanel, WarningsPanel
 from studio.review.photograph_view import PhotographView
 from studio.review.recalibration import calibrate_again
 from studio.review.review_window import ReviewWindow
-from studio.review.scan_picks import load_scan
 from studio.review.spatial_view import SCAN_SIZE, SpatialView
 from studio.review.twin_panel import TwinPanel
 from studio.workspace import Workspace
@@ -45,7 +44,7 @@ def test_a_click_on_the_scan_is_met_in_the_windows_own_thread(reviewing, settle,
 
     window.on_scan = points.append
     window.choose(view="Scan")
-    mesh, client = load_scan(window.review), window.client
+    mesh, client = window.review.scan_mesh, window.client
     monkeypatch.setattr(rays, "RayCaster", Counted)
     scale = SCAN_SIZE / (2 * mesh.radius_mm)
     for aside in (0.0, 2.0, 4.0):
