@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from compare.statistics.ambiguity import error_kinds
-from experiments.photographs import one_thread, photograph
 from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
 from experiments.tables import errors_of
@@ -32,6 +31,9 @@ def run_cell(cell: Cell) -> dict[str, Any]:
     rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
     base64. code: hash of the code that made them, as this process has it.
     """
+    # Cells are named without the renderer.
+    from experiments.photographs import one_thread, photograph
+
     with _ONE_AT_A_TIME, one_thread(), ThreadPoolExecutor(1) as one_core:
         start = time.process_time()
         try:

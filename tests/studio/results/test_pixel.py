@@ -103,7 +103,7 @@ def test_the_charts_show_every_sample_once_and_mark_the_bad_ones(made):
              zip(trace(figure, name).x, trace(figure, name).y, strict=True)}  # fmt: skip
     assert sorted(shown) == list(range(1, 11))
     np.testing.assert_allclose([shown[i + 1] for i in range(10)], expected, rtol=1e-5, atol=1e-7)
-    assert trace(figure, "clipped").text == ("4 flash_3",)
+    assert trace(figure, "clipped").text == ("4 flash_03",)
     # Over n . l by its own normal a solver's fit is a straight line from zero.
     for fit in pixel.fits:
         name = fit.source.method
