@@ -21,11 +21,13 @@ Stack = NDArray[np.float32]
 FEWEST_PIXELS, FEWEST_SHADED = 60, 20  # of a disc, to look for bright points, and for shading
 WIDEST_PX = 21
 """A flash mirrored in the largest ball is narrower than this, coarse pixels; a mirrored table or white ball is not."""
+LARGEST_PX = 150.0  # radius of a ball up to which that holds; a larger one is looked at in smaller pictures
 SHARPNESS_PX = 1.2  # blur: of clipped points the larger is the flash, the smaller its image in another ball
 DISC, FRONT = 0.97, 0.8
 """Share of the radius that is looked at, and within which a flash on the camera's side must be mirrored."""
 POINT_AREA, POINT_CONTRAST, POINT_TRAVEL, POINT_INSIDE = 0.05, 6.0, 0.03, 0.8
 """Limits of `Points`: a smaller area, and more of the others, is a light that shows as a wandering point."""
+MAYBE = 1.7, 0.4, 0.6  # the same, of the area, contrast and `inside`, up to which it may be one all the same
 LIT_SHARE = 0.05  # of the median frame's peak, from which a frame shows a point at all
 MATTE = 0.9  # share of a frame's variance that shading explains on a matte ball
 MIRRORS, MIRRORS_MOVING = 0.3, 0.2  # the same that it explains at most on a mirror, and of what moves on it
@@ -54,8 +56,23 @@ class Points(NamedTuple):
     @property
     def wander(self) -> bool:
         """Whether the light shows as a point that wanders: a mirror, or a gloss."""
-        small = self.area <= POINT_AREA and self.contrast >= POINT_CONTRAST
-        return small and self.travel >= POINT_TRAVEL and self.inside >= POINT_INSIDE
+        return self._within(1.0, 1.0, 1.0)
+
+    @property
+    def may_wander(self) -> bool:
+        """Whether it may be one: on a small mirror, or in a circle that is not the mirror's outline."""
+        return self._within(*MAYBE)
+
+    def _within(self, area: float, contrast: float, inside: float) -> bool:
+        small = self.area <= area * POINT_AREA and self.contrast >= contrast * POINT_CONTRAST
+        return small and self.travel >= POINT_TRAVEL and self.inside >= inside * POINT_INSIDE
+
+
+class Change(NamedTuple):
+    """A shrunken stack, and what moves in it."""
+
+    coarse: Coarse
+    values: Stack  # (F, h, w)
 
 
 @dataclass(frozen=True)
@@ -73,9 +90,12 @@ class Behaviour:
     directions: Array  # (F, 3) unit b_f of that fit: rough light directions
     flatness: float = 0.0  # how much more of it the shading of a body explains that is `FLAT` times as high as a ball
     moving: float = 0.0
+    mirrors: bool = False  # the disc shows, along its rim, the table beside it as a mirror ball does
 
     @property
     def kind(self) -> Kind | None:
+        if self.mirrors:
+            return "chrome"
         if self.lambert >= MATTE:
             return "white" if self.flatness <= FLATTER else None
         # Glossy things of any shape show a point, too, and shade.
@@ -107,20 +127,30 @@ class Behaviour:
         return half[:, :2] * [1, -1] / np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
 
 
-def changes(images: Stack) -> Stack:
-    """Return what moves and is small in the stack (F, h, w): less its median, less what is wider than a flash."""
-    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (WIDEST_PX, WIDEST_PX))
-    change = images - np.median(images, axis=0)
-    for one in change:
-        one[:] = cv2.GaussianBlur(cv2.morphologyEx(one, cv2.MORPH_TOPHAT, kernel), (0, 0), SHARPNESS_PX)
-    return change
+def changes(coarse: Coarse) -> list[Change]:
+    """Return what moves and is small in the stack, and in the same at half the size, for balls that fill the picture.
 
-
-def bright_points(coarse: Coarse, change: Stack, sphere: Sphere) -> Points | None:
-    """Return the brightest change on the disc in `changes`; None if too little of it is in the picture.
-
-    `sphere` in coarse pixels; its circle is taken for its outline.
+    Less its median, less what is wider than a flash.
     """
+    kernel = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (WIDEST_PX, WIDEST_PX))
+    out: list[Change] = []
+    while not out or min(coarse.images.shape[1:]) > 2 * LARGEST_PX:
+        coarse = coarse.halved() if out else coarse
+        change = coarse.images - np.median(coarse.images, axis=0)
+        for one in change:
+            one[:] = cv2.GaussianBlur(cv2.morphologyEx(one, cv2.MORPH_TOPHAT, kernel), (0, 0), SHARPNESS_PX)
+        out.append(Change(coarse, change))
+    return out
+
+
+def bright_points(changes: list[Change], sphere: Sphere) -> Points | None:
+    """Return the brightest change on the disc; None if too little of it is in the picture.
+
+    `sphere` in pixels of the first of the `changes`; its circle is taken for its outline.
+    """
+    octave = int(np.clip(np.ceil(np.log2(sphere.radius_px / LARGEST_PX)), 0, len(changes) - 1))
+    coarse, change = changes[octave]
+    sphere = coarse.from_full(changes[0].coarse.sphere_to_full(sphere))
     box = coarse.box(sphere)
     rows, columns = box.grid
     if min(rows.shape) < 4:
@@ -144,15 +174,17 @@ def bright_points(coarse: Coarse, change: Stack, sphere: Sphere) -> Points | Non
     return Points(float(np.median(area[lit])), float(np.median((peak / ninety)[lit])), travel, within, track)
 
 
-def observe(coarse: Coarse, sphere: Sphere, points: Points, *, most_pixels: int = 1000) -> Behaviour:
-    """Return how the disc behaves. `sphere` in coarse pixels, `points` its `bright_points`."""
+def observe(
+    coarse: Coarse, sphere: Sphere, points: Points, *, mirrors: bool = False, most_pixels: int = 1000
+) -> Behaviour:
+    """Return how the disc behaves. `sphere` in coarse pixels, `points` its `bright_points`, `mirrors`: `Behaviour`."""
     rows, columns = coarse.box(sphere, 1.1, max(1, int(1.1 * sphere.radius_px / 40))).grid
     normals, places = sphere.normals(coarse.camera, np.stack([columns, rows], -1).astype(np.float64))
     view = toward_camera(coarse.camera, places)
     facing = np.sum(view * normals, -1, keepdims=True)
     inside = facing[..., 0] > GRAZING
     if inside.sum() < FEWEST_SHADED:
-        return Behaviour(points, 0.0, np.zeros((len(coarse.images), 3)))
+        return Behaviour(points, 0.0, np.zeros((len(coarse.images), 3)), mirrors=mirrors)
     every = max(1, int(inside.sum()) // most_pixels)
     values = coarse.images[:, rows[inside][::every], columns[inside][::every]].astype(np.float64)
     normals = normals[inside][::every]
@@ -163,7 +195,7 @@ def observe(coarse: Coarse, sphere: Sphere, points: Points, *, most_pixels: int 
         flatness = _lambert(values, unit(flat))[0] - lambert
     elif points.wander:
         moving, _ = _lambert(values - values.min(0), normals)
-    return Behaviour(points, lambert, directions, flatness, moving)
+    return Behaviour(points, lambert, directions, flatness, moving, mirrors)
 
 
 def _lambert(values: Array, normals: Array) -> tuple[float, Array]:

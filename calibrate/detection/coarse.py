@@ -66,6 +66,13 @@ class Coarse:
         camera = replace(camera, width=width, height=height, cx=camera.cx - left, cy=camera.cy - top)
         return replace(self, images=images, camera=camera)
 
+    def halved(self) -> "Coarse":
+        """Return the stack at half the size."""
+        height, width = (side // 2 for side in self.images.shape[1:])
+        even = self.images[:, : 2 * height, : 2 * width]
+        images = np.stack([cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA) for image in even])
+        return Coarse(images, self.camera.scaled(width, height, 0.5, 0.5), 2 * self.factor)
+
     def window(self, frames: Frames, box: Box) -> NDArray[np.float32]:
         """Return (F, rows, columns): a window of all frames, shrunk alike."""
         return _shrunk(frames, np.arange(len(frames)), self.factor, box)

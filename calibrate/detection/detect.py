@@ -7,18 +7,16 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.ball_kind import FLATTER, Behaviour, bright_points, changes, observe
+from calibrate.detection.ball_kind import FLATTER, Behaviour, Change, bright_points, changes, observe
 from calibrate.detection.choice import Reasons, Suspect, asked_for, sure_ones
 from calibrate.detection.circles import distinct, overlap, rank, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.mirror_outline import (
-    LEAST_ENCLOSED,
     Candidate,
+    by_mirrored_table,
     by_points,
-    enclosing,
-    outline_of,
+    circles_about,
     static_slopes,
-    wider_circles,
 )
 from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
@@ -26,9 +24,10 @@ from scene.frames import Frames
 from scene.spheres import Kind, Sphere
 
 THREADS = 2  # outlines that are fitted side by side
+SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
+LEAST_SUPPORT = 0.5  # share of a mirror's outline that must stand still where no table is seen in it
+AS_STILL = 0.9  # of the same, from which on it is open which of two circles is the outline
 OTHERS = 3  # circles that are tried in a mirror's place where the likeliest does not show the table beside it
-DOUBTED = 0.8  # worth of a mirror's outline below which wider circles are asked, too: found ones show 0.85 and more
-WIDER_BETTER = 0.03  # by which such a circle must enclose more
 HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
 HINT_LEAST_PX = 24
 MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
@@ -81,7 +80,7 @@ def detect(
     `coarse` holds the same frames, shrunk. `wanted`: how many of each kind were asked for; None: whatever there is.
     Circles on the balls that are `taken` already are left alone.
     """
-    suspects, rejected = _suspects(coarse, [coarse.from_full(s) for s in taken])
+    suspects, rejected = _suspects(frames, camera, coarse, [coarse.from_full(s) for s in taken])
     suspects, surplus = sure_ones(suspects, coarse.camera) if wanted is None else asked_for(suspects, wanted)
     rejected += surplus
     found = []
@@ -111,15 +110,16 @@ def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px
     return first
 
 
-def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
+def _suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
     """Return the circles that behave like balls, one per place, and those that do not."""
-    change = changes(coarse.images)
+    change = changes(coarse)
     candidates: list[Candidate] = []
     for sphere in static_circles(coarse):
         if not any(overlap(sphere, other) for other in taken):
-            points = bright_points(coarse, change, sphere)
+            points = bright_points(change, sphere)
             candidates += [] if points is None else [(sphere, points)]
-    suspects, rejected = _mirrors(coarse, change, [c for c in candidates if c[1].wander])
+    mirrors = [c for c in candidates if c[1].wander or (c[1].may_wander and c[0].radius_px < SMALL_PX)]
+    suspects, rejected = _mirrors(frames, camera, coarse, change, mirrors)
     flat: list[Suspect] = []
     for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
         # A mirror that shows too little of its outline to be one leaves its place to what else is there.
@@ -137,34 +137,35 @@ def _suspects(coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reaso
     return suspects, [(s, r) for s, r in rejected if not any(overlap(s, other.sphere) for other in suspects)]
 
 
-def _mirrors(coarse: Coarse, change: NDArray[np.float32], candidates: list[Candidate]) -> tuple[list[Suspect], Reasons]:
-    """Return the mirrors among circles that show the light as a wandering point, and those that are none."""
+def _mirrors(
+    frames: Frames, camera: Camera, coarse: Coarse, change: list[Change], candidates: list[Candidate]
+) -> tuple[list[Suspect], Reasons]:
+    """Return the mirrors among circles that may show the light as a wandering point, and those that are none."""
     suspects: list[Suspect] = []
     rejected: Reasons = []
-    static, camera = static_slopes(coarse), coarse.camera
+    static = static_slopes(coarse)
     for group in by_points(candidates):
-        circles, doubtful = outline_of(group, static, camera)
-        sphere, points = circles[0]
-        if any(overlap(sphere, other.sphere) for other in suspects):
+        seed = group[0][0]
+        if any(overlap(seed, other.sphere) for other in suspects):
             continue
-        share = enclosing(static, camera, sphere)
-        if sphere.score * share < DOUBTED:
-            for wider in wider_circles(static, camera, sphere):
-                seen = bright_points(coarse, change, wider)
-                better = enclosing(static, camera, wider) > share + WIDER_BETTER
-                group += [(wider, seen)] if better and seen is not None and seen.wander else []
-            circles, doubtful = outline_of(group, static, camera)
-            sphere, points = circles[0]
-            if any(overlap(sphere, other.sphere) for other in suspects):
+        circles = circles_about(static, seed) or [seed]
+        table = by_mirrored_table(frames, camera, [coarse.sphere_to_full(c) for c in circles], blur_px=coarse.factor)
+        if table is not None:
+            circles = [coarse.from_full(table)]
+        for sphere in circles[: 1 + OTHERS]:
+            if table is None and sphere.score < LEAST_SUPPORT:
                 continue
-            share = enclosing(static, camera, sphere)
-        if share < LEAST_ENCLOSED:
-            rejected.append((sphere, "nothing that a mirror would show stands along its inside"))
+            points = bright_points(change, sphere)
+            if points is not None and (points.wander or (table is not None and points.may_wander)):
+                break
+        else:
+            rejected.append((seed, "no circle about its bright points is a mirror's outline"))
             continue
-        behaviour = observe(coarse, sphere, points)
+        behaviour = observe(coarse, sphere, points, mirrors=table is not None)
         if behaviour.kind == "chrome":
-            others = tuple(replace(other, kind="chrome") for other, _ in circles[1:])
-            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others, doubtful))
+            as_still = max(LEAST_SUPPORT, AS_STILL * sphere.score)
+            others = [replace(c, kind="chrome") for c in circles if c is not sphere and c.score > as_still]
+            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others, bool(others)))
     return suspects, rejected
 
 
@@ -189,10 +190,6 @@ def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere
     circles = [sphere for sphere in static_circles(crop) if near(sphere)]
     found = distinct(circles)[:MOST_HINTED]
     if hint.kind == "chrome":
-        change = changes(crop.images)
-        seen = [(sphere, bright_points(crop, change, sphere)) for sphere in circles]
-        groups = by_points([(sphere, points) for sphere, points in seen if points is not None and points.wander])
-        static = static_slopes(crop)
-        outlines = [outline_of(group, static, crop.camera)[0][0][0] for group in groups]
-        found = distinct(outlines[:2] + found[:1]) if groups else found
+        about = circles_about(static_slopes(crop), replace(small, center_px=small.center_px - corner))
+        found = distinct([circle for circle in about if near(circle)][:2] + found[:1])
     return [coarse.sphere_to_full(replace(s, kind=hint.kind, center_px=s.center_px + corner)) for s in found]

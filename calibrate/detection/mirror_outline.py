@@ -1,9 +1,12 @@
-"""Which of the circles about a mirror's highlights is its outline.
+"""Which circle about a mirror's highlights is its outline.
 
-A mirror squeezes half of the room into its last pixels: inside its outline many edges are static, outside lies the
-table, smooth. And shadows are never static. So the evidence is what the median over the frames keeps of the
-logarithm's gradient [Weiss2001]: a shadow's edge that passes in some of the frames leaves no trace, an edge of
-reflectance stays.
+A chrome ball shows the edge of the table as a dark disc, some 0.7 of its radius wide, with a sharper edge than its own
+outline: that differs from the table beside it only by the metal's reflectance. So every circle about the highlights on
+which static edges agree is a hypothesis, and the mirror's law decides: inside its outline the ball shows the table
+that the same photographs show outside of it (`fit_mirrored_table`).
+
+Static is what the median over the frames keeps of the logarithm's gradient [Weiss2001]: a shadow's edge that passes in
+some of the frames leaves no trace, an edge of reflectance stays.
 """
 
 from dataclasses import replace
@@ -11,38 +14,45 @@ from dataclasses import replace
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, maximum_filter1d, uniform_filter1d
 
 from calibrate.detection.ball_kind import Points
-from calibrate.detection.circles import gradient, rank, refine_on_edges
+from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
-from calibrate.silhouette.outline import across, circles_apart, inside_picture, outline_with_normals, sampled
+from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
+from calibrate.silhouette.outline import circles_apart, inside_picture, sampled
 from scene.camera import Camera
+from scene.frames import Frames
 from scene.spheres import Sphere
 
+Array = NDArray[np.float64]
 Candidate = tuple[Sphere, Points]
 Slopes = NDArray[np.float32]
 SAME_POINTS, SAME_POINTS_PX = 0.7, 2.0
 """Share of the frames in which circles of one mirror show the light at one place, to so many pixels."""
 LOG_FLOOR = 0.01  # of the mean's 0.9 quantile, added before the logarithm
-LEAST_SLOPE = 0.012  # change per pixel, relative, from which on there is a static edge
-INSIDE_PX, INSIDE_SHARE, OUTSIDE_PX, OUTSIDE_SHARE = 2.5, 0.05, 3.0, 0.08
-"""How far to both sides of a circle its edges are looked at: pixels at least, radii; from `GAP_PX` outside on."""
-GAP_PX = 2.25
-MORE = 1.3  # times as strong as outside must the edges inside of a mirror's outline be
-ALONG_PX = 4.0  # what is an edge of a circle follows it for so long
-ENOUGH = 0.65  # share of the best circle's worth that a mirror's outline has at least
-LEAST_ENCLOSED = 0.55  # share of its points with which a mirror's outline encloses something
-MOST = 4  # wider circles that are looked into
-EDGE_SLOPE = 0.03  # slope that counts half as an edge when such a circle is moved to its place
-CLOSE = 0.08  # difference in worth up to which it is open which of two circles is a mirror's outline
-POINTS = 120  # of a circle
+RAYS, MOST_EDGES = 96, 10  # directions in which edges are looked for, and edges along each, the steepest
+NEAREST, FARTHEST = 0.5, 2.0  # radii of the circle that is known between which they are looked for
+LEAST_SLOPE = 0.02  # change per pixel, relative, from which on there is a static edge,
+ALONG = 0.8  # and the share of its gradient that points along the ray
+TRIPLES = 2000  # circles that are tried, each through three edges of different directions
+OFF_CENTER = 0.45  # radii by which a circle's centre may differ from the known one's
+OFF_START = 0.12  # radii from which on the rays are sent out again from the centre of the circle found
+TOLERANCE_PX, TOLERANCE = 0.75, 0.012  # distance, and share of the radius, at which an edge supports a circle
+LEAST_SUPPORT = 0.3  # share of the rays that must support a circle
+SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are the same one
+HORIZON, HORIZON_SIGMA = 0.7, 0.08
+"""Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
+TRIED, SETTLED = 8, 2  # circles of a mirror on which the mirror's law is tried, and tried to the end
+EXPLAINS = 0.97  # share of the variance beside a mirror's outline that the mirrored table explains
+LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
+FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
+FRAMES = 6  # in which it is tried
 
 
 def by_points(candidates: list[Candidate]) -> list[list[Candidate]]:
     """Return groups of circles that show the light at the same places: one mirror, its outline and what it mirrors."""
     groups: list[list[Candidate]] = []
-    places: list[NDArray[np.float64]] = []
+    places: list[Array] = []
     for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
         here = sphere.center_px + sphere.radius_px * points.track
         for group, there in zip(groups, places, strict=True):
@@ -64,94 +74,116 @@ def static_slopes(coarse: Coarse) -> Slopes:
     return np.ascontiguousarray(np.moveaxis(np.median(slopes, axis=1), 0, -1))
 
 
-def enclosing(static: Slopes, camera: Camera, sphere: Sphere) -> float:
-    """Return the share of the circle just inside of which the edges are clearly stronger than outside of it, 0 to 1.
+def circles_about(static: Slopes, sphere: Sphere) -> list[Sphere]:
+    """Return the circles about a mirror on which static edges agree, the likeliest outline first.
 
-    `static` is `static_slopes`; `sphere` in its pixels.
+    `static` is `static_slopes`; `sphere`, in its pixels, any circle that holds the mirror's highlights. The score is
+    the share of directions that show an edge on the circle.
     """
-    points, normals = outline_with_normals(camera, sphere, POINTS)
-    inward, outward = _reach(sphere.radius_px)
-    offsets = np.concatenate([np.linspace(-inward, 0.75, 6), np.linspace(GAP_PX, GAP_PX + outward, 5)])
-    where = across(points, normals, offsets).astype(np.float32)
-    known = inside_picture(camera, where).all(1)
-    if known.sum() < POINTS / 2:
-        return 0.0
-    slopes = sampled(static, where)
-    # Across the circle, smoothed along it: print that runs across it counts less than what follows it.
-    width = max(1, round(ALONG_PX * len(points) / (2 * np.pi * sphere.radius_px)))
-    values = np.abs(uniform_filter1d(np.sum(slopes * normals[:, None], -1), width, axis=0, mode="wrap"))[known]
-    inside, outside = values[:, :6].max(1), values[:, 6:].mean(1)
-    least = max(LEAST_SLOPE, 0.4 * float(np.median(inside)))
-    return float(np.mean((inside > MORE * outside) & (inside > least)))
+    kept = _supported(static, sphere)
+    if kept and np.hypot(*(kept[0].center_px - sphere.center_px)) > OFF_START * kept[0].radius_px:
+        kept = _supported(static, kept[0])
+    return sorted(kept, key=lambda one: -_worth(one, kept))
 
 
-def _reach(radius_px: float) -> tuple[float, float]:
-    """Return how far inside and outside of a circle its edges are looked at, px."""
-    return max(INSIDE_PX, INSIDE_SHARE * radius_px), max(OUTSIDE_PX, OUTSIDE_SHARE * radius_px)
+def _supported(static: Slopes, sphere: Sphere) -> list[Sphere]:
+    """Return the different circles that edges along the rays from one's centre support, the best supported first."""
+    places, turn = _edges_along_rays(static, sphere)
+    if len(turn) < RAYS // 4:
+        return []
+    centers, radii = _through_three(places, turn, sphere)
+    support = np.array([_support(places, turn, *circle)[0] for circle in zip(centers, radii, strict=True)])
+    kept: list[Sphere] = []
+    for n in np.argsort(-support, kind="stable"):
+        if support[n] < LEAST_SUPPORT:
+            break
+        one = replace(sphere, center_px=centers[n], radius_px=float(radii[n]))
+        if all(circles_apart(one, other) > max(SAME_PX, SAME_SHARE * one.radius_px) for other in kept):
+            near = places[_support(places, turn, one.center_px, one.radius_px)[1]]
+            # The circle nearest to its edges: x^2 + y^2 = 2 x u + 2 y v + (r^2 - u^2 - v^2).
+            design = np.column_stack([2 * near, np.ones(len(near))])
+            u, v, rest = np.linalg.lstsq(design, np.sum(near**2, 1), rcond=None)[0]
+            center, radius = np.array([u, v]), float(np.sqrt(max(rest + u * u + v * v, 1.0)))
+            share, _ = _support(places, turn, center, radius)
+            kept.append(replace(one, center_px=center, radius_px=radius, score=share))
+    return kept
 
 
-def wider_circles(static: Slopes, camera: Camera, sphere: Sphere) -> list[Sphere]:
-    """Return circles about as large as a mirror's `sphere` and larger that enclose static edges, with their score.
+def _support(places: Array, turn: NDArray[np.intp], center: Array, radius: float) -> tuple[float, NDArray[np.bool_]]:
+    """Return the share of the rays with an edge on a circle, and which edges (E,) lie on it."""
+    near = np.abs(np.hypot(*(places - center).T) - radius) < max(TOLERANCE_PX, TOLERANCE * radius)
+    return len(np.unique(turn[near])) / RAYS, near
 
-    The rim that a mirror shows is easily found, its faint outline is not: so each circle that is no more than a fifth
-    of the radius off its centre is asked.
-    """
-    radius, turns = sphere.radius_px, np.arange(POINTS) * (2 * np.pi / POINTS)
+
+def _edges_along_rays(static: Slopes, sphere: Sphere) -> tuple[Array, NDArray[np.intp]]:
+    """Return the places (E, 2) of static edges along rays from the centre, and the number (E,) of each one's ray."""
+    turns = np.arange(RAYS) * (2 * np.pi / RAYS)
     way = np.stack([np.cos(turns), np.sin(turns)], -1)
-    step = max(0.5, radius / 60)
-    far = np.arange(0.7 * radius, 2.0 * radius, step)
-    where = (sphere.center_px + far[:, None, None] * way).astype(np.float32)
-    slopes = np.abs(np.sum(sampled(static, where) * way, -1))
-    inward, outward = (round(reach / step) for reach in _reach(radius))
-    here = np.arange(len(far))
-    inside = maximum_filter1d(slopes, inward, axis=0)[np.maximum(here - inward // 2, 0)]
-    beyond = here + round(GAP_PX / step) + outward // 2
-    outside = uniform_filter1d(slopes, outward, axis=0)[np.minimum(beyond, len(far) - 1)]
-    # 1 where a circle's point encloses something, 0 where not; out of the picture nothing is known.
-    encloses = (inside > MORE * outside) & (inside > LEAST_SLOPE)
-    marks = np.where(inside_picture(camera, where), encloses, np.nan).astype(np.float32)
-    shifts = np.arange(-5, 6) * (0.04 * radius)
-    radii = np.arange(0.95 * radius, 1.5 * radius, step)
-    scores = np.zeros((len(shifts), len(shifts), len(radii)), np.float32)
-    for i, v in enumerate(shifts):
-        for k, u in enumerate(shifts):
-            # Beside the centre a circle's points lie at r + the shift's part along their direction, to first order.
-            at = np.rint((radii[:, None] + way @ [u, v] - far[0]) / step).astype(int)
-            scores[i, k] = np.nanmean(marks[np.clip(at, 0, len(far) - 1), np.arange(POINTS)], axis=1)
-    peak = (scores == maximum_filter(scores, size=5)) & (scores > LEAST_ENCLOSED)
-    best = sorted(zip(*np.nonzero(peak), strict=True), key=lambda at: -scores[at])[:MOST]
-    du, dv = static[..., 0], static[..., 1]
-    square = (du**2 + dv**2 + EDGE_SLOPE**2)[..., None]
-    edges = np.asarray(np.stack([du**2 - dv**2, 2 * du * dv], -1) / square, np.float32)
-    found = []
-    for i, k, n in best:
-        circle = replace(sphere, center_px=sphere.center_px + [shifts[k], shifts[i]], radius_px=float(radii[n]))
-        found.append(refine_on_edges(edges, camera, circle))
-    return found
+    far = np.arange(NEAREST * sphere.radius_px - 1, FARTHEST * sphere.radius_px + 1, max(0.5, sphere.radius_px / 200))
+    places = sphere.center_px + far[:, None, None] * way
+    slopes = sampled(static, places)
+    along, steepness = np.abs(np.sum(slopes * way, -1)), np.hypot(slopes[..., 0], slopes[..., 1])
+    here = along[1:-1]
+    peak = (here >= along[:-2]) & (here > along[2:]) & (here > LEAST_SLOPE) & (here > ALONG * steepness[1:-1])
+    height, width = static.shape[:2]
+    peak &= np.all((places >= 1) & (places <= [width - 2, height - 2]), -1)[1:-1]
+    strength = np.where(peak, here, 0)
+    if len(strength) > MOST_EDGES:
+        peak &= strength >= np.partition(strength, -MOST_EDGES, axis=0)[-MOST_EDGES]
+    at, turn = np.nonzero(peak)
+    return places[at + 1, turn], turn
 
 
-def outline_of(group: list[Candidate], static: Slopes, camera: Camera) -> tuple[list[Candidate], bool]:
-    """Return a group's circles that may be the mirror's outline, the best first, and whether the second is as good.
+def _through_three(places: Array, turn: NDArray[np.intp], sphere: Sphere) -> tuple[Array, Array]:
+    """Return centres (C, 2) and radii (C,) of circles through three edges that lie well apart."""
+    three = np.random.default_rng(0).integers(0, len(turn), (4 * TRIPLES, 3))
+    turns = np.sort(turn[three], axis=1)
+    apart = np.diff(turns, axis=1, append=turns[:, :1] + RAYS).min(1)
+    a, b, c = places[three[apart > RAYS // 6][:TRIPLES]].swapaxes(0, 1)
+    ab, ac = b - a, c - a
+    cross = 2 * (ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0])
+    square_b, square_c = np.sum(ab**2, 1), np.sum(ac**2, 1)
+    offset = np.stack([ac[:, 1] * square_b - ab[:, 1] * square_c, ab[:, 0] * square_c - ac[:, 0] * square_b], -1)
+    offset /= np.where(cross == 0, np.nan, cross)[:, None]
+    centers, radii = a + offset, np.hypot(*offset.T)
+    near = np.hypot(*(centers - sphere.center_px).T) < OFF_CENTER * radii
+    near &= (radii > NEAREST * sphere.radius_px) & (radii < FARTHEST * sphere.radius_px)
+    return centers[near], radii[near]
 
-    A chrome ball shows the rim of the table as a dark disc with a sharper edge than its own outline, which differs
-    from the table beside it only by the metal's reflectance. Whatever is mirrored lies inside: the outline holds all
-    other circles of the group that enclose something.
-    """
-    shares = [sphere.score * enclosing(static, camera, sphere) for sphere, _ in group]
-    kept: list[tuple[float, Candidate]] = []
-    for share, one in sorted(zip(shares, group, strict=True), key=lambda one: -one[0]):
-        if all(circles_apart(one[0], other[0]) > max(1.5, 0.05 * other[0].radius_px) for _, other in kept):
-            kept.append((share, one))
-    group = [one for _, one in kept]
-    center = np.array([sphere.center_px for sphere, _ in group])
-    radius = np.array([sphere.radius_px for sphere, _ in group])
-    good = np.array([share for share, _ in kept])
-    apart = np.hypot(*(center[:, None] - center[None]).T).T
-    holds = apart + radius[None] < 1.05 * radius[:, None] + 0.5
-    weight = np.maximum(good - 0.3, 1e-3)
-    worth = np.where(good >= ENOUGH * good.max(), good + holds @ weight / weight.sum(), 0)
-    best = int(np.argmax(worth))
-    differs = apart[best] + np.abs(radius - radius[best]) > np.maximum(2.0, 0.08 * radius[best])
-    others = [i for i in np.argsort(-worth, kind="stable") if differs[i]]
-    close = bool(others) and worth[others[0]] > worth[best] - CLOSE
-    return [group[best], *(group[i] for i in others)], bool(close)
+
+def _worth(one: Sphere, circles: list[Sphere]) -> float:
+    """Return how likely a circle is an outline: its own support, and that of a table's edge mirrored in it."""
+
+    def horizon(other: Sphere) -> float:
+        inside = np.hypot(*(other.center_px - one.center_px)) + other.radius_px < one.radius_px
+        ratio = other.radius_px / one.radius_px
+        return other.score * float(np.exp(-0.5 * ((ratio - HORIZON) / HORIZON_SIGMA) ** 2)) if inside else 0.0
+
+    return one.score + max(horizon(other) for other in circles)
+
+
+def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> Sphere | None:
+    """Return the circle in which a ball mirrors the table beside it best, moved to its place, or None."""
+    some = frames.some(FRAMES)
+    tables: list[MirroredTable] = []
+    for circle in circles[:TRIED]:
+        table = fit_mirrored_table(some, camera, circle, blur_px=blur_px, rough=True)
+        if table and circles_apart(table.sphere, circle) < FARTHEST_MOVED * circle.radius_px:
+            tables.append(table)
+            if table.explained > SURE and _located(table):
+                return _scored(table, camera)
+    for start in sorted(tables, key=lambda one: -one.explained)[:SETTLED]:
+        table = fit_mirrored_table(some, camera, start.sphere, blur_px=blur_px)
+        if table and table.explained > EXPLAINS and _located(table):
+            return _scored(table, camera)
+    return None
+
+
+def _scored(table: MirroredTable, camera: Camera) -> Sphere:
+    """Return the ball; what the picture's border cuts off of its outline is not seen."""
+    seen = float(np.mean(inside_picture(camera, table.sphere.outline(camera, 180))))
+    return replace(table.sphere, score=seen * table.explained)
+
+
+def _located(table: MirroredTable) -> bool:
+    return bool(table.covariance[2, 2] < LOCATES_PX**2)

@@ -38,10 +38,16 @@ LOOKED_UP_AT_PX = 100.0  # in a picture in which the ball is at most so large: w
 SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of what is looked up
 PER_BIN = 3  # directions in which the table is looked up for each profile
 TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60))
-HEIGHTS = 1.0, 1.6  # radii from the ball's centre to the planes that are tried first, at these tilts
+HEIGHTS, SURE = (1.0, 1.6), 0.985
+"""Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-LEAST_SEEN, LEAST_EXPLAINED = 0.25, 0.2  # shares of the profiles, and of their variance, to go on with a plane
-TURNS, LEAST_TURNS = 40, 2
+PLANE_PRIOR = np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.3])
+"""The table's slopes and height before it is seen, and how far they may differ: a small ball shows little of it."""
+LEAST_SEEN = 0.25  # share of the profiles to go on with a plane
+TURNS, ROUGH_TURNS, LEAST_TURNS = 40, 8, 2
+HOPELESS = 0.8  # share explained under which a start leads nowhere
+REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
+SETTLED_PX, UNSETTLED_PX = 1e-3, 0.05  # step of the outline from which on no more is taken, and that none is left
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
@@ -61,11 +67,24 @@ class MirroredTable(NamedTuple):
     explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
 
 
-def fit_mirrored_table(frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float) -> MirroredTable | None:
-    """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored."""
-    table = _Surroundings(frames.some(FRAMES), camera, sphere)
-    plane = _rough_plane(table, sphere, blur_px)
-    return None if plane is None else _settle(table, sphere, plane, blur_px)
+def fit_mirrored_table(
+    frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, rough: bool = False
+) -> MirroredTable | None:
+    """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
+
+    `rough`: a few turns only, enough to tell a mirror's outline from another circle.
+    """
+    surroundings = _Surroundings(frames.some(FRAMES), camera, sphere)
+    best: MirroredTable | None = None
+    heights, turns = (HEIGHTS[:1], ROUGH_TURNS) if rough else (HEIGHTS, TURNS)
+    for height in heights:
+        plane = _rough_plane(surroundings, sphere, height, blur_px)
+        table = None if plane is None else _settle(surroundings, sphere, plane, blur_px, turns)
+        if table and (best is None or table.explained > best.explained):
+            best = table
+        if best and best.explained > SURE:
+            break
+    return best
 
 
 def mirrored_pixels(camera: Camera, sphere: Sphere, plane: Array, pixels: Array) -> Array:
@@ -157,30 +176,30 @@ class _Surroundings:
         return strips.reshape(len(strips), BINS, -1, len(offsets)).mean(2), offsets, jacobian
 
 
-def _rough_plane(table: _Surroundings, sphere: Sphere, blur_px: float) -> Array | None:
-    """Return the best of some tilts of a table on which the ball rests, or None where none explains anything."""
-    best, out = LEAST_EXPLAINED, None
+def _rough_plane(table: _Surroundings, sphere: Sphere, height: float, blur_px: float) -> Array | None:
+    """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
+    best, out = HOPELESS, None
     slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
     profiles, offsets, _ = table.profiles(sphere, blur_px)
-    for plane in (np.array([x, y, height]) for x, y in slopes for height in HEIGHTS):
+    for plane in (np.array([x, y, height]) for x, y in slopes):
         mirrored = table.mirrored_by(sphere, plane, blur_px).blurred(offsets, blur_px)
         explained = _explain(profiles, mirrored, _outside(offsets, blur_px))
-        if explained is not None and explained.share > best:
+        if explained is not None and explained.hopeful and explained.share > best:
             best, out = explained.share, plane
     return out
 
 
-def _settle(table: _Surroundings, sphere: Sphere, plane: Array, blur_px: float) -> MirroredTable | None:
+def _settle(table: _Surroundings, sphere: Sphere, plane: Array, blur_px: float, turns: int) -> MirroredTable | None:
     """Move outline, plane and blur until what the mirror shows is what the picture shows beside it."""
     blur = blur_px
     prior = np.zeros(8)
-    prior[BLUR] = 1 / (BLUR_DOUBT * blur_px) ** 2
+    prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / PLANE_PRIOR[1] ** 2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    for turn in range(TURNS):
+    for turn in range(turns):
         profiles, offsets, jacobian = table.profiles(sphere, blur)
         shown = table.mirrored_by(sphere, plane, blur)
         explained = _explain(profiles, shown.blurred(offsets, blur), _outside(offsets, blur))
-        if explained is None:
+        if explained is None or not explained.hopeful:
             return None
         slopes = _slopes(table, (sphere, plane, blur), shown, (profiles, offsets, jacobian), explained)
         scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
@@ -188,16 +207,16 @@ def _settle(table: _Surroundings, sphere: Sphere, plane: Array, blur_px: float) 
         normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
         if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)))) > SINGULAR:
             return None
-        gradient = scores.sum(1) - prior * (blur - blur_px)
+        before = np.concatenate([np.zeros(3), plane - PLANE_PRIOR[0], [blur - blur_px, 0.0]])
+        gradient = scores.sum(1) - prior * before
         step = np.linalg.solve(normal, gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
         sphere, plane = moved(sphere, step[OUTLINE]), plane + step[PLANE]
+        plane[2] = max(plane[2], LOWEST)
         blur = float(max(blur + step[BLUR], SHARPEST_PX))
-        if turn > LEAST_TURNS and np.abs(step[OUTLINE]).max() < 1e-3:
+        if turn > LEAST_TURNS and np.abs(step[OUTLINE]).max() < SETTLED_PX:
             break
-    else:
-        return None
-    if plane[2] < LOWEST:
+    if turns == TURNS and np.abs(step[OUTLINE]).max() > UNSETTLED_PX:
         return None
     sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
@@ -212,6 +231,10 @@ class _Explained(NamedTuple):
     residual: Values  # (F, BINS, M) in noises
     weight: Values  # (F, BINS, M)
     noise: Values  # (F, 1, 1)
+
+    @property
+    def hopeful(self) -> bool:
+        return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
 
 
 def _explain(profiles: Values, mirrored: Values, basis: Values) -> _Explained | None:

@@ -1,7 +1,5 @@
 """Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -9,7 +7,7 @@ from calibrate.detection.ball_kind import Behaviour, Points, alike
 from calibrate.detection.balls import find_balls
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import Found, detect
-from calibrate.detection.mirror_outline import enclosing, outline_of
+from calibrate.detection.mirror_outline import circles_about
 from calibrate.silhouette.ball_silhouette import OutlineFit
 from fixtures import ball_scene
 from fixtures.ball_scene import World, dust, flashes
@@ -28,6 +26,7 @@ def _truth(world):
     ]
 
 
+@pytest.mark.full
 def test_every_ball_is_found_and_no_other(table):
     world, frames = table
     found, rejected = detect(frames, world.camera, shrink(frames, world.camera), wanted={"chrome": 2, "white": 1})
@@ -219,29 +218,22 @@ def _rings(*circles):
     return slopes
 
 
-def test_what_is_mirrored_lies_inside_the_outline_and_shadows_are_none():
-    """The table's rim stands out most; an arc that shadows draw around the ball does not enclose anything."""
-    camera = Camera.orthographic(120, 100)
-    standing = _rings((50, 50, 30), (50.5, 50, 23))
-    rim, outline, shadows = (
-        Sphere("chrome", np.array([u, 50.0]), r, score=0.9) for u, r in [(50.5, 23.0), (50.0, 30.0), (55.0, 35.0)]
-    )
-    assert enclosing(standing, camera, outline) == 1.0
-    assert enclosing(standing, camera, shadows) < 0.5
-    points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
-    rims = [(replace(rim, center_px=rim.center_px + 0.1 * k, score=1.0), points) for k in range(5)]
-    circles, doubtful = outline_of([*rims, (shadows, points), (outline, points)], standing, camera)
-    assert circles[0][0] is outline
-    assert not doubtful
+def test_the_circle_about_the_mirrored_edge_of_the_table_is_the_likeliest_outline():
+    """The table's edge stands out as much, and is no outline: another circle of its kind lies about it."""
+    standing = _rings((50, 50, 30), (50.5, 50, 21))
+    for known in ((50.5, 50.0, 21.0), (47.0, 52.0, 24.0), (50.0, 50.0, 30.0)):
+        best, *others = circles_about(standing, Sphere("chrome", np.array(known[:2]), known[2]))
+        np.testing.assert_allclose([*best.center_px, best.radius_px], [50, 50, 30], atol=1)
+        assert best.score > 0.8
+        assert any(abs(one.radius_px - 21) < 1 for one in others)
 
 
 def test_a_mirror_whose_outline_is_not_sure_is_named():
     """Two circles stand as still, and neither holds the other."""
     points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
-    group = [(Sphere("chrome", np.array([u, 50.0]), 30.0, score=0.9), points) for u in (50.0, 57.0)]
-    camera = Camera.orthographic(120, 100)
-    ((best, _), (rival, _)), doubtful = outline_of(group, _rings((50, 50, 30), (57, 50, 30)), camera)
-    assert doubtful
+    start = Sphere("chrome", np.array([53.0, 50.0]), 30.0)
+    best, rival, *_ = circles_about(_rings((50, 50, 30), (57, 50, 30)), start)
+    assert {round(best.center_px[0]), round(rival.center_px[0])} == {50, 57}
     fit = OutlineFit(best, np.eye(3), 0.1)
     warning = Found(fit, Behaviour(points, 0.0, np.zeros((6, 3))), rival).warning
     assert warning is not None

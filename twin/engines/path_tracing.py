@@ -67,7 +67,8 @@ def traced(loaded: Any, film: Film, points: NDArray, samples: int, seeds: tuple[
 
     bands = []
     for first_row, height in film.bands(SAMPLES_PER_BAND, samples):
-        sensor: Any = mi.load_dict(sensor_description(film, points, first_row, height))
+        # In one thread: Dr.Jit refuses what depends on variables that a thread started later has made.
+        sensor: Any = mi.load_dict(sensor_description(film, points, first_row, height), parallel=False)
         # Mixed, not added up: neighbouring bands and lights must not share samples.
         seed: Any = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
         bands.append(np.asarray(mi.render(loaded, sensor=sensor, spp=samples, seed=seed), np.float32)[..., :3])
