@@ -54,7 +54,7 @@ def _add_matrix(gray, place, n, products, sums):  # pragma: no cover
 
 
 @numba.njit(nogil=True, cache=True, fastmath={"contract"})
-def _judge_light(codes, at, dark, n, light, how, place, gray, b, sums):  # pragma: no cover
+def _judge_light(codes, at, dark, n, light, how, gray, b, sums):  # pragma: no cover
     """Add a light to the five `sums`: squared residuals, squared shading, and each channel times its shading.
 
     `b` are the three rows of the normal and one of the length; `how`: black, unit, and one over the intensities.
@@ -62,7 +62,7 @@ def _judge_light(codes, at, dark, n, light, how, place, gray, b, sums):  # pragm
     (black, unit, red, green, blue), none = how, np.float32(0)
     x, y, z = np.float32(light[0]), np.float32(light[1]), np.float32(light[2])
     for i in range(n):
-        j, m = _u(at + 3 * i), gray[_u(place + i)]
+        j, m = _u(at + 3 * i), gray[_u(i)]
         shade = x * b[_u(i)] + y * b[_u(TILE + i)] + z * b[_u(2 * TILE + i)]
         gap = m - shade * b[_u(3 * TILE + i)]
         sums[_u(i)] += gap * gap if m > none else none
@@ -148,7 +148,7 @@ def fit_tiles(band, directions, intensities, weights, threshold):  # pragma: no 
                 if kept[k]:
                     light, at = (directions[k, 0], directions[k, 1], directions[k, 2]), tile_at(shape, k, row, column)
                     how = black, unit[k], per[k, 0], per[k, 1], per[k, 2]
-                    _judge_light(codes, at, dark, n, light, how, k * TILE, gray, fit, judged)
+                    _judge_light(codes, at, dark, n, light, how, gray[k * TILE :], fit, judged)
             for i in range(n):
                 p = first + done + i
                 matrix = (
