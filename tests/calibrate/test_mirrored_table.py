@@ -7,7 +7,8 @@ import pytest
 from scipy.special import ndtr
 
 from calibrate.silhouette.ball_silhouette import fit_outline
-from calibrate.silhouette.mirrored_table import fit_mirrored_table, mirrored_pixels
+from calibrate.silhouette.mirrored_surroundings import mirrored_pixels
+from calibrate.silhouette.mirrored_table import fit_mirrored_table
 from calibrate.silhouette.static_circle import find_edges
 from fixtures.ball_scene import World, flashes, photograph
 from scene.camera import Camera

@@ -112,6 +112,7 @@ def test_errors_are_what_sigma_says() -> None:
     assert abs(np.log(fit.specularity / 0.4)) < 4 * fit.specularity_sigma
 
 
+@pytest.mark.full
 def test_a_matte_ball_gets_no_coat() -> None:
     lights = dome(16)
     fit = fit_material(made(None, 0.0, lights), lights)

@@ -123,6 +123,7 @@ def test_the_cut_is_the_least_of_all_labellings() -> None:
     assert fewer > 0
 
 
+@pytest.mark.full
 def test_every_pixel_of_the_mask_is_of_the_nearest_sample() -> None:
     samples = made(None, 0.0, LIGHTS)
     fit = fit_material(samples, LIGHTS)
