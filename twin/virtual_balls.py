@@ -19,7 +19,7 @@ from scene.spheres import Sphere
 from twin.description.description import white_of
 from twin.engines.film import Film, film_for
 from twin.engines.path_tracing import traced
-from twin.engines.variant import import_mitsuba
+from twin.engines.variant import import_mitsuba, load
 
 Array = NDArray[np.float64]
 FLASH_RADIUS_MM = 25.0
@@ -109,8 +109,8 @@ def render_balls(
     scale = peak / (lights.intensities * white_of(lights)).max()
     for index in range(len(lights)):
         flash = _flash(lights, balls, index, scale)
-        matte = mi.load_dict({**_stage(mi, balls, wall, mirrors=False), "flash": flash})
-        mirrored = mi.load_dict({**_stage(mi, balls, wall, mirrors=True), "flash": flash})
+        matte = load({**_stage(mi, balls, wall, mirrors=False), "flash": flash})
+        mirrored = load({**_stage(mi, balls, wall, mirrors=True), "flash": flash})
         wall_image = behind.place(traced(matte, behind, corners, 16, (index,)))
         image: Any = cv2.resize(wall_image, (camera.width, camera.height), interpolation=cv2.INTER_LINEAR)
         for number, (ball, box) in enumerate(zip(balls, boxes, strict=True)):

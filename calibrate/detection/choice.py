@@ -26,8 +26,7 @@ class Suspect:
 
     sphere: Sphere
     behaviour: Behaviour
-    others: Sequence[Sphere] = ()  # circles that may be its outline instead, the likeliest first
-    doubtful: bool = False  # the first of them is about as good
+    others: Sequence[Sphere] = ()  # circles that stand about as still and may be its outline, the likeliest first
 
     @property
     def hidden(self) -> bool:

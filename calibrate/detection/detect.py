@@ -91,8 +91,8 @@ def detect(
         if fit is None:
             rejected.append((suspect.sphere, "its outline cannot be followed at full size"))
         else:
-            open_ = suspect.doubtful and not fit.by_table
-            found.append(Found(fit, suspect.behaviour, circles[1] if open_ else None))
+            rivals = [] if fit.by_table else circles[1:]
+            found.append(Found(fit, suspect.behaviour, rivals[0] if rivals else None))
     full = ((coarse.sphere_to_full(sphere), reason) for sphere, reason in rejected)
     out = [Rejected(sphere.center_px, sphere.radius_px, sphere.score, reason) for sphere, reason in full]
     return found, tuple(sorted(out, key=lambda r: -r.score))
@@ -165,7 +165,7 @@ def _mirrors(
         if behaviour.kind == "chrome":
             as_still = max(LEAST_SUPPORT, AS_STILL * sphere.score)
             others = [replace(c, kind="chrome") for c in circles if c is not sphere and c.score > as_still]
-            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others, bool(others)))
+            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others))
     return suspects, rejected
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from twin.description.description import TwinScene
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.mitsuba_materials import VERTEX_COLOUR, bsdf, medium
+from twin.engines.variant import load
 
 Array = NDArray[np.float64]
 SUBSURFACE_DEPTH = 256
@@ -124,8 +125,8 @@ def mitsuba_scene(scene: TwinScene, *, light: int | None = None) -> Any:
     import mitsuba as mi
 
     made = parts(scene)
-    materials = {name: mi.load_dict(loadable(mi, one), parallel=False) for name, one in made.materials.items()}
-    media = {name: mi.load_dict(loadable(mi, one), parallel=False) for name, one in made.media.items()}
+    materials = {name: load(loadable(mi, one)) for name, one in made.materials.items()}
+    media = {name: load(loadable(mi, one)) for name, one in made.media.items()}
     description: dict[str, Any] = {"type": "scene", "integrator": made.integrator}
     for number, (_, mesh, material) in enumerate(made.shapes):
         description[f"object_{number}"] = _mesh(mi, mesh, materials[material], media.get(material))
@@ -133,8 +134,7 @@ def mitsuba_scene(scene: TwinScene, *, light: int | None = None) -> Any:
         description["environment"] = loadable(mi, made.environment)
     if light is not None:
         description["flash"] = loadable(mi, flash(scene, light))
-    # In one thread: Dr.Jit refuses what depends on variables that a thread started later has made.
-    return mi.load_dict(description, parallel=False)
+    return load(description)
 
 
 def loadable(mi: Any, node: Any) -> Any:

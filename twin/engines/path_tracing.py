@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from twin.description.description import TwinScene
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, mitsuba_scene
-from twin.engines.variant import import_mitsuba
+from twin.engines.variant import import_mitsuba, load
 
 SAMPLES_PER_BAND = 1 << 21
 """Samples traced in one call: bounds the vectorised variant's memory to about half a gigabyte."""
@@ -67,8 +67,7 @@ def traced(loaded: Any, film: Film, points: NDArray, samples: int, seeds: tuple[
 
     bands = []
     for first_row, height in film.bands(SAMPLES_PER_BAND, samples):
-        # In one thread: Dr.Jit refuses what depends on variables that a thread started later has made.
-        sensor: Any = mi.load_dict(sensor_description(film, points, first_row, height), parallel=False)
+        sensor = load(sensor_description(film, points, first_row, height))
         # Mixed, not added up: neighbouring bands and lights must not share samples.
         seed: Any = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
         bands.append(np.asarray(mi.render(loaded, sensor=sensor, spp=samples, seed=seed), np.float32)[..., :3])

@@ -52,6 +52,16 @@ _PLACES = (
 )
 
 
+def load(description: dict[str, Any]) -> Any:
+    """Return what Mitsuba makes of a scene's or a sensor's description, made in this thread.
+
+    By itself Mitsuba loads in several, and Dr.Jit refuses what depends on variables that a thread started later made.
+    """
+    import mitsuba as mi
+
+    return mi.load_dict(description, parallel=False)
+
+
 def import_mitsuba(*, slow: bool = False) -> Any:
     """Return mitsuba with the variant set that is to be used here; `slow`: the scalar one will do.
 
