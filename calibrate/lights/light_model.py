@@ -128,12 +128,16 @@ def _suspects(seen: Observed) -> Iterator[_Suspect]:
 def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
     """Return the fit in which one diameter, one outline or the focal length is free, if that alone explains the rest.
 
-    Three balls show which it is; two, only that they contradict each other.
+    Three balls show which it is; two, only that they contradict each other. Highlights of which all are blurred alike
+    miss by more than was stated, too: with their common scale unknown, n observations to spare prefer the suspect by
+    n log(chi^2 / chi^2 with it), which must be much.
     """
     suspects = sorted((s for s in _suspects(seen) if s.change > NOTABLE), key=lambda s: s.fit.chi2_all)
     if not suspects or suspects[0].fit.chi2_all > EXPLAINS * near.chi2_all:
         return near
     best = suspects[0].fit
+    if near.freedom * np.log(near.chi2_all / best.chi2_all) < NEAR_BIC:
+        return near
     slack = AS_GOOD * (near.chi2_all - best.chi2_all) + NEAR_BIC * best.scale**2
     equal = [s for s in suspects if s.fit.chi2_all - best.chi2_all < slack]
     guess = ", which is a guess: check diameter_mm of every ball, and the camera." if len(equal) > 1 else "."

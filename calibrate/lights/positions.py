@@ -43,11 +43,15 @@ class LightFit:
     observations: int
 
     @property
+    def freedom(self) -> int:
+        """Degrees of freedom: observations without the loose priors of the ranges, less unknowns; 1 at least."""
+        ranges = 0 if self.positions_mm is None else len(self.directions)
+        return max(self.observations - self.unknowns - ranges, 1)
+
+    @property
     def misfit(self) -> float:
         """Root of chi2 per degree of freedom: highlights, outlines, diameters against all that was stated of them."""
-        # The loose priors of the ranges are no observations: each range takes its own.
-        ranges = 0 if self.positions_mm is None else len(self.directions)
-        return float(np.sqrt(self.chi2 / max(self.observations - self.unknowns - ranges, 1)))
+        return float(np.sqrt(self.chi2 / self.freedom))
 
     @property
     def distance_mm(self) -> Array:
