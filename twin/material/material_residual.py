@@ -15,8 +15,8 @@ from twin.material.reflection_models import reflected
 
 Array = NDArray[np.float64]
 
-SOME = 2_000
-"""Pixels that the parts are found on."""
+SOME = 48_000
+"""Samples, pixels times frames, that the parts are found on."""
 STEP = 1e-3
 """Radians, of the finite differences."""
 LOBE, LAMBERT = 10, 6
@@ -87,7 +87,7 @@ def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Res
     with np.errstate(invalid="ignore"):
         per_frame = np.sqrt(square.sum(0) / bright.sum(0))
     whole = float(np.sqrt(square.sum() / bright.sum()))
-    some = samples.only(slice(None, None, max(1, len(samples) // SOME)))
+    some = samples.only(slice(None, None, max(1, samples.usable.size // SOME)))
     return Residual(whole, per_frame, dict(_parts(some, fit, lights)))
 
 
