@@ -11,7 +11,8 @@ from calibrate.detection.balls import Ball, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
-from calibrate.lights.from_chrome import Shaded, lights_from_chrome, spread_over_frames
+from calibrate.lights.from_chrome import lights_from_chrome
+from calibrate.lights.shading import Shading, no_shading
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.photometry.matte_shading import Surface, contradicts_kind, read_surface, shading_directions
 from calibrate.photometry.patches import Meter
@@ -78,12 +79,12 @@ def calibrate(
     for ball in balls:
         contradiction = contradicts_kind(ball.frames, camera, ball.sphere)
         notes.warnings.extend([contradiction] if contradiction else [])
-    shaded = [shading_directions(surface) for surface in surfaces]
+    shading = _shading(camera, [spheres[i] for i in white], surfaces, len(frames))
     shown = np.full((len(balls), len(frames), 2), np.nan)
     if any(sphere.kind == "chrome" for sphere in spheres):
-        aim, shown = _aim_from_chrome(frames, camera, balls, spheres, shaded, reference, notes)
+        aim, shown = _aim_from_chrome(frames, camera, balls, spheres, shading, reference, notes)
     else:
-        aim = _aim_from_shading(camera, [spheres[i] for i in white], shaded, reference, notes)
+        aim = _aim_from_shading(camera, [spheres[i] for i in white], shading, reference, notes)
     doubt = unknown_view_deg(aim.camera, [sphere for sphere in spheres if sphere.kind == "chrome"] or spheres)
     if doubt:
         aim = replace(aim, sigma_deg=np.hypot(aim.sigma_deg, doubt))
@@ -94,7 +95,7 @@ def calibrate(
         notes.evidence.append(
             "everything scales with diameter_mm: 1 % too large there, and every distance is, and no photograph differs"
         )
-    intensities, sigma, ambient = _intensities(frames, spheres, surfaces, shaded, aim, notes)
+    intensities, sigma, ambient = _intensities(frames, spheres, surfaces, shading, aim, notes)
     _flag_same(frames.names, aim, notes)
     white_value = np.ones(3) if surfaces else None
     flags = tuple(tuple(flag) for flag in notes.flags)
@@ -110,28 +111,40 @@ def _aim_from_chrome(
     camera: Camera,
     balls: list[Ball],
     spheres: list[Sphere],
-    shaded: list[Shaded],
+    shading: Shading,
     reference: Array,
     notes: Notes,
 ) -> tuple[Aim, Array]:
     """Fit the lights to the highlights, and return these (S, F, 2); put the adjusted balls into `spheres`."""
     shown = np.full((len(balls), len(frames), 2), np.nan)
     chrome = [i for i, sphere in enumerate(spheres) if sphere.kind == "chrome"]
-    fit, seen, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shaded, reference, notes)
+    fit, chosen = lights_from_chrome(frames.names, camera, [balls[i] for i in chrome], shading, reference, notes)
     for row, i in enumerate(chrome):
         spheres[i] = fit.spheres[row]
-        shown[i, seen] = np.where(fit.used[row][:, None], chosen[row, seen], np.nan)
-    return spread_over_frames(frames, fit, seen, shaded, notes), shown
+        shown[i] = np.where(fit.used[row][:, None], chosen[row], np.nan)
+    lights = fit.directions, fit.direction_sigma_deg, fit.positions_mm, fit.range_sigma, fit.position_covariance_mm2
+    return Aim(fit.camera, fit.reference, *lights), shown
 
 
-def _aim_from_shading(camera: Camera, white: list[Sphere], shaded: list[Shaded], reference: Array, notes: Notes) -> Aim:
+def _shading(camera: Camera, white: list[Sphere], surfaces: list[Surface], frames: int) -> Shading:
+    """Return what the white balls' shading says of the lights."""
+    if not white:
+        return no_shading(frames)
+    directions, sigma = (np.stack(part) for part in zip(*map(shading_directions, surfaces), strict=True))
+    placed = [
+        s.center_mm(camera) if s.diameter_mm and not camera.is_orthographic else np.full(3, np.nan) for s in white
+    ]
+    return Shading(directions, sigma, np.stack(placed))
+
+
+def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, reference: Array, notes: Notes) -> Aim:
     """Return the directions by the first white ball's shading."""
-    if not shaded or not np.isfinite(shaded[0][0]).all():
+    if not white or not np.isfinite(shading.directions[0]).all():
         raise CalibrationError(
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "
             "or expose so that the white ball stays below white."
         )
-    directions, sigma = shaded[0]
+    directions, sigma = shading.directions[0], shading.sigma_deg[0]
     notes.evidence.append("distant lights, from the white ball's shading: no chrome ball")
     if not camera.is_orthographic and not any(sphere.apart for sphere in white):
         notes.warnings.append(
@@ -146,7 +159,7 @@ def _intensities(
     frames: Frames,
     spheres: list[Sphere],
     surfaces: list[Surface],
-    shaded: list[Shaded],
+    shading: Shading,
     aim: Aim,
     notes: Notes,
 ) -> tuple[Array, Array, Array | None]:
@@ -162,10 +175,11 @@ def _intensities(
     apart, meter = 0.0, aim.meter
     if any(sphere.kind == "chrome" for sphere in spheres):
         white = next(sphere for sphere in spheres if sphere.kind == "white")
-        apart = compare_with_chrome(frames.names, aim, white, shaded[0][0], notes)
+        apart = compare_with_chrome(frames.names, aim, white, shading.directions[0], notes)
         if apart > APART_DEG and aim.positions_mm is None:
             # Near lights without ranges: at the white ball its own shading knows the direction better.
-            meter = Meter(shaded[0][0], None, aim.reference_mm).with_sigmas(shaded[0][1], aim.range_sigma)
+            meter = Meter(shading.directions[0], None, aim.reference_mm)
+            meter = meter.with_sigmas(shading.sigma_deg[0], aim.range_sigma)
             notes.evidence.append("intensities are read with the white ball's own directions")
     return intensities_from_white(frames, surfaces, meter, notes, apart_deg=apart)
 

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting
+from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting, two_across
+from calibrate.lights.shading import Shading, no_shading
 from calibrate.silhouette.outline import moved, outline_shift
 from scene.camera import Camera
 from scene.normals import unit
@@ -20,7 +21,7 @@ from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 LOG_INVERSE_RANGE = np.log(1e-5), 3.0  # bounds, of 1 / mm: 100 m, farther is distant; and what keeps a step finite
-TYPICAL_INVERSE_MM = 1e-3  # of a range that no two rays give
+NEAREST_MM = 100.0  # to the lights where no two rays meet: else they are taken to be as far as the camera
 RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
 FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
@@ -37,16 +38,17 @@ RIDGE = 1e-9  # keeps a light that no ball shows where it is
 
 @dataclass(frozen=True)
 class Observed:
-    """What S chrome balls show of F lights, and how well it is known."""
+    """What S chrome balls, and white ones' shading, show of F lights, and how well it is known."""
 
     camera: Camera  # its `focal_sigma` and `center_sigma_px` say how far it may move; 0: not at all
     spheres: list[Sphere]
     covariances: list[Array]  # (3, 3) of each ball's (u, v, radius), px^2
-    highlights: Array  # (S, F, 2) pixels, NaN where unseen; each frame needs one ball at least
+    highlights: Array  # (S, F, 2) pixels, NaN where unseen; each frame needs one ball, chrome or white, at least
     sigma_px: Array  # (S, F)
     reference: Array  # (3,) where the directions hold, mm
     extents_px: Array | None = None  # (S, F) half the size at which each ball shows the flash; None: points
     diameter_sigma: Array | None = None  # (S,) relative, of the diameters; 0 or None: exact
+    shading: Shading | None = None
 
 
 class _Mirrored(NamedTuple):
@@ -81,6 +83,9 @@ class Adjustment:
         self.sigma, self.scale = seen.sigma_px, 1.0
         self.balls, self.lights = seen.highlights.shape[:2]
         self.used = np.isfinite(seen.highlights[..., 0])
+        shading = seen.shading or no_shading(self.lights)
+        self.shading = shading.placed if near else shading
+        self.shaded = self.shading.clear  # which of it is used
         camera = seen.camera
         known = np.array([camera.focal_sigma, camera.center_sigma_px, camera.center_sigma_px], np.float64)
         camera_sigma = np.zeros(3) if camera.is_orthographic else known
@@ -114,24 +119,30 @@ class Adjustment:
         rays = [mirrored_rays(self.camera, s, h) for s, h in zip(self.seen.spheres, self.seen.highlights, strict=True)]
         points, directions = (np.stack(part) for part in zip(*rays, strict=True))
         self.origin = mean_directions(directions)
+        unseen = ~np.isfinite(self.origin[:, 0])
+        self.origin[unseen] = self.shading.rough[unseen]
         self.inverse, typical = np.zeros(self.lights), 1.0
         if self.near:
+            centers = np.broadcast_to(self.shading.centers_mm[:, None], self.shading.directions.shape)
+            white = np.where(self.shading.clear[..., None], self.shading.directions, np.nan)
+            every, whites = np.concatenate([points, centers]), np.concatenate([directions, white])
             for f in range(self.lights):
-                shown = np.isfinite(directions[:, f, 0])
+                shown = np.isfinite(whites[:, f, 0])
+                if shown[: self.balls].sum() >= 2:
+                    shown[self.balls :] = False
                 if shown.sum() >= 2:
-                    meeting = ray_meeting(points[shown, f], directions[shown, f]) - self.reference
+                    meeting = ray_meeting(every[shown, f], whites[shown, f]) - self.reference
                     distance = np.linalg.norm(meeting)
                     if np.isfinite(distance) and meeting @ self.origin[f] > 0:
                         self.origin[f] = meeting / distance
                         self.inverse[f] = 1 / distance
             some = self.inverse[self.inverse > 0]
-            typical = float(np.median(some)) if len(some) else TYPICAL_INVERSE_MM
+            typical = (
+                float(np.median(some)) if len(some) else 1 / max(float(np.linalg.norm(self.reference)), NEAREST_MM)
+            )
             self.inverse = np.where(self.inverse > 0, self.inverse, typical)
             self.inverse = np.clip(self.inverse, 0.2 * typical, 5 * typical)
-        # Two unit vectors across each direction.
-        helper = np.where(np.abs(self.origin[:, :1]) < 0.7, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-        self.side = unit(np.cross(self.origin, helper))
-        self.up = np.cross(self.origin, self.side)
+        self.side, self.up = two_across(self.origin)
         return typical
 
     def start(self) -> Array:
@@ -212,11 +223,16 @@ class Adjustment:
         half = np.maximum(1 + np.sum(mirrored.seen * target, 1), 1e-6)[:, None] / 2
         return np.einsum("fki,fi->fk", mirrored.inverted, mirrored.seen - target) / half
 
+    def shading_misses(self, x: Array) -> Array:
+        """Return (W, F, 2) sigmas; NaN where a white ball shows too little."""
+        return self.shading.misses(*self.lights_at(x), self.reference)
+
     def residuals(self, x: Array) -> Array:
-        """Return what is to be small: the highlights that are used, in sigmas, then the priors."""
+        """Return what is to be small, in sigmas: the highlights and the shading that are used, then the priors."""
         pixels = self.residual_pixels(x) / self.sigma[..., None]
         pixels = np.where(np.isfinite(pixels), pixels, OFF_BALL)
-        return np.concatenate([pixels[self.used].ravel(), self.prior @ (x - self.middle)])
+        shaded = self.shading_misses(x)[self.shaded]
+        return np.concatenate([pixels[self.used].ravel(), shaded.ravel(), self.prior @ (x - self.middle)])
 
     def slopes(self, x: Array) -> Array:
         """Return the derivatives (R, n) of `residuals`, by central differences: all lights at once, none moves another.
@@ -243,7 +259,13 @@ class Adjustment:
             for k in range(self.first_light, self.first_light + self.per_light):
                 out[s, every, :, k + self.per_light * every] = difference(slice(k, None, self.per_light), here)
         by_pixels = np.nan_to_num((out / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))
-        return np.concatenate([by_pixels, self.prior])
+        shaded = np.zeros((*self.shaded.shape, 2, len(x)))
+        for k in range(self.first_light, self.first_light + self.per_light):
+            step = np.zeros(len(x))
+            step[k :: self.per_light] = STEP
+            ends = [self.shading_misses(y) for y in (x + step, x - step)]
+            shaded[:, every, :, k + self.per_light * every] = (ends[0] - ends[1]).swapaxes(0, 1) / (2 * STEP)
+        return np.concatenate([by_pixels, shaded[self.shaded].reshape(-1, len(x)), self.prior])
 
     def minimum(self, x: Array, *, bend: float = np.inf) -> Array:
         """Return the unknowns at which the sum of squares is least, by Levenberg's and Marquardt's steps.

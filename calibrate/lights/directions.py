@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
+from scene.normals import unit
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -49,6 +50,13 @@ def mean_directions(directions: Array) -> Array:
     total = np.where(seen, directions, 0).sum(0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.where(seen.any(0), total / np.linalg.norm(total, axis=1, keepdims=True), np.nan)
+
+
+def two_across(directions: Array) -> tuple[Array, Array]:
+    """Return two unit vectors (..., 3) across each unit direction (..., 3) and each other."""
+    helper = np.where(np.abs(directions[..., :1]) < 0.7, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    side = unit(np.cross(directions, helper))
+    return side, np.cross(directions, side)
 
 
 def unknown_view_deg(camera: Camera, spheres: list[Sphere]) -> float:

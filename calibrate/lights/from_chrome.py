@@ -6,16 +6,16 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Aim, Notes
+from calibrate.calibration import Notes
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import Observed
 from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting
 from calibrate.lights.highlight import Spots, find_spots, measure_spot
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import LightFit
+from calibrate.lights.shading import Shading
 from scene.camera import Camera
 from scene.errors import CalibrationError
-from scene.frames import Frames
 from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
 
@@ -31,16 +31,18 @@ AGREE_DEG, USUAL_TIMES = 2.0, 4
 """Miss between balls under which a frame's brightest points are the flash, and in that of the median frame."""
 BETTER, RANK_DEG = 0.4, 0.5  # share of the miss that other points may leave, and what each rank of brightness costs
 TRIED_BALLS, TRIED_SPOTS = 4, 3
-SHADED_SIGMA_DEG, GUESSED_RANGE = 2.0, 0.3  # of lights that no chrome ball shows: at least, and relative
-
-Shaded = tuple[Array, Array]
-"""Directions (F, 3) by a white ball's shading, and their sigma (F,), degrees."""
 
 
 def lights_from_chrome(
-    names: tuple[str, ...], camera: Camera, balls: list[Ball], shaded: list[Shaded], reference: Array, notes: Notes
-) -> tuple[LightFit, NDArray[np.bool_], Array]:
-    """Fit the lights to the highlights; return the fit, the frames that it holds, and the chosen highlights."""
+    names: tuple[str, ...], camera: Camera, balls: list[Ball], shading: Shading, reference: Array, notes: Notes
+) -> tuple[LightFit, Array]:
+    """Fit the lights to the highlights and the white balls' shading; return the fit and the chosen highlights.
+
+    Raises
+    ------
+    CalibrationError
+        A frame's flash is seen on no ball, or none on chrome.
+    """
     spheres = [ball.sphere for ball in balls]
     spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
     chosen, sigma, picks = _agreeing_spots(camera, spheres, spots, notes)
@@ -49,23 +51,42 @@ def lights_from_chrome(
         spot = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f])
         if spot is not None:
             chosen[s, f], sigma[s, f], extents[s, f] = spot
-    if shaded:
-        _leave_out_strays(camera, spheres, chosen, shaded[0][0], notes)
+    _leave_out_strays(camera, spheres, chosen, shading.rough, notes)
     seen = np.asarray(np.isfinite(chosen[..., 0]).any(0))
     if not seen.any():
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
+    _name_unseen(names, seen, shading, notes)
     covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
-    shown = Observed(camera, spheres, covariances, chosen[:, seen], sigma[:, seen], reference, extents[:, seen])
-    fit = choose_model(shown, notes)
-    if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart:
+    fit = choose_model(
+        Observed(camera, spheres, covariances, chosen, sigma, reference, extents, shading=shading), notes
+    )
+    if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart and fit.positions_mm is None:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
             "flashes a metre away, sees them 6 degrees elsewhere. Put a second chrome ball on its other side, and "
             "state diameter_mm."
         )
-    for s, f in zip(*np.nonzero(np.isfinite(chosen[:, seen, 0]) & ~fit.used), strict=True):
-        notes.flags[int(np.flatnonzero(seen)[f])].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
-    return _with_contradictions(fit, chosen[:, seen], np.array(names)[seen], notes), seen, chosen
+    for s, f in zip(*np.nonzero(np.isfinite(chosen[..., 0]) & ~fit.used), strict=True):
+        notes.flags[f].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
+    return _with_contradictions(fit, chosen, np.array(names), notes), chosen
+
+
+def _name_unseen(names: tuple[str, ...], seen: NDArray[np.bool_], shading: Shading, notes: Notes) -> None:
+    """Name the frames whose light no chrome ball shows; what no white ball shows either is an error."""
+    known = seen | shading.clear.any(0)
+    if not known.all():
+        raise CalibrationError(
+            f"{names[int(np.flatnonzero(~known)[0])]}: no chrome ball shows the flash, and no white ball tells its "
+            "direction. Did it fire? Reshoot, or list the frame under frames.skip."
+        )
+    lost = np.flatnonzero(~seen)
+    for f in lost:
+        notes.flags[f].append("no highlight seen: direction from the white ball's shading")
+    if len(lost):
+        listed = ", ".join(names[f] for f in lost)
+        notes.warnings.append(
+            f"{listed}: no chrome ball shows the flash; the direction is from the white ball's shading."
+        )
 
 
 def _agreeing_spots(
@@ -112,15 +133,14 @@ def _agreeing_spots(
 
 
 def _leave_out_strays(camera: Camera, spheres: list[Sphere], chosen: Array, shaded: Array, notes: Notes) -> None:
-    """Set to NaN what the white ball's shading contradicts, where another ball's highlight is left."""
+    """Set to NaN what the white balls' clear shading contradicts."""
     off = np.stack(
         [angular_error_deg(mirrored_rays(camera, s, at)[1], shaded) for s, at in zip(spheres, chosen, strict=True)]
     )
     if not np.isfinite(off).any():
         return
     stray = np.nan_to_num(off) > np.nanmedian(off) + STRAY_DEG
-    sound = np.isfinite(chosen[..., 0]) & ~stray
-    for s, f in zip(*np.nonzero(stray & sound.any(0)), strict=True):
+    for s, f in zip(*np.nonzero(stray), strict=True):
         chosen[s, f] = np.nan
         notes.flags[f].append(
             f"highlight on chrome ball {s + 1} is {off[s, f]:.0f} degrees beside the white ball's shading and left out"
@@ -151,42 +171,3 @@ def _with_contradictions(fit: LightFit, chosen: Array, names: NDArray[np.str_], 
         covariance = covariance + ((fit.distance_mm * np.deg2rad(doubt / 2)) ** 2)[:, None, None] * across
     sigma = np.hypot(fit.direction_sigma_deg, doubt / 2)
     return replace(fit, direction_sigma_deg=sigma, position_covariance_mm2=covariance)
-
-
-def spread_over_frames(
-    frames: Frames, fit: LightFit, seen: NDArray[np.bool_], shaded: list[Shaded], notes: Notes
-) -> Aim:
-    """Spread the fit over all frames; what no chrome ball saw comes from the white ball's shading."""
-
-    def spread(values: Array) -> Array:
-        out = np.full((len(frames), *values.shape[1:]), np.nan)
-        out[seen] = values
-        return out
-
-    directions, sigma, range_sigma = map(spread, (fit.directions, fit.direction_sigma_deg, fit.range_sigma))
-    positions = covariance = None
-    if fit.positions_mm is not None and fit.position_covariance_mm2 is not None:
-        positions, covariance = spread(fit.positions_mm), spread(fit.position_covariance_mm2)
-    lost = np.flatnonzero(~seen)
-    for f in lost:
-        if not shaded or not np.isfinite(shaded[0][0][f, 0]):
-            raise CalibrationError(
-                f"{frames.names[f]}: no chrome ball shows the flash, and no white ball tells its direction. Did it "
-                "fire? Reshoot, or list the frame under frames.skip."
-            )
-        directions[f] = shaded[0][0][f]
-        sigma[f] = max(SHADED_SIGMA_DEG, shaded[0][1][f])
-        if positions is not None and covariance is not None:
-            distance = np.median(fit.distance_mm)
-            positions[f] = fit.reference + distance * directions[f]
-            range_sigma[f] = GUESSED_RANGE
-            across = (distance * np.deg2rad(sigma[f])) ** 2
-            along = np.outer(directions[f], directions[f])
-            covariance[f] = across * (np.eye(3) - along) + (range_sigma[f] * distance) ** 2 * along
-        notes.flags[f].append("no highlight seen: direction from the white ball's shading")
-    if len(lost):
-        names = ", ".join(frames.names[f] for f in lost)
-        notes.warnings.append(
-            f"{names}: no chrome ball shows the flash; the direction is from the white ball's shading."
-        )
-    return Aim(fit.camera, fit.reference, directions, sigma, positions, range_sigma, covariance)

@@ -32,12 +32,21 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     there is none: that leaves the scale open, and so the directions at the balls' middle are all that is claimed.
     """
     camera, spheres = seen.camera, seen.spheres
+    has_scale = any(s.diameter_mm for s in spheres)
+    if not has_scale:
+        seen = replace(seen, shading=None)
     distant = fit_lights(seen, near=False)
-    if camera.is_orthographic or len(spheres) < 2:
-        why = "one chrome ball gives directions only" if len(spheres) < 2 else "ranges need a perspective camera"
+    whites = 0 if seen.shading is None else int(seen.shading.placed.clear.any(1).sum())
+    if camera.is_orthographic or (len(spheres) < 2 and not has_scale):
+        why = "ranges need a perspective camera" if camera.is_orthographic else "one chrome ball gives directions only"
         notes.evidence.append(f"distant lights: {why}")
         return _judged(distant, notes)
-    has_scale = any(s.diameter_mm for s in spheres)
+    if len(spheres) + whites < 2:
+        notes.evidence.append(
+            "one ball gives directions only; they are what they were if the flashes are as far as the camera, "
+            f"{np.linalg.norm(seen.reference) / 1000:.2f} m, to a factor of 2"
+        )
+        return _judged(_without_ranges(fit_lights(seen, near=True)), notes)
     scaled = _with_diameters(seen)
     if not has_scale:
         scaled = replace(scaled, reference=np.mean([s.center_mm(camera) for s in scaled.spheres], axis=0))
@@ -47,7 +56,7 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     if not gain > NEAR_BIC:
         notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
         return _judged(distant, notes)
-    if has_scale and (near.misfit > SUSPICIOUS or _left_out(near, seen.highlights) > MANY):
+    if has_scale and len(spheres) > 1 and (near.misfit > SUSPICIOUS or _left_out(near, seen.highlights) > MANY):
         near = _with_culprit(near, scaled, notes)
     nearest, farthest = near.distance_mm.min(), near.distance_mm.max()
     if has_scale:
@@ -83,6 +92,12 @@ def _without_scale(near: LightFit, reference: Array) -> LightFit:
         position_covariance_mm2=None,
         range_sigma=np.full(len(toward), np.nan),
     )
+
+
+def _without_ranges(near: LightFit) -> LightFit:
+    """Return the directions at the reference point alone, with what an unknown range adds to their sigmas."""
+    unknown = np.full(len(near.directions), np.nan)
+    return replace(near, positions_mm=None, position_covariance_mm2=None, range_sigma=unknown)
 
 
 def _with_diameters(seen: Observed) -> Observed:

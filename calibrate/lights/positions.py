@@ -36,6 +36,7 @@ class LightFit:
     position_covariance_mm2: Array | None  # (F, 3, 3)
     residual_px: Array  # (S, F) from the highlight to where the model mirrors the light; NaN where unused
     used: NDArray[np.bool_]  # (S, F)
+    shaded: NDArray[np.bool_]  # (W, F) which of the white balls' shading is used
     chi2: float  # sum of squared residuals in expected standard deviations
     chi2_all: float  # the same with highlights that were left out, capped at `CAP` sigmas each: to compare models
     scale: float  # how many times larger the highlights' errors are than was stated, by their scatter
@@ -78,6 +79,7 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
         for f in np.flatnonzero((shown & ~good).any(0)):
             good[:, f] = _agreeing(problem, x, int(f), np.flatnonzero(shown[:, f]))
         problem.used = good & shown
+        problem.shaded = _agreeing_shading(problem, x)
         problem.scale = _scale(problem, x)
         problem.sigma = seen.sigma_px * problem.scale
     return _conclude(problem, x)
@@ -122,6 +124,16 @@ def _agreeing(problem: Adjustment, x: Array, f: int, balls: NDArray[np.intp]) ->
     return keep
 
 
+def _agreeing_shading(problem: Adjustment, x: Array) -> NDArray[np.bool_]:
+    """Return (W, F) which of the shading to believe; all of it where no highlight is seen."""
+    clear = problem.shading.clear
+    if not clear.any():
+        return clear
+    square = np.sum(problem.shading_misses(x) ** 2, -1)
+    limit = INLIER_SIGMAS**2 * max(1.0, float(np.median(square[clear])) / MEDIAN_SQUARE)
+    return clear & ((np.nan_to_num(square) < limit) | ~problem.used.any(0))
+
+
 def _conclude(problem: Adjustment, x: Array) -> LightFit:
     """Return what the solution `x` says, with the covariance (J^T J)^-1 of the whitened problem."""
     camera, seen = problem.camera_at(x), problem.seen
@@ -135,7 +147,9 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     center = float(np.hypot(sigmas[1], sigmas[2]) / np.sqrt(2))
     size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
     left_out = np.isfinite(seen.highlights[..., 0]) & ~problem.used
-    capped = np.minimum(np.nan_to_num(size / seen.sigma_px, nan=CAP), CAP)[left_out]
+    beside = np.linalg.norm(problem.shading_misses(x), axis=-1)[problem.shading.clear & ~problem.shaded]
+    missed = np.concatenate([np.nan_to_num(size / seen.sigma_px, nan=CAP)[left_out], beside])
+    capped = np.minimum(missed, CAP)
     rows = 2 * int(problem.used.sum())
     chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2 + float(np.sum(residual[rows:] ** 2))
     return LightFit(
@@ -152,6 +166,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
         position_covariance_mm2=_of_positions(problem, x, covariance) if problem.near else None,
         residual_px=np.where(problem.used, size, np.nan),
         used=problem.used.copy(),
+        shaded=problem.shaded.copy(),
         chi2=chi2,
         chi2_all=chi2 + float(np.sum(capped**2)),
         scale=problem.scale,

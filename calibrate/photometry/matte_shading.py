@@ -19,6 +19,8 @@ LIT = 0.2  # cosine to the light under which a large flash is half set behind th
 DARK = 0.3  # quantile of the brightness under which pixels are taken to be unlit to begin with
 FEWEST_PIXELS = 40
 RINGS, ANGLES = 4, 12  # of the patches
+AROUND, GLARE = (1.1, 2.5), 0.95  # radii about a ball of what lights it from below, and the quantile of its glare
+WHITE = 0.75  # albedo of a white ball, for what its surroundings add to it
 MATTE, MIRROR = 0.9, 0.6
 """Share of the brightness' variance over a ball that n.l explains: of a matte ball more, of a mirror less."""
 
@@ -36,6 +38,7 @@ class Surface:
     center: Array  # (3,)
     radius: float  # the ball's, in the points' unit
     ambient: NDArray[np.float32]  # (P, 3) the ambient frame's light, which was taken off; zero without
+    beside: NDArray[np.float32]  # (F,) how bright the picture is around the ball
 
 
 def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
@@ -50,7 +53,8 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     count, place = len(frames), (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         none = np.zeros((count, 0, 3), np.float32)
-        return Surface(points, normals, view, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
+        dark = np.zeros(count, np.float32)
+        return Surface(points, normals, view, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0], dark)
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -61,20 +65,38 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
     ambient = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
-    return Surface(points, normals, view, values, clipped, block, *place, ambient)
+    return Surface(points, normals, view, values, clipped, block, *place, ambient, _beside(frames, sphere))
+
+
+def _beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
+    """Return (F,), the mean brightness that the flash adds around a ball, without the brightest."""
+    (u, v), far = sphere.center_px, AROUND[1] * sphere.radius_px
+    rows = slice(max(int(v - far), 0), min(int(v + far) + 1, frames.height))
+    columns = slice(max(int(u - far), 0), min(int(u + far) + 1, frames.width))
+    y, x = np.mgrid[rows, columns]
+    away = np.hypot(x - u, y - v) / sphere.radius_px
+    ring = (away > AROUND[0]) & (away < AROUND[1])
+    out = np.zeros(len(frames), np.float32)
+    for f in range(len(frames) if ring.any() else 0):
+        values = frames.read(rows, [f], columns=columns)[0][ring].mean(-1)
+        out[f] = np.minimum(values, np.quantile(values, GLARE)).mean()
+    # Without an ambient frame what is there in all frames may be the room's light.
+    return out if frames.ambient is not None else out - out.min()
 
 
 def shading_directions(surface: Surface) -> tuple[Array, Array]:
     """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone.
 
-    For a session without chrome. I = max(0, n.b) + a, b's direction is the light's; the lit side is found
-    by turns with b.
+    I = max(0, n.b) + a + w L (1 - n_z) / 2, b's direction is the light's; the lit side is found by turns with b. The
+    last is what a table, as bright as the picture around the ball, L, throws on a ball of albedo w: it would draw b
+    away from the table by some degrees.
     """
     count = len(surface.values)
     directions = np.full((count, 3), np.nan)
     sigma = np.full(count, np.nan)
+    thrown = (1 - surface.normals[:, 2]) / 2
     for f in range(count):
-        values = surface.values[f].mean(1).astype(np.float64)
+        values = surface.values[f].mean(1).astype(np.float64) - WHITE * surface.beside[f] * thrown
         good = ~surface.clipped[f]
         use = good & (values > np.quantile(values, DARK))
         for _ in range(10):

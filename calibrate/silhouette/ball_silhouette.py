@@ -40,8 +40,11 @@ WELL_SEEN = 0.6  # and from which no softer edge is looked for
 SOFTER_BETTER = 0.15  # by which a softer edge must be seen along more of the outline
 SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its coarse circle, at least
 SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
-TABLE_EXPLAINS = 0.99  # share of a chrome edge's variance from which on the mirrored table is taken for its cause
-TABLE_FROM_PX = 22.0  # a smaller ball's edge is too few pixels for three more unknowns
+TABLE_EXPLAINS = 0.97  # share of a chrome edge's variance from which on the mirrored table is taken for its cause,
+TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # on a ball at least so large, whose radius it locates to this sigma
+TABLE_FLOOR_PX, TABLE_DOUBT_PX = 0.04, 6.0
+"""What bends the mirrored table's outline beyond its residuals' scatter, sigma: in any case, and times the share of the
+variance that is left: the table is no plane, things stand on it, or a wall throws light."""
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
@@ -84,7 +87,7 @@ def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: fl
         return None
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
-    return _fit_chrome(frames, read, camera, best[0], float(best_softness)) or best[0]
+    return _fit_chrome(frames, read, camera, best[0], sphere, float(best_softness)) or best[0]
 
 
 def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
@@ -204,14 +207,20 @@ def _fit_matte(
     return _finished(nearest, best.sphere, best.covariance, best.model.blur_px)
 
 
-def _fit_chrome(frames: Frames, read: Reader, camera: Camera, edge: OutlineFit, softness: float) -> OutlineFit | None:
+def _fit_chrome(
+    frames: Frames, read: Reader, camera: Camera, edge: OutlineFit, start: Sphere, softness: float
+) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
-    sphere, table = edge.sphere, None
-    if sphere.radius_px > TABLE_FROM_PX:
-        table = fit_mirrored_table(frames, camera, sphere, blur_px=softness)
+    sphere = edge.sphere
     farthest = softness + SEARCH * sphere.radius_px
-    if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, sphere) < farthest:
-        return replace(_finished(edge, table.sphere, table.covariance, table.blur_px), by_table=True)
+    # A small mirror's rims draw the edge away from where the search began.
+    for near in (sphere, start) if sphere.radius_px > TABLE_FROM_PX else ():
+        table = fit_mirrored_table(frames, camera, near, blur_px=softness)
+        if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
+            doubt = np.hypot(TABLE_FLOOR_PX, TABLE_DOUBT_PX * (1 - table.explained))
+            covariance = table.covariance + doubt**2 * np.eye(3)
+            if table.covariance[2, 2] < TABLE_LOCATES_PX**2:
+                return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)
     model = EdgeModel(MIRROR, sphere.radius_px, softness, MIRROR_START)
     first = fit_cone(read, camera, sphere, model, free_blur=True)
     if first is None:

@@ -44,6 +44,7 @@ CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another bal
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
+SLIP, FIRST_DAMPING, MOST_DAMPING = 2e-3, 1e-2, 1e4  # share explained that a step may lose, and what follows if it does
 OUTLINE, PLANE, BLUR = slice(0, 3), slice(3, 6), 6
 """Places of the unknowns; the eighth is the reflectance, which is solved for in `_explain`."""
 
@@ -70,7 +71,7 @@ def fit_mirrored_table(
     best: MirroredTable | None = None
     heights, turns = (HEIGHTS[:1], ROUGH_TURNS) if rough else (HEIGHTS, TURNS)
     for height in heights:
-        plane = _rough_plane(surroundings, sphere, height, blur_px)
+        plane = _rough_plane(surroundings, sphere, height, blur_px, rough=rough)
         table = None if plane is None else _settle(surroundings, sphere, plane, blur_px, turns)
         if table and (best is None or table.explained > best.explained):
             best = table
@@ -79,22 +80,29 @@ def fit_mirrored_table(
     return best
 
 
-def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: float) -> Array | None:
+def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: float, *, rough: bool) -> Array | None:
     """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
-    best, out = HOPELESS, None
+    best, out = np.inf, None
     slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
     profiles, offsets, _ = table.profiles(sphere, blur_px)
     for plane in (np.array([x, y, height]) for x, y in slopes):
         mirrored = table.mirrored_by(sphere, plane, blur_px).blurred(offsets, blur_px)
         explained = _explain(profiles, mirrored, _outside(offsets, blur_px))
-        if explained is not None and explained.hopeful and explained.share > best:
-            best, out = explained.share, plane
+        if explained is None or not explained.hopeful:
+            continue
+        # Of an even table any tilt explains much: on an outline a slope must pay for itself.
+        left = (1 - explained.share) * (1.0 if rough else 1 + plane[0] ** 2 + plane[1] ** 2)
+        if left < best:
+            best, out = left, plane
     return out
 
 
 def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, turns: int) -> MirroredTable | None:
     """Move outline, plane and blur until what the mirror shows is what the picture shows beside it."""
-    blur = blur_px
+    blur, damping = blur_px, 0.0
+    kept: _Turn | None = None
+    # From a circle that is none yet the way leads through worse ones.
+    slip = SLIP if turns == TURNS else np.inf
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / PLANE_PRIOR[1] ** 2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
@@ -102,28 +110,44 @@ def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, t
         profiles, offsets, jacobian = table.profiles(sphere, blur)
         shown = table.mirrored_by(sphere, plane, blur)
         explained = _explain(profiles, shown.blurred(offsets, blur), _outside(offsets, blur))
-        if explained is None or not explained.hopeful:
+        if explained and explained.hopeful and (kept is None or explained.share > kept.explained.share - slip):
+            slopes = _slopes(table, (sphere, plane, blur), shown, (profiles, offsets, jacobian), explained)
+            scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
+            rows = slopes.reshape(8, -1).astype(np.float64)
+            normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
+            if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)))) > SINGULAR:
+                return None
+            before = np.concatenate([np.zeros(3), plane - PLANE_PRIOR[0], [blur - blur_px, 0.0]])
+            gradient = scores.sum(1) - prior * before
+            kept, damping = _Turn(explained, (sphere, plane, blur), normal, scores, gradient), damping / 10
+        elif kept is None or damping > MOST_DAMPING:
             return None
-        slopes = _slopes(table, (sphere, plane, blur), shown, (profiles, offsets, jacobian), explained)
-        scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
-        rows = slopes.reshape(8, -1).astype(np.float64)
-        normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
-        if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)))) > SINGULAR:
-            return None
-        before = np.concatenate([np.zeros(3), plane - PLANE_PRIOR[0], [blur - blur_px, 0.0]])
-        gradient = scores.sum(1) - prior * before
-        step = np.linalg.solve(normal, gradient)
+        else:
+            damping = max(10 * damping, FIRST_DAMPING)
+        sphere, plane, blur = kept.at
+        step = np.linalg.solve(kept.normal + damping * np.diag(np.diag(kept.normal)), kept.gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        sphere, plane = moved(sphere, step[OUTLINE]), plane + step[PLANE]
+        sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
         blur = float(max(blur + step[BLUR], SHARPEST_PX))
-        if turn > LEAST_TURNS and np.abs(step[OUTLINE]).max() < SETTLED_PX:
+        if turn > LEAST_TURNS and damping < FIRST_DAMPING and np.abs(step[OUTLINE]).max() < SETTLED_PX:
             break
-    if turns == TURNS and np.abs(step[OUTLINE]).max() > UNSETTLED_PX:
+    if kept is None or (turns == TURNS and np.abs(step[OUTLINE]).max() > UNSETTLED_PX):
         return None
-    sums, inverse = cluster_sums(scores.T, SECTOR), np.linalg.inv(normal)
+    sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], plane, blur, explained.mirror, explained.share)
+    best = kept.explained
+    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], plane, blur, best.mirror, best.share)
+
+
+class _Turn(NamedTuple):
+    """Where the fit stood in its last good turn."""
+
+    explained: "_Explained"
+    at: tuple[Sphere, Array, float]  # outline, plane, blur
+    normal: Array  # (8, 8)
+    scores: Array  # (8, BINS)
+    gradient: Array  # (8,)
 
 
 class _Explained(NamedTuple):

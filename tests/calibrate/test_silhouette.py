@@ -119,8 +119,11 @@ def test_limb_darkening_does_not_shrink_a_matte_ball(radius, near):
 
 
 def test_a_mirror_is_as_large_as_it_is():
-    """It continues, dimmed, what lies behind it, and squeezes half of the room into its last pixels."""
-    radius, size = 67.0, 180
+    """It continues, dimmed, what lies behind it, and squeezes half of the room into its last pixels.
+
+    The picture ends beside the ball: none of the table that it mirrors is seen, and its smooth profile decides.
+    """
+    radius, size = 67.0, 156
     camera = Camera(size, size, 900.0, 900.0, size / 2 + 0.3, size / 2 - 0.4)
     rng = np.random.default_rng(10002)
     v, u = np.mgrid[0:size:0.125, 0:size:0.125] - 0.4375
