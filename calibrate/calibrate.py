@@ -12,7 +12,7 @@ from calibrate.detection.coarse import Progress
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
-from calibrate.lights.shading import Shading, no_shading
+from calibrate.lights.shading import SURROUNDINGS_DEG, Shading, no_shading
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
 from calibrate.photometry.matte_shading import Surface, contradicts_kind, read_surface, shading_directions
 from calibrate.photometry.patches import Meter
@@ -144,7 +144,7 @@ def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, ref
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "
             "or expose so that the white ball stays below white."
         )
-    directions, sigma = shading.directions[0], shading.sigma_deg[0]
+    directions, sigma = shading.directions[0], np.hypot(shading.sigma_deg[0], SURROUNDINGS_DEG)
     notes.evidence.append("distant lights, from the white ball's shading: no chrome ball")
     if not camera.is_orthographic and not any(sphere.apart for sphere in white):
         notes.warnings.append(

@@ -13,7 +13,7 @@ from calibrate.lights.directions import two_across
 from scene.normals import unit
 
 Array = NDArray[np.float64]
-SURROUNDINGS_DEG = 1.5
+SURROUNDINGS_DEG = 1.8
 """What bends a white ball's shading, one axis: in 280 frames of path-traced scenes with tables of any albedo half were
 off by less than 1.3 degrees, 90 % by less than 3.3, in any direction, while the fit's own sigma was 0.2."""
 CLEAR_DEG, CLEAR = 1.0, 5.0
