@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,7 @@ HINT_SCORE = 0.6  # share of its outline that a ball must show before it is move
 HINT_SURE = 0.9  # from which a matte ball's is taken, and of another's score that may still be as good
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
+SAME_SCALE, OTHER_SCALE = 0.1, 0.25  # logarithms of mm per px over balls on one table, and of which none are
 LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
 
 
@@ -177,7 +179,10 @@ def _match(
     if not requests:
         return [(one, None) for one in found]
     out: list[tuple[Found, float | None]] = []
-    for kind in dict.fromkeys(request.kind for request in requests):
+    # Kinds of which all were found first: their scale tells which of another kind's diameters are missing.
+    kinds = list(dict.fromkeys(request.kind for request in requests))
+    counts = Counter(one.sphere.kind for one in found)
+    for kind in sorted(kinds, key=lambda kind: counts[kind] < sum(request.kind == kind for request in requests)):
         asked = [request.diameter_mm for request in requests if request.kind == kind]
         mine = sorted((one for one in found if one.sphere.kind == kind), key=lambda one: -one.sphere.radius_px)
         if len(mine) < len(asked):
@@ -186,17 +191,32 @@ def _match(
             warnings.append(f"{len(asked)} {kind} balls were asked for, {len(mine)} found{refused}")
         known = sorted((d for d in asked if d is not None), reverse=True)
         if len(set(known)) > 1 or 0 < len(known) < len(asked):
-            if len(known) == len(asked) == len(mine):
-                listed = ", ".join(f"{d:g}" for d in known)
+            known = known if len(known) == len(asked) else []
+            told = known if len(known) == len(mine) else _of_one_scale(mine, known, out)
+            if told:
+                listed = ", ".join(f"{d:g}" for d in told)
                 warnings.append(f"{kind} balls of {listed} mm were told apart by their size in the picture.")
-            else:
+            elif mine:
                 warnings.append(
-                    f"{len(mine)} {kind} balls were found for diameters {known} mm and cannot be told apart: no "
-                    "diameter is used. Give center_px and radius_px."
+                    f"{len(mine)} {kind} balls were found for diameters {[d for d in asked if d]} mm and cannot be "
+                    "told apart: no diameter is used. Give center_px and radius_px."
                 )
-                known = []
+            known = told
         out += zip(mine, known + [None] * len(mine), strict=False)
     return out
+
+
+def _of_one_scale(mine: list[Found], known: list[float], others: list[tuple[Found, float | None]]) -> list[float]:
+    """Return those of the diameters, the largest first, that put the balls equally far; none if that is not clear."""
+    scales = [np.log(d / one.sphere.radius_px) for one, d in others if d]
+    trials = []
+    for chosen in combinations(known, len(mine)):
+        logs = [*scales, *(np.log(d / one.sphere.radius_px) for one, d in zip(mine, chosen, strict=True))]
+        trials.append((float(np.ptp(logs)), list(chosen)))
+    trials.sort(key=lambda trial: trial[0])
+    if not mine or len(scales) + len(mine) < 2 or not trials or trials[0][0] > SAME_SCALE:
+        return []
+    return trials[0][1] if len(trials) == 1 or trials[1][0] > OTHER_SCALE else []
 
 
 def _said(one: Rejected) -> str:

@@ -115,7 +115,8 @@ def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, t
             scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
             rows = slopes.reshape(8, -1).astype(np.float64)
             normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
-            if np.linalg.cond(normal / np.sqrt(np.outer(np.diag(normal), np.diag(normal)))) > SINGULAR:
+            size = np.sqrt(np.diag(normal))
+            if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
                 return None
             before = np.concatenate([np.zeros(3), plane - PLANE_PRIOR[0], [blur - blur_px, 0.0]])
             gradient = scores.sum(1) - prior * before
