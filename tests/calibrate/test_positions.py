@@ -11,9 +11,10 @@ from calibrate.lights.adjustment import Adjustment, Observed
 from calibrate.lights.directions import mirrored_rays, ray_meeting
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
+from calibrate.lights.shading import SURROUNDINGS_DEG, Shading
 from calibrate.silhouette.outline import moved, offset_jacobian, outline_with_normals
 from scene.camera import Camera
-from scene.normals import angular_error_deg
+from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
 
 CAMERA = Camera(1200, 800, 1666.7, 1666.7, 606.8, 394.9)
@@ -136,10 +137,60 @@ def test_an_uncertain_camera_is_part_of_the_sigma_and_is_adjusted(scene):
     assert (np.sqrt(np.mean(np.square(change), 0)) < [0.012, 8]).all()
 
 
+def _shading(lights, rng, sigma_deg):
+    """Return what two white balls' shading says, off by so many degrees."""
+    toward = unit(lights - CENTERS[1:, None])
+    return Shading(
+        unit(toward + np.deg2rad(sigma_deg) * rng.normal(size=toward.shape)), np.full((2, 8), 0.2), CENTERS[1:]
+    )
+
+
+def test_one_chrome_ball_and_white_balls_show_where_the_lights_are(scene):
+    """Exact shading gives exact positions; shading that errs as stated, positions inside their 95 % region."""
+    lights, highlights = scene
+    rng = np.random.default_rng(7)
+    inside = []
+    for sigma_deg in (0.0, *[SURROUNDINGS_DEG * np.sqrt(2)] * 12):
+        chrome = (CAMERA, _spheres(1), [0.02**2 * np.eye(3)], highlights[:1], np.full((1, 8), 0.02), REFERENCE)
+        notes = Notes()
+        fit = choose_model(Observed(*chrome, shading=_shading(lights, rng, sigma_deg)), notes)
+        assert "near lights" in notes.evidence[0]
+        off = fit.positions_mm - lights
+        if not sigma_deg:
+            # The ranges' loose prior draws a little.
+            assert np.linalg.norm(off, axis=1).max() < 40
+            assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.5
+        else:
+            square = np.einsum("fi,fij,fj->f", off, np.linalg.inv(fit.position_covariance_mm2), off)
+            inside.append(np.mean(square < 7.815))
+    assert np.mean(inside) > 0.85
+
+
+def test_shading_that_is_no_lights_is_left_out(scene):
+    """A white ball in another's shadow shows what the table throws on it."""
+    lights, highlights = scene
+    shading = _shading(lights, np.random.default_rng(8), 1.0)
+    shading.directions[:, 3] = [0.0, 0.0, 1.0]
+    shading.directions[0, 3] = unit(np.array([0.9, -0.4, 0.2]))
+    seen = Observed(
+        CAMERA,
+        _spheres(2),
+        [0.02**2 * np.eye(3)] * 2,
+        highlights[:2],
+        np.full((2, 8), 0.02),
+        REFERENCE,
+        shading=shading,
+    )
+    fit = fit_lights(seen, near=True)
+    assert not fit.shaded[0, 3]
+    assert fit.shaded[:, [0, 1, 2, 4, 5, 6, 7]].all()
+    assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.3
+
+
 @pytest.mark.parametrize("near", [True, False])
 @pytest.mark.parametrize("exact", [True, False])
 def test_derivatives(scene, near, exact):
-    _, highlights = scene
+    lights, highlights = scene
     rng = np.random.default_rng(0)
     camera = CAMERA if exact else replace(CAMERA, focal_sigma=0.02, center_sigma_px=10.0)
     seen = Observed(
@@ -150,6 +201,7 @@ def test_derivatives(scene, near, exact):
         np.full((3, 8), 0.1),
         REFERENCE,
         diameter_sigma=None if exact else np.array([0.0, 0.1, 0.1]),
+        shading=_shading(lights, rng, 2.0),
     )
     problem = Adjustment(seen, near=near)
     problem.used[1, 3] = False
