@@ -15,8 +15,8 @@ from scene.normals import unit
 Array = NDArray[np.float64]
 SURROUNDINGS_DEG = 2.5
 """What bends a white ball's shading, one axis: in 280 frames of path-traced scenes with tables of any albedo half were
-off by less than 1.3 degrees, 90 % by less than 3.3, while the fit's own sigma was 0.2. Frames err alike, so a single one
-counts less than that."""
+off by less than 1.3 degrees, 90 % by less than 3.3, while the fit's own sigma was 0.2. Frames err alike, so a single
+one counts less than that."""
 CLEAR_DEG, CLEAR = 1.0, 5.0
 """The fit's own sigma up to which a frame's shading is clear, or times the ball's median: half in shadow it is 3 to 12
 degrees, else 0.2."""
