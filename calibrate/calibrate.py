@@ -12,9 +12,15 @@ from calibrate.detection.coarse import Progress
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
-from calibrate.lights.shading import SURROUNDINGS_DEG, Shading, no_shading
+from calibrate.lights.shading import Shading, no_shading
 from calibrate.photometry.from_white import APART_DEG, compare_with_chrome, intensities_from_white
-from calibrate.photometry.matte_shading import Surface, contradicts_kind, read_surface, shading_directions
+from calibrate.photometry.matte_shading import (
+    Surface,
+    brightness_beside,
+    contradicts_kind,
+    read_surface,
+    shading_directions,
+)
 from calibrate.photometry.patches import Meter
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
@@ -64,9 +70,9 @@ def calibrate(
 
     Notes
     -----
-    Chrome gives directions by the law of the mirror, and ranges where two or more balls of known diameter are
-    seen in perspective; near lights are claimed only if BIC demands them. White gives intensities; without
-    chrome also directions, from its shading.
+    Chrome gives directions by the law of the mirror, white ones less exactly by their shading, and both together
+    ranges where two or more balls of known diameter are seen in perspective, one of them chrome; near lights are
+    claimed only if BIC demands them. White gives intensities.
     """
     if known_lights is not None:
         return with_known_lights(frames, camera, requests, known_lights, progress=progress)
@@ -79,7 +85,7 @@ def calibrate(
     for ball in balls:
         contradiction = contradicts_kind(ball.frames, camera, ball.sphere)
         notes.warnings.extend([contradiction] if contradiction else [])
-    shading = _shading(camera, [spheres[i] for i in white], surfaces, len(frames))
+    shading = _shading(camera, [(balls[i], spheres[i]) for i in white], surfaces, len(frames))
     shown = np.full((len(balls), len(frames), 2), np.nan)
     if any(sphere.kind == "chrome" for sphere in spheres):
         aim, shown = _aim_from_chrome(frames, camera, balls, spheres, shading, reference, notes)
@@ -126,15 +132,17 @@ def _aim_from_chrome(
     return Aim(fit.camera, fit.reference, *lights), shown
 
 
-def _shading(camera: Camera, white: list[Sphere], surfaces: list[Surface], frames: int) -> Shading:
+def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[Surface], frames: int) -> Shading:
     """Return what the white balls' shading says of the lights."""
     if not white:
         return no_shading(frames)
-    directions, sigma = (np.stack(part) for part in zip(*map(shading_directions, surfaces), strict=True))
-    placed = [
-        s.center_mm(camera) if s.diameter_mm and not camera.is_orthographic else np.full(3, np.nan) for s in white
-    ]
-    return Shading(directions, sigma, np.stack(placed))
+    shown, centers = [], []
+    for (ball, sphere), surface in zip(white, surfaces, strict=True):
+        shown.append(shading_directions(surface, brightness_beside(ball.frames, sphere)))
+        is_placed = sphere.diameter_mm and not camera.is_orthographic
+        centers.append(sphere.center_mm(camera) if is_placed else np.full(3, np.nan))
+    directions, sigma = (np.stack(part) for part in zip(*shown, strict=True))
+    return Shading(directions, sigma, np.stack(centers))
 
 
 def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, reference: Array, notes: Notes) -> Aim:
@@ -144,7 +152,7 @@ def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, ref
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "
             "or expose so that the white ball stays below white."
         )
-    directions, sigma = shading.directions[0], np.hypot(shading.sigma_deg[0], SURROUNDINGS_DEG)
+    directions, sigma = shading.directions[0], shading.stated_deg[0]
     notes.evidence.append("distant lights, from the white ball's shading: no chrome ball")
     if not camera.is_orthographic and not any(sphere.apart for sphere in white):
         notes.warnings.append(

@@ -14,7 +14,7 @@ from calibrate.known_lights.read_known import NO_INTENSITIES, lacks_intensities,
 from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.highlight import find_spots
 from calibrate.photometry.from_white import intensities_from_white
-from calibrate.photometry.matte_shading import read_surface, shading_directions
+from calibrate.photometry.matte_shading import brightness_beside, read_surface, shading_directions
 from calibrate.photometry.patches import Meter
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
@@ -65,7 +65,8 @@ def with_known_lights(
             angle = np.nanmedian(angular_error_deg(seen, target))
             notes.evidence.append(f"chrome ball {i + 1} sees the known lights {angle:.2f} degrees off (median)")
         else:
-            seen, _ = shading_directions(read_surface(ball.frames, camera, ball.sphere))
+            beside = brightness_beside(ball.frames, ball.sphere)
+            seen, _ = shading_directions(read_surface(ball.frames, camera, ball.sphere), beside)
             target = _toward(lights, ball.sphere, ball.sphere.center_mm(camera))
         doubts.append(contradiction(f"{ball.sphere.kind} ball {i + 1}", frames.names, seen, target))
     if not balls:

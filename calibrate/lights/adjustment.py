@@ -83,8 +83,7 @@ class Adjustment:
         self.sigma, self.scale = seen.sigma_px, 1.0
         self.balls, self.lights = seen.highlights.shape[:2]
         self.used = np.isfinite(seen.highlights[..., 0])
-        shading = seen.shading or no_shading(self.lights)
-        self.shading = shading.placed if near else shading
+        self.shading = seen.shading or no_shading(self.lights)
         self.shaded = self.shading.clear  # which of it is used
         camera = seen.camera
         known = np.array([camera.focal_sigma, camera.center_sigma_px, camera.center_sigma_px], np.float64)
@@ -116,8 +115,9 @@ class Adjustment:
 
     def _start_lights(self) -> float:
         """Set the lights to begin with; return a typical inverse range, 1 / mm."""
-        rays = [mirrored_rays(self.camera, s, h) for s, h in zip(self.seen.spheres, self.seen.highlights, strict=True)]
-        points, directions = (np.stack(part) for part in zip(*rays, strict=True))
+        shown_by = zip(self.seen.spheres, self.seen.highlights, strict=True)
+        mirrored = [mirrored_rays(self.camera, sphere, pixels) for sphere, pixels in shown_by]
+        points, directions = (np.stack(part) for part in zip(*mirrored, strict=True))
         self.origin = mean_directions(directions)
         unseen = ~np.isfinite(self.origin[:, 0])
         self.origin[unseen] = self.shading.rough[unseen]
@@ -125,13 +125,13 @@ class Adjustment:
         if self.near:
             centers = np.broadcast_to(self.shading.centers_mm[:, None], self.shading.directions.shape)
             white = np.where(self.shading.clear[..., None], self.shading.directions, np.nan)
-            every, whites = np.concatenate([points, centers]), np.concatenate([directions, white])
+            starts, rays = np.concatenate([points, centers]), np.concatenate([directions, white])
             for f in range(self.lights):
-                shown = np.isfinite(whites[:, f, 0])
+                shown = np.isfinite(rays[:, f, 0])
                 if shown[: self.balls].sum() >= 2:
                     shown[self.balls :] = False
                 if shown.sum() >= 2:
-                    meeting = ray_meeting(every[shown, f], whites[shown, f]) - self.reference
+                    meeting = ray_meeting(starts[shown, f], rays[shown, f]) - self.reference
                     distance = np.linalg.norm(meeting)
                     if np.isfinite(distance) and meeting @ self.origin[f] > 0:
                         self.origin[f] = meeting / distance

@@ -33,10 +33,11 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     """
     camera, spheres = seen.camera, seen.spheres
     has_scale = any(s.diameter_mm for s in spheres)
-    if not has_scale:
-        seen = replace(seen, shading=None)
+    if not has_scale and seen.shading is not None:
+        # Nothing says where the white balls stand: they tell the lights that no chrome ball shows.
+        seen = replace(seen, shading=seen.shading.only(~np.isfinite(seen.highlights[..., 0]).any(0)))
     distant = fit_lights(seen, near=False)
-    whites = 0 if seen.shading is None else int(seen.shading.placed.clear.any(1).sum())
+    whites = 0 if seen.shading is None else seen.shading.placed
     if camera.is_orthographic or (len(spheres) < 2 and not has_scale):
         why = "ranges need a perspective camera" if camera.is_orthographic else "one chrome ball gives directions only"
         notes.evidence.append(f"distant lights: {why}")
@@ -83,15 +84,8 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
 def _without_scale(near: LightFit, reference: Array) -> LightFit:
     """Return the directions at the balls' middle, and no lengths. Where it is, the fit knows better than its start."""
     toward = near.positions_mm - np.mean([s.center_mm(near.camera) for s in near.spheres], axis=0)
-    return replace(
-        near,
-        spheres=[replace(s, diameter_mm=None) for s in near.spheres],
-        reference=reference,
-        directions=unit(toward),
-        positions_mm=None,
-        position_covariance_mm2=None,
-        range_sigma=np.full(len(toward), np.nan),
-    )
+    spheres = [replace(s, diameter_mm=None) for s in near.spheres]
+    return replace(_without_ranges(near), spheres=spheres, reference=reference, directions=unit(toward))
 
 
 def _without_ranges(near: LightFit) -> LightFit:

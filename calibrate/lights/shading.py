@@ -4,7 +4,8 @@ One chrome ball shows each flash's direction where it stands; a white ball besid
 where the flash is. A white ball's error is its surroundings': light that the table and its neighbours reflect onto it.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,7 @@ class Shading:
     sigma_deg: Array  # (W, F) one tangent axis, of the fit alone
     centers_mm: Array  # (W, 3) NaN where the distance is not known
 
-    @property
+    @cached_property
     def clear(self) -> NDArray[np.bool_]:
         """(W, F): whether the ball shows the light, and it alone."""
         known = np.isfinite(self.sigma_deg)
@@ -45,29 +46,39 @@ class Shading:
         total = np.where(seen, self.directions, 0).sum(0)
         return np.where(seen.any(0), unit(np.where(seen.any(0), total, 1.0)), np.nan)
 
-    def of(self, frames: NDArray[np.bool_]) -> "Shading":
-        """Return what is shown in some of the frames."""
-        return replace(self, directions=self.directions[:, frames], sigma_deg=self.sigma_deg[:, frames])
-
     @property
-    def placed(self) -> "Shading":
-        """The balls whose place is known."""
-        known = np.isfinite(self.centers_mm).all(1)
-        return Shading(self.directions[known], self.sigma_deg[known], self.centers_mm[known])
+    def placed(self) -> int:
+        """How many of the balls show a light clearly, from a known place."""
+        return int(np.sum(np.isfinite(self.centers_mm).all(1) & self.clear.any(1)))
+
+    @cached_property
+    def stated_deg(self) -> Array:
+        """(W, F) one tangent axis, of the fit and of what surrounds the balls."""
+        return np.hypot(self.sigma_deg, SURROUNDINGS_DEG)
+
+    def only(self, frames: NDArray[np.bool_]) -> "Shading":
+        """Return the same with nothing shown in all other frames."""
+        sigma = np.where(frames, self.sigma_deg, np.nan)
+        return Shading(np.where(frames[:, None], self.directions, np.nan), sigma, self.centers_mm)
 
     def misses(self, directions: Array, inverse: Array, reference: Array) -> Array:
         """Return (W, F, 2), how far lights are beside the shading, in sigmas; NaN where it shows too little.
 
-        `directions` (F, 3) from the reference point (3,), and inverse ranges (F,): 0 for distant lights.
+        `directions` (F, 3) from the reference point (3,), and inverse ranges (F,): 0 for distant lights. A ball whose
+        place is not known is taken to be at the reference point.
         """
-        arm = np.zeros_like(self.directions) if not inverse.any() else (reference - self.centers_mm)[:, None]
+        arm = np.nan_to_num(reference - self.centers_mm)[:, None]
         target = unit(directions + inverse[:, None] * arm)
         # Stereographic, as in `Adjustment`.
         half = np.maximum(1 + np.sum(self.directions * target, -1), 1e-6) / 2
-        miss = np.stack([np.sum(axis * target, -1) for axis in two_across(self.directions)], -1) / half[..., None]
+        miss = np.stack([np.sum(axis * target, -1) for axis in self._across], -1) / half[..., None]
         # What surrounds them is alike for all: several white balls err together.
-        sigma = np.deg2rad(np.hypot(self.sigma_deg, SURROUNDINGS_DEG) * np.sqrt(len(self.centers_mm)))
+        sigma = np.deg2rad(self.stated_deg * np.sqrt(len(self.centers_mm)))
         return np.where(self.clear, 1.0, np.nan)[..., None] * miss / sigma[..., None]
+
+    @cached_property
+    def _across(self) -> tuple[Array, Array]:
+        return two_across(self.directions)
 
 
 def no_shading(frames: int) -> Shading:

@@ -38,7 +38,6 @@ class Surface:
     center: Array  # (3,)
     radius: float  # the ball's, in the points' unit
     ambient: NDArray[np.float32]  # (P, 3) the ambient frame's light, which was taken off; zero without
-    beside: NDArray[np.float32]  # (F,) how bright the picture is around the ball
 
 
 def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
@@ -53,8 +52,7 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     count, place = len(frames), (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         none = np.zeros((count, 0, 3), np.float32)
-        dark = np.zeros(count, np.float32)
-        return Surface(points, normals, view, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0], dark)
+        return Surface(points, normals, view, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -65,10 +63,10 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
     ambient = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
-    return Surface(points, normals, view, values, clipped, block, *place, ambient, _beside(frames, sphere))
+    return Surface(points, normals, view, values, clipped, block, *place, ambient)
 
 
-def _beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
+def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
     """Return (F,), the mean brightness that the flash adds around a ball, without the brightest."""
     (u, v), far = sphere.center_px, AROUND[1] * sphere.radius_px
     rows = slice(max(int(v - far), 0), min(int(v + far) + 1, frames.height))
@@ -84,19 +82,21 @@ def _beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
     return out if frames.ambient is not None else out - out.min()
 
 
-def shading_directions(surface: Surface) -> tuple[Array, Array]:
+def shading_directions(surface: Surface, beside: NDArray | None = None) -> tuple[Array, Array]:
     """Return distant directions (F, 3) and their sigma (F,), degrees, from the shading alone.
 
     I = max(0, n.b) + a + w L (1 - n_z) / 2, b's direction is the light's; the lit side is found by turns with b. The
     last is what a table, as bright as the picture around the ball, L, throws on a ball of albedo w: it would draw b
-    away from the table by some degrees.
+    away from the table by some degrees. `beside` (F,) is L, of `brightness_beside`; None: there is no table.
     """
     count = len(surface.values)
     directions = np.full((count, 3), np.nan)
     sigma = np.full(count, np.nan)
     thrown = (1 - surface.normals[:, 2]) / 2
     for f in range(count):
-        values = surface.values[f].mean(1).astype(np.float64) - WHITE * surface.beside[f] * thrown
+        values = surface.values[f].mean(1).astype(np.float64)
+        if beside is not None:
+            values -= WHITE * beside[f] * thrown
         good = ~surface.clipped[f]
         use = good & (values > np.quantile(values, DARK))
         for _ in range(10):

@@ -69,10 +69,9 @@ def fit_mirrored_table(
     """
     surroundings = Surroundings(frames.some(FRAMES), camera, sphere)
     best: MirroredTable | None = None
-    heights, turns = (HEIGHTS[:1], ROUGH_TURNS) if rough else (HEIGHTS, TURNS)
-    for height in heights:
+    for height in HEIGHTS[:1] if rough else HEIGHTS:
         plane = _rough_plane(surroundings, sphere, height, blur_px, rough=rough)
-        table = None if plane is None else _settle(surroundings, sphere, plane, blur_px, turns)
+        table = None if plane is None else _settle(surroundings, sphere, plane, blur_px, rough=rough)
         if table and (best is None or table.explained > best.explained):
             best = table
         if best and best.explained > SURE:
@@ -97,12 +96,12 @@ def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: fl
     return out
 
 
-def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, turns: int) -> MirroredTable | None:
+def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, *, rough: bool) -> MirroredTable | None:
     """Move outline, plane and blur until what the mirror shows is what the picture shows beside it."""
     blur, damping = blur_px, 0.0
     kept: _Turn | None = None
     # From a circle that is none yet the way leads through worse ones.
-    slip = SLIP if turns == TURNS else np.inf
+    turns, slip = (ROUGH_TURNS, np.inf) if rough else (TURNS, SLIP)
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / PLANE_PRIOR[1] ** 2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
@@ -133,7 +132,7 @@ def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, t
         blur = float(max(blur + step[BLUR], SHARPEST_PX))
         if turn > LEAST_TURNS and damping < FIRST_DAMPING and np.abs(step[OUTLINE]).max() < SETTLED_PX:
             break
-    if kept is None or (turns == TURNS and np.abs(step[OUTLINE]).max() > UNSETTLED_PX):
+    if kept is None or (not rough and np.abs(step[OUTLINE]).max() > UNSETTLED_PX):
         return None
     sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.lights.directions import two_across
 from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
 from calibrate.without_balls.probe import Probe
 from scene.intensities import Eliminated
+from scene.normals import unit
 
 Array = NDArray[np.float64]
 FEWEST_FRAMES = 5
@@ -137,11 +139,8 @@ def _of_directions(
 ) -> Array:
     """Return the covariance (F, F) of log e that the directions' own errors make; `axis` (F, 3): those directions."""
     turn = np.deg2rad(np.nan_to_num(sigma_deg))
-    axis = axis / np.linalg.norm(axis, axis=1, keepdims=True)
-    side: Array = np.cross(axis, np.where(np.abs(axis[:, :1]) < 0.7, [[1.0, 0, 0]], [[0, 1.0, 0]]))
-    side = side / np.linalg.norm(side, axis=1, keepdims=True)
     out = np.zeros_like(inverse)
-    for tangent in (side, np.cross(axis, side)):
+    for tangent in two_across(unit(axis)):
         # A light turned by t changes its own shading by b.t; through b, that of the others.
         turned: Array = facing @ (tangent * turn[:, None]).T
         moved = inverse @ pixels.left_over(part, turned)

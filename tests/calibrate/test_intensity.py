@@ -169,7 +169,7 @@ def test_wholly_clipped_ball_gives_no_number():
 
 def test_shading_alone_gives_the_direction():
     directions, sigma = shading_directions(read_surface(_frames(near=False, ambient=0.02), CAMERA, BALL))
-    assert angular_error_deg(directions, DIRECTIONS).max() < 0.4
+    assert angular_error_deg(directions, DIRECTIONS).max() < 0.3
     assert (sigma < 1).all()
 
 

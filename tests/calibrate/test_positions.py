@@ -187,6 +187,24 @@ def test_shading_that_is_no_lights_is_left_out(scene):
     assert angular_error_deg(fit.directions, lights - REFERENCE).max() < 0.3
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_flash_that_only_a_white_ball_shows_needs_no_diameter(scene, count):
+    """Nothing says where the balls stand: the shading tells that light alone, and is not held against the others."""
+    lights, highlights = scene
+    shown = highlights[:count].copy()
+    shown[:, 3] = np.nan
+    shading = replace(_shading(lights, np.random.default_rng(9), 1.0), centers_mm=np.full((2, 3), np.nan))
+    spheres = [replace(sphere, diameter_mm=None) for sphere in _spheres(count)]
+    sigma, covariances = np.full((count, 8), 0.02), [0.02**2 * np.eye(3)] * count
+    fit = choose_model(Observed(CAMERA, spheres, covariances, shown, sigma, np.zeros(3), shading=shading), Notes())
+    assert fit.positions_mm is None
+    error = angular_error_deg(fit.directions, unit(lights - CENTERS[:count].mean(0)))
+    assert np.delete(error, 3).max() < (3 if count == 1 else 0.5)
+    # By balls 0.5 m away, under lights a metre away.
+    assert error[3] < 30
+    assert fit.direction_sigma_deg[3] > 1
+
+
 @pytest.mark.parametrize("near", [True, False])
 @pytest.mark.parametrize("exact", [True, False])
 def test_derivatives(scene, near, exact):
