@@ -35,7 +35,8 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     has_scale = any(s.diameter_mm for s in spheres)
     if not has_scale and seen.shading is not None:
         # Nothing says where the white balls stand: they tell the lights that no chrome ball shows.
-        seen = replace(seen, shading=seen.shading.only(~np.isfinite(seen.highlights[..., 0]).any(0)))
+        shown = np.asarray(np.isfinite(seen.highlights[..., 0]).any(0))
+        seen = replace(seen, shading=seen.shading.only(~shown))
     distant = fit_lights(seen, near=False)
     whites = 0 if seen.shading is None else seen.shading.placed
     if camera.is_orthographic or (len(spheres) < 2 and not has_scale):
