@@ -31,6 +31,7 @@ from scene.normals import angular_error_deg
 from scene.spheres import Sphere, SphereRequest
 
 Array = NDArray[np.float64]
+LAB_M = 0.2, 8.0  # how far from the camera balls stand in a lab
 SAME_DEG, SAME_PLACE = 0.2, 0.02  # angle, and share of its distance, between lights that are the same
 
 
@@ -97,6 +98,7 @@ def calibrate(
         notes.evidence.append(f"nothing is known of the camera: directions to {doubt:.1f} degrees at best, all alike")
     if aim.camera != camera:
         surfaces = [read_surface(balls[i].frames, aim.camera, spheres[i]) for i in white]
+    _say_scale(aim, spheres, notes)
     if aim.positions_mm is not None:
         notes.evidence.append(
             "everything scales with diameter_mm: 1 % too large there, and every distance is, and no photograph differs"
@@ -205,6 +207,30 @@ def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:
             sphere = replace(sphere, diameter_mm=diameter)
         out.append(sphere)
     return out
+
+
+def _say_scale(aim: Aim, spheres: list[Sphere], notes: Notes) -> None:
+    """Say how far balls and flashes are by the diameters given, and doubt what no lab has."""
+    placed = [] if aim.camera.is_orthographic else [s for s in spheres if s.diameter_mm and not s.apart]
+    if not placed:
+        return
+    centers = np.stack([s.center_mm(aim.camera) for s in placed])
+    far = np.linalg.norm(centers, axis=1) / 1000
+    text = f"balls {_span(far)} m from the camera"
+    if aim.positions_mm is not None:
+        text += f", flashes {_span(np.linalg.norm(aim.positions_mm - centers.mean(0), axis=1) / 1000)} m from the balls"
+    notes.evidence.append(text)
+    if not LAB_M[0] < np.median(far) < LAB_M[1]:
+        listed = ", ".join(f"{d:g}" for d in sorted({s.diameter_mm for s in placed if s.diameter_mm}))
+        notes.warnings.append(
+            f"{text}, by diameters of {listed} mm: expected {LAB_M[0]:g} to {LAB_M[1]:g} m. Check that diameter_mm is "
+            "in millimetres (1 cm = 10 mm, 1 inch = 25.4 mm), and the camera's focal length."
+        )
+
+
+def _span(metres: Array) -> str:
+    low, high = f"{metres.min():.2f}", f"{metres.max():.2f}"
+    return low if low == high else f"{low}-{high}"
 
 
 def _reference(camera: Camera, spheres: list[Sphere]) -> Array:

@@ -9,6 +9,7 @@ Static is what the median over the frames keeps of the logarithm's gradient [Wei
 some of the frames leaves no trace, an edge of reflectance stays.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import cv2
@@ -18,7 +19,8 @@ from numpy.typing import NDArray
 from calibrate.detection.ball_kind import Points
 from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
-from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table
+from calibrate.silhouette.mirrored_surroundings import Surroundings
+from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, share_explained
 from calibrate.silhouette.outline import circles_apart, inside_picture, sampled
 from scene.camera import Camera
 from scene.frames import Frames
@@ -42,10 +44,16 @@ LEAST_SUPPORT = 0.3  # share of the rays that must support a circle
 SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are the same one
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
-TRIED, SETTLED = 8, 2  # circles of a mirror on which the mirror's law is tried, and tried to the end
-EXPLAINS = 0.97  # share of the variance beside a mirror's outline that the mirrored table explains
-LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
+TRIED, EDGES, FOLLOWED, SETTLED = 4, 3, 4, 3
+"""Circles about a mirror on which its law is tried; that are taken for the table's edge in it; outlines about these
+that are followed; and fits that are taken to the end."""
+HORIZONS = 0.62, 0.66, 0.7  # radii of a finite table's edge as a ball shows it, in its own, that are tried,
+HORIZON_TILTS, HORIZON_TURNS = np.deg2rad([0.0, 11.0, 23.0]), 6  # and its tilts, each to so many sides
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
+HOPEFUL = 0.85  # share of the variance that a start must explain to be followed,
+EXPLAINS = 0.97  # and that the mirrored table explains beside a mirror's outline
+FARTHEST_APART = 0.05  # radii under which two starts are the same one
+LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
 FRAMES = 6  # in which it is tried
 
 
@@ -163,7 +171,11 @@ def _worth(one: Sphere, circles: list[Sphere]) -> float:
 
 
 def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> Sphere | None:
-    """Return the circle in which a ball mirrors the table beside it best, moved to its place, or None."""
+    """Return the outline in which a ball mirrors the table beside it best, or None.
+
+    `circles` are those about its highlights, the likeliest first. Each is tried as the outline; and where none is it
+    clearly, as the table's edge in outlines of usual sizes about it.
+    """
     some = frames.some(FRAMES)
     tables: list[MirroredTable] = []
     for circle in circles[:TRIED]:
@@ -172,11 +184,53 @@ def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, 
             tables.append(table)
             if table.explained > SURE and _located(table):
                 return _scored(table, camera)
+    for circle in _about_horizons(some, camera, circles, blur_px):
+        table = fit_mirrored_table(some, camera, circle, blur_px=blur_px, rough=True)
+        tables += [table] if table else []
+    best: MirroredTable | None = None
     for start in sorted(tables, key=lambda one: -one.explained)[:SETTLED]:
         table = fit_mirrored_table(some, camera, start.sphere, blur_px=blur_px)
-        if table and table.explained > EXPLAINS and _located(table):
-            return _scored(table, camera)
-    return None
+        if table and _located(table) and table.explained > (best.explained if best else EXPLAINS):
+            best = table
+        if best and best.explained > SURE:
+            break
+    return None if best is None else _scored(best, camera)
+
+
+def _about_horizons(frames: Frames, camera: Camera, circles: list[Sphere], blur_px: float) -> list[Sphere]:
+    """Return the circles about the best supported ones that would mirror the table best if these were its edge."""
+    edges = sorted(circles, key=lambda one: -one.score)[:EDGES]
+    if not edges:
+        return []
+    widest = max(edges, key=lambda one: one.radius_px)
+    table = Surroundings(frames, camera, replace(widest, radius_px=widest.radius_px / HORIZONS[0]))
+    starts = [start for edge in edges for start in _about_horizon(edge)]
+    shares = np.array([share_explained(table, sphere, [plane], blur_px)[0] for sphere, plane in starts])
+    kept: list[Sphere] = []
+    for n in np.argsort(-shares, kind="stable"):
+        start = starts[n][0]
+        if shares[n] < HOPEFUL or len(kept) == FOLLOWED:
+            break
+        if all(circles_apart(start, other) > FARTHEST_APART * start.radius_px for other in kept):
+            kept.append(start)
+    return kept
+
+
+def _about_horizon(edge: Sphere) -> Iterator[tuple[Sphere, Array]]:
+    """Return outlines, and the tables that they stand on, of balls that show the table's edge as this circle.
+
+    What a table's horizon mirrors lies half-way between view and table: n = (x, y, z) with 2 z (n . t) = v . t, t the
+    table's normal, tilted by a. That is nearly a circle of radius cos 45 cos(a / 2), its centre moved by
+    cos 45 sin(a / 2) of the ball's radius to where t points. A table that ends before its horizon shows a smaller one.
+    """
+    for ratio in HORIZONS:
+        radius = edge.radius_px / ratio
+        for tilt in HORIZON_TILTS:
+            off = np.sqrt(0.5) * np.sin(tilt / 2) * radius
+            for turn in np.arange(HORIZON_TURNS if tilt else 1) * (2 * np.pi / HORIZON_TURNS):
+                way = np.array([np.cos(turn), np.sin(turn)])
+                plane = np.array([np.tan(tilt) * way[0], -np.tan(tilt) * way[1], 1.0])
+                yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius), plane
 
 
 def _scored(table: MirroredTable, camera: Camera) -> Sphere:

@@ -1,5 +1,6 @@
 """What the chrome balls say together: one highlight a frame on each, and the lights that explain them."""
 
+import json
 from dataclasses import replace
 from itertools import product
 
@@ -75,9 +76,10 @@ def _name_unseen(names: tuple[str, ...], seen: NDArray[np.bool_], shading: Shadi
     """Name the frames whose light no chrome ball shows; what no white ball shows either is an error."""
     known = seen | shading.clear.any(0)
     if not known.all():
+        dark = [names[f] for f in np.flatnonzero(~known)]
         raise CalibrationError(
-            f"{names[int(np.flatnonzero(~known)[0])]}: no chrome ball shows the flash, and no white ball tells its "
-            "direction. Did it fire? Reshoot, or list the frame under frames.skip."
+            f"{', '.join(dark)}: no chrome ball shows the flash, and no white ball tells its direction. Did it fire, "
+            f"or did something hide it from the balls? Reshoot, or leave out: frames.skip = {json.dumps(dark)}."
         )
     lost = np.flatnonzero(~seen)
     for f in lost:

@@ -12,6 +12,7 @@ where they would bend a smooth profile's. The mirror's picture is squeezed witho
 looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -79,21 +80,25 @@ def fit_mirrored_table(
     return best
 
 
-def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: float, *, rough: bool) -> Array | None:
-    """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
-    best, out = np.inf, None
-    slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
+def share_explained(table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float) -> Array:
+    """Return (P,), the share of the profiles' variance that each plane (3,), mirrored, explains; 0 of what is none."""
     profiles, offsets, _ = table.profiles(sphere, blur_px)
-    for plane in (np.array([x, y, height]) for x, y in slopes):
+    shares = []
+    for plane in planes:
         mirrored = table.mirrored_by(sphere, plane, blur_px).blurred(offsets, blur_px)
         explained = _explain(profiles, mirrored, _outside(offsets, blur_px))
-        if explained is None or not explained.hopeful:
-            continue
-        # Of an even table any tilt explains much: on an outline a slope must pay for itself.
-        left = (1 - explained.share) * (1.0 if rough else 1 + plane[0] ** 2 + plane[1] ** 2)
-        if left < best:
-            best, out = left, plane
-    return out
+        shares.append(explained.share if explained and explained.hopeful else 0.0)
+    return np.array(shares)
+
+
+def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: float, *, rough: bool) -> Array | None:
+    """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
+    slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
+    planes = np.array([[x, y, height] for x, y in slopes])
+    shares = share_explained(table, sphere, planes, blur_px)
+    # Of an even table any tilt explains much: on an outline a slope must pay for itself.
+    left = (1 - shares) * (1.0 if rough else 1 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
+    return planes[np.where(shares > 0, left, np.inf).argmin()] if shares.any() else None
 
 
 def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, *, rough: bool) -> MirroredTable | None:

@@ -171,9 +171,17 @@ def test_a_flash_that_did_not_fire(shot, level, kinds):
 def test_a_flash_that_did_not_fire_and_no_white_ball(shot):
     world, images, standing = shot
     images = images.copy()
-    images[4] = standing
-    with pytest.raises(CalibrationError, match=r"flash_004: no chrome ball shows the flash.*frames\.skip"):
+    images[[2, 4]] = standing
+    with pytest.raises(CalibrationError, match=r"flash_002, flash_004: .*frames\.skip = \[.flash_002., .flash_004.\]"):
         calibrate(_exposed(images), world.camera, _asked(world, kinds=["chrome"]))
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("unit", [0.1, 1 / 25.4], ids=["centimetres", "inches"])
+def test_diameters_in_another_unit(shot, frames, unit):
+    found = calibrate(frames, shot[0].camera, _asked(shot[0], scale=[unit] * 3))
+    _said(found, "m from the camera", "in millimetres")
+    _right(shot[0], found)
 
 
 @pytest.mark.full
