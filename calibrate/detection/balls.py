@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Found, Rejected, around_hint, detect
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
-from calibrate.silhouette.outline import difference
+from calibrate.silhouette.outline import difference, inside_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -26,6 +26,8 @@ HINT_SURE = 0.9  # from which a matte ball's is taken, and of another's score th
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
 SAME_SCALE, OTHER_SCALE = 0.1, 0.25  # logarithms of mm per px over balls on one table, and of which none are
+FORGOTTEN = 0.95  # probability from which a ball that nobody asked for is named
+WHOLE = 0.97  # share of its outline in the picture under which a ball is cut by the border
 LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
 
 
@@ -77,6 +79,7 @@ def find_balls(
             wanted: dict[Kind, int] | None = Counter(r.kind for r in open_) if group else None
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
+            warnings += [] if wanted is None else [_forgotten(one) for one in refused if _is_ball(one)]
             for one, diameter in _match(found, open_, refused, warnings):
                 fits.append(one.fit)
                 diameters.append(diameter)
@@ -85,10 +88,35 @@ def find_balls(
         for fit, diameter in zip(fits, diameters, strict=True):
             one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
             sphere = replace(one.sphere, diameter_mm=diameter, apart=own is not frames)
+            warnings += _cut(camera, sphere)
             balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:
         raise CalibrationError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)
+
+
+def _is_ball(one: Rejected) -> bool:
+    """Whether it can be nothing else: round and matte may be the object."""
+    return one.kind == "chrome" and one.probability > FORGOTTEN
+
+
+def _forgotten(one: Rejected) -> str:
+    (u, v), kind = one.center_px, one.kind
+    return (
+        f"a {kind} ball that session.toml does not list stands at ({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f} px "
+        f"(probability {one.probability:.0%}). List it under [[spheres]], with its diameter_mm, to have it used."
+    )
+
+
+def _cut(camera: Camera, sphere: Sphere) -> list[str]:
+    """Name a ball that the picture's border cuts."""
+    seen = float(np.mean(inside_picture(camera, sphere.outline(camera, 180))))
+    (u, v), sigma = sphere.center_px, sphere.sigma_px
+    told = (
+        f"the {sphere.kind} ball at ({u:.0f}, {v:.0f}) px is cut by the picture's border: {seen:.0%} of its outline is "
+        f"seen, and places it to {sigma:.2f} px. Move it into the picture."
+    )
+    return [told] if seen < WHOLE else []
 
 
 def _check_own_frames(frames: Frames, own: Frames, camera: Camera) -> None:

@@ -1,99 +1,158 @@
-"""Which of the circles that behave like balls are taken: those asked for, or those that are sure."""
+"""Which circles are taken for balls: the set that is likeliest, by what each shows and by how they agree on the lights.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+The log-odds of a set are the sum of its circles' own, each linear in a few features of its kind, and of its pairs',
+linear in how far both see the same lights; no two of a set may stand at one place. The weights are in
+ball_weights.toml, fitted by benchmarks/fit_ball_weights.py to scenes of two generators: logistic regression of whether
+a circle is a ball, given the true other balls (pseudo-likelihood [Besag1975]).
+"""
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
 
-from calibrate.detection.ball_kind import Behaviour, alike
-from calibrate.detection.circles import rank
-from calibrate.silhouette.outline import inside_picture
-from scene.camera import Camera
+from calibrate.detection.agreement import Rays, agreement
+from calibrate.detection.circles import overlap
 from scene.spheres import Kind, Sphere
 
-SURE_SCORE = 0.6  # what nobody asked for must show this much of its outline,
-SURE_SHADING = 0.95  # follow n.l to this share of its variance if it is a matte ball,
-SURE_FLATTER = 0.005  # and no flatter body's shading may explain so much more of it
-SHADES = 0.975  # from here on its shading alone makes it a ball, whatever others say
-SAME_LIGHTS = 0.7  # share of the frames in which two balls must see the lights alike
-WHOLE = 0.95  # share of its outline in the picture under which a ball is cut by the border
-LONE_WORTH = 0.3  # what a circle is worth that agrees with no other on the lights, of one that agrees with all: 1.3
+Array = NDArray[np.float64]
+Weights = Mapping[str, Mapping[str, Any]]
+WEIGHTS = Path(__file__).with_name("ball_weights.toml")
+FEATURES: dict[Kind, tuple[str, ...]] = {
+    "chrome": ("one", "table", "explained", "support", "area", "shading", "inside", "radius"),
+    "white": ("one", "shading", "flatter", "taller", "support", "radius"),
+}
+"""What is seen of a circle, in the order of the weights."""
+PAIRS = "chrome and chrome", "chrome and white", "white and white"
+EACH = 2  # circles of one kind that overlap and are considered
+LIKELIEST, HOPELESS = 60, -6.0  # circles that are considered, and log-odds of their own under which none is
+STARTS = 10  # circles from which the likeliest set is sought
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """A circle, coarse pixels, that behaves like a ball."""
+    """A circle, coarse pixels, that may be a ball of its kind."""
 
     sphere: Sphere
-    behaviour: Behaviour
+    features: Array  # those of `FEATURES`
+    rays: Rays
     others: Sequence[Sphere] = ()  # circles that stand about as still and may be its outline, the likeliest first
 
     @property
-    def hidden(self) -> bool:
-        """Whether it shows too little of its outline to be taken without being asked for."""
-        return self.sphere.score < SURE_SCORE
+    def doubt(self) -> str:
+        """What speaks against it, in words."""
+        seen = dict(zip(FEATURES[self.sphere.kind], self.features, strict=True))
+        if self.sphere.kind == "chrome":
+            return "" if seen["table"] else "it does not mirror the table beside it"
+        if seen["flatter"] > 0:
+            return "it shades like a flatter body than a ball (a dome, a pebble)"
+        return f"shading follows n.l to {1 - np.exp(-seen['shading']):.1%}, {self.sphere.score:.0%} of its outline"
 
 
-Reasons = list[tuple[Sphere, str]]
+@dataclass(frozen=True)
+class Judged:
+    """A circle and its log-odds to be a ball, given the balls that are taken."""
+
+    suspect: Suspect
+    log_odds: float
+
+    @property
+    def probability(self) -> float:
+        return float(expit(self.log_odds))
 
 
-def asked_for(suspects: list[Suspect], wanted: dict[Kind, int]) -> tuple[list[Suspect], Reasons]:
-    """Take as many of each kind as were asked for: those that show most outline and agree on the lights."""
-    left: Reasons = []
-    pool = []
-    for suspect in suspects:
-        sphere = suspect.sphere
-        if wanted.get(sphere.kind, 0):
-            pool.append(suspect)
-        elif sphere.kind == "white" and suspect.behaviour.points.wander and wanted.get("chrome", 0):
-            pool.append(replace(suspect, sphere=replace(sphere, kind="chrome")))  # glossy, and asked for as a mirror
-        else:
-            left.append((sphere, f"behaves like a {sphere.kind} ball, but none was asked for"))
-    total = sum(wanted.values())
-
-    def worth(suspect: Suspect) -> float:
-        others = sorted((alike(suspect.behaviour, o.behaviour) for o in pool if o is not suspect), reverse=True)
-        agreement = np.mean(others[: max(1, total - 1)]) if others else 1.0
-        return rank(suspect.sphere) * (LONE_WORTH + max(0.0, float(agreement)))
-
-    taken: list[Suspect] = []
-    for suspect in sorted(pool, key=worth, reverse=True):
-        kind = suspect.sphere.kind
-        if sum(s.sphere.kind == kind for s in taken) < wanted[kind]:
-            taken.append(suspect)
-        else:
-            left.append((suspect.sphere, f"behaves like a {kind} ball, but the {wanted[kind]} asked for fit better"))
-    return taken, left
+@cache
+def fitted() -> Weights:
+    """Return the weights of ball_weights.toml."""
+    return tomllib.loads(WEIGHTS.read_text())
 
 
-def sure_ones(suspects: list[Suspect], camera: Camera) -> tuple[list[Suspect], Reasons]:
-    """Without requests: what shows most of its outline, behaves clearly, and agrees with the others."""
-    reasons = [_unsure(suspect, camera) for suspect in suspects]
-    left = [(one.sphere, reason) for one, reason in zip(suspects, reasons, strict=True) if reason]
-    taken = [one for one, reason in zip(suspects, reasons, strict=True) if not reason]
-    agree = np.array([[alike(a.behaviour, b.behaviour) for b in taken] for a in taken])
-    kept = list(range(len(taken)))
-    while len(kept) > 1:
-        # Who agrees with fewer than half of the others goes, the least agreeable first.
-        votes = [sum(agree[i, k] >= SAME_LIGHTS for k in kept if k != i) / (len(kept) - 1) for i in kept]
-        # A matte ball is one by its own shading, a mirror is one by what the others say: of two that disagree it goes.
-        votes = [max(vote, 1.0 * (taken[i].behaviour.lambert >= SHADES)) for vote, i in zip(votes, kept, strict=True)]
-        worst = min(range(len(kept)), key=lambda n: (votes[n], rank(taken[kept[n]].sphere)))
-        if votes[worst] >= 0.5:
-            break
-        left.append((taken[kept[worst]].sphere, "its highlights do not move as those of the other balls"))
-        del kept[worst]
-    return [taken[i] for i in kept], left
+def considered(suspects: Sequence[Suspect], weights: Weights | None = None) -> list[Suspect]:
+    """Return the suspects without those that are worse than `EACH` others at their place."""
+    quality = (weights or fitted())["circle"]
+    kept: list[Suspect] = []
+    for one in sorted(suspects, key=lambda s: -float(s.features @ quality[s.sphere.kind])):
+        same = sum(one.sphere.kind == o.sphere.kind and overlap(one.sphere, o.sphere) for o in kept)
+        if same < EACH:
+            kept.append(one)
+    return kept
 
 
-def _unsure(suspect: Suspect, camera: Camera) -> str | None:
-    """Say why a suspect is not taken without being asked for."""
-    sphere, seen = suspect.sphere, suspect.behaviour
-    if sphere.kind == "white" and (seen.lambert < SURE_SHADING or seen.flatness > SURE_FLATTER):
-        return f"shading follows n.l only to {seen.lambert:.0%}, a flatter body's {seen.flatness:+.1%}"
-    if not suspect.hidden:
-        return None
-    share = float(np.mean(inside_picture(camera, sphere.outline(camera, 180))))
-    if share < WHOLE:
-        return f"it is cut by the border: {share:.0%} of its outline is in the picture"
-    return f"only {sphere.score:.0%} of its outline stands still (expected {SURE_SCORE:.0%})"
+def choose(
+    suspects: Sequence[Suspect], wanted: Mapping[Kind, int] | None, weights: Weights | None = None
+) -> tuple[list[Judged], list[Judged]]:
+    """Return the circles of the likeliest set, and all others.
+
+    `wanted`: the numbers of each kind that were asked for, an upper limit and a reason to believe; None: whatever is
+    likelier than not.
+    """
+    weights = weights or fitted()
+    own = np.array([float(s.features @ weights["ball"][s.sphere.kind]) for s in suspects])
+    order = [n for n in np.argsort(-own, kind="stable")[:LIKELIEST] if own[n] > HOPELESS]
+    some = [suspects[n] for n in order]
+    pairs, exclusive = _pairs(some, weights["pair"])
+    free = own[order]
+    asked = np.array([bool(wanted is None or wanted.get(s.sphere.kind)) for s in some], bool)
+    score = free if wanted is None else np.where(asked, free + weights["ball"]["asked"], -np.inf)
+    taken = _likeliest(score, pairs, exclusive, [s.sphere.kind for s in some], wanted)
+    judged = [
+        Judged(s, float(score[n] if n in taken else free[n]) + sum(pairs[n, m] for m in taken if not exclusive[n, m]))
+        for n, s in enumerate(some)
+    ]
+    return [judged[n] for n in taken], [judged[n] for n in range(len(some)) if n not in taken]
+
+
+def _pairs(suspects: Sequence[Suspect], weights: Mapping[str, Any]) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the pairs' log-odds (N, N), and which (N, N) exclude each other; so does each itself."""
+    count = len(suspects)
+    pairs, exclusive = np.zeros((count, count)), np.eye(count, dtype=bool)
+    for n, a in enumerate(suspects):
+        for m, b in enumerate(suspects[:n]):
+            exclusive[n, m] = exclusive[m, n] = overlap(a.sphere, b.sphere)
+            if not exclusive[n, m]:
+                kinds = " and ".join(sorted((a.sphere.kind, b.sphere.kind)))
+                pairs[n, m] = pairs[m, n] = float(agreement(a.rays, b.rays) @ weights[kinds])
+    return pairs, exclusive
+
+
+def _likeliest(
+    score: Array, pairs: Array, exclusive: NDArray[np.bool_], kinds: list[Kind], wanted: Mapping[Kind, int] | None
+) -> list[int]:
+    """Return the set of highest log-odds, by steps that add, exchange or remove one circle, from several starts."""
+    best, kept = 0.0, list[int]()
+
+    def rise(chosen: list[int]) -> tuple[float, list[int]]:
+        while True:
+            gains: list[tuple[float, list[int]]] = []
+            for n in np.flatnonzero(np.isfinite(score)):
+                if n in chosen:
+                    without = [[m for m in chosen if m != n]]
+                else:
+                    free = [m for m in chosen if not exclusive[n, m]]
+                    same = [m for m in free if kinds[m] == kinds[n]]
+                    is_full = wanted is not None and len(same) >= wanted.get(kinds[n], 0)
+                    without = [[*(m for m in free if m != out), int(n)] for out in (same if is_full else [-1])]
+                gains += [(_total(score, pairs, one), one) for one in without]
+            gain = max(gains, key=lambda g: g[0], default=(-np.inf, []))
+            now = _total(score, pairs, chosen)
+            if gain[0] <= now + 1e-9:
+                return now, chosen
+            chosen = gain[1]
+
+    starts = [n for n in np.argsort(-score, kind="stable")[:STARTS] if np.isfinite(score[n])]
+    for start in ([], *([int(n)] for n in starts)):
+        total, chosen = rise(start)
+        if total > best:
+            best, kept = total, chosen
+    return kept
+
+
+def _total(score: Array, pairs: Array, chosen: list[int]) -> float:
+    """Return a set's log-odds."""
+    return float(score[chosen].sum() + pairs[np.ix_(chosen, chosen)].sum() / 2)

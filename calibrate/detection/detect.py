@@ -1,5 +1,6 @@
 """Every ball in the frames, without clicks: circles of static edges, judged by how their insides behave."""
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
@@ -7,17 +8,12 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.ball_kind import FLATTER, Behaviour, Change, bright_points, changes, observe
-from calibrate.detection.choice import Reasons, Suspect, asked_for, sure_ones
-from calibrate.detection.circles import distinct, overlap, rank, static_circles
+from calibrate.detection.agreement import matte_rays, mirror_rays
+from calibrate.detection.choice import Judged, Suspect, choose, considered
+from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
-from calibrate.detection.mirror_outline import (
-    Candidate,
-    by_mirrored_table,
-    by_points,
-    circles_about,
-    static_slopes,
-)
+from calibrate.detection.evidence import Change, bright_points, changes, shaded
+from calibrate.detection.mirror_outline import by_mirrored_table, by_points, circles_about, static_slopes
 from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
 from scene.frames import Frames
@@ -25,9 +21,13 @@ from scene.spheres import Kind, Sphere
 
 THREADS = 2  # outlines that are fitted side by side
 SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
-LEAST_SUPPORT = 0.5  # share of a mirror's outline that must stand still where no table is seen in it
+LEAST_SUPPORT = 0.4  # share of a mirror's outline that must stand still where no table is seen in it
 AS_STILL = 0.9  # of the same, from which on it is open which of two circles is the outline
-OTHERS = 3  # circles that are tried in a mirror's place where the likeliest does not show the table beside it
+OTHERS, ALIKE = 3, 2  # more circles of static slopes, and of static edges, that may be a mirror's outline
+LEAST_SHADING = 0.8  # share of its brightness that shading must explain for a circle to be looked at as a matte ball
+LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
+"""Limits of features: what shading leaves, what of the outline is not seen; what another body's shading explains."""
+LEAST_MIRRORED, LEAST_AREA, USUAL_PX = 0.9, 2e-3, 30.0  # of others: where they begin
 HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
 HINT_LEAST_PX = 24
 MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
@@ -35,20 +35,21 @@ MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
 
 @dataclass(frozen=True)
 class Rejected:
-    """A circle that is not taken for a ball, or not for the one asked for; `reason` says why."""
+    """A circle that is not taken for a ball of its kind; `reason` says why."""
 
+    kind: Kind
     center_px: NDArray[np.float64]
     radius_px: float
     score: float
+    probability: float
     reason: str
 
 
 @dataclass(frozen=True)
 class Found:
-    """A ball: its outline in full-size pixels, how its inside behaves, and a circle that may be its outline instead."""
+    """A ball: its outline in full-size pixels, and a circle that may be its outline instead."""
 
     fit: OutlineFit
-    behaviour: Behaviour
     rival: Sphere | None = None
 
     @property
@@ -75,27 +76,35 @@ def detect(
     wanted: dict[Kind, int] | None = None,
     taken: tuple[Sphere, ...] = (),
 ) -> tuple[list[Found], tuple[Rejected, ...]]:
-    """Find the balls: the surest first, never more of a kind than were wanted; and the circles that are none.
+    """Find the balls: the likeliest set, never more of a kind than were wanted; and the circles that are none.
 
     `coarse` holds the same frames, shrunk. `wanted`: how many of each kind were asked for; None: whatever there is.
     Circles on the balls that are `taken` already are left alone.
     """
-    suspects, rejected = _suspects(frames, camera, coarse, [coarse.from_full(s) for s in taken])
-    suspects, surplus = sure_ones(suspects, coarse.camera) if wanted is None else asked_for(suspects, wanted)
-    rejected += surplus
-    found = []
-    places = [[coarse.sphere_to_full(s) for s in (suspect.sphere, *suspect.others)] for suspect in suspects]
+    suspects = considered(find_suspects(frames, camera, coarse, [coarse.from_full(s) for s in taken]))
+    chosen, left = choose(suspects, wanted)
+    found: list[Found] = []
+    places = list(chosen)
+    for one in sorted(left, key=lambda one: -one.log_odds):
+        if not any(overlap(one.suspect.sphere, other.suspect.sphere) for other in places):
+            places.append(one)
+    rejected = [_rejected(coarse, one, one.suspect.doubt) for one in places[len(chosen) :]]
+    starts = [[coarse.sphere_to_full(s) for s in (one.suspect.sphere, *one.suspect.others)] for one in chosen]
     with ThreadPoolExecutor(THREADS) as threads:
-        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px), places))
-    for suspect, circles, fit in zip(suspects, places, fits, strict=True):
+        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px), starts))
+    for one, circles, fit in zip(chosen, starts, fits, strict=True):
         if fit is None:
-            rejected.append((suspect.sphere, "its outline cannot be followed at full size"))
+            rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
         else:
             rivals = [] if fit.by_table else circles[1:]
-            found.append(Found(fit, suspect.behaviour, rivals[0] if rivals else None))
-    full = ((coarse.sphere_to_full(sphere), reason) for sphere, reason in rejected)
-    out = [Rejected(sphere.center_px, sphere.radius_px, sphere.score, reason) for sphere, reason in full]
-    return found, tuple(sorted(out, key=lambda r: -r.score))
+            found.append(Found(fit, rivals[0] if rivals else None))
+    return found, tuple(sorted(rejected, key=lambda r: -r.probability))
+
+
+def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
+    sphere = coarse.sphere_to_full(one.suspect.sphere)
+    reason = f"a {sphere.kind} ball with a probability of {one.probability:.0%}{doubt and ': '}{doubt}"
+    return Rejected(sphere.kind, sphere.center_px, sphere.radius_px, sphere.score, one.probability, reason)
 
 
 def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px: float) -> OutlineFit | None:
@@ -110,63 +119,70 @@ def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px
     return first
 
 
-def _suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: list[Sphere]) -> tuple[list[Suspect], Reasons]:
-    """Return the circles that behave like balls, one per place, and those that do not."""
+def find_suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: Sequence[Sphere] = ()) -> list[Suspect]:
+    """Return the circles, coarse pixels, that may be balls, not on those `taken`; one place may hold several."""
     change = changes(coarse)
-    candidates: list[Candidate] = []
-    for sphere in static_circles(coarse):
-        if not any(overlap(sphere, other) for other in taken):
-            points = bright_points(change, sphere)
-            candidates += [] if points is None else [(sphere, points)]
-    mirrors = [c for c in candidates if c[1].wander or (c[1].may_wander and c[0].radius_px < SMALL_PX)]
-    suspects, rejected = _mirrors(frames, camera, coarse, change, mirrors)
-    flat: list[Suspect] = []
-    for sphere, points in sorted(candidates, key=lambda c: -rank(c[0])):
-        # A mirror that shows too little of its outline to be one leaves its place to what else is there.
-        if any(overlap(sphere, o.sphere) and not (o.sphere.kind == "chrome" and o.hidden) for o in suspects):
-            continue
-        behaviour = observe(coarse, sphere, points)
-        if behaviour.flatness > FLATTER:
-            flat.append(Suspect(sphere, behaviour))
-        # Half beside its own outline a pebble may pass for a ball that shades less well.
-        beside = any(overlap(sphere, f.sphere) and f.behaviour.lambert > behaviour.lambert for f in flat)
-        if behaviour.kind == "white" and not beside:
-            suspects.append(Suspect(replace(sphere, kind="white"), behaviour))
-        elif not any(overlap(sphere, other) for other, _ in rejected):
-            rejected.append((sphere, behaviour.reason))
-    return suspects, [(s, r) for s, r in rejected if not any(overlap(s, other.sphere) for other in suspects)]
+    circles = [c for c in static_circles(coarse) if not any(overlap(c, other) for other in taken)]
+    return _mirrors(frames, camera, coarse, change, circles) + _matte(coarse, circles)
+
+
+def _matte(coarse: Coarse, circles: list[Sphere]) -> list[Suspect]:
+    """Return the circles that shade about as matte balls do."""
+    suspects: list[Suspect] = []
+    for circle in circles:
+        seen = shaded(coarse, circle, least=LEAST_SHADING)
+        if seen is not None:
+            beyond = [float(np.clip(gain, -MOST_GAIN, MOST_GAIN)) for gain in (seen.flatter, seen.taller)]
+            unseen = -np.log(max(1 - circle.score, LEAST_LEFT[1]))
+            features = [1, -np.log(max(1 - seen.share, LEAST_LEFT[0])), *beyond, unseen, _size(circle)]
+            sphere = replace(circle, kind="white")
+            suspects.append(Suspect(sphere, np.array(features), matte_rays(coarse, sphere, seen)))
+    return suspects
+
+
+def _size(sphere: Sphere) -> float:
+    return float(np.log(sphere.radius_px / USUAL_PX))
 
 
 def _mirrors(
-    frames: Frames, camera: Camera, coarse: Coarse, change: list[Change], candidates: list[Candidate]
-) -> tuple[list[Suspect], Reasons]:
-    """Return the mirrors among circles that may show the light as a wandering point, and those that are none."""
+    frames: Frames, camera: Camera, coarse: Coarse, change: list[Change], circles: list[Sphere]
+) -> list[Suspect]:
+    """Return the circles that show the light as a wandering point, those that mirror the table beside them first."""
     suspects: list[Suspect] = []
-    rejected: Reasons = []
+    tables: list[Sphere] = []
     static = static_slopes(coarse)
-    for group in by_points(candidates):
+    seen = [(circle, bright_points(change, circle)) for circle in circles]
+    pointed = [(c, p) for c, p in seen if p and (p.wander or (p.may_wander and c.radius_px < SMALL_PX))]
+    for group in by_points(pointed):
         seed = group[0][0]
-        if any(overlap(seed, other.sphere) for other in suspects):
+        if any(overlap(seed, other) for other in tables):
             continue
-        circles = circles_about(static, seed) or [seed]
-        table = by_mirrored_table(frames, camera, [coarse.sphere_to_full(c) for c in circles], blur_px=coarse.factor)
+        about = circles_about(static, seed) or [seed]
+        table = by_mirrored_table(frames, camera, [coarse.sphere_to_full(c) for c in about], blur_px=coarse.factor)
+        some = [c for c in about[: 1 + OTHERS] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[:ALIKE]]
         if table is not None:
-            circles = [coarse.from_full(table)]
-        for sphere in circles[: 1 + OTHERS]:
-            if table is None and sphere.score < LEAST_SUPPORT:
-                continue
-            points = bright_points(change, sphere)
-            if points is not None and (points.wander or (table is not None and points.may_wander)):
-                break
-        else:
-            rejected.append((seed, "no circle about its bright points is a mirror's outline"))
-            continue
-        behaviour = observe(coarse, sphere, points, mirrors=table is not None)
-        if behaviour.kind == "chrome":
-            as_still = max(LEAST_SUPPORT, AS_STILL * sphere.score)
-            others = [replace(c, kind="chrome") for c in circles if c is not sphere and c.score > as_still]
-            suspects.append(Suspect(replace(sphere, kind="chrome"), behaviour, others))
-    return suspects, rejected
+            some = [coarse.from_full(table), *some]
+            tables.append(some[0])
+        for n, circle in enumerate(some):
+            mirrored = circle.score if table is not None and n == 0 else 0.0
+            others = [c for c in about if c is not circle and c.score > AS_STILL * circle.score]
+            suspects += _mirror(coarse, change, circle, mirrored, [] if mirrored else others)
+    return suspects
+
+
+def _mirror(
+    coarse: Coarse, change: list[Change], circle: Sphere, mirrored: float, others: list[Sphere]
+) -> list[Suspect]:
+    """Return a circle as a mirror, if it may be one. `mirrored`: how much of the table beside it explains it, or 0."""
+    points, seen = bright_points(change, circle), shaded(coarse, circle)
+    if points is None or seen is None or not points.may_wander:
+        return []
+    table = [1, max(mirrored - LEAST_MIRRORED, 0), 0] if mirrored else [0, 0, circle.score]
+    area = np.log(max(points.area, LEAST_AREA))
+    features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
+    sphere = replace(circle, kind="chrome")
+    rivals = [replace(c, kind="chrome") for c in others]
+    return [Suspect(sphere, np.array(features, np.float64), mirror_rays(coarse, change, sphere), rivals)]
 
 
 def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:

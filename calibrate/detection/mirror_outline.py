@@ -16,9 +16,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.detection.ball_kind import Points
 from calibrate.detection.circles import gradient, rank
 from calibrate.detection.coarse import Coarse
+from calibrate.detection.evidence import Points
 from calibrate.silhouette.mirrored_surroundings import Surroundings
 from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, share_explained
 from calibrate.silhouette.outline import circles_apart, inside_picture, sampled
@@ -52,6 +52,7 @@ HORIZON_TILTS, HORIZON_TURNS = np.deg2rad([0.0, 11.0, 23.0]), 6  # and its tilts
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
 HOPEFUL = 0.85  # share of the variance that a start must explain to be followed,
 EXPLAINS = 0.97  # and that the mirrored table explains beside a mirror's outline
+CLEAR = 0.98  # the same, from which on no more circles are tried
 FARTHEST_APART = 0.05  # radii under which two starts are the same one
 LOCATES_PX = 0.15  # standard deviation of the radius to which the law locates a mirror's outline
 FRAMES = 6  # in which it is tried
@@ -184,6 +185,11 @@ def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, 
             tables.append(table)
             if table.explained > SURE and _located(table):
                 return _scored(table, camera)
+    clear = max(tables, key=lambda one: one.explained, default=None)
+    if clear is not None and clear.explained > CLEAR:
+        table = fit_mirrored_table(some, camera, clear.sphere, blur_px=blur_px)
+        if table and _located(table) and table.explained > CLEAR:
+            return _scored(table, camera)
     for circle in _about_horizons(some, camera, circles, blur_px):
         table = fit_mirrored_table(some, camera, circle, blur_px=blur_px, rough=True)
         tables += [table] if table else []

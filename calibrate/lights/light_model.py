@@ -55,6 +55,10 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     near = fit_lights(scaled, near=True)
     gain = (distant.chi2_all - near.chi2_all) / near.scale**2
     gain -= (near.unknowns - distant.unknowns) * np.log(near.observations)
+    if not gain > NEAR_BIC and len(spheres) < 2:
+        # Shading is too rough to tell near lights from distant ones: what is not known of the range is in sigma.
+        notes.evidence.append(f"directions only: the white balls' shading does not tell the ranges (dBIC {gain:.0f})")
+        return _judged(_without_ranges(near), notes)
     if not gain > NEAR_BIC:
         notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
         return _judged(distant, notes)

@@ -181,8 +181,8 @@ def _explain(profiles: Values, mirrored: Values, basis: Values) -> _Explained | 
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
-        level = np.abs(np.where(known > 0, residual, np.nan))
-        noise = (MAD * np.nanmedian(level, axis=(1, 2), keepdims=True) + 1e-5).astype(np.float32)
+        level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
+        noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
     left, total = (weight * residual**2).sum(), (weight * (y / noise) ** 2).sum()
@@ -216,7 +216,7 @@ def _slopes(
     by_plane = [looked_up(sphere, plane + e, 0.05) for e in 0.05 * np.eye(3)]
     by_blur = (moved_by(0, blur + 0.05) - moved_by(0, blur - 0.05)) / 0.1
     slopes = np.nan_to_num(np.stack([*by_outline, *by_plane, by_blur, mirrored]))
-    return np.stack([_free(one, basis, explained.weight) for one in slopes]) / explained.noise
+    return _free(slopes, basis, explained.weight) / explained.noise
 
 
 def _outside(offsets: Array, blur_px: float) -> Values:
@@ -225,10 +225,13 @@ def _outside(offsets: Array, blur_px: float) -> Values:
 
 
 def _coefficients(values: Values, basis: Values, weight: Values) -> Values:
-    """Return (F, BINS, 2): what of the basis (M, 2) each profile holds, by weighted least squares."""
-    normal = np.einsum("fnm,mi,mj->fnij", weight, basis, basis, optimize=True) + 1e-6 * np.eye(2, dtype=np.float32)
-    right = np.einsum("fnm,mi->fni", weight * values, basis, optimize=True)
-    return np.linalg.solve(normal, right[..., None])[..., 0]
+    """Return (..., F, BINS, 2): what of the basis (M, 2) each profile holds, by weighted least squares."""
+    products = np.stack([basis[:, 0] ** 2, basis[:, 0] * basis[:, 1], basis[:, 1] ** 2], -1)
+    first, both, second = np.moveaxis(weight @ products, -1, 0)
+    first, second = first + np.float32(1e-6), second + np.float32(1e-6)
+    x, y = np.moveaxis((weight * values) @ basis, -1, 0)
+    inverse = 1 / (first * second - both * both)
+    return np.stack([(second * x - both * y) * inverse, (first * y - both * x) * inverse], -1)
 
 
 def _free(values: Values, basis: Values, weight: Values) -> Values:

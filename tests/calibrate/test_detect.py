@@ -1,10 +1,13 @@
 """Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
 
+import re
+
 import numpy as np
 import pytest
 
-from calibrate.detection.ball_kind import Behaviour, Points, alike
+from calibrate.detection.agreement import Rays, agreement
 from calibrate.detection.balls import find_balls
+from calibrate.detection.choice import Suspect, choose, fitted
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import Found, detect
 from calibrate.detection.mirror_outline import circles_about
@@ -14,6 +17,7 @@ from fixtures.ball_scene import World, dust, flashes
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
+from scene.normals import unit
 from scene.spheres import Sphere, SphereRequest
 
 
@@ -66,6 +70,28 @@ def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
     assert [one.sphere.kind for one in found] == [kind]
     np.testing.assert_allclose(found[0].sphere.center_px, center, atol=0.15)
     assert found[0].sphere.radius_px == pytest.approx(radius, abs=0.3)
+
+
+@pytest.mark.full
+def test_a_forgotten_mirror_is_named_where_it_stands(table):
+    world, frames = table
+    balls, _, warnings = find_balls(frames, world.camera, [SphereRequest("chrome", 76.0), SphereRequest("white", 70.0)])
+    mirror = next(ball.sphere for ball in balls if ball.sphere.kind == "chrome")
+    centers = [center for kind, center, _ in _truth(world) if kind == "chrome"]
+    other = max(centers, key=lambda center: np.hypot(*(center - mirror.center_px)))
+    place = rf"a chrome ball that session.toml does not list stands at \({other[0]:.0f}, {other[1]:.0f}\) px"
+    assert [w for w in warnings if re.match(place, w)], warnings
+
+
+def test_a_ball_that_the_border_cuts_is_named():
+    world = World(Camera(160, 120, 400.0, 400.0, 80.0, 60.0), [], flashes(6, seed=3), np.full((6, 3), 0.8))
+    world.stand("white", -170, 0, 60).stand("white", 60, 0, 60)
+    frames = ball_scene.render(world, seed=3)
+    hints = [SphereRequest("white", 120.0, center_px=tuple(c), radius_px=r) for _, c, r in _truth(world)]
+    _, _, warnings = find_balls(frames, world.camera, hints)
+    named = [w for w in warnings if "cut by the picture's border" in w]
+    assert len(named) == 1
+    assert f"the white ball at ({_truth(world)[0][1][0]:.0f}, " in named[0]
 
 
 def test_no_ball_is_an_error_that_says_what_was_seen():
@@ -230,12 +256,11 @@ def test_the_circle_about_the_mirrored_edge_of_the_table_is_the_likeliest_outlin
 
 def test_a_mirror_whose_outline_is_not_sure_is_named():
     """Two circles stand as still, and neither holds the other."""
-    points = Points(0.01, 50.0, 0.3, 1.0, np.zeros((6, 2)))
     start = Sphere("chrome", np.array([53.0, 50.0]), 30.0)
     best, rival, *_ = circles_about(_rings((50, 50, 30), (57, 50, 30)), start)
     assert {round(best.center_px[0]), round(rival.center_px[0])} == {50, 57}
     fit = OutlineFit(best, np.eye(3), 0.1)
-    warning = Found(fit, Behaviour(points, 0.0, np.zeros((6, 3))), rival).warning
+    warning = Found(fit, rival).warning
     assert warning is not None
     assert "a circle of 30 px stands as still" in warning
 
@@ -247,18 +272,78 @@ def test_a_few_frames_of_many_are_searched():
     np.testing.assert_allclose(few.images[[0, -1], 0, 0], [0, 1], atol=1e-4)
 
 
-def test_a_flat_mirror_sees_the_lights_stretched_and_a_shadow_spoils_single_frames_only():
+CENTERS = np.array([[0.0, 0, -1500], [300.0, 100, -1500]])
+
+
+def _rays(center, lights, *, flat=1.0, turned=0.0, sigma=2.0):
+    """Where a ball sees lights (F, 3); `flat`: a mirror's height over its width, `turned`: error, degrees."""
+    toward = unit(lights - center)
+    half = unit(toward + unit(-center))
+    half = unit(half * [1, 1, 1 / flat])
+    view = unit(-center)
+    seen = 2 * np.sum(half * view, -1, keepdims=True) * half - view
+    seen = unit(seen + np.tan(np.deg2rad(turned)) * unit(np.cross(seen, [0.3, 0.2, 1.0])))
+    return Rays(center, seen[:, None], np.ones((len(lights), 1), bool), sigma)
+
+
+def test_balls_agree_on_near_lights_and_a_flat_mirror_does_not():
     """A metal pebble two thirds as high as wide passed for a ball among balls."""
     rng = np.random.default_rng(10029)
-    track = rng.uniform(-0.25, 0.25, (12, 2))
-    moved = 1.1 * track + [0.2, -0.1] + rng.normal(0, 0.01, track.shape)
-    moved[3] += 0.5
-    pebble = 0.65 * track + [0.1, 0.0] + rng.normal(0, 0.01, track.shape)
+    lights = rng.normal(0, 500, (12, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    one, other = (_rays(center, lights) for center in CENTERS)
+    agree, differ = agreement(one, other)
+    assert agree == pytest.approx(np.sqrt(12), rel=1e-6)
+    assert differ == pytest.approx(0, abs=1e-6)
+    agree, differ = agreement(one, _rays(CENTERS[1], lights, flat=0.67))
+    assert differ > 1.5 * agree
+    # Off by one sigma of both across the arc, at most.
+    agree, _ = agreement(one, _rays(CENTERS[1], lights, turned=2 * np.sqrt(2)))
+    assert agree > np.exp(-0.5) * np.sqrt(12)
 
-    def mirror(where):
-        return Behaviour(Points(0.01, 50.0, 0.3, 1.0, where), -1.0, np.zeros((12, 3)))
 
-    assert mirror(track).kind == "chrome"
-    assert alike(mirror(track), mirror(moved)) == pytest.approx(11 / 12)
-    assert alike(mirror(track), mirror(pebble)) == 0.0
-    assert alike(mirror(pebble), mirror(track)) == 0.0
+def test_lights_without_a_range_agree_and_what_is_not_shown_does_not_count():
+    far = 1e7 * unit(np.random.default_rng(3).normal(size=(8, 3)) + [0, 0, 2])
+    one, other = (_rays(center, far) for center in CENTERS)
+    np.testing.assert_allclose(agreement(one, other), [np.sqrt(8), 0], atol=1e-3)
+    wrong = other.directions.copy()
+    wrong[:3] = [0.0, 0.6, 0.8]
+    shown = np.arange(8)[:, None] > 2
+    np.testing.assert_allclose(agreement(one, other._replace(directions=wrong, shown=shown))[0], np.sqrt(5), atol=1e-3)
+    assert agreement(one, other._replace(directions=wrong))[1] > 0.8
+    np.testing.assert_array_equal(agreement(one, other._replace(shown=np.arange(8)[:, None] < 1)), 0)
+    # The second place is where the flash is.
+    two = np.stack([wrong[:, 0], other.directions[:, 0]], 1)
+    assert agreement(one, Rays(other.center, two, np.ones((8, 2), bool), 2.0))[0] == pytest.approx(np.sqrt(8), rel=1e-3)
+
+
+def _suspect(kind, place, *, own, lights, flat=1.0):
+    """A circle of given log-odds of its own."""
+    weights = fitted()["ball"][kind]
+    sphere = Sphere(kind, np.array([600 + 300 * place, 400.0]), 40.0)
+    features = np.zeros(len(weights))
+    features[0] = own / weights[0]
+    return Suspect(sphere, features, _rays(np.array([300.0 * place, 0, -1500]), lights, flat=flat))
+
+
+def test_the_likeliest_set_is_taken():
+    """Against every set there is; those that see the same lights outvote a surer one that does not."""
+    lights = np.random.default_rng(4).normal(0, 500, (9, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    others = np.random.default_rng(5).normal(0, 500, (9, 3)) * [1, 1, 0.3] + [0, 0, -300]
+    same = [_suspect("chrome", n, own=1.0, lights=lights) for n in (-1, 0, 1)]
+    odd = _suspect("chrome", 2, own=2.0, lights=others)
+    twin = _suspect("chrome", 0.1, own=0.5, lights=lights)
+    white = _suspect("white", 3, own=-0.5, lights=lights)
+    some = [odd, twin, white, *same]
+    taken, left = choose(some, None)
+    assert {id(one.suspect) for one in taken} == {id(s) for s in (*same, white)}
+    assert all(one.probability > 0.5 for one in taken)
+    assert next(one for one in left if one.suspect is odd).probability < 0.1
+    taken, _ = choose(some, {"chrome": 2})
+    assert len(taken) == 2
+    assert all(one.suspect.sphere.kind == "chrome" for one in taken)
+    assert not any(one.suspect is odd for one in taken)
+    # Asked for, a doubtful one is believed; what nothing speaks for is not.
+    doubtful = _suspect("white", 0, own=-1.5, lights=lights)
+    assert not choose([doubtful], None)[0]
+    assert choose([doubtful], {"white": 2})[0]
+    assert not choose([_suspect("white", 0, own=-5.0, lights=lights)], {"white": 1})[0]

@@ -3,17 +3,14 @@
 import numpy as np
 import pytest
 
-from calibrate.detection.ball_kind import Behaviour, Points
 from calibrate.detection.balls import _match
 from calibrate.detection.detect import Found
 from calibrate.silhouette.ball_silhouette import OutlineFit
 from scene.spheres import Sphere, SphereRequest
 
-NOTHING = Behaviour(Points(0.0, 0.0, 0.0, 0.0, np.zeros((0, 2))), 0.0, np.zeros((0, 3)))
-
 
 def _found(kind, radius):
-    return Found(OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1), NOTHING)
+    return Found(OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1))
 
 
 def _diameters(found, asked):
