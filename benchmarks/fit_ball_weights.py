@@ -12,6 +12,7 @@ import json
 import tempfile
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -181,7 +182,7 @@ def curve(scenes: list[Labelled]) -> str:
             found, false = found + len(hits), false + len(taken) - len(hits)
             there += len({p for p, r in zip(scene.place, scene.right, strict=True) if r})
     lines = ["| probability said | circles | that are balls |", "|---|---|---|"]
-    for low, high in zip(BINS[:-1], BINS[1:], strict=True):
+    for low, high in pairwise(BINS):
         here = [t for s, t in zip(said, true, strict=True) if low <= s < high or s == high == 1]
         lines.append(f"| {low:.0%} to {high:.0%} | {len(here)} | {f'{np.mean(here):.0%}' if here else '-'} |")
     text = f"Of {there} balls with a circle to be found, {found} were taken, and {false} circles that are none"

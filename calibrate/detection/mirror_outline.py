@@ -44,7 +44,7 @@ LEAST_SUPPORT = 0.3  # share of the rays that must support a circle
 SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are the same one
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
-TRIED, EDGES, FOLLOWED, SETTLED = 4, 3, 4, 3
+TRIED, EDGES, FOLLOWED, SETTLED = 4, 3, 4, 2
 """Circles about a mirror on which its law is tried; that are taken for the table's edge in it; outlines about these
 that are followed; and fits that are taken to the end."""
 HORIZONS = 0.62, 0.66, 0.7  # radii of a finite table's edge as a ball shows it, in its own, that are tried,
@@ -184,7 +184,7 @@ def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, 
         if table and circles_apart(table.sphere, circle) < FARTHEST_MOVED * circle.radius_px:
             tables.append(table)
             if table.explained > SURE and _located(table):
-                return _scored(table, camera)
+                break
     clear = max(tables, key=lambda one: one.explained, default=None)
     if clear is not None and clear.explained > CLEAR:
         table = fit_mirrored_table(some, camera, clear.sphere, blur_px=blur_px)
@@ -210,7 +210,7 @@ def _about_horizons(frames: Frames, camera: Camera, circles: list[Sphere], blur_
         return []
     widest = max(edges, key=lambda one: one.radius_px)
     table = Surroundings(frames, camera, replace(widest, radius_px=widest.radius_px / HORIZONS[0]))
-    starts = [start for edge in edges for start in _about_horizon(edge)]
+    starts = [start for edge in edges for start in about_horizon(edge)]
     shares = np.array([share_explained(table, sphere, [plane], blur_px)[0] for sphere, plane in starts])
     kept: list[Sphere] = []
     for n in np.argsort(-shares, kind="stable"):
@@ -222,7 +222,7 @@ def _about_horizons(frames: Frames, camera: Camera, circles: list[Sphere], blur_
     return kept
 
 
-def _about_horizon(edge: Sphere) -> Iterator[tuple[Sphere, Array]]:
+def about_horizon(edge: Sphere) -> Iterator[tuple[Sphere, Array]]:
     """Return outlines, and the tables that they stand on, of balls that show the table's edge as this circle.
 
     What a table's horizon mirrors lies half-way between view and table: n = (x, y, z) with 2 z (n . t) = v . t, t the
