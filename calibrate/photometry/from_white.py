@@ -1,5 +1,6 @@
 """What the white balls say: intensities, and directions where chrome has none."""
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -75,10 +76,10 @@ def intensities_from_white(
     known = np.stack([np.isfinite(light.intensities).all(1) for light in read])
     if not known.any(0).all():
         bad = ~known.any(0)
-        names = ", ".join(np.array(frames.names)[bad][:3])
+        names, clipped = [frames.names[f] for f in np.flatnonzero(bad)], max(light.clipped[bad].max() for light in read)
         raise CalibrationError(
-            f"{names}: the white ball cannot be read ({max(light.clipped[bad].max() for light in read):.0%} of it is "
-            "clipped). Expose less, or turn the flash so that it lights the ball."
+            f"{', '.join(names)}: the white ball cannot be read ({clipped:.0%} of it is clipped). Expose less, or "
+            f"turn the flash so that it lights the ball; or leave out: frames.skip = {json.dumps(names)}."
         )
     brightness = np.stack([light.intensities.mean(1) for light in read])
     level = np.nanmax(brightness / np.nanmedian(brightness, axis=1, keepdims=True), axis=0)
