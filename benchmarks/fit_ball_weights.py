@@ -106,11 +106,11 @@ def _width() -> int:
 
 def _row(suspect: Suspect, others: Iterable[Suspect] = ()) -> Array:
     """Return its features, each kind's in columns of their own, and the agreement with other balls."""
-    parts = [suspect.features if kind == suspect.sphere.kind else np.zeros(len(n)) for kind, n in FEATURES.items()]
+    parts = [suspect.features if kind == suspect.like else np.zeros(len(n)) for kind, n in FEATURES.items()]
     pairs = np.zeros((len(PAIRS), 2))
     for other in others:
         if not overlap(suspect.sphere, other.sphere):
-            which = PAIRS.index(" and ".join(sorted((suspect.sphere.kind, other.sphere.kind))))
+            which = PAIRS.index(" and ".join(sorted((suspect.like, other.like))))
             pairs[which] += agreement(suspect.rays, other.rays)
     return np.concatenate([*parts, pairs.ravel()])
 

@@ -40,15 +40,17 @@ class Suspect:
     """A circle, coarse pixels, that may be a ball of its kind."""
 
     sphere: Sphere
+    like: Kind  # which kind's features it has: a glossy ball that is asked for as a mirror is like a white one
     features: Array  # those of `FEATURES`
     rays: Rays
+    glossy: bool = False  # it shows the light as a wandering point
     others: Sequence[Sphere] = ()  # circles that stand about as still and may be its outline, the likeliest first
 
     @property
     def doubt(self) -> str:
         """What speaks against it, in words."""
-        seen = dict(zip(FEATURES[self.sphere.kind], self.features, strict=True))
-        if self.sphere.kind == "chrome":
+        seen = dict(zip(FEATURES[self.like], self.features, strict=True))
+        if self.like == "chrome":
             return "" if seen["table"] else "it does not mirror the table beside it"
         if seen["flatter"] > 0:
             return "it shades like a flatter body than a ball (a dome, a pebble)"
@@ -77,8 +79,8 @@ def considered(suspects: Sequence[Suspect], weights: Weights | None = None) -> l
     """Return the suspects without those that are worse than `EACH` others at their place."""
     quality = (weights or fitted())["circle"]
     kept: list[Suspect] = []
-    for one in sorted(suspects, key=lambda s: -float(s.features @ quality[s.sphere.kind])):
-        same = sum(one.sphere.kind == o.sphere.kind and overlap(one.sphere, o.sphere) for o in kept)
+    for one in sorted(suspects, key=lambda s: -float(s.features @ quality[s.like])):
+        same = sum(one.like == o.like and overlap(one.sphere, o.sphere) for o in kept)
         if same < EACH:
             kept.append(one)
     return kept
@@ -93,7 +95,7 @@ def choose(
     likelier than not.
     """
     weights = weights or fitted()
-    own = np.array([float(s.features @ weights["ball"][s.sphere.kind]) for s in suspects])
+    own = np.array([float(s.features @ weights["ball"][s.like]) for s in suspects])
     order = [n for n in np.argsort(-own, kind="stable")[:LIKELIEST] if own[n] > HOPELESS]
     some = [suspects[n] for n in order]
     pairs, exclusive = _pairs(some, weights["pair"])
@@ -116,7 +118,7 @@ def _pairs(suspects: Sequence[Suspect], weights: Mapping[str, Any]) -> tuple[Arr
         for m, b in enumerate(suspects[:n]):
             exclusive[n, m] = exclusive[m, n] = overlap(a.sphere, b.sphere)
             if not exclusive[n, m]:
-                kinds = " and ".join(sorted((a.sphere.kind, b.sphere.kind)))
+                kinds = " and ".join(sorted((a.like, b.like)))
                 pairs[n, m] = pairs[m, n] = float(agreement(a.rays, b.rays) @ weights[kinds])
     return pairs, exclusive
 

@@ -12,7 +12,7 @@ from calibrate.detection.agreement import matte_rays, mirror_rays
 from calibrate.detection.choice import Judged, Suspect, choose, considered
 from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
-from calibrate.detection.evidence import Change, bright_points, changes, shaded
+from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
 from calibrate.detection.mirror_outline import by_mirrored_table, by_points, circles_about, static_slopes
 from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
 from scene.camera import Camera
@@ -82,6 +82,9 @@ def detect(
     Circles on the balls that are `taken` already are left alone.
     """
     suspects = considered(find_suspects(frames, camera, coarse, [coarse.from_full(s) for s in taken]))
+    if wanted and not wanted.get("white"):
+        # A glossy ball that is asked for as a mirror serves as one.
+        suspects = [replace(s, sphere=replace(s.sphere, kind="chrome")) if s.glossy else s for s in suspects]
     chosen, left = choose(suspects, wanted)
     found: list[Found] = []
     places = list(chosen)
@@ -123,20 +126,23 @@ def find_suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: Sequenc
     """Return the circles, coarse pixels, that may be balls, not on those `taken`; one place may hold several."""
     change = changes(coarse)
     circles = [c for c in static_circles(coarse) if not any(overlap(c, other) for other in taken)]
-    return _mirrors(frames, camera, coarse, change, circles) + _matte(coarse, circles)
+    seen = [(circle, bright_points(change, circle)) for circle in circles]
+    pointed = [(c, p) for c, p in seen if p and (p.wander or (p.may_wander and c.radius_px < SMALL_PX))]
+    return _mirrors(frames, camera, coarse, change, pointed) + _matte(coarse, seen)
 
 
-def _matte(coarse: Coarse, circles: list[Sphere]) -> list[Suspect]:
+def _matte(coarse: Coarse, circles: list[tuple[Sphere, Points | None]]) -> list[Suspect]:
     """Return the circles that shade about as matte balls do."""
     suspects: list[Suspect] = []
-    for circle in circles:
+    for circle, points in circles:
         seen = shaded(coarse, circle, least=LEAST_SHADING)
         if seen is not None:
             beyond = [float(np.clip(gain, -MOST_GAIN, MOST_GAIN)) for gain in (seen.flatter, seen.taller)]
             unseen = -np.log(max(1 - circle.score, LEAST_LEFT[1]))
             features = [1, -np.log(max(1 - seen.share, LEAST_LEFT[0])), *beyond, unseen, _size(circle)]
             sphere = replace(circle, kind="white")
-            suspects.append(Suspect(sphere, np.array(features), matte_rays(coarse, sphere, seen)))
+            glossy = points is not None and points.wander
+            suspects.append(Suspect(sphere, "white", np.array(features), matte_rays(coarse, sphere, seen), glossy))
     return suspects
 
 
@@ -145,14 +151,12 @@ def _size(sphere: Sphere) -> float:
 
 
 def _mirrors(
-    frames: Frames, camera: Camera, coarse: Coarse, change: list[Change], circles: list[Sphere]
+    frames: Frames, camera: Camera, coarse: Coarse, change: list[Change], pointed: list[tuple[Sphere, Points]]
 ) -> list[Suspect]:
     """Return the circles that show the light as a wandering point, those that mirror the table beside them first."""
     suspects: list[Suspect] = []
     tables: list[Sphere] = []
     static = static_slopes(coarse)
-    seen = [(circle, bright_points(change, circle)) for circle in circles]
-    pointed = [(c, p) for c, p in seen if p and (p.wander or (p.may_wander and c.radius_px < SMALL_PX))]
     for group in by_points(pointed):
         seed = group[0][0]
         if any(overlap(seed, other) for other in tables):
@@ -182,7 +186,8 @@ def _mirror(
     features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
     rivals = [replace(c, kind="chrome") for c in others]
-    return [Suspect(sphere, np.array(features, np.float64), mirror_rays(coarse, change, sphere), rivals)]
+    rays = mirror_rays(coarse, change, sphere)
+    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals)]
 
 
 def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:

@@ -40,7 +40,7 @@ WELL_SEEN = 0.6  # and from which no softer edge is looked for
 SOFTER_BETTER = 0.15  # by which a softer edge must be seen along more of the outline
 SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its coarse circle, at least
 SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
-TABLE_EXPLAINS = 0.97  # share of a chrome edge's variance from which on the mirrored table is taken for its cause,
+TABLE_EXPLAINS = 0.975  # share of a chrome edge's variance from which on the mirrored table is taken for its cause,
 TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # on a ball at least so large, whose radius it locates to this sigma
 TABLE_FLOOR_PX, TABLE_DOUBT_PX = 0.05, 6.0
 """What bends the mirrored table's outline beyond its residuals' scatter, sigma: in any case, and times the share of the

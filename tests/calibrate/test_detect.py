@@ -350,7 +350,7 @@ def _suspect(kind, place, *, own, lights, flat=1.0):
     sphere = Sphere(kind, np.array([600 + 300 * place, 400.0]), 40.0)
     features = np.zeros(len(weights))
     features[0] = own / weights[0]
-    return Suspect(sphere, features, _rays(np.array([300.0 * place, 0, -1500]), lights, flat=flat))
+    return Suspect(sphere, kind, features, _rays(np.array([300.0 * place, 0, -1500]), lights, flat=flat))
 
 
 def test_the_likeliest_set_is_taken():
