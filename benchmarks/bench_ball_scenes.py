@@ -2,14 +2,11 @@
 
     .venv/bin/python -m benchmarks.bench_ball_scenes FOLDER [--jobs 2] [--write]
 
-FOLDER holds `scene_*/asked/` and `scene_*/unasked/`, sessions with and without `[[spheres]]`, and
-`scene_*/truth.json`: `table`, `room`, `fx`, `light_positions_mm`, and `spheres` with `kind`, `diameter_mm`,
-`centre_mm`, `centre_px`. What was missed or taken wrongly is drawn into out/ball_scenes.png.
+FOLDER holds scenes as benchmarks/their_scenes.py reads them. What was missed or taken wrongly is drawn into
+out/ball_scenes.png.
 """
 
 import argparse
-import json
-import tempfile
 import time
 from collections import defaultdict
 from collections.abc import Iterable
@@ -21,10 +18,12 @@ import cv2
 import numpy as np
 
 from benchmarks.pages import put
+from benchmarks.their_scenes import is_same, opened, read_truth, scenes_in
+from scene.normals import angular_error_deg, unit
+from scene.spheres import Sphere
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE, SHEET = ROOT / "docs" / "calibration.md", ROOT / "out" / "ball_scenes.png"
-SAME, SAME_PX = 0.04, 1.5  # share of the radius, and pixels at least, by which a found ball's circle may differ
 INSIDE, OFF_DEG = 2.448, 1.0  # sigmas of the 95 % region in a plane; and when lights are called off
 SIDE_PX = 128  # of a picture in the contact sheet
 MISSED, FALSE = (80, 80, 255), (0, 220, 255)  # circles in it, BGR
@@ -33,59 +32,38 @@ MISSED, FALSE = (80, 80, 255), (0, 220, 255)  # circles in it, BGR
 def examine(scene: Path, mode: str) -> dict[str, Any]:
     """Calibrate one session and hold it against its truth."""
     from calibrate.calibrate import calibrate
-    from capture.camera.session_camera import camera_of
-    from capture.photographs.decode import decode
-    from capture.session.requests import sphere_requests
-    from capture.session.session import load_session
     from scene.errors import SceneError
-    from scene.store import Store
 
-    truth = json.loads((scene / "truth.json").read_text())
+    truth, true = read_truth(scene)
     row: dict[str, Any] = {"scene": scene.name, "mode": mode, "table": truth["table"], "room": truth["room"]}
-    with tempfile.TemporaryDirectory() as folder:
-        session, store = load_session(scene / mode), Store(Path(folder))
-        frames, report = decode(session, store)
-        camera, _ = camera_of(session, report.exif, frames.width, frames.height)
-        requests, _ = sphere_requests(session, store)
+    with opened(scene, mode) as (frames, camera, requests):
         start = time.process_time()
         try:
             found = calibrate(frames, camera, requests)
         except SceneError as error:
-            balls = [_ball(one, truth, None) for one in truth["spheres"]]
-            return row | {"refused": str(error), "balls": balls, "false": []}
+            return row | {"refused": str(error), "balls": [_ball(one, None) for one in true], "false": []}
         row["seconds"] = time.process_time() - start
     left = list(found.spheres)
     balls = []
-    for one in truth["spheres"]:
-        match = next((s for s in left if _is_same(s, one, truth)), None)
+    for one in true:
+        match = next((s for s in left if is_same(s, one)), None)
         left = [s for s in left if s is not match]
-        balls.append(_ball(one, truth, match))
+        balls.append(_ball(one, match))
     row |= {"balls": balls, "false": [{"kind": s.kind, "at": list(s.center_px), "radius": s.radius_px} for s in left]}
     row["warnings"] = len(found.warnings)
     if mode == "asked":
         lights = found.lights
-        toward = np.array(truth["light_positions_mm"]) - lights.reference_point_mm
-        toward /= np.linalg.norm(toward, axis=1, keepdims=True)
-        error = np.rad2deg(np.arccos(np.clip(np.sum(toward * lights.directions, 1), -1, 1)))
+        toward = unit(np.array(truth["light_positions_mm"]) - lights.reference_point_mm)
+        error = angular_error_deg(toward, lights.directions)
         row |= {"error": float(np.median(error)), "sigma": float(np.median(lights.direction_sigma_deg))}
         row["inside"] = float(np.mean(error < INSIDE * lights.direction_sigma_deg))
     return row
 
 
-def _radius(one: dict, truth: dict) -> float:
-    return truth["fx"] * one["diameter_mm"] / 2 / -one["centre_mm"][2]
-
-
-def _is_same(sphere: Any, one: dict, truth: dict) -> bool:
-    radius = _radius(one, truth)
-    off = max(float(np.hypot(*(sphere.center_px - one["centre_px"]))), abs(sphere.radius_px - radius))
-    return bool(sphere.kind == one["kind"] and off < max(SAME_PX, SAME * radius))
-
-
-def _ball(one: dict, truth: dict, match: Any) -> dict[str, Any]:
-    ball = {"kind": one["kind"], "at": one["centre_px"], "radius": _radius(one, truth), "found": match is not None}
+def _ball(one: Sphere, match: Sphere | None) -> dict[str, Any]:
+    ball = {"kind": one.kind, "at": list(one.center_px), "radius": one.radius_px, "found": match is not None}
     if match is not None:
-        ball |= {"off": match.radius_px - ball["radius"], "sigma": match.sigma_px}
+        ball |= {"off": match.radius_px - one.radius_px, "sigma": match.sigma_px}
     return ball
 
 
@@ -167,7 +145,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--write", action="store_true")
     args = parser.parse_args()
-    scenes = [path.parent for path in sorted(args.folder.glob("scene_*/truth.json"))]
+    scenes = scenes_in(args.folder)
     jobs = [(scene, mode) for scene in scenes for mode in ("asked", "unasked")]
     rows = []
     with ProcessPoolExecutor(args.jobs) as pool:

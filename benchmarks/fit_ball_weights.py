@@ -2,14 +2,12 @@
 
     .venv/bin/python -m benchmarks.fit_ball_weights FOLDER [--own 60] [--jobs 2] [--write]
 
-FOLDER holds scenes as bench_ball_scenes.py reads them, by somebody else's renderer; `--own` more are drawn by
+FOLDER holds scenes as benchmarks/their_scenes.py reads them, by somebody else's renderer; `--own` more are drawn by
 fixtures/random_scenes.py, seeds 20000 and up. The weights are those of logistic regression; the calibration curve is
 of scenes that the weights were not fitted to (five folds).
 """
 
 import argparse
-import json
-import tempfile
 from collections.abc import Iterable, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from itertools import pairwise
@@ -22,15 +20,19 @@ from scipy.optimize import minimize
 from scipy.special import expit
 
 from benchmarks.pages import put
+from benchmarks.their_scenes import is_same, opened, read_truth, scenes_in
 from calibrate.detection.agreement import agreement
 from calibrate.detection.choice import FEATURES, PAIRS, WEIGHTS, Suspect, choose, considered
 from calibrate.detection.circles import overlap
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import find_suspects
+from scene.camera import Camera
+from scene.frames import Frames
+from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "calibration.md"
-SAME, SAME_PX = 0.04, 1.5  # share of the radius, and pixels at least, by which a ball's circle may differ
+AT = 0.85  # radii from a ball's centre within which a circle stands at its place
 FIRST_OWN, FOLDS = 20000, 5
 RIDGE, ASKED = 0.3, 3.0  # penalty on the scaled weights; log-odds that being asked for adds
 BESIDE = 0.3  # weight of a ball's own other circles: they are no balls, and yet at one
@@ -57,34 +59,20 @@ def collect(job: tuple[str, str]) -> Labelled:
         from fixtures.random_scenes import random_scene
 
         scene = random_scene(int(name))
-        camera, frames = scene.world.camera, scene.photograph()
-        balls = [(s.kind, s.center_px, s.radius_px) for s in scene.spheres]
-        return _labelled(find_suspects(frames, camera, coarse := shrink(frames, camera)), coarse, balls)
-    from capture.camera.session_camera import camera_of
-    from capture.photographs.decode import decode
-    from capture.session.session import load_session
-    from scene.store import Store
-
-    truth = json.loads((Path(name) / "truth.json").read_text())
-    balls = [(b["kind"], np.array(b["centre_px"]), b["radius_px"]) for b in truth["spheres"]]
-    with tempfile.TemporaryDirectory() as folder:
-        session, store = load_session(Path(name) / "unasked"), Store(Path(folder))
-        frames, report = decode(session, store)
-        camera, _ = camera_of(session, report.exif, frames.width, frames.height)
-        return _labelled(find_suspects(frames, camera, coarse := shrink(frames, camera)), coarse, balls)
+        return _labelled(scene.photograph(), scene.world.camera, scene.spheres)
+    with opened(Path(name), "unasked") as (frames, camera, _):
+        return _labelled(frames, camera, read_truth(Path(name))[1])
 
 
-def _labelled(suspects: list[Suspect], coarse: Any, balls: list[tuple]) -> Labelled:
+def _labelled(frames: Frames, camera: Camera, balls: list[Sphere]) -> Labelled:
+    coarse = shrink(frames, camera)
+    suspects = find_suspects(frames, camera, coarse)
     place, right = [], []
     for suspect in suspects:
         sphere = coarse.sphere_to_full(suspect.sphere)
-        off = [float(np.hypot(*(sphere.center_px - center))) for _, center, _ in balls]
-        at = [n for n, (_, _, radius) in enumerate(balls) if off[n] < 0.85 * radius]
-        same = [
-            n
-            for n, (kind, _, radius) in enumerate(balls)
-            if kind == sphere.kind and max(off[n], abs(sphere.radius_px - radius)) < max(SAME_PX, SAME * radius)
-        ]
+        off = [float(np.hypot(*(sphere.center_px - ball.center_px))) for ball in balls]
+        at = [n for n, ball in enumerate(balls) if off[n] < AT * ball.radius_px]
+        same = [n for n, ball in enumerate(balls) if is_same(sphere, ball)]
         place.append((same or at or [-1])[0])
         right.append(bool(same))
     return Labelled(suspects, place, right)
@@ -208,7 +196,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--write", action="store_true")
     args = parser.parse_args()
-    jobs = [("theirs", str(path.parent)) for path in sorted(args.folder.glob("scene_*/truth.json"))]
+    jobs = [("theirs", str(path)) for path in scenes_in(args.folder)]
     jobs += [("own", str(FIRST_OWN + n)) for n in range(args.own)]
     with ProcessPoolExecutor(args.jobs) as pool:
         scenes = []

@@ -1,5 +1,7 @@
 """What a calibration is, and what is noted on the way to it."""
 
+import json
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -44,6 +46,11 @@ class Calibration:
     warnings: tuple[str, ...] = ()
     position_covariance_mm2: Array | None = None
     camera: Camera | None = None
+
+
+def leave_out(names: Sequence[str]) -> str:
+    """Return what session.toml says to leave frames out, to be pasted into a message."""
+    return f"frames.skip = {json.dumps(list(names))}"
 
 
 @dataclass(frozen=True)

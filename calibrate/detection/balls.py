@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Found, Rejected, around_hint, detect
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
-from calibrate.silhouette.outline import difference, inside_picture
+from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
@@ -110,7 +110,7 @@ def _forgotten(one: Rejected) -> str:
 
 def _cut(camera: Camera, sphere: Sphere) -> list[str]:
     """Name a ball that the picture's border cuts."""
-    seen = float(np.mean(inside_picture(camera, sphere.outline(camera, 180))))
+    seen = share_in_picture(camera, sphere)
     (u, v), sigma = sphere.center_px, sphere.sigma_px
     told = (
         f"the {sphere.kind} ball at ({u:.0f}, {v:.0f}) px is cut by the picture's border: {seen:.0%} of its outline is "

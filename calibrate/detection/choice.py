@@ -54,7 +54,8 @@ class Suspect:
             return "" if seen["table"] else "it does not mirror the table beside it"
         if seen["flatter"] > 0:
             return "it shades like a flatter body than a ball (a dome, a pebble)"
-        return f"shading follows n.l to {1 - np.exp(-seen['shading']):.1%}, {self.sphere.score:.0%} of its outline"
+        shading = 1 - np.exp(-seen["shading"])
+        return f"shading follows n.l to {shading:.1%}, and {self.sphere.score:.0%} of its outline stands still"
 
 
 @dataclass(frozen=True)

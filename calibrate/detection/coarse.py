@@ -87,10 +87,13 @@ class Coarse:
             sphere, center_px=self.to_full(sphere.center_px), radius_px=float(sphere.radius_px * self.factor)
         )
 
+    def to_coarse(self, pixels: NDArray) -> NDArray[np.float64]:
+        """Return the coarse pixels of full-size pixels (..., 2)."""
+        return (np.asarray(pixels, np.float64) + 0.5) / self.factor - 0.5
+
     def from_full(self, sphere: Sphere) -> Sphere:
         """Return the ball as `camera` sees it."""
-        center = (sphere.center_px + 0.5) / self.factor - 0.5
-        return replace(sphere, center_px=center, radius_px=sphere.radius_px / self.factor)
+        return replace(sphere, center_px=self.to_coarse(sphere.center_px), radius_px=sphere.radius_px / self.factor)
 
 
 def shrink(frames: Frames, camera: Camera, *, progress: Progress | None = None) -> Coarse:

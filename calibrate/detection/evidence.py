@@ -164,8 +164,7 @@ def brightest(changes: list[Change], sphere: Sphere) -> tuple[Array, Mask]:
         places[f, : len(best)] = np.stack([disc.columns[at], disc.rows[at]], -1)
         strength[f, : len(best)] = values[at]
     shown = strength > np.maximum(PEAK_LIT * np.median(strength[:, 0]), PEAK_SECOND * strength[:, :1])
-    first = changes[0].coarse
-    return (disc.coarse.to_full(places) + 0.5) / first.factor - 0.5, shown
+    return changes[0].coarse.to_coarse(disc.coarse.to_full(places)), shown
 
 
 def shaded(coarse: Coarse, sphere: Sphere, *, least: float = -np.inf) -> Shaded | None:

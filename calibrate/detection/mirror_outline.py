@@ -21,7 +21,7 @@ from calibrate.detection.coarse import Coarse
 from calibrate.detection.evidence import Points
 from calibrate.silhouette.mirrored_surroundings import Surroundings
 from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, share_explained
-from calibrate.silhouette.outline import circles_apart, inside_picture, sampled
+from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -185,17 +185,18 @@ def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, 
             tables.append(table)
             if table.explained > SURE and _located(table):
                 break
-    clear = max(tables, key=lambda one: one.explained, default=None)
-    if clear is not None and clear.explained > CLEAR:
-        table = fit_mirrored_table(some, camera, clear.sphere, blur_px=blur_px)
+    settled: dict[int, MirroredTable | None] = {}
+    clear = max(range(len(tables)), key=lambda n: tables[n].explained, default=None)
+    if clear is not None and tables[clear].explained > CLEAR:
+        table = settled[clear] = fit_mirrored_table(some, camera, tables[clear].sphere, blur_px=blur_px)
         if table and _located(table) and table.explained > CLEAR:
             return _scored(table, camera)
     for circle in _about_horizons(some, camera, circles, blur_px):
         table = fit_mirrored_table(some, camera, circle, blur_px=blur_px, rough=True)
         tables += [table] if table else []
     best: MirroredTable | None = None
-    for start in sorted(tables, key=lambda one: -one.explained)[:SETTLED]:
-        table = fit_mirrored_table(some, camera, start.sphere, blur_px=blur_px)
+    for n in sorted(range(len(tables)), key=lambda n: -tables[n].explained)[:SETTLED]:
+        table = settled[n] if n in settled else fit_mirrored_table(some, camera, tables[n].sphere, blur_px=blur_px)
         if table and _located(table) and table.explained > (best.explained if best else EXPLAINS):
             best = table
         if best and best.explained > SURE:
@@ -241,8 +242,7 @@ def about_horizon(edge: Sphere) -> Iterator[tuple[Sphere, Array]]:
 
 def _scored(table: MirroredTable, camera: Camera) -> Sphere:
     """Return the ball; what the picture's border cuts off of its outline is not seen."""
-    seen = float(np.mean(inside_picture(camera, table.sphere.outline(camera, 180))))
-    return replace(table.sphere, score=seen * table.explained)
+    return replace(table.sphere, score=share_in_picture(camera, table.sphere) * table.explained)
 
 
 def _located(table: MirroredTable) -> bool:

@@ -1,13 +1,12 @@
 """What the chrome balls say together: one highlight a frame on each, and the lights that explain them."""
 
-import json
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.calibration import Notes
+from calibrate.calibration import Notes, leave_out
 from calibrate.detection.balls import Ball
 from calibrate.lights.adjustment import Observed
 from calibrate.lights.directions import mean_directions, mirrored_rays, ray_meeting
@@ -79,7 +78,7 @@ def _name_unseen(names: tuple[str, ...], seen: NDArray[np.bool_], shading: Shadi
         dark = [names[f] for f in np.flatnonzero(~known)]
         raise CalibrationError(
             f"{', '.join(dark)}: no chrome ball shows the flash, and no white ball tells its direction. Did it fire, "
-            f"or did something hide it from the balls? Reshoot, or leave out: frames.skip = {json.dumps(dark)}."
+            f"or did something hide it from the balls? Reshoot, or leave out: {leave_out(dark)}."
         )
     lost = np.flatnonzero(~seen)
     for f in lost:

@@ -1,6 +1,5 @@
 """What the white balls say: intensities, and directions where chrome has none."""
 
-import json
 from dataclasses import replace
 from typing import Any
 
@@ -8,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from calibrate.calibration import Aim, Notes
+from calibrate.calibration import Aim, Notes, leave_out
 from calibrate.photometry.intensity import PARTLY, Photometry, measure
 from calibrate.photometry.matte_shading import Surface
 from calibrate.photometry.patches import Meter
@@ -79,7 +78,7 @@ def intensities_from_white(
         names, clipped = [frames.names[f] for f in np.flatnonzero(bad)], max(light.clipped[bad].max() for light in read)
         raise CalibrationError(
             f"{', '.join(names)}: the white ball cannot be read ({clipped:.0%} of it is clipped). Expose less, or "
-            f"turn the flash so that it lights the ball; or leave out: frames.skip = {json.dumps(names)}."
+            f"turn the flash so that it lights the ball; or leave out: {leave_out(names)}."
         )
     brightness = np.stack([light.intensities.mean(1) for light in read])
     level = np.nanmax(brightness / np.nanmedian(brightness, axis=1, keepdims=True), axis=0)

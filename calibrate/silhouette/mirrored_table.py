@@ -227,11 +227,13 @@ def _outside(offsets: Array, blur_px: float) -> Values:
 def _coefficients(values: Values, basis: Values, weight: Values) -> Values:
     """Return (..., F, BINS, 2): what of the basis (M, 2) each profile holds, by weighted least squares."""
     products = np.stack([basis[:, 0] ** 2, basis[:, 0] * basis[:, 1], basis[:, 1] ** 2], -1)
-    first, both, second = np.moveaxis(weight @ products, -1, 0)
-    first, second = first + np.float32(1e-6), second + np.float32(1e-6)
+    # In 64 bits: where a profile shows little, first * second and both^2 are almost the same number.
+    first, both, second = np.moveaxis((weight @ products).astype(np.float64), -1, 0)
+    first, second = first + 1e-6, second + 1e-6
     x, y = np.moveaxis((weight * values) @ basis, -1, 0)
     inverse = 1 / (first * second - both * both)
-    return np.stack([(second * x - both * y) * inverse, (first * y - both * x) * inverse], -1)
+    found = np.stack([(second * x - both * y) * inverse, (first * y - both * x) * inverse], -1)
+    return found.astype(np.float32)
 
 
 def _free(values: Values, basis: Values, weight: Values) -> Values:

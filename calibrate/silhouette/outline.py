@@ -90,6 +90,11 @@ def inside_picture(camera: Camera, places: NDArray) -> NDArray[np.bool_]:
     return np.all((places >= 0) & (places <= [camera.width - 1, camera.height - 1]), axis=-1)
 
 
+def share_in_picture(camera: Camera, sphere: Sphere) -> float:
+    """Return the share of a ball's outline that the picture's border does not cut off."""
+    return float(np.mean(inside_picture(camera, sphere.outline(camera, 180))))
+
+
 def image_strips(image: NDArray, points: Array, normals: Array, offsets: Array) -> NDArray[np.float32]:
     """Return (1, N, M), an image (H, W) across an outline; NaN outside of it."""
     where = across(points, normals, offsets).astype(np.float32)
