@@ -32,6 +32,7 @@ from scene.spheres import Sphere, SphereRequest
 
 Array = NDArray[np.float64]
 LAB_M = 0.2, 8.0  # how far from the camera balls stand in a lab
+AS_FAR = 0.1  # relative sigma of a distance that is taken from the other balls on the table
 SAME_DEG, SAME_PLACE = 0.2, 0.02  # angle, and share of its distance, between lights that are the same
 
 
@@ -80,7 +81,7 @@ def calibrate(
     balls, rejected, warnings = find_balls(frames, camera, requests, progress=progress)
     notes = Notes(warnings=list(warnings), flags=[[] for _ in frames.names])
     spheres = _placed([ball.sphere for ball in balls], notes)
-    reference = _reference(camera, [ball.sphere for ball in balls])
+    reference = _reference(camera, spheres)
     white = [i for i, sphere in enumerate(spheres) if sphere.kind == "white"]
     surfaces = [read_surface(balls[i].frames, camera, spheres[i]) for i in white]
     for ball in balls:
@@ -195,16 +196,18 @@ def _intensities(
 
 
 def _placed(spheres: list[Sphere], notes: Notes) -> list[Sphere]:
-    """Give white balls of unknown diameter the distance of the others: near lights fall off with it."""
+    """Give balls of unknown diameter the distance of the others: near lights fall off with it."""
     scales = [s.diameter_mm / s.radius_px for s in spheres if s.diameter_mm]
     if not scales:
         return spheres
     out = []
     for sphere in spheres:
-        if sphere.kind == "white" and not sphere.diameter_mm:
+        if not sphere.diameter_mm:
             diameter = float(np.median(scales)) * sphere.radius_px
-            notes.evidence.append(f"the white ball is taken to stand as far as the others: {diameter:.0f} mm across")
-            sphere = replace(sphere, diameter_mm=diameter)
+            (u, v), across = sphere.center_px, f"{diameter:.0f} mm across"
+            where = f"the {sphere.kind} ball at ({u:.0f}, {v:.0f}) px"
+            notes.evidence.append(f"{where} is taken to stand as far as the others, to {AS_FAR:.0%}: {across}")
+            sphere = replace(sphere, diameter_mm=diameter, diameter_sigma=AS_FAR)
         out.append(sphere)
     return out
 

@@ -44,6 +44,8 @@ class Sphere:
         0 to 1, how much of the outline was seen where the fit says it is.
     apart : bool
         Photographed apart from the object (its pixels are not in the session's frames).
+    diameter_sigma : float
+        Relative standard deviation of `diameter_mm`; 0 where it was stated.
     """
 
     kind: Kind
@@ -53,6 +55,7 @@ class Sphere:
     sigma_px: float = 0.0
     score: float = 1.0
     apart: bool = False
+    diameter_sigma: float = 0.0
 
     @property
     def radius_mm(self) -> float:

@@ -119,6 +119,7 @@ class Store:
                 "sigma_px": sphere.sigma_px,
                 "score": sphere.score,
                 "apart": sphere.apart,
+                "diameter_sigma": sphere.diameter_sigma,
             }
             for sphere in spheres
         ]
@@ -136,6 +137,7 @@ class Store:
                     float(row["sigma_px"]),
                     float(row["score"]),
                     bool(row["apart"]),
+                    float(row.get("diameter_sigma", 0.0)),
                 )
                 for row in rows
             ]

@@ -3,13 +3,13 @@
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Found, Rejected, around_hint, detect
+from calibrate.detection.diameters import Diameter, told_diameters
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
@@ -25,7 +25,6 @@ HINT_SCORE = 0.6  # share of its outline that a ball must show before it is move
 HINT_SURE = 0.9  # from which a matte ball's is taken, and of another's score that may still be as good
 GIVEN_SIGMA = 0.05
 """Share of its radius to which a circle given by hand is believed where no outline is found; a pixel at least."""
-SAME_SCALE, OTHER_SCALE = 0.1, 0.25  # logarithms of mm per px over balls on one table, and of which none are
 FORGOTTEN = 0.95  # probability from which a ball that nobody asked for is named
 WHOLE = 0.97  # share of its outline in the picture under which a ball is cut by the border
 LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
@@ -74,7 +73,7 @@ def find_balls(
         given = [r for r in group if r.mask is not None or r.center_px is not None]
         open_ = [r for r in group if r.mask is None and r.center_px is None]
         fits = [_given(own, camera, coarse, request, warnings) for request in given]
-        diameters = [request.diameter_mm for request in given]
+        diameters = [Diameter(request.diameter_mm, 0.0) for request in given]
         if open_ or not group:
             wanted: dict[Kind, int] | None = Counter(r.kind for r in open_) if group else None
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
@@ -87,7 +86,8 @@ def find_balls(
         blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
             one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
-            sphere = replace(one.sphere, diameter_mm=diameter, apart=own is not frames)
+            sphere = replace(one.sphere, diameter_mm=diameter.mm, diameter_sigma=diameter.sigma)
+            sphere = replace(sphere, apart=own is not frames)
             warnings += _cut(camera, sphere)
             balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:
@@ -202,49 +202,20 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
 
 def _match(
     found: list[Found], requests: list[SphereRequest], rejected: tuple[Rejected, ...], warnings: list[str]
-) -> list[tuple[Found, float | None]]:
-    """Give each found ball the diameter of a request of its kind, the larger diameter to the larger picture."""
+) -> list[tuple[Found, Diameter]]:
+    """Give each found ball the diameter of a request of its kind; balls of a kind by their size in the picture."""
     if not requests:
-        return [(one, None) for one in found]
-    out: list[tuple[Found, float | None]] = []
-    # Kinds of which all were found first: their scale tells which of another kind's diameters are missing.
-    kinds = list(dict.fromkeys(request.kind for request in requests))
-    counts = Counter(one.sphere.kind for one in found)
-    for kind in sorted(kinds, key=lambda kind: counts[kind] < sum(request.kind == kind for request in requests)):
-        asked = [request.diameter_mm for request in requests if request.kind == kind]
-        mine = sorted((one for one in found if one.sphere.kind == kind), key=lambda one: -one.sphere.radius_px)
-        if len(mine) < len(asked):
+        return [(one, Diameter(None, 0.0)) for one in found]
+    kinds: tuple[Kind, ...] = ("chrome", "white")
+    balls = {k: sorted((f for f in found if f.sphere.kind == k), key=lambda f: -f.sphere.radius_px) for k in kinds}
+    listed: dict[Kind, list[float | None]] = {k: [r.diameter_mm for r in requests if r.kind == k] for k in kinds}
+    for kind in kinds:
+        if len(balls[kind]) < len(listed[kind]):
             near = "; ".join(_said(r) for r in rejected[:2])
             refused = f" (refused: {near})." if near else "."
-            warnings.append(f"{len(asked)} {kind} balls were asked for, {len(mine)} found{refused}")
-        known = sorted((d for d in asked if d is not None), reverse=True)
-        if len(set(known)) > 1 or 0 < len(known) < len(asked):
-            known = known if len(known) == len(asked) else []
-            told = known if len(known) == len(mine) else _of_one_scale(mine, known, out)
-            if told:
-                listed = ", ".join(f"{d:g}" for d in told)
-                warnings.append(f"{kind} balls of {listed} mm were told apart by their size in the picture.")
-            elif mine:
-                warnings.append(
-                    f"{len(mine)} {kind} balls were found for diameters {[d for d in asked if d]} mm and cannot be "
-                    "told apart: no diameter is used. Give center_px and radius_px."
-                )
-            known = told
-        out += zip(mine, known + [None] * len(mine), strict=False)
-    return out
-
-
-def _of_one_scale(mine: list[Found], known: list[float], others: list[tuple[Found, float | None]]) -> list[float]:
-    """Return those of the diameters, the largest first, that put the balls equally far; none if that is not clear."""
-    scales = [np.log(d / one.sphere.radius_px) for one, d in others if d]
-    trials = []
-    for chosen in combinations(known, len(mine)):
-        logs = [*scales, *(np.log(d / one.sphere.radius_px) for one, d in zip(mine, chosen, strict=True))]
-        trials.append((float(np.ptp(logs)), list(chosen)))
-    trials.sort(key=lambda trial: trial[0])
-    if not mine or len(scales) + len(mine) < 2 or not trials or trials[0][0] > SAME_SCALE:
-        return []
-    return trials[0][1] if len(trials) == 1 or trials[1][0] > OTHER_SCALE else []
+            warnings.append(f"{len(listed[kind])} {kind} balls were asked for, {len(balls[kind])} found{refused}")
+    told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in kinds}, listed, warnings)
+    return [pair for kind in kinds for pair in zip(balls[kind], told[kind], strict=True)]
 
 
 def _said(one: Rejected) -> str:

@@ -15,6 +15,7 @@ from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
 from calibrate.detection.mirror_outline import by_mirrored_table, by_points, circles_about, static_slopes
 from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
+from calibrate.silhouette.table_plane import TablePlane, shared_plane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
@@ -93,8 +94,10 @@ def detect(
             places.append(one)
     rejected = [_rejected(coarse, one, one.suspect.doubt) for one in places[len(chosen) :]]
     starts = [[coarse.sphere_to_full(s) for s in (one.suspect.sphere, *one.suspect.others)] for one in chosen]
+    shown = [one.suspect.plane for one in chosen]
+    planes = [shared_plane([p for m, p in enumerate(shown) if p and m != n]) for n in range(len(shown))]
     with ThreadPoolExecutor(THREADS) as threads:
-        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px), starts))
+        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px), starts, planes))
     for one, circles, fit in zip(chosen, starts, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
@@ -110,11 +113,13 @@ def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
     return Rejected(sphere.kind, sphere.center_px, sphere.radius_px, sphere.score, one.probability, reason)
 
 
-def _outline(frames: Frames, camera: Camera, circles: list[Sphere], *, search_px: float) -> OutlineFit | None:
+def _outline(
+    frames: Frames, camera: Camera, circles: list[Sphere], plane: TablePlane | None, *, search_px: float
+) -> OutlineFit | None:
     """Fit the likeliest circle, the first; but a mirror's is that in which it shows the table beside it."""
     first = None
     for number, circle in enumerate(circles[: 1 + OTHERS]):
-        fit = fit_outline(frames, camera, circle, search_px=search_px)
+        fit = fit_outline(frames, camera, circle, search_px=search_px, plane=plane)
         if fit is not None and fit.by_table:
             return fit
         if number == 0:
@@ -165,29 +170,28 @@ def _mirrors(
         table = by_mirrored_table(frames, camera, [coarse.sphere_to_full(c) for c in about], blur_px=coarse.factor)
         some = [c for c in about[: 1 + OTHERS] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[:ALIKE]]
         if table is not None:
-            some = [coarse.from_full(table), *some]
-            tables.append(some[0])
-        for n, circle in enumerate(some):
-            mirrored = circle.score if table is not None and n == 0 else 0.0
+            tables.append(coarse.from_full(table.sphere))
+            suspects += _mirror(coarse, change, tables[-1], [], table.plane)
+        for circle in some:
             others = [c for c in about if c is not circle and c.score > AS_STILL * circle.score]
-            suspects += _mirror(coarse, change, circle, mirrored, [] if mirrored else others)
+            suspects += _mirror(coarse, change, circle, others, None)
     return suspects
 
 
 def _mirror(
-    coarse: Coarse, change: list[Change], circle: Sphere, mirrored: float, others: list[Sphere]
+    coarse: Coarse, change: list[Change], circle: Sphere, others: list[Sphere], plane: TablePlane | None
 ) -> list[Suspect]:
-    """Return a circle as a mirror, if it may be one. `mirrored`: how much of the table beside it explains it, or 0."""
+    """Return a circle as a mirror, if it may be one. `plane`: of the table beside it, where that explains it."""
     points, seen = bright_points(change, circle), shaded(coarse, circle)
     if points is None or seen is None or not points.may_wander:
         return []
-    table = [1, max(mirrored - LEAST_MIRRORED, 0), 0] if mirrored else [0, 0, circle.score]
+    table = [0, 0, circle.score] if plane is None else [1, max(circle.score - LEAST_MIRRORED, 0), 0]
     area = np.log(max(points.area, LEAST_AREA))
     features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
     rivals = [replace(c, kind="chrome") for c in others]
     rays = mirror_rays(coarse, change, sphere)
-    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals)]
+    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals, plane=plane)]
 
 
 def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:

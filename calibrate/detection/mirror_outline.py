@@ -171,8 +171,10 @@ def _worth(one: Sphere, circles: list[Sphere]) -> float:
     return one.score + max(horizon(other) for other in circles)
 
 
-def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> Sphere | None:
+def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> MirroredTable | None:
     """Return the outline in which a ball mirrors the table beside it best, or None.
+
+    Its score is the share explained of what the picture's border leaves of it.
 
     `circles` are those about its highlights, the likeliest first. Each is tried as the outline; and where none is it
     clearly, as the table's edge in outlines of usual sizes about it.
@@ -240,9 +242,9 @@ def about_horizon(edge: Sphere) -> Iterator[tuple[Sphere, Array]]:
                 yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius), plane
 
 
-def _scored(table: MirroredTable, camera: Camera) -> Sphere:
-    """Return the ball; what the picture's border cuts off of its outline is not seen."""
-    return replace(table.sphere, score=share_in_picture(camera, table.sphere) * table.explained)
+def _scored(table: MirroredTable, camera: Camera) -> MirroredTable:
+    seen = share_in_picture(camera, table.sphere)
+    return table._replace(sphere=replace(table.sphere, score=seen * table.explained))
 
 
 def _located(table: MirroredTable) -> bool:

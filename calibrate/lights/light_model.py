@@ -15,6 +15,7 @@ from scene.normals import angular_error_deg, unit
 
 Array = NDArray[np.float64]
 NEAR_BIC = 10.0  # how much better near lights must explain the highlights before ranges are claimed
+CULPRIT_BIC = 16.0  # the same before one of some ten numbers, which users rarely state wrongly, is blamed
 SUSPICIOUS = 2.5  # times the stated sigmas by which highlights and outlines may miss before somebody is asked why
 EXPLAINS = 0.5  # share of the misfit that one suspect must explain, alone, to be named
 AS_GOOD = 0.1  # of what it explains, by which other suspects may explain less and be named, too
@@ -38,6 +39,7 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
         shown = np.asarray(np.isfinite(seen.highlights[..., 0]).any(0))
         seen = replace(seen, shading=seen.shading.only(~shown))
     distant = fit_lights(seen, near=False)
+    scaled = _with_diameters(seen)
     whites = 0 if seen.shading is None else seen.shading.placed
     if camera.is_orthographic or (len(spheres) < 2 and not has_scale):
         why = "ranges need a perspective camera" if camera.is_orthographic else "one chrome ball gives directions only"
@@ -48,8 +50,7 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
             "one ball gives directions only; they are what they were if the flashes are as far as the camera, "
             f"{np.linalg.norm(seen.reference) / 1000:.2f} m, to a factor of 2"
         )
-        return _judged(_without_ranges(fit_lights(seen, near=True)), notes)
-    scaled = _with_diameters(seen)
+        return _judged(_without_ranges(fit_lights(scaled, near=True)), notes)
     if not has_scale:
         scaled = replace(scaled, reference=np.mean([s.center_mm(camera) for s in scaled.spheres], axis=0))
     near = fit_lights(scaled, near=True)
@@ -70,7 +71,7 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
             f"near lights: {nearest / 1000:.2f} to {farthest / 1000:.2f} m from the balls (dBIC {gain:.0f} against "
             "distant)"
         )
-        for i in (i for i, sphere in enumerate(spheres) if not sphere.diameter_mm):
+        for i in (i for i, sphere in enumerate(spheres) if sphere.diameter_sigma):
             notes.evidence.append(
                 f"chrome ball {i + 1} is {2 * near.spheres[i].radius_mm:.1f} mm across, by the highlights"
             )
@@ -100,14 +101,12 @@ def _without_ranges(near: LightFit) -> LightFit:
 
 
 def _with_diameters(seen: Observed) -> Observed:
-    """Give all balls a diameter, and its relative sigma: as if all were equally far."""
-    stated = [s.diameter_mm / s.radius_px for s in seen.spheres if s.diameter_mm]
-    scale = float(np.median(stated)) if stated else 2.0 / seen.spheres[0].radius_px
-    sigma = np.array([0.0 if s.diameter_mm else DOUBT for s in seen.spheres])
-    if not stated:
-        sigma[0] = 0.0
-    spheres = [s if s.diameter_mm else replace(s, diameter_mm=scale * s.radius_px) for s in seen.spheres]
-    return replace(seen, spheres=spheres, diameter_sigma=sigma)
+    """Return the same with the diameters' relative sigmas. Where none is known: as if all were equally far."""
+    if any(s.diameter_mm for s in seen.spheres):
+        return replace(seen, diameter_sigma=np.array([s.diameter_sigma for s in seen.spheres]))
+    scale = 2.0 / seen.spheres[0].radius_px
+    spheres = [replace(s, diameter_mm=scale * s.radius_px) for s in seen.spheres]
+    return replace(seen, spheres=spheres, diameter_sigma=np.array([0.0, *[DOUBT] * (len(spheres) - 1)]))
 
 
 class _Suspect(NamedTuple):
@@ -150,7 +149,7 @@ def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
     if not suspects or suspects[0].fit.chi2_all > EXPLAINS * near.chi2_all:
         return near
     best = suspects[0].fit
-    if near.freedom * np.log(near.chi2_all / best.chi2_all) < NEAR_BIC:
+    if near.freedom * np.log(near.chi2_all / best.chi2_all) < CULPRIT_BIC:
         return near
     slack = AS_GOOD * (near.chi2_all - best.chi2_all) + NEAR_BIC * best.scale**2
     equal = [s for s in suspects if s.fit.chi2_all - best.chi2_all < slack]

@@ -27,6 +27,7 @@ from calibrate.silhouette.outline import (
     read_strips,
 )
 from calibrate.silhouette.static_circle import KERNEL_REACH, agree, find_edges
+from calibrate.silhouette.table_plane import TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Kind, Sphere
@@ -68,10 +69,13 @@ class OutlineFit:
         return self.sphere.score / max(self.residual_px, 0.15)
 
 
-def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float) -> OutlineFit | None:
+def fit_outline(
+    frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float, plane: TablePlane | None = None
+) -> OutlineFit | None:
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
-    The outline may lie `search_px` from the start. None if less than a quarter of it shows an edge.
+    The outline may lie `search_px` from the start. `plane`: what other balls show of the table. None if less than a
+    quarter of the outline shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
@@ -87,7 +91,7 @@ def fit_outline(frames: Frames, camera: Camera, sphere: Sphere, *, search_px: fl
         return None
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
-    return _fit_chrome(frames, read, camera, best[0], sphere, float(best_softness)) or best[0]
+    return _fit_chrome(frames, read, camera, best[0], sphere, plane, float(best_softness)) or best[0]
 
 
 def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
@@ -208,14 +212,21 @@ def _fit_matte(
 
 
 def _fit_chrome(
-    frames: Frames, read: Reader, camera: Camera, edge: OutlineFit, start: Sphere, softness: float
+    frames: Frames,
+    read: Reader,
+    camera: Camera,
+    edge: OutlineFit,
+    start: Sphere,
+    plane: TablePlane | None,
+    softness: float,
 ) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
     sphere = edge.sphere
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
-    for near in (sphere, start) if sphere.radius_px > TABLE_FROM_PX else ():
-        table = fit_mirrored_table(frames, camera, near, blur_px=softness)
+    tries = [(sphere, plane), (sphere, None), (start, None)] if plane else [(sphere, None), (start, None)]
+    for near, known in tries if sphere.radius_px > TABLE_FROM_PX else ():
+        table = fit_mirrored_table(frames, camera, near, blur_px=softness, plane=known)
         if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
             doubt = np.hypot(TABLE_FLOOR_PX, TABLE_DOUBT_PX * (1 - table.explained))
             covariance = table.covariance + doubt**2 * np.eye(3)

@@ -28,7 +28,7 @@ PER_BIN = 3  # directions in which the table is looked up for each profile
 def mirrored_pixels(camera: Camera, sphere: Sphere, plane: Array, pixels: Array) -> Array:
     """Return the pixels (..., 2) that show what the ball shows at `pixels`; NaN where its mirrored rays miss the plane.
 
-    `plane` is as in `mirrored_table.MirroredTable`. Lengths are in units in which the ball's radius is `radius_px`: an
+    `plane` is as in `TablePlane.values`. Lengths are in units in which the ball's radius is `radius_px`: an
     orthographic camera's pixel is one such.
     """
     ball = replace(sphere, diameter_mm=2 * sphere.radius_px)
@@ -88,7 +88,7 @@ class Surroundings:
         return out.astype(np.float32, copy=False)
 
     def mirrored_by(self, sphere: Sphere, plane: Array, blur_px: float) -> Shown:
-        """Return what a chrome ball shows of the table: `plane` as in `mirrored_table.MirroredTable`."""
+        """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
         radius = sphere.radius_px
         deepest = np.sqrt(1 - (1 - max(DEPTH, 8 * blur_px / radius)) ** 2)
         # Even steps of the normal: near the outline the mirror's picture is squeezed without bound.

@@ -23,6 +23,7 @@ from calibrate.robust import MAD, cluster_sums
 from calibrate.silhouette.cone_fit import SHARPEST_PX, blurred_ramp
 from calibrate.silhouette.mirrored_surroundings import Shown, Surroundings
 from calibrate.silhouette.outline import SECTOR, moved
+from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -34,8 +35,6 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-PLANE_PRIOR = np.array([0.0, 0.0, 1.0]), np.array([1.0, 1.0, 0.3])
-"""The table's slopes and height before it is seen, and how far they may differ: a small ball shows little of it."""
 LEAST_SEEN = 0.25  # share of the profiles to go on with a plane
 TURNS, ROUGH_TURNS, LEAST_TURNS = 40, 8, 2
 HOPELESS = 0.8  # share explained under which a start leads nowhere
@@ -55,24 +54,33 @@ class MirroredTable(NamedTuple):
 
     sphere: Sphere
     covariance: Array  # (3, 3) of (u, v, radius), px^2
-    plane: Array  # (3,) slopes n_x / n_z and n_y / n_z of its normal, and its distance from the ball's centre in radii
+    plane: TablePlane
     blur_px: float  # standard deviation of the blur under which the silhouette edge is seen
     mirror: float  # reflectance
     explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
 
 
 def fit_mirrored_table(
-    frames: Frames, camera: Camera, sphere: Sphere, *, blur_px: float, rough: bool = False
+    frames: Frames,
+    camera: Camera,
+    sphere: Sphere,
+    *,
+    blur_px: float,
+    plane: TablePlane | None = None,
+    rough: bool = False,
 ) -> MirroredTable | None:
     """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
 
-    `rough`: a few turns only, enough to tell a mirror's outline from another circle.
+    `plane`: what other balls show of the table. `rough`: a few turns only, enough to tell a mirror's outline from
+    another circle.
     """
     surroundings = Surroundings(frames.some(FRAMES), camera, sphere)
+    if plane is not None:
+        return _settle(surroundings, sphere, plane, plane.values, blur_px, rough=rough)
     best: MirroredTable | None = None
     for height in HEIGHTS[:1] if rough else HEIGHTS:
-        plane = _rough_plane(surroundings, sphere, height, blur_px, rough=rough)
-        table = None if plane is None else _settle(surroundings, sphere, plane, blur_px, rough=rough)
+        start = _rough_plane(surroundings, sphere, height, blur_px, rough=rough)
+        table = None if start is None else _settle(surroundings, sphere, ANY_PLANE, start, blur_px, rough=rough)
         if table and (best is None or table.explained > best.explained):
             best = table
         if best and best.explained > SURE:
@@ -101,14 +109,16 @@ def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: fl
     return planes[np.where(shares > 0, left, np.inf).argmin()] if shares.any() else None
 
 
-def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, *, rough: bool) -> MirroredTable | None:
-    """Move outline, plane and blur until what the mirror shows is what the picture shows beside it."""
+def _settle(
+    table: Surroundings, sphere: Sphere, known: TablePlane, plane: Array, blur_px: float, *, rough: bool
+) -> MirroredTable | None:
+    """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it."""
     blur, damping = blur_px, 0.0
     kept: _Turn | None = None
     # From a circle that is none yet the way leads through worse ones.
     turns, slip = (ROUGH_TURNS, np.inf) if rough else (TURNS, SLIP)
     prior = np.zeros(8)
-    prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / PLANE_PRIOR[1] ** 2
+    prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
     for turn in range(turns):
         profiles, offsets, jacobian = table.profiles(sphere, blur)
@@ -122,7 +132,7 @@ def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, *
             size = np.sqrt(np.diag(normal))
             if not (size > 0).all() or np.linalg.cond(normal / np.outer(size, size)) > SINGULAR:
                 return None
-            before = np.concatenate([np.zeros(3), plane - PLANE_PRIOR[0], [blur - blur_px, 0.0]])
+            before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
             gradient = scores.sum(1) - prior * before
             kept, damping = _Turn(explained, (sphere, plane, blur), normal, scores, gradient), damping / 10
         elif kept is None or damping > MOST_DAMPING:
@@ -141,8 +151,8 @@ def _settle(table: Surroundings, sphere: Sphere, plane: Array, blur_px: float, *
         return None
     sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-    best = kept.explained
-    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], plane, blur, best.mirror, best.share)
+    best, found = kept.explained, TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
+    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, best.share)
 
 
 class _Turn(NamedTuple):

@@ -63,7 +63,7 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.explained > 0.99
     assert found.mirror == pytest.approx(0.75, abs=0.005)
     n = world.table_normal
-    assert found.plane == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
+    assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
 
 
 @pytest.mark.full

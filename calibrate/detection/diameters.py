@@ -1,0 +1,92 @@
+"""Which of the listed diameters belongs to which ball: balls on one table have about one scale, mm per pixel.
+
+Every way to give the found balls of each kind different ones of the diameters that are listed for it is a hypothesis;
+its likelihood is that of the balls' log scales, normal about their mean. What several leave open is a diameter's doubt.
+"""
+
+from collections.abc import Mapping
+from itertools import permutations, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.spheres import Kind, Sphere
+
+Array = NDArray[np.float64]
+SAME_SCALE = 0.06  # standard deviation of log (mm / px) over the balls on one table (0.045 in path-traced scenes)
+SURE = 0.95  # probability from which a diameter is taken as it is listed
+MOST_LISTED = 5  # of one kind, up to which every order is tried
+
+
+class Diameter(NamedTuple):
+    """A ball's diameter and its relative sigma: 0 where it is as listed; None where nothing tells it."""
+
+    mm: float | None
+    sigma: float
+
+
+def told_diameters(
+    found: Mapping[Kind, list[Sphere]], listed: Mapping[Kind, list[float | None]], warnings: list[str]
+) -> dict[Kind, list[Diameter]]:
+    """Return each found ball's diameter, those of a kind the largest picture first, as `found` is."""
+    kinds = list(found)
+    trials = list(product(*(_ways(listed[kind], len(found[kind])) for kind in kinds)))
+    radii = np.array([s.radius_px for kind in kinds for s in found[kind]])
+    given = np.array([[d or np.nan for way in trial for d in way] for trial in trials]).reshape(len(trials), -1)
+    weight = _probabilities(np.log(given / radii))
+    told = [_told(column, weight) for column in given.T]
+    out: dict[Kind, list[Diameter]] = {}
+    for kind in kinds:
+        out[kind], told = told[: len(found[kind])], told[len(found[kind]) :]
+        if len({*listed[kind]}) > 1:
+            _say(kind, found[kind], out[kind], listed[kind], warnings)
+    return out
+
+
+def _ways(listed: list[float | None], count: int) -> list[tuple[float | None, ...]]:
+    """Return the ways to give `count` balls, the largest picture first, different ones of the listed diameters."""
+    if len(listed) <= MOST_LISTED:
+        return sorted(set(permutations(listed, count)), key=str)
+    in_order = sorted((d for d in listed if d), reverse=True)
+    return [tuple(in_order) if len(in_order) == count else (None,) * count]
+
+
+def _probabilities(scales: Array) -> Array:
+    """Return (T,) of trials with log scales (T, N), NaN where a diameter is not known."""
+    known = np.isfinite(scales)
+    mean = np.nansum(scales, 1) / np.maximum(known.sum(1), 1)
+    chi2 = np.nansum(((scales - mean[:, None]) / SAME_SCALE) ** 2, 1)
+    weight = np.exp((chi2.min() - chi2) / 2)
+    return np.asarray(weight / weight.sum(), np.float64)
+
+
+def _told(given: Array, weight: Array) -> Diameter:
+    """Return one ball's diameter by what the trials give it (T,) and their probabilities (T,)."""
+    each = {value: float(weight[given == value].sum()) for value in given[np.isfinite(given)].tolist()}
+    if sum(each.values()) < SURE:
+        return Diameter(None, 0.0)
+    likeliest = max(each, key=lambda value: each[value])
+    if each[likeliest] >= SURE:
+        return Diameter(likeliest, 0.0)
+    values, p = np.log(list(each)), np.array(list(each.values()))
+    mean = np.average(values, weights=p)
+    return Diameter(float(np.exp(mean)), float(np.sqrt(np.average((values - mean) ** 2, weights=p))))
+
+
+def _say(
+    kind: Kind, found: list[Sphere], told: list[Diameter], listed: list[float | None], warnings: list[str]
+) -> None:
+    """Say what the balls' size in the picture decided, and what it left open."""
+    sure = [f"{one.mm:g}" for one in told if one.mm and not one.sigma]
+    if sure:
+        warnings.append(f"{kind} balls of {', '.join(sure)} mm were told apart by their size in the picture.")
+    given = ", ".join(f"{d:g}" for d in listed if d)
+    for sphere, one in zip(found, told, strict=True):
+        u, v = sphere.center_px
+        taken = f"taken as {one.mm:.1f} mm, to {one.sigma:.0%}" if one.mm else "no diameter is used"
+        if one.sigma or not one.mm:
+            warnings.append(
+                f"the {kind} ball at ({u:.0f}, {v:.0f}) px: which of {given} mm it is cannot be told; {taken}. Give "
+                "its center_px and radius_px."
+            )
