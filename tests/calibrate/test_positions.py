@@ -308,9 +308,10 @@ def test_healthy_balls_accuse_nobody(scene):
 def test_a_diameter_that_nobody_stated_is_found(scene):
     lights, highlights = scene
     spheres = _spheres(3)
-    spheres[2] = replace(spheres[2], diameter_mm=None)
+    spheres[2] = replace(spheres[2], diameter_mm=2.2 * RADIUS, diameter_sigma=0.1)
     fit, notes = _chosen(highlights, spheres)
     assert not notes.warnings
+    assert any("chrome ball 3 is" in line and "by the highlights" in line for line in notes.evidence)
     assert 2 * fit.spheres[2].radius_mm == pytest.approx(2 * RADIUS, rel=0.01)
     np.testing.assert_allclose(fit.positions_mm, lights, atol=12)
 
