@@ -16,6 +16,7 @@ from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
 from calibrate.known_lights.read_known import read_lights
 from calibrate.photometry.matte_shading import read_surface, shading_directions
+from formats.pictures import linear_from_srgb
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames, encode
@@ -97,8 +98,8 @@ def need(*parts: str) -> Path:
     return folder
 
 
-def photographs(paths: list[Path]) -> Frames:
-    """Return 8 or 16-bit photographs as linear frames."""
+def photographs(paths: list[Path], encoding: str = "linear") -> Frames:
+    """Return 8 or 16-bit photographs, linear or sRGB, as linear frames."""
     import cv2
 
     images = []
@@ -106,7 +107,8 @@ def photographs(paths: list[Path]) -> Frames:
         image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
         assert image is not None, path
         image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image[..., 2::-1]
-        images.append(image / np.float32(np.iinfo(image.dtype).max))
+        image = image / np.float32(np.iinfo(image.dtype).max)
+        images.append(linear_from_srgb(image) if encoding == "srgb" else image)
     return Frames.from_linear(tuple(path.stem for path in paths), np.stack(images))
 
 
@@ -140,6 +142,26 @@ def washington() -> Washington:
     given = Lights(found.lights.names, directions, np.ones((12, 3)))
     shaded, _ = shading_directions(read_surface(gray, camera, gray_ball))
     return Washington(camera, gray, found, chrome_ball, gray_ball, given, shaded)
+
+
+@dataclass(frozen=True)
+class Harvard:
+    """PSBox, LightProbe-1: one scratched chrome ball that fills the picture, 12 lights, 8-bit sRGB."""
+
+    found: Calibration
+    ball: Sphere  # its circle by hand
+    given: Array  # (12, 3) directions from highlights that were marked by hand
+
+
+def harvard() -> Harvard:
+    """Find the ball and the lights."""
+    folder = need("harvard_probe")
+    frames = photographs(sorted(folder.glob("Image_*.JPG")), encoding="srgb")
+    u, from_below, radius = np.loadtxt(folder / "circle_data.txt")
+    ball = Sphere("chrome", np.array([u, frames.height - 1 - from_below]), float(radius))
+    given = np.loadtxt(folder / "light_directions.txt").T
+    found = calibrate(frames, Camera.orthographic(frames.width, frames.height), [SphereRequest("chrome")])
+    return Harvard(found, ball, given / np.linalg.norm(given, axis=1, keepdims=True))
 
 
 def mask_circle(path: Path) -> tuple[float, float, float]:

@@ -32,7 +32,7 @@ EDGE_NOISES, EDGE_SHARE, EDGE_LEAST = 4.0, 0.03, 2e-4
 """Gradient that counts half as an edge: in the neighbourhood's noise, in its brightness per pixel, at least."""
 NOISE_TILE_PX = 24  # neighbourhood in which the gradient's median is its noise
 ALBEDO_FLOOR = 0.02  # of the mean's 0.9 quantile, added to what the frames are divided by
-SMALLEST_PX, LARGEST_SHARE = 6.0, 0.42  # radii searched: from 6 coarse pixels to 0.42 of the image's shorter side
+SMALLEST_PX, LARGEST_SHARE = 6.0, 0.5  # radii searched: from 6 coarse pixels to half of the image's shorter side
 RING_PX = 20.0, 40.0  # radii of an octave: each is searched in images that are shrunk until its rings are so large
 ENOUGH = 0.16  # mean evidence on the ring from which a circle is looked at: 1 is an edge all round in all frames
 SEEN = 0.5  # share of a ring that must lie in the picture
@@ -71,8 +71,9 @@ def distinct(spheres: list[Sphere]) -> list[Sphere]:
 
 
 def overlap(a: Sphere, b: Sphere) -> bool:
-    """Whether two circles cover each other more than two balls that touch would."""
-    return float(np.hypot(*(a.center_px - b.center_px))) < 0.85 * (a.radius_px + b.radius_px)
+    """Whether two circles cover each other more than two balls that touch would, or one holds the other's centre."""
+    apart = float(np.hypot(*(a.center_px - b.center_px)))
+    return apart < max(0.85 * (a.radius_px + b.radius_px), a.radius_px, b.radius_px)
 
 
 def static_circles(coarse: Coarse) -> list[Sphere]:

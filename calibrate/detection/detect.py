@@ -14,7 +14,7 @@ from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
 from calibrate.detection.mirror_outline import by_mirrored_table, by_points, circles_about, static_slopes
-from calibrate.silhouette.ball_silhouette import OutlineFit, fit_outline
+from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.table_plane import TablePlane, shared_plane
 from scene.camera import Camera
 from scene.frames import Frames
@@ -28,7 +28,10 @@ OTHERS, ALIKE = 3, 2  # more circles of static slopes, and of static edges, that
 LEAST_SHADING = 0.8  # share of its brightness that shading must explain for a circle to be looked at as a matte ball
 LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
 """Limits of features: what shading leaves, what of the outline is not seen; what another body's shading explains."""
-LEAST_MIRRORED, LEAST_AREA, USUAL_PX = 0.9, 2e-3, 30.0  # of others: where they begin
+LEAST_MIRRORED, LEAST_AREA, USUAL_PX, LARGEST_PX = 0.9, 2e-3, 30.0, 90.0  # of others: where they begin, or end
+UNEXPLAINED = 0.15
+"""Sigma, in radii, of the outline of a mirror that does not show the table: the horizon is 0.7 of the true one."""
+BESIDE, SEEN = (1.1, 1.5), 0.05  # radii around a ball, and share of the picture's bright parts at which these are seen
 HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
 HINT_LEAST_PX = 24
 MOST_HINTED = 3  # circles about a hint, of which two may be a mirror's outlines
@@ -52,6 +55,7 @@ class Found:
 
     fit: OutlineFit
     rival: Sphere | None = None
+    unexplained: bool = False  # a mirror that does not show the table beside it
 
     @property
     def sphere(self) -> Sphere:
@@ -60,12 +64,16 @@ class Found:
     @property
     def warning(self) -> str | None:
         """The caution that belongs to a mirror whose outline is not sure."""
-        if self.rival is None:
+        if self.rival is None and not self.unexplained:
             return None
-        (u, v), radius, other = self.sphere.center_px, self.sphere.radius_px, self.rival.radius_px
+        (u, v), radius = self.sphere.center_px, self.sphere.radius_px
+        but = "it does not mirror the table beside it, and may be what a larger ball mirrors"
+        if self.rival is not None:
+            but = f"a circle of {self.rival.radius_px:.0f} px stands as still"
         return (
-            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but a circle of "
-            f"{other:.0f} px stands as still. Look at the picture; center_px and radius_px in session.toml decide."
+            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, to "
+            f"{self.sphere.sigma_px:.1f} px, but {but}. Look at the picture; center_px and radius_px in session.toml "
+            "decide."
         )
 
 
@@ -103,8 +111,28 @@ def detect(
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
         else:
             rivals = [] if fit.by_table else circles[1:]
-            found.append(Found(fit, rivals[0] if rivals else None))
+            unexplained = _unexplained(coarse, fit)
+            found.append(Found(_loosened(fit) if unexplained else fit, rivals[0] if rivals else None, unexplained))
     return found, tuple(sorted(rejected, key=lambda r: -r.probability))
+
+
+def _unexplained(coarse: Coarse, fit: OutlineFit) -> bool:
+    """Whether a ball stands on a table that is seen, and is a mirror that does not show it."""
+    if fit.by_table or fit.sphere.kind == "white" or fit.sphere.radius_px < TABLE_FROM_PX:
+        return False
+    small, mean = coarse.from_full(fit.sphere), coarse.images.mean(0)
+    box = coarse.box(small, BESIDE[1])
+    rows, columns = box.grid
+    far = np.hypot(columns - small.center_px[0], rows - small.center_px[1]) / small.radius_px
+    beside = mean[box][(far > BESIDE[0]) & (far < BESIDE[1])]
+    return bool(len(beside) and np.median(beside) > SEEN * np.quantile(mean, 0.9))
+
+
+def _loosened(fit: OutlineFit) -> OutlineFit:
+    """Return the outline with the doubt that it is what the ball mirrors."""
+    covariance = fit.covariance + (UNEXPLAINED * fit.sphere.radius_px) ** 2 * np.eye(3)
+    sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
+    return replace(fit, covariance=covariance, sphere=replace(fit.sphere, sigma_px=sigma))
 
 
 def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
@@ -152,7 +180,8 @@ def _matte(coarse: Coarse, circles: list[tuple[Sphere, Points | None]]) -> list[
 
 
 def _size(sphere: Sphere) -> float:
-    return float(np.log(sphere.radius_px / USUAL_PX))
+    """Return the log radius; larger than the scenes' to which weights were fitted, a ball is neither more nor less."""
+    return float(np.log(min(sphere.radius_px, LARGEST_PX) / USUAL_PX))
 
 
 def _mirrors(

@@ -47,10 +47,13 @@ def lights_from_chrome(
     spots = [find_spots(ball.frames, camera, ball.coarse, ball.sphere) for ball in balls]
     chosen, sigma, picks = _agreeing_spots(camera, spheres, spots, notes)
     extents = np.nan_to_num([spot.extent_px[:, 0] for spot in spots])
+    glare = np.stack([spot.glare[:, 0] for spot in spots])
     for s, f in zip(*np.nonzero(picks), strict=True):
         spot = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f])
         if spot is not None:
-            chosen[s, f], sigma[s, f], extents[s, f] = spot
+            chosen[s, f], sigma[s, f], extents[s, f], glare[s, f] = spot
+    for s, f in zip(*np.nonzero(glare), strict=True):
+        notes.flags[f].append(f"glare beside the highlight on chrome ball {s + 1}: the middle of its core is taken")
     _leave_out_strays(camera, spheres, chosen, shading.rough, notes)
     seen = np.asarray(np.isfinite(chosen[..., 0]).any(0))
     if not seen.any():
@@ -134,10 +137,10 @@ def _agreeing_spots(
 
 
 def _leave_out_strays(camera: Camera, spheres: list[Sphere], chosen: Array, shaded: Array, notes: Notes) -> None:
-    """Set to NaN what the white balls' clear shading contradicts."""
-    off = np.stack(
-        [angular_error_deg(mirrored_rays(camera, s, at)[1], shaded) for s, at in zip(spheres, chosen, strict=True)]
-    )
+    """Set to NaN what lies beside its ball, and what the white balls' clear shading contradicts."""
+    toward = np.stack([mirrored_rays(camera, s, at)[1] for s, at in zip(spheres, chosen, strict=True)])
+    chosen[~np.isfinite(toward[..., 0])] = np.nan
+    off = angular_error_deg(toward, shaded)
     if not np.isfinite(off).any():
         return
     stray = np.nan_to_num(off) > np.nanmedian(off) + STRAY_DEG

@@ -25,6 +25,9 @@ PEAK_SHARE = 0.04  # radii between two bright points
 SMOOTH_PX = 0.7
 WINDOW_PX, WINDOW_SHARE, LARGEST_WINDOW = 6, 0.12, 0.6  # half a window: px at least, radii, and radii at most
 CENTROID_PX, CENTROID_SHARE = 0.15, 0.06  # error of a centroid: px, and of the spot's size
+GLARE_PX, GLARE_SHARE = 1.0, 0.1
+"""How far from its core's middle, px and sizes, a spot may be fitted: farther, a streak of glare has drawn it there."""
+CORE_SHARE, CORE_DEPTH = 0.1, 0.9  # error of a core's middle, sizes, and share of the depth that is its middle
 MOSAIC = 0.05  # share of the other samples' miss that interpolated ones show
 
 
@@ -34,6 +37,7 @@ class Spot(NamedTuple):
     pixel: Array  # (2,)
     sigma_px: float  # along one axis
     extent_px: float  # half the flash's size
+    glare: bool = False  # a streak lies beside its core, and its core's middle was taken
 
 
 class Spots(NamedTuple):
@@ -42,6 +46,7 @@ class Spots(NamedTuple):
     pixels: Array  # (F, K, 2)
     sigma_px: Array  # (F, K)
     extent_px: Array  # (F, K)
+    glare: NDArray[np.bool_]  # (F, K)
 
 
 def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
@@ -56,6 +61,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
     rough, strength = _rough(frames, coarse, coarse.from_full(sphere))
     pixels = np.full((len(frames), MOST_SPOTS, 2), np.nan)
     sigma, extent = np.full((2, len(frames), MOST_SPOTS), np.nan)
+    glare = np.zeros(sigma.shape, bool)
     usual = np.nanmedian(strength[:, 0]) if np.isfinite(strength[:, 0]).any() else np.inf
     for f in range(len(frames)):
         for k in range(MOST_SPOTS):
@@ -63,8 +69,8 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
                 near = coarse.to_full(rough[f, k])
                 spot = measure_spot(frames, f, camera, sphere, near, factor=coarse.factor, fitted=k == 0)
                 if spot is not None:
-                    pixels[f, k], sigma[f, k], extent[f, k] = spot
-    return Spots(pixels, sigma, extent)
+                    pixels[f, k], sigma[f, k], extent[f, k], glare[f, k] = spot
+    return Spots(pixels, sigma, extent, glare)
 
 
 def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:
@@ -98,7 +104,9 @@ def measure_spot(
     -----
     First the centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak.
     A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
-    glow. From there `fit_disc`; where it fails the centroid is taken, with its larger sigma.
+    glow. From there `fit_disc`; where it fails the centroid is taken, with its larger sigma. Scratches throw streaks of
+    glare beside the flash, and both are drawn along: where the largest disc that the region holds lies elsewhere, its
+    centre is taken, for a streak is thin.
     """
     half = int(max(WINDOW_PX, np.ceil(WINDOW_SHARE * sphere.radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
@@ -149,7 +157,19 @@ def measure_spot(
             *np.zeros((2, np.count_nonzero(near_by)), bool),
         )
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
-    return vague if fit is None else Spot(*fit, extent)
+    spot = vague if fit is None else Spot(*fit, extent)
+    core = _core(region) + [left, top]
+    if np.hypot(*(core - spot.pixel)) < max(GLARE_PX, GLARE_SHARE * size):
+        return spot
+    return Spot(core, max(spot.sigma_px, CORE_SHARE * size), extent, glare=True)
+
+
+def _core(region: NDArray[np.bool_]) -> Array:
+    """Return the centre (2,) of the largest disc that a region (h, w) holds."""
+    depth = cv2.distanceTransform(np.pad(region, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+    y, x = np.nonzero(depth > CORE_DEPTH * depth.max())
+    weight = depth[y, x]
+    return np.array([np.average(x, weights=weight), np.average(y, weights=weight)])
 
 
 def _patch(

@@ -155,3 +155,20 @@ def test_a_window_of_all_frames_is_cut_from_the_shrunken_stack():
     np.testing.assert_allclose(window, truth[:, 4:15, 100:131], atol=3e-5)
     assert len(window) > len(coarse.images) == 20
     assert all(np.abs(truth - image).max((1, 2)).min() < 3e-5 for image in coarse.images)
+
+
+def test_a_streak_of_glare_does_not_draw_a_clipped_flash_along():
+    """Scratches smear a flash to one side: the core's middle is taken, and that is said."""
+    frames = _frames(PLACES, 8.0, 30.0)
+    images = np.stack([frames.frame(f) for f in range(len(PLACES))])
+    rows, columns = np.mgrid[:SIZE, :SIZE]
+    for image, (u, v) in zip(images, PLACES, strict=True):
+        along = np.maximum(rows - v, 0)
+        streak = np.exp(-0.5 * ((columns - u - 0.3 * along) / 1.5) ** 2 - along / 8) * (rows > v)
+        image += (24 * streak)[..., None].astype(image.dtype)
+    streaked = Frames.from_linear(frames.names, np.clip(images, 0, 1))
+    spots = find_spots(streaked, CAMERA, shrink(streaked, CAMERA), BALL)
+    error = np.linalg.norm(spots.pixels[:, 0] - PLACES, axis=1)
+    assert spots.glare[:, 0].all()
+    assert (error < 2.5 * spots.sigma_px[:, 0]).all()
+    assert not find_spots(frames, CAMERA, shrink(frames, CAMERA), BALL).glare[:, 0].any()
