@@ -105,8 +105,8 @@ def measure_spot(
     First the centroid of I - t over the connected region above t, 0.3 of the way from the surroundings to the peak.
     A clipped plateau has the same centre as the disc that it cuts off; a large one is taken at 0.7, above the lens's
     glow. From there `fit_disc`; where it fails the centroid is taken, with its larger sigma. Scratches throw streaks of
-    glare beside the flash, and both are drawn along: where the largest disc that the region holds lies elsewhere, its
-    centre is taken, for a streak is thin.
+    glare beside a clipped flash, and both are drawn along: where the largest disc that the region holds lies elsewhere,
+    its centre is taken, for a streak is thin.
     """
     half = int(max(WINDOW_PX, np.ceil(WINDOW_SHARE * sphere.radius_px), 3 * factor))
     u, v = np.round(near).astype(int)
@@ -129,7 +129,8 @@ def measure_spot(
         y, x = at[0] + max(y0 - reach, 0), at[1] + max(x0 - reach, 0)
         floor = float(np.median(np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])))
         peak = float(smooth[y, x])
-        level = floor + (GLOWING_LEVEL if clipped.sum() > GLOWING_PX else LEVEL) * (peak - floor)
+        glows = clipped.sum() > GLOWING_PX
+        level = floor + (GLOWING_LEVEL if glows else LEVEL) * (peak - floor)
         regions = np.asarray(cv2.connectedComponents((image > level).astype(np.uint8), connectivity=4)[1])
         region = regions == regions[y, x]
         size = float(np.sqrt(region.sum() / np.pi))
@@ -159,7 +160,7 @@ def measure_spot(
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
     spot = vague if fit is None else Spot(*fit, extent)
     core = _core(region) + [left, top]
-    if np.hypot(*(core - spot.pixel)) < max(GLARE_PX, GLARE_SHARE * size):
+    if not glows or np.hypot(*(core - spot.pixel)) < max(GLARE_PX, GLARE_SHARE * size):
         return spot
     return Spot(core, max(spot.sigma_px, CORE_SHARE * size), extent, glare=True)
 
