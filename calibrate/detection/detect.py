@@ -13,7 +13,13 @@ from calibrate.detection.choice import Judged, Suspect, choose, considered
 from calibrate.detection.circles import distinct, overlap, static_circles
 from calibrate.detection.coarse import Box, Coarse
 from calibrate.detection.evidence import Change, Points, bright_points, changes, shaded
-from calibrate.detection.mirror_outline import by_mirrored_table, by_points, circles_about, static_slopes
+from calibrate.detection.mirror_outline import (
+    by_mirrored_table,
+    by_points,
+    circles_about,
+    on_known_table,
+    static_slopes,
+)
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
 from calibrate.silhouette.table_plane import TablePlane, shared_plane
 from scene.camera import Camera
@@ -24,6 +30,7 @@ THREADS = 2  # outlines that are fitted side by side
 SMALL_PX = 20.0  # radius under which the flash's image is so blurred that a mirror is asked on less evidence
 LEAST_SUPPORT = 0.4  # share of a mirror's outline that must stand still where no table is seen in it
 AS_STILL = 0.9  # of the same, from which on it is open which of two circles is the outline
+KNOWN_BY = 2  # mirrors that must have shown the table before one that shows another is none
 OTHERS, ALIKE = 3, 2  # more circles of static slopes, and of static edges, that may be a mirror's outline
 LEAST_SHADING = 0.8  # share of its brightness that shading must explain for a circle to be looked at as a matte ball
 LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
@@ -190,16 +197,23 @@ def _mirrors(
     """Return the circles that show the light as a wandering point, those that mirror the table beside them first."""
     suspects: list[Suspect] = []
     tables: list[Sphere] = []
+    planes: list[TablePlane] = []
     static = static_slopes(coarse)
     for group in by_points(pointed):
         seed = group[0][0]
         if any(overlap(seed, other) for other in tables):
             continue
         about = circles_about(static, seed) or [seed]
-        table = by_mirrored_table(frames, camera, [coarse.sphere_to_full(c) for c in about], blur_px=coarse.factor)
+        full = [coarse.sphere_to_full(circle) for circle in about]
+        plane, table = shared_plane(planes), None
+        if plane is not None:
+            table = on_known_table(frames, camera, full, plane, blur_px=coarse.factor)
+        if table is None and len(planes) < KNOWN_BY:
+            table = by_mirrored_table(frames, camera, full, blur_px=coarse.factor)
         some = [c for c in about[: 1 + OTHERS] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[:ALIKE]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))
+            planes.append(table.plane)
             suspects += _mirror(coarse, change, tables[-1], [], table.plane)
         for circle in some:
             others = [c for c in about if c is not circle and c.score > AS_STILL * circle.score]

@@ -22,6 +22,7 @@ from calibrate.detection.evidence import Points
 from calibrate.silhouette.mirrored_surroundings import Surroundings
 from calibrate.silhouette.mirrored_table import SURE, MirroredTable, fit_mirrored_table, share_explained
 from calibrate.silhouette.outline import circles_apart, sampled, share_in_picture
+from calibrate.silhouette.table_plane import TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.spheres import Sphere
@@ -48,7 +49,7 @@ TRIED, EDGES, FOLLOWED, SETTLED = 4, 3, 4, 2
 """Circles about a mirror on which its law is tried; that are taken for the table's edge in it; outlines about these
 that are followed; and fits that are taken to the end."""
 HORIZONS = 0.62, 0.66, 0.7  # radii of a finite table's edge as a ball shows it, in its own, that are tried,
-HORIZON_TILTS, HORIZON_TURNS = np.deg2rad([0.0, 11.0, 23.0]), 6  # and its tilts, each to so many sides
+HORIZON_TILTS, HORIZON_TURNS = np.deg2rad([11.0, 23.0]), 6  # and its tilts, each to so many sides
 FARTHEST_MOVED = 0.3  # radii by which the law may move a circle
 HOPEFUL = 0.85  # share of the variance that a start must explain to be followed,
 EXPLAINS = 0.97  # and that the mirrored table explains beside a mirror's outline
@@ -171,6 +172,23 @@ def _worth(one: Sphere, circles: list[Sphere]) -> float:
     return one.score + max(horizon(other) for other in circles)
 
 
+def on_known_table(
+    frames: Frames, camera: Camera, circles: list[Sphere], plane: TablePlane, *, blur_px: float
+) -> MirroredTable | None:
+    """Return the outline in which a ball mirrors a table that other balls have shown, or None.
+
+    `circles` as in `by_mirrored_table`.
+    """
+    some = frames.some(FRAMES)
+    starts = [*circles[:TRIED], *_about_horizons(some, camera, circles, blur_px, plane.values)]
+    fits = [fit_mirrored_table(some, camera, one, blur_px=blur_px, plane=plane, rough=True) for one in starts]
+    for rough in sorted((fit for fit in fits if fit), key=lambda fit: -fit.explained)[:1]:
+        table = fit_mirrored_table(some, camera, rough.sphere, blur_px=blur_px, plane=plane)
+        if table and _located(table) and table.explained > CLEAR:
+            return _scored(table, camera)
+    return None
+
+
 def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> MirroredTable | None:
     """Return the outline in which a ball mirrors the table beside it best, or None.
 
@@ -206,14 +224,19 @@ def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, 
     return None if best is None else _scored(best, camera)
 
 
-def _about_horizons(frames: Frames, camera: Camera, circles: list[Sphere], blur_px: float) -> list[Sphere]:
-    """Return the circles about the best supported ones that would mirror the table best if these were its edge."""
+def _about_horizons(
+    frames: Frames, camera: Camera, circles: list[Sphere], blur_px: float, known: Array | None = None
+) -> list[Sphere]:
+    """Return the circles about the best supported ones that would mirror the table best if these were its edge.
+
+    `known`: the table's plane, where it is.
+    """
     edges = sorted(circles, key=lambda one: -one.score)[:EDGES]
     if not edges:
         return []
     widest = max(edges, key=lambda one: one.radius_px)
     table = Surroundings(frames, camera, replace(widest, radius_px=widest.radius_px / HORIZONS[0]))
-    starts = [start for edge in edges for start in about_horizon(edge)]
+    starts = [start for edge in edges for start in about_horizon(edge, known)]
     shares = np.array([share_explained(table, sphere, [plane], blur_px)[0] for sphere, plane in starts])
     kept: list[Sphere] = []
     for n in np.argsort(-shares, kind="stable"):
@@ -225,21 +248,26 @@ def _about_horizons(frames: Frames, camera: Camera, circles: list[Sphere], blur_
     return kept
 
 
-def about_horizon(edge: Sphere) -> Iterator[tuple[Sphere, Array]]:
+def about_horizon(edge: Sphere, known: Array | None = None) -> Iterator[tuple[Sphere, Array]]:
     """Return outlines, and the tables that they stand on, of balls that show the table's edge as this circle.
 
     What a table's horizon mirrors lies half-way between view and table: n = (x, y, z) with 2 z (n . t) = v . t, t the
     table's normal, tilted by a. That is nearly a circle of radius cos 45 cos(a / 2), its centre moved by
     cos 45 sin(a / 2) of the ball's radius to where t points. A table that ends before its horizon shows a smaller one.
     """
+    if known is None:
+        turns = np.arange(HORIZON_TURNS) * (2 * np.pi / HORIZON_TURNS)
+        slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in np.tan(HORIZON_TILTS) for a in turns)]
+    else:
+        slopes = [(float(known[0]), float(known[1]))]
     for ratio in HORIZONS:
         radius = edge.radius_px / ratio
-        for tilt in HORIZON_TILTS:
-            off = np.sqrt(0.5) * np.sin(tilt / 2) * radius
-            for turn in np.arange(HORIZON_TURNS if tilt else 1) * (2 * np.pi / HORIZON_TURNS):
-                way = np.array([np.cos(turn), np.sin(turn)])
-                plane = np.array([np.tan(tilt) * way[0], -np.tan(tilt) * way[1], 1.0])
-                yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius), plane
+        for slope in slopes:
+            steep = float(np.hypot(slope[0], slope[1]))
+            # Up in the picture is v falling.
+            way = np.array([slope[0], -slope[1]]) / max(steep, 1e-9)
+            off = np.sqrt(0.5) * np.sin(np.arctan(steep) / 2) * radius
+            yield replace(edge, center_px=edge.center_px - off * way, radius_px=radius), np.array([*slope, 1.0])
 
 
 def _scored(table: MirroredTable, camera: Camera) -> MirroredTable:

@@ -5,6 +5,7 @@ two models are one code and nested. Each ball may move within what its outline a
 within what is known of them.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -29,11 +30,6 @@ FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
 STEP, PIXEL_STEP = 1e-4, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
 OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keeps the step from going there
-ENOUGH, ROUNDED = 1e-7, 1e-13
-"""Fall of the sum of squares, of residuals in sigmas, at which a fit is at rest, and what of it is rounding: what
-still moves, moves by less than a thousandth of a sigma."""
-MOST_STEPS, FIRST_DAMPING, MOST_DAMPING = 40, 1e-4, 1e6
-RIDGE = 1e-9  # keeps a light that no ball shows where it is
 
 
 @dataclass(frozen=True)
@@ -199,6 +195,11 @@ class Adjustment:
         """Return (S, F, 2) px; NaN where unseen."""
         return np.stack([self._miss(x, s, self._mirrored(x, s)) for s in range(self.balls)])
 
+    def misses_of_lights(self, x: Array) -> Callable[[Array], Array]:
+        """Return `residual_pixels` for unknowns of which only the lights' differ from those of `x`."""
+        mirrored = [self._mirrored(x, s) for s in range(self.balls)]
+        return lambda y: np.stack([self._miss(y, *one) for one in enumerate(mirrored)])
+
     def _mirrored(self, x: Array, ball: int) -> _Mirrored:
         """Return what of a ball's residuals does not hang on the lights."""
         camera, sphere, pixels = self.camera_at(x), self.balls_at(x)[ball], self.seen.highlights[ball]
@@ -266,34 +267,3 @@ class Adjustment:
             ends = [self.shading_misses(y) for y in (x + step, x - step)]
             shaded[:, every, :, k + self.per_light * every] = (ends[0] - ends[1]).swapaxes(0, 1) / (2 * STEP)
         return np.concatenate([by_pixels, shaded[self.shaded].reshape(-1, len(x)), self.prior])
-
-    def minimum(self, x: Array, *, bend: float = np.inf) -> Array:
-        """Return the unknowns at which the sum of squares is least, by Levenberg's and Marquardt's steps.
-
-        From about `bend` on a residual counts in proportion, not squared (soft L1); inf: all are squared.
-        """
-
-        def cost(residual: Array) -> tuple[float, Array]:
-            root = np.sqrt(1 + (residual / bend) ** 2)
-            return float(np.sum(2 * residual**2 / (root + 1))), 1 / root
-
-        damping, residual = FIRST_DAMPING, self.residuals(x)
-        before, weight = cost(residual)
-        for _ in range(MOST_STEPS):
-            slopes = self.slopes(x)
-            normal = slopes.T @ (weight[:, None] * slopes)
-            gradient = slopes.T @ (weight * residual)
-            while damping < MOST_DAMPING:
-                moved = x - np.linalg.solve(normal + np.diag(damping * np.diag(normal) + RIDGE), gradient)
-                left = self.residuals(moved)
-                after, lighter = cost(left)
-                if after <= before:
-                    break
-                damping *= 10
-            else:
-                return x
-            fallen = before - after
-            x, residual, before, weight, damping = moved, left, after, lighter, damping / 10
-            if fallen <= ENOUGH + ROUNDED * before:
-                break
-        return x

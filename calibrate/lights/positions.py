@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibrate.lights.adjustment import STEP, Adjustment, Observed
+from calibrate.lights.least_squares import minimum
 from scene.camera import Camera
 from scene.spheres import Sphere
 
@@ -71,7 +72,7 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
     x = problem.start()
     shown = np.isfinite(seen.highlights[..., 0])
     for bend in BENDS:
-        x = problem.minimum(x, bend=bend)
+        x = minimum(problem, x, bend=bend)
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE
         least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
@@ -109,14 +110,14 @@ def _agreeing(problem: Adjustment, x: Array, f: int, balls: NDArray[np.intp]) ->
         keep[balls[problem.seen.sigma_px[balls, f].argmin()]] = True
         return keep
     column = problem.first_light + problem.per_light * f + np.arange(problem.per_light)
-    misses = []
+    misses, residual = [], problem.misses_of_lights(x)
     for left_out in balls:
         others = balls[balls != left_out]
 
         def miss(light: Array, others: NDArray[np.intp] = others) -> Array:
             moved = x.copy()
             moved[column] = light
-            return np.nan_to_num(problem.residual_pixels(moved)[others, f].ravel(), nan=1e3)
+            return np.nan_to_num(residual(moved)[others, f].ravel(), nan=1e3)
 
         misses.append(float(least_squares(miss, x[column], loss="soft_l1").cost))
     keep[balls] = True

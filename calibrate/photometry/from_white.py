@@ -35,6 +35,7 @@ is put right; sRGB taken for linear also likes another diameter, but leaves 0.7 
 ALONE, NOTABLE = 0.5, 0.03
 """Share of the misfit that it must leave at most, and how far, relative, it must lie off, to be believed."""
 TRIED, BOUND, FINE = 0.5, 0.45, 0.005  # logarithms of the diameters that are tried; believed at most; and resolution
+LESS = 0.97  # share of the misfit that `NOTABLE` more or less must leave at most for others to be tried
 MUCH_AMBIENT = 0.25
 """Share of the median flash from which light without flash is either a bright room's, or no light but an encoding: by
 sRGB taken for linear it is 0.5 to 0.7."""
@@ -134,16 +135,17 @@ def _scaled(surface: Surface, log: float) -> Surface:
 def _other_diameter(surface: Surface, read: Photometry, meter: Meter) -> tuple[float, float]:
     """Return the logarithm by which the diameter that the shading wants differs, and the misfit that is left then.
 
-    0 and infinity where lights are distant or nothing is in doubt.
+    0 and infinity where lights are distant, nothing is in doubt, or a little more or less explains no more.
     """
     if meter.positions is None or read.residual < DOUBTFUL:
         return 0.0, np.inf
-    found: Any = minimize_scalar(
-        lambda log: measure(_scaled(surface, log), meter).residual,
-        bounds=(-TRIED, TRIED),
-        method="bounded",
-        options={"xatol": FINE},
-    )
+
+    def residual(log: float) -> float:
+        return measure(_scaled(surface, log), meter).residual
+
+    if min(residual(-NOTABLE), residual(NOTABLE)) > LESS * read.residual:
+        return 0.0, np.inf
+    found: Any = minimize_scalar(residual, bounds=(-TRIED, TRIED), method="bounded", options={"xatol": FINE})
     return float(found.x), float(found.fun)
 
 

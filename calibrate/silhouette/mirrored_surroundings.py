@@ -87,20 +87,20 @@ class Surroundings:
         out[:, outside] = np.nan
         return out.astype(np.float32, copy=False)
 
-    def mirrored_by(self, sphere: Sphere, plane: Array, blur_px: float) -> Shown:
+    def mirrored_by(self, sphere: Sphere, plane: Array, blur_px: float, per_bin: int = PER_BIN) -> Shown:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
         radius = sphere.radius_px
         deepest = np.sqrt(1 - (1 - max(DEPTH, 8 * blur_px / radius)) ** 2)
         # Even steps of the normal: near the outline the mirror's picture is squeezed without bound.
         facing = np.linspace(0, deepest, int(np.clip(0.6 * radius, 24, 60)) + 1)
         middle = radius * (1 - np.sqrt(1 - (0.5 * (facing[1:] + facing[:-1])) ** 2))
-        points, normals = outline_with_normals(self.camera, sphere, PER_BIN * BINS)
+        points, normals = outline_with_normals(self.camera, sphere, per_bin * BINS)
         pixels = mirrored_pixels(self.camera, sphere, plane, points[:, None] - middle[:, None] * normals[:, None])
         # Beside the outline itself the picture is blurred with the ball.
         away = np.sum((pixels - points[:, None]) * normals[:, None], -1)
         pixels += np.maximum(2.5 * blur_px - away, 0)[..., None] * normals[:, None]
         values = self._look_up(pixels)
-        values = values.reshape(len(values), BINS, PER_BIN, -1).mean(2)
+        values = values.reshape(len(values), BINS, per_bin, -1).mean(2)
         return Shown(radius * (1 - np.sqrt(1 - facing**2)), values, radius)
 
     def profiles(self, sphere: Sphere, blur_px: float) -> tuple[Values, Array, Array]:

@@ -214,9 +214,14 @@ def _slopes(
     def moved_by(shift: float, blur_px: float) -> Values:
         return k * shown.blurred(offsets - shift, blur_px) + beyond @ _outside(offsets - shift, blur_px).T
 
+    def seen_in(sphere: Sphere, plane: Array) -> Values:
+        # One direction a profile is enough for a difference.
+        return table.mirrored_by(sphere, plane, blur, 1)._replace(radius_px=shown.radius_px).blurred(offsets, blur)
+
+    here = seen_in(sphere, plane)
+
     def looked_up(sphere: Sphere, plane: Array, step: float) -> Values:
-        other = table.mirrored_by(sphere, plane, blur)._replace(radius_px=shown.radius_px).blurred(offsets, blur)
-        return (other - mirrored) * np.float32(k / step)
+        return (seen_in(sphere, plane) - here) * np.float32(k / step)
 
     by_shift = (moved_by(0.1, blur) - moved_by(-0.1, blur)) / 0.2
     by_outline = [

@@ -9,6 +9,7 @@ from scipy.optimize import least_squares, minimize
 from calibrate.calibration import Notes
 from calibrate.lights.adjustment import Adjustment, Observed
 from calibrate.lights.directions import mirrored_rays, ray_meeting
+from calibrate.lights.least_squares import minimum
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.lights.shading import SURROUNDINGS_DEG, Shading
@@ -239,7 +240,7 @@ def test_the_minimum_is_that_of_another_solver(scene, near, bend):
     sigma, covariances = np.full((3, 8), 0.1), [0.08**2 * np.eye(3)] * 3
     camera = replace(CAMERA, focal_sigma=0.02)
     problem = Adjustment(Observed(camera, _spheres(3, rng, 0.1), covariances, noisy, sigma, REFERENCE), near=near)
-    x = problem.minimum(problem.start(), bend=bend)
+    x = minimum(problem, problem.start(), bend=bend)
     loss, size = ("linear", 1.0) if np.isinf(bend) else ("soft_l1", bend)
     other = least_squares(problem.residuals, x, problem.slopes, loss=loss, f_scale=size, xtol=1e-12, ftol=1e-12)
     sigmas = np.sqrt(np.diag(np.linalg.inv(problem.slopes(x).T @ problem.slopes(x))))
