@@ -55,7 +55,7 @@ class Job:
 
     `session` is capture's Session; `methods` the solvers asked for, `profile` that of their settings, `externals` those
     of them that are other programs, by name; `executor` what fans out the work, None for threads here; `twin` how the
-    twin is rendered.
+    twin is rendered; `refine_lights` lets the scan correct the lights.
     """
 
     session: Any
@@ -66,6 +66,7 @@ class Job:
     profile: str = "default"
     externals: dict[str, Any] = field(default_factory=dict)
     twin: TwinSettings = AS_GIVEN
+    refine_lights: bool = False
 
     @cached_property
     def store(self) -> Store:

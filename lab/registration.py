@@ -18,12 +18,15 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     """Register the scan and write pose, truth, mask and lights."""
     from align.mask.object_mask import scan_mask
     from align.pose.motion import apart_px
+    from align.pose.photographed import Photographs
     from align.pose.register import scaled_pose
     from align.pose.scan_outline import outline_strokes
+    from align.pose.scan_view import View
     from align.pose.shading import scan_shading
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from compare.report.registration_pictures import write_pictures
+    from scene.rays import RayCaster
 
     store = job.store
     mesh = job.load_scan()
@@ -42,6 +45,11 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
+    lights, witness, doubts = _by_the_scan(
+        View(RayCaster(mesh, smooth[0]), camera, found.pose),
+        Photographs(camera, frames, lights, final_mask.mask),
+        refine=job.refine_lights,
+    )
     store.save_lights(lights, files=frame_files(job))
     write_pictures(
         store,
@@ -61,8 +69,9 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "fit": found.evidence,
         "evidence": list(mesh.repairs),
         "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
+        "lights": witness,
     }
-    warnings = [*found.warnings, *final_mask.warnings]
+    warnings = [*found.warnings, *final_mask.warnings, *doubts]
     if picked is not None:
         away = apart_px(mesh, camera, scaled_pose(picked.pose, scale or 1.0), found.pose)
         result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}
@@ -74,6 +83,26 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
                 "one of the two is wrong. Check the outline in the report, and the picks."
             )
     return result, warnings
+
+
+def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, dict, list[str]]:
+    """Return the lights, refined where that was asked for, what the scan's shading says of them, and warnings."""
+    from align.light_witness import ask_scan, refined, said
+
+    lights = photographs.lights
+    witness = ask_scan(view, photographs)
+    result = {
+        "turn_deg": witness.turn_deg(lights),
+        "brighter": witness.brighter(lights),
+        "explains": witness.explains,
+        "off": witness.off(lights),
+        "refined": refine,
+    }
+    if not refine:
+        return lights, result, said(lights, witness)
+    told = f"--refine-lights: {int(witness.moved.sum())} of {len(lights)} lights were moved by the scan's own shading"
+    caution = "; the methods are judged by the same scan, and look better for it."
+    return refined(lights, witness), result, [told + caution]
 
 
 def _registered(

@@ -26,6 +26,7 @@ def open_job(
     scheduler: str | None = None,
     truth: Path | None = None,
     twin: TwinSettings = AS_GIVEN,
+    refine_lights: bool = False,
 ) -> Iterator["Job"]:
     """Hold a session's output folder for a block.
 
@@ -42,6 +43,8 @@ def open_job(
         Folder of a known truth (truth.json, truth.npz) to judge the results by.
     twin : TwinSettings
         How the twin is rendered.
+    refine_lights : bool
+        Let the registered scan's shading correct the lights.
 
     Raises
     ------
@@ -62,7 +65,8 @@ def open_job(
         open_record(folder, inputs=files, input_folders=[session.folder]) as record,
         executor_of(scheduler, record.scratch("cluster"), files) as executor,
     ):
-        yield Job(session, record, (*methods, *externals), executor, truth, solving.profile, externals, twin)
+        settings = (solving.profile, externals, twin, refine_lights)
+        yield Job(session, record, (*methods, *externals), executor, truth, *settings)
 
 
 def run_session(
@@ -91,6 +95,7 @@ def run_session(
             "profile": job.profile,
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(job.twin),
+            "refine_lights": job.refine_lights,
         }
         with around(job) if around else nullcontext():
             job.run(STEPS, wanted)

@@ -30,6 +30,10 @@ app = App(
 Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
 Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
+Refine = Annotated[
+    bool,
+    Parameter(help="Let the registered scan's own shading correct lights that it contradicts.", negative=""),
+]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
 
@@ -47,10 +51,13 @@ def process(
     solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
     scheduler: Scheduler = None,
+    refine_lights: Refine = False,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    _run(json, session, "compare", out=out, solving=solving, twin=twin, scheduler=scheduler)
+    _run(
+        json, session, "compare", out=out, solving=solving, twin=twin, scheduler=scheduler, refine_lights=refine_lights
+    )
 
 
 @app.command(sort_key=2)
@@ -96,13 +103,14 @@ def align(
             negative="",
         ),
     ] = False,
+    refine_lights: Refine = False,
     json: Json = False,
 ) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
     from rgbn.align_check import checked
 
     around = partial(checked, tell=not json) if check else None
-    _run(json, session, "align", out=out, around=around)
+    _run(json, session, "align", out=out, around=around, refine_lights=refine_lights)
 
 
 @app.command(sort_key=6)
@@ -114,13 +122,23 @@ def solve(
     solving: Solving = BY_DEFAULT,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
+    refine_lights: Refine = False,
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
     from rgbn.surface_file import surface_written
 
     around = surface_written(mesh) if mesh else None
-    _run(json, session, "solve", out=out, solving=solving, scheduler=scheduler, around=around)
+    _run(
+        json,
+        session,
+        "solve",
+        out=out,
+        solving=solving,
+        scheduler=scheduler,
+        around=around,
+        refine_lights=refine_lights,
+    )
 
 
 @app.command(sort_key=7)
@@ -131,6 +149,7 @@ def twin(
     out: Out = None,
     solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
+    refine_lights: Refine = False,
     json: Json = False,
 ) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
@@ -139,7 +158,7 @@ def twin(
 
         render_description(session, out, twin, json=json)
         return
-    _run(json, session, "twin", out=out, solving=solving, twin=twin)
+    _run(json, session, "twin", out=out, solving=solving, twin=twin, refine_lights=refine_lights)
 
 
 @app.command(sort_key=8)
@@ -153,6 +172,7 @@ def compare(
     out: Out = None,
     solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
+    refine_lights: Refine = False,
     json: Json = False,
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""
@@ -161,7 +181,7 @@ def compare(
 
         compare_folders(session, counterpart, out, methods=solving.method, json=json)
         return
-    _run(json, session, "compare", out=out, solving=solving, twin=twin)
+    _run(json, session, "compare", out=out, solving=solving, twin=twin, refine_lights=refine_lights)
 
 
 @app.command(sort_key=9)

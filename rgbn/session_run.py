@@ -98,16 +98,20 @@ class SessionRun:
         Address of a Dask scheduler; None: this machine's cores.
     truth : Path or None
         Folder of a known truth to judge the results by.
+    refine_lights : bool
+        Let the registered scan's own shading correct lights that it contradicts.
     """
 
     path: Path
     out: Path
     scheduler: str | None = None
     truth: Path | None = None
+    refine_lights: bool = False
 
     def _run(self, wanted: str, solving: Solving | str | None = None, twin: TwinSettings = AS_GIVEN) -> Results:
         solving = solving if isinstance(solving, Solving) else Solving(solving)
-        how = {"scheduler": self.scheduler, "truth": self.truth, "solving": solving, "twin": twin}
+        how = {"scheduler": self.scheduler, "truth": self.truth, "refine_lights": self.refine_lights}
+        how |= {"solving": solving, "twin": twin}
         return Results(self.out, run_session(self.path, wanted, out=self.out, **how))
 
     def check(self) -> Results:
@@ -138,7 +142,12 @@ class SessionRun:
 
 
 def open_session(
-    path: str | Path, *, out: str | Path | None = None, scheduler: str | None = None, truth: str | Path | None = None
+    path: str | Path,
+    *,
+    out: str | Path | None = None,
+    scheduler: str | None = None,
+    truth: str | Path | None = None,
+    refine_lights: bool = False,
 ) -> SessionRun:
     """Open a session's folder; nothing runs yet.
 
@@ -152,6 +161,8 @@ def open_session(
         Address of a Dask scheduler.
     truth : str or Path, optional
         Folder of a known truth (truth.json, truth.npz) to judge the results by.
+    refine_lights : bool
+        Let the registered scan's own shading correct lights that it contradicts.
 
     Raises
     ------
@@ -162,4 +173,4 @@ def open_session(
 
     session = load_session(Path(path))
     folder = Path(out) if out is not None else Path("out") / session.name
-    return SessionRun(Path(path), folder, scheduler, None if truth is None else Path(truth))
+    return SessionRun(Path(path), folder, scheduler, None if truth is None else Path(truth), refine_lights)

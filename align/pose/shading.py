@@ -107,7 +107,7 @@ def explain(
         square = np.maximum((weight * b * b).sum(0), 1e-12)
         albedo = (weight * b * values).sum(0) / square
         if turn < 3:
-            weight = _trust(used, values - albedo * b)
+            weight = trust(used, values - albedo * b)
     residuals = np.where(used, values - albedo * b, 0.0)
     if slopes is None:
         return residuals, None
@@ -117,7 +117,7 @@ def explain(
     return residuals, np.where(used.T[:, :, None], jacobian, 0.0).transpose(1, 0, 2)
 
 
-def _trust(used: NDArray[np.bool_], residuals: Array) -> Array:
+def trust(used: NDArray[np.bool_], residuals: Array) -> Array:
     """Return weights (N, P) of the used samples, by Geman and McClure's loss with a scale of a tenth."""
     return used / (1 + (residuals / 0.1) ** 2) ** 2
 
@@ -134,7 +134,7 @@ def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> A
         matrix = np.einsum("np,npi,npj->pij", weight, vectors, vectors) + 1e-9 * np.eye(3)
         out = np.linalg.solve(matrix, np.einsum("np,npi,np->pi", weight, vectors, values)[..., None])[..., 0]
         residuals = values - np.einsum("npi,pi->np", vectors, out)
-        weight = _trust(used, residuals)
+        weight = trust(used, residuals)
     out[used.sum(0) < FEWEST + 1] = np.nan
     return unit(out)
 
