@@ -95,7 +95,7 @@ def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, 
         "turn_deg": witness.turn_deg(lights),
         "brighter": witness.brighter(lights),
         "explains": witness.explains,
-        "off": witness.off(lights),
+        "off": [lights.names[n] for n in np.flatnonzero(witness.off(lights))],
         "refined": refine,
     }
     if not refine:

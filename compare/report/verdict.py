@@ -1,6 +1,7 @@
 """What was found and how far it can be trusted, in sentences made from the summary's numbers."""
 
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
@@ -148,6 +149,10 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:
         level = _lowered(level)
         parts.append(say("lights", "suspicious", names=", ".join(flagged[:8]) + (" …" if len(flagged) > 8 else "")))
+    if witness := (summary.get("align") or {}).get("lights"):
+        off, usual = witness["off"], median(witness["turn_deg"])
+        parts.append(say("lights", "contradicted" if off else "agreed", names=", ".join(off), usual=usual))
+        level = _lowered(level) if off else level
     # Sigmas tell how far noise moves a direction; a frame that moved, or a lone ball, moves it further unseen.
     return Statement(
         "Lights", *_warned(summary, {"check": "check", "calibrate": "calibration"}, level, " ".join(parts))

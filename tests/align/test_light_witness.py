@@ -87,6 +87,7 @@ def test_a_contradiction_is_a_warning_and_a_refinement_only_by_request(world):
     assert kept is lights
     assert "flash_003 (by 3.9 degrees" in warning
     assert "--refine-lights" in warning
+    assert result["off"] == ["flash_003"]
     assert not result["refined"]
     moved, result, (warning,) = _by_the_scan(view, replace(world.photographs, lights=lights), refine=True)
     assert angular_error_deg(moved.directions, world.lights.directions)[WRONG] < 0.2

@@ -105,6 +105,17 @@ def test_few_answers_and_suspicious_lights_lower_the_level():
     assert "flash_3" in text_of(summary, "Lights")
 
 
+def test_the_scan_s_word_on_the_lights_is_told():
+    summary = summary_of()
+    summary["align"]["lights"] = {"off": [], "turn_deg": [0.4, 0.6, 0.5]}
+    assert levels(summary)["Lights"] == "good"
+    assert "contradicts none of them" in text_of(summary, "Lights")
+    assert "0.5" in text_of(summary, "Lights")
+    summary["align"]["lights"] = {"off": ["flash_3"], "turn_deg": [0.4, 4.6, 0.5]}
+    assert levels(summary)["Lights"] == "care"
+    assert "contradicts flash_3" in text_of(summary, "Lights")
+
+
 def test_a_truth_as_uncertain_as_the_error_is_said_to_be_so():
     summary = summary_of(0.5, 0.5)
     assert levels(summary)["Ground truth"] == "care"
