@@ -79,7 +79,8 @@ def find_balls(
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
             warnings += [] if wanted is None else [_forgotten(one) for one in refused if _is_ball(one)]
-            for one, diameter in _match(found, open_, refused, warnings):
+            placed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True)]
+            for one, diameter in _match(found, open_, placed, refused, warnings):
                 fits.append(one.fit)
                 diameters.append(diameter)
                 warnings += [one.warning] if one.warning else []
@@ -201,7 +202,11 @@ def _fit_hint(frames: Frames, camera: Camera, coarse: Coarse, hint: Sphere) -> O
 
 
 def _match(
-    found: list[Found], requests: list[SphereRequest], rejected: tuple[Rejected, ...], warnings: list[str]
+    found: list[Found],
+    requests: list[SphereRequest],
+    given: list[Sphere],
+    rejected: tuple[Rejected, ...],
+    warnings: list[str],
 ) -> list[tuple[Found, Diameter]]:
     """Give each found ball the diameter of a request of its kind; balls of a kind by their size in the picture."""
     if not requests:
@@ -214,7 +219,7 @@ def _match(
             near = "; ".join(_said(r) for r in rejected[:2])
             refused = f" (refused: {near})." if near else "."
             warnings.append(f"{len(listed[kind])} {kind} balls were asked for, {len(balls[kind])} found{refused}")
-    told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in kinds}, listed, warnings)
+    told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in kinds}, listed, given, warnings)
     return [pair for kind in kinds for pair in zip(balls[kind], told[kind], strict=True)]
 
 

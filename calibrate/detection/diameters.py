@@ -4,7 +4,7 @@ Every way to give the found balls of each kind different ones of the diameters t
 its likelihood is that of the balls' log scales, normal about their mean. What several leave open is a diameter's doubt.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import permutations, product
 from typing import NamedTuple
 
@@ -27,15 +27,23 @@ class Diameter(NamedTuple):
 
 
 def told_diameters(
-    found: Mapping[Kind, list[Sphere]], listed: Mapping[Kind, list[float | None]], warnings: list[str]
+    found: Mapping[Kind, list[Sphere]],
+    listed: Mapping[Kind, list[float | None]],
+    given: Sequence[Sphere],
+    warnings: list[str],
 ) -> dict[Kind, list[Diameter]]:
-    """Return each found ball's diameter, those of a kind the largest picture first, as `found` is."""
+    """Return each found ball's diameter, those of a kind the largest picture first, as `found` is.
+
+    `given`: balls whose place the user gave; they tell the scale, too.
+    """
     kinds = list(found)
     trials = list(product(*(_ways(listed[kind], len(found[kind])) for kind in kinds)))
     radii = np.array([s.radius_px for kind in kinds for s in found[kind]])
-    given = np.array([[d or np.nan for way in trial for d in way] for trial in trials]).reshape(len(trials), -1)
-    weight = _probabilities(np.log(given / radii))
-    told = [_told(column, weight) for column in given.T]
+    tried = np.array([[d or np.nan for way in trial for d in way] for trial in trials]).reshape(len(trials), -1)
+    known = np.array([s.diameter_mm / s.radius_px for s in given if s.diameter_mm])
+    scales = np.concatenate([tried / radii, np.tile(known, (len(trials), 1))], 1)
+    weight = _probabilities(np.log(scales))
+    told = [_told(column, weight) for column in tried.T]
     out: dict[Kind, list[Diameter]] = {}
     for kind in kinds:
         out[kind], told = told[: len(found[kind])], told[len(found[kind]) :]
@@ -61,9 +69,9 @@ def _probabilities(scales: Array) -> Array:
     return np.asarray(weight / weight.sum(), np.float64)
 
 
-def _told(given: Array, weight: Array) -> Diameter:
+def _told(tried: Array, weight: Array) -> Diameter:
     """Return one ball's diameter by what the trials give it (T,) and their probabilities (T,)."""
-    each = {value: float(weight[given == value].sum()) for value in given[np.isfinite(given)].tolist()}
+    each = {value: float(weight[tried == value].sum()) for value in tried[np.isfinite(tried)].tolist()}
     if sum(each.values()) < SURE:
         return Diameter(None, 0.0)
     likeliest = max(each, key=lambda value: each[value])
@@ -81,12 +89,12 @@ def _say(
     sure = [f"{one.mm:g}" for one in told if one.mm and not one.sigma]
     if sure:
         warnings.append(f"{kind} balls of {', '.join(sure)} mm were told apart by their size in the picture.")
-    given = ", ".join(f"{d:g}" for d in listed if d)
+    names = ", ".join(f"{d:g}" for d in listed if d)
     for sphere, one in zip(found, told, strict=True):
         u, v = sphere.center_px
         taken = f"taken as {one.mm:.1f} mm, to {one.sigma:.0%}" if one.mm else "no diameter is used"
         if one.sigma or not one.mm:
             warnings.append(
-                f"the {kind} ball at ({u:.0f}, {v:.0f}) px: which of {given} mm it is cannot be told; {taken}. Give "
+                f"the {kind} ball at ({u:.0f}, {v:.0f}) px: which of {names} mm it is cannot be told; {taken}. Give "
                 "its center_px and radius_px."
             )

@@ -13,10 +13,10 @@ def _found(kind, radius):
     return Found(OutlineFit(Sphere(kind, np.zeros(2), radius), np.eye(3), 0.1))
 
 
-def _told(found, asked):
+def _told(found, asked, given=()):
     warnings = []
     requests = [SphereRequest(kind, diameter) for kind, diameter in asked]
-    return [diameter for _, diameter in _match(found, requests, (), warnings)], " ".join(warnings)
+    return [diameter for _, diameter in _match(found, requests, list(given), (), warnings)], " ".join(warnings)
 
 
 ASKED = [("chrome", 60.0), ("chrome", 40.0), ("chrome", 20.0), ("white", 50.0)]
@@ -45,6 +45,12 @@ def test_what_the_scale_leaves_open_is_the_diameters_doubt():
     assert 56 < ball.mm < 59
     assert 0.03 < ball.sigma < 0.07
     assert "cannot be told" in said
+
+
+def test_a_ball_whose_place_is_given_tells_the_scale():
+    given = [Sphere("white", np.zeros(2), 25.0, diameter_mm=50.0)]
+    (ball,), _ = _told([_found("chrome", 20.0)], ASKED[:3], given)
+    assert ball == (40.0, 0.0)
 
 
 def test_two_balls_of_almost_one_size_may_be_exchanged():
