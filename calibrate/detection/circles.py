@@ -224,11 +224,11 @@ def refine_on_edges(edges: Picture, camera: Camera, sphere: Sphere) -> Sphere:
     `edges` (h, w, 2) is `static_edges` of the coarse stack, real and imaginary part: one map in place
     of all frames, so that dozens of candidates are cheap.
     """
-    jacobian = None
+    points, normals = outline_with_normals(camera, sphere, 120)
+    jacobian = offset_jacobian(camera, sphere, points, normals)
+    shape = (points - sphere.center_px) / sphere.radius_px  # hardly changes within a few pixels, nor does the Jacobian
     for window in np.maximum(LEAST_WINDOW_PX, np.array(WINDOWS) * sphere.radius_px):
-        points, normals = outline_with_normals(camera, sphere, 120)
-        if jacobian is None:
-            jacobian = offset_jacobian(camera, sphere, points, normals)  # hardly changes within a few pixels
+        points = sphere.center_px + sphere.radius_px * shape
         offsets = np.arange(-window - 0.5, window + 0.75, 0.5)
         evidence = _along_outline(edges, points, normals, offsets)
         # The nearest edge, not the strongest: the rim of what a mirror shows outshines its own outline.

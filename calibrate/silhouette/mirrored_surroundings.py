@@ -31,8 +31,16 @@ def mirrored_pixels(camera: Camera, sphere: Sphere, plane: Array, pixels: Array)
     `plane` is as in `TablePlane.values`. Lengths are in units in which the ball's radius is `radius_px`: an
     orthographic camera's pixel is one such.
     """
-    ball = replace(sphere, diameter_mm=2 * sphere.radius_px)
-    points, mirrored = mirrored_rays(camera, ball, pixels)
+    ball = _sized(sphere)
+    return _on_plane(camera, ball, plane, *mirrored_rays(camera, ball, pixels))
+
+
+def _sized(sphere: Sphere) -> Sphere:
+    return replace(sphere, diameter_mm=2 * sphere.radius_px)
+
+
+def _on_plane(camera: Camera, ball: Sphere, plane: Array, points: Array, mirrored: Array) -> Array:
+    """Return the pixels (..., 2) that show where rays, from `points` (..., 3) along `mirrored`, meet the plane."""
     up = np.array([plane[0], plane[1], 1.0]) / np.hypot(1, np.hypot(plane[0], plane[1]))
     foot = ball.center_mm(camera) - plane[2] * ball.radius_mm * up
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -58,11 +66,22 @@ class Shown(NamedTuple):
         return out
 
 
+class _Looking(NamedTuple):
+    """Where a ball is looked at inside its outline, and where to from there; whatever the plane."""
+
+    facing: Array  # (K + 1,)
+    outline: Array  # (N, 2)
+    normals: Array  # (N, 2)
+    points: Array  # (N, K, 3)
+    mirrored: Array  # (N, K, 3)
+
+
 class Surroundings:
     """The table around a ball, in F frames, at a size at which looking up is cheap."""
 
     def __init__(self, frames: Frames, camera: Camera, sphere: Sphere) -> None:
         self.frames, self.camera = frames, camera
+        self.last: tuple[tuple[float, ...], _Looking] | None = None
         reach = SURROUNDINGS * sphere.radius_px
         low = np.maximum(sphere.center_px - reach, 0).astype(int)
         high = np.minimum(sphere.center_px + reach + 1, [camera.width, camera.height]).astype(int)
@@ -89,19 +108,29 @@ class Surroundings:
 
     def mirrored_by(self, sphere: Sphere, plane: Array, blur_px: float, per_bin: int = PER_BIN) -> Shown:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
-        radius = sphere.radius_px
-        deepest = np.sqrt(1 - (1 - max(DEPTH, 8 * blur_px / radius)) ** 2)
-        # Even steps of the normal: near the outline the mirror's picture is squeezed without bound.
-        facing = np.linspace(0, deepest, int(np.clip(0.6 * radius, 24, 60)) + 1)
-        middle = radius * (1 - np.sqrt(1 - (0.5 * (facing[1:] + facing[:-1])) ** 2))
-        points, normals = outline_with_normals(self.camera, sphere, per_bin * BINS)
-        pixels = mirrored_pixels(self.camera, sphere, plane, points[:, None] - middle[:, None] * normals[:, None])
+        at = self._looking(sphere, blur_px, per_bin)
+        pixels = _on_plane(self.camera, _sized(sphere), plane, at.points, at.mirrored)
         # Beside the outline itself the picture is blurred with the ball.
-        away = np.sum((pixels - points[:, None]) * normals[:, None], -1)
-        pixels += np.maximum(2.5 * blur_px - away, 0)[..., None] * normals[:, None]
+        away = np.sum((pixels - at.outline[:, None]) * at.normals[:, None], -1)
+        pixels += np.maximum(2.5 * blur_px - away, 0)[..., None] * at.normals[:, None]
         values = self._look_up(pixels)
         values = values.reshape(len(values), BINS, per_bin, -1).mean(2)
-        return Shown(radius * (1 - np.sqrt(1 - facing**2)), values, radius)
+        return Shown(sphere.radius_px * (1 - np.sqrt(1 - at.facing**2)), values, sphere.radius_px)
+
+    def _looking(self, sphere: Sphere, blur_px: float, per_bin: int) -> _Looking:
+        """Return the rays, kept for the next plane that is tried under the same ball."""
+        radius = sphere.radius_px
+        key = (*sphere.center_px.tolist(), radius, blur_px, per_bin)
+        if self.last is None or self.last[0] != key:
+            deepest = np.sqrt(1 - (1 - max(DEPTH, 8 * blur_px / radius)) ** 2)
+            # Even steps of the normal: near the outline the mirror's picture is squeezed without bound.
+            facing = np.linspace(0, deepest, int(np.clip(0.6 * radius, 24, 60)) + 1)
+            middle = radius * (1 - np.sqrt(1 - (0.5 * (facing[1:] + facing[:-1])) ** 2))
+            outline, normals = outline_with_normals(self.camera, sphere, per_bin * BINS)
+            inside = outline[:, None] - middle[:, None] * normals[:, None]
+            rays = mirrored_rays(self.camera, _sized(sphere), inside)
+            self.last = key, _Looking(facing, outline, normals, *rays)
+        return self.last[1]
 
     def profiles(self, sphere: Sphere, blur_px: float) -> tuple[Values, Array, Array]:
         """Return profiles (F, BINS, M) across an outline, their offsets (M,) and the Jacobian (BINS, 3)."""

@@ -224,11 +224,11 @@ def _slopes(
         return (seen_in(sphere, plane) - here) * np.float32(k / step)
 
     by_shift = (moved_by(0.1, blur) - moved_by(-0.1, blur)) / 0.2
+    by_plane = [looked_up(sphere, plane + e, 0.05) for e in 0.05 * np.eye(3)]
     by_outline = [
         by_shift * jacobian[:, j, None].astype(np.float32) + looked_up(moved(sphere, e), plane, 0.1)
         for j, e in enumerate(0.1 * np.eye(3))
     ]
-    by_plane = [looked_up(sphere, plane + e, 0.05) for e in 0.05 * np.eye(3)]
     by_blur = (moved_by(0, blur + 0.05) - moved_by(0, blur - 0.05)) / 0.1
     slopes = np.nan_to_num(np.stack([*by_outline, *by_plane, by_blur, mirrored]))
     return _free(slopes, basis, explained.weight) / explained.noise
