@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.photographed import Photographs
+from align.pose.refine import robust_sigma
 from align.pose.scan_view import View
-from align.pose.shading import choose, cosines, find_shadows, take_samples, trust
+from align.pose.shading import Samples, choose, cosines, find_shadows, take_samples, trust
 from scene.lights import Lights
 from scene.normals import unit
 
@@ -20,7 +21,6 @@ Array = NDArray[np.float64]
 PIXELS = 4000  # that are asked
 PARTS = 8  # sectors of the object, each left out once: what holds for seven must hold for the eighth
 ROUNDS, REWEIGHTED = 5, 3  # albedo and lights in turns, and weights
-MAD = 1.4826  # times a median of absolute values: the normal's standard deviation
 LOOSE = 100.0  # times its sigma, by which a light may be off that the scan contradicts
 FEWEST = 50  # samples that a frame needs in all but one sector
 LEAST_DEG, LEAST_SHARE = 1.0, 0.05  # a turn, and a relative change of intensity, worth a word
@@ -69,9 +69,12 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
     covariance is the jackknife's over sectors [Efron1981]: gloss and bounced light err over whole regions.
     """
     lights = photographs.lights
-    # Which pixels are lit hangs on the light: they are chosen again under the changed ones.
-    first = _Shaded.of(view, photographs).change()
-    shaded = _Shaded.of(view, replace(photographs, lights=_changed(lights, first)))
+    samples = take_samples(photographs, count=PIXELS)
+    surface = view.surface(*photographs.camera.rays(samples.pixels))
+    # Which pixels are lit hangs on the lights' directions: they are chosen again under the turned ones.
+    first = _Shaded.of(view, lights, samples, *surface).change()
+    first -= _along(first, lights)
+    shaded = _Shaded.of(view, _changed(lights, first), samples, *surface)
     angle = np.arctan2(*(shaded.pixels - shaded.pixels.mean(0)).T[::-1])
     part = ((angle / (2 * np.pi) + 0.5) * PARTS).astype(int) % PARTS
     without, before, after = [], np.zeros(len(lights)), np.zeros(len(lights))
@@ -82,7 +85,8 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
         after += one.misfit(without[-1])
     spread = np.stack(without) - np.mean(without, axis=0)
     covariance = (PARTS - 1) / PARTS * np.einsum("kni,knj->nij", spread, spread)
-    found = Witness(first + shaded.change(), covariance, 1 - after / np.maximum(before, 1e-12))
+    explains = np.where(before > 0, 1 - after / np.maximum(before, 1e-12), 0.0)
+    found = Witness(first + shaded.change(), covariance, explains)
     return found._replace(covariance=covariance + _of_the_model(found, lights))
 
 
@@ -97,10 +101,7 @@ class _Shaded(NamedTuple):
     directions: Array  # (N, 3) of the lights
 
     @classmethod
-    def of(cls, view: View, photographs: Photographs) -> "_Shaded":
-        lights = photographs.lights
-        samples = take_samples(photographs, count=PIXELS)
-        points, normals = view.surface(*photographs.camera.rays(samples.pixels))
+    def of(cls, view: View, lights: Lights, samples: Samples, points: Array, normals: Array) -> "_Shaded":
         shadows = find_shadows(view, lights, points, normals)
         vectors = np.nan_to_num(lights.toward(points))
         used = choose(samples, normals, vectors, shadows)
@@ -203,7 +204,7 @@ def _of_the_model(found: Witness, lights: Lights) -> Array:
     """Return (N, 3, 3), what the changes scatter by beyond what is known of light and witness: no object is matte."""
     across, along = _sigmas(found.covariance, lights)
     turn = np.median(np.deg2rad(found.turn_deg(lights))) / np.sqrt(2 * np.log(2))
-    share = MAD * np.median(np.abs(found.brighter(lights)))
+    share = robust_sigma(found.brighter(lights))
     known = np.deg2rad(np.nan_to_num(lights.direction_sigma_deg)), np.nan_to_num(lights.intensity_sigma)
     turn_left = max(turn**2 - np.median(across**2 + known[0] ** 2), 0.0)
     share_left = max(share**2 - np.median(along**2 + known[1] ** 2), 0.0)

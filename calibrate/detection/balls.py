@@ -87,8 +87,8 @@ def find_balls(
         blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
             one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
-            sphere = replace(one.sphere, diameter_mm=diameter.mm, diameter_sigma=diameter.sigma)
-            sphere = replace(sphere, apart=own is not frames)
+            known = {"diameter_mm": diameter.mm, "diameter_sigma": diameter.sigma}
+            sphere = replace(one.sphere, **known, apart=own is not frames)
             warnings += _cut(camera, sphere)
             balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:

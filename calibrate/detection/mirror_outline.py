@@ -182,11 +182,9 @@ def on_known_table(
     some = frames.some(FRAMES)
     starts = [*circles[:TRIED], *_about_horizons(some, camera, circles, blur_px, plane.values)]
     fits = [fit_mirrored_table(some, camera, one, blur_px=blur_px, plane=plane, rough=True) for one in starts]
-    for rough in sorted((fit for fit in fits if fit), key=lambda fit: -fit.explained)[:1]:
-        table = fit_mirrored_table(some, camera, rough.sphere, blur_px=blur_px, plane=plane)
-        if table and _located(table) and table.explained > CLEAR:
-            return _scored(table, camera)
-    return None
+    best = max((fit for fit in fits if fit), key=lambda fit: fit.explained, default=None)
+    table = fit_mirrored_table(some, camera, best.sphere, blur_px=blur_px, plane=plane) if best else None
+    return _scored(table, camera) if table and _located(table) and table.explained > CLEAR else None
 
 
 def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> MirroredTable | None:

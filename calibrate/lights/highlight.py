@@ -159,8 +159,10 @@ def measure_spot(
         )
     fit = fit_disc(camera, sphere, patch, center, radius_px=size, skirt_px=size - inner)
     spot = vague if fit is None else Spot(*fit, extent)
+    if not glows:
+        return spot
     core = _core(region) + [left, top]
-    if not glows or np.hypot(*(core - spot.pixel)) < max(GLARE_PX, GLARE_SHARE * size):
+    if np.hypot(*(core - spot.pixel)) < max(GLARE_PX, GLARE_SHARE * size):
         return spot
     return Spot(core, max(spot.sigma_px, CORE_SHARE * size), extent, glare=True)
 

@@ -25,22 +25,16 @@ SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of
 PER_BIN = 3  # directions in which the table is looked up for each profile
 
 
-def mirrored_pixels(camera: Camera, sphere: Sphere, plane: Array, pixels: Array) -> Array:
-    """Return the pixels (..., 2) that show what the ball shows at `pixels`; NaN where its mirrored rays miss the plane.
-
-    `plane` is as in `TablePlane.values`. Lengths are in units in which the ball's radius is `radius_px`: an
-    orthographic camera's pixel is one such.
-    """
-    ball = _sized(sphere)
-    return _on_plane(camera, ball, plane, *mirrored_rays(camera, ball, pixels))
-
-
-def _sized(sphere: Sphere) -> Sphere:
+def sized(sphere: Sphere) -> Sphere:
+    """Return the ball with a radius of `radius_px` units of length: an orthographic camera's pixel is one such."""
     return replace(sphere, diameter_mm=2 * sphere.radius_px)
 
 
-def _on_plane(camera: Camera, ball: Sphere, plane: Array, points: Array, mirrored: Array) -> Array:
-    """Return the pixels (..., 2) that show where rays, from `points` (..., 3) along `mirrored`, meet the plane."""
+def mirrored_pixels(camera: Camera, ball: Sphere, plane: Array, points: Array, mirrored: Array) -> Array:
+    """Return the pixels (..., 2) that show what a `sized` ball mirrors; NaN where its rays miss the plane.
+
+    The rays leave `points` (..., 3) along `mirrored` (..., 3); `plane` is as in `TablePlane.values`.
+    """
     up = np.array([plane[0], plane[1], 1.0]) / np.hypot(1, np.hypot(plane[0], plane[1]))
     foot = ball.center_mm(camera) - plane[2] * ball.radius_mm * up
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -109,7 +103,7 @@ class Surroundings:
     def mirrored_by(self, sphere: Sphere, plane: Array, blur_px: float, per_bin: int = PER_BIN) -> Shown:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
         at = self._looking(sphere, blur_px, per_bin)
-        pixels = _on_plane(self.camera, _sized(sphere), plane, at.points, at.mirrored)
+        pixels = mirrored_pixels(self.camera, sized(sphere), plane, at.points, at.mirrored)
         # Beside the outline itself the picture is blurred with the ball.
         away = np.sum((pixels - at.outline[:, None]) * at.normals[:, None], -1)
         pixels += np.maximum(2.5 * blur_px - away, 0)[..., None] * at.normals[:, None]
@@ -128,7 +122,7 @@ class Surroundings:
             middle = radius * (1 - np.sqrt(1 - (0.5 * (facing[1:] + facing[:-1])) ** 2))
             outline, normals = outline_with_normals(self.camera, sphere, per_bin * BINS)
             inside = outline[:, None] - middle[:, None] * normals[:, None]
-            rays = mirrored_rays(self.camera, _sized(sphere), inside)
+            rays = mirrored_rays(self.camera, sized(sphere), inside)
             self.last = key, _Looking(facing, outline, normals, *rays)
         return self.last[1]
 

@@ -70,6 +70,31 @@ def test_right_lights_are_left_alone(world, glossy):
         assert angular_error_deg(refined(lights, witness).directions, lights.directions).max() < 0.1
 
 
+def test_three_frames_contradict_nobody(world):
+    """Three lights explain any pixel: nothing is asked, no light is moved, and none is surer than it was."""
+    every = slice(0, None, 4)
+    lights = _spoilt(world.lights, 4.0, 0.0)
+    few = replace(
+        lights,
+        names=lights.names[every],
+        directions=lights.directions[every],
+        intensities=lights.intensities[every],
+        positions_mm=lights.positions_mm[every],
+        direction_sigma_deg=lights.direction_sigma_deg[every],
+        intensity_sigma=lights.intensity_sigma[every],
+        flags=lights.flags[every],
+    ).normalised()
+    frames = world.frames
+    frames = replace(frames, names=frames.names[every], codes=frames.codes[every], gain=frames.gain[every])
+    photographs = replace(world.photographs, frames=frames, lights=few)
+    assert len(photographs.frames) == len(few) == 3
+    witness = ask_scan(View(RayCaster(world.mesh), world.camera, world.pose), photographs)
+    better = refined(few, witness)
+    assert not witness.moved.any()
+    np.testing.assert_allclose(better.directions, few.directions, atol=1e-12)
+    np.testing.assert_array_equal(better.direction_sigma_deg, few.direction_sigma_deg)
+
+
 def test_an_unknown_sigma_is_no_bar(world):
     lights = _spoilt(world.lights, 6.0, 0.0)
     unknown = replace(

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
+from calibrate.lights.directions import mirrored_rays
 from calibrate.silhouette.ball_silhouette import fit_outline
-from calibrate.silhouette.mirrored_surroundings import mirrored_pixels
+from calibrate.silhouette.mirrored_surroundings import mirrored_pixels, sized
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
 from calibrate.silhouette.static_circle import find_edges
 from fixtures.ball_scene import World, flashes, photograph
@@ -39,7 +40,7 @@ def test_a_mirrored_ray_leaves_as_it_came_and_meets_the_plane() -> None:
     ball = Sphere("chrome", np.array([250.0, 200.0]), 60.0)
     plane = np.array([0.1, -0.2, 1.3])
     pixels = ball.outline(CAMERA, 40) * 0.97 + 0.03 * ball.center_px
-    found = mirrored_pixels(CAMERA, ball, plane, pixels)
+    found = mirrored_pixels(CAMERA, sized(ball), plane, *mirrored_rays(CAMERA, sized(ball), pixels))
     center = replace(ball, diameter_mm=2.0).center_mm(CAMERA)
     normals, points = replace(ball, diameter_mm=2.0).normals(CAMERA, pixels)
     _, there = CAMERA.rays(found)

@@ -129,7 +129,7 @@ def test_everything_comes_back(tmp_path, images):
     assert (tmp_path / "lights.lp").read_text().splitlines()[1] == "a b.dng 1.00000000 0.00000000 0.00000000"
     assert store.load_lights().names == lights.names
 
-    spheres = [Sphere("white", np.array([3.0, 4.0]), 2.5, 70.0, 0.1, 0.9)]
+    spheres = [Sphere("white", np.array([3.0, 4.0]), 2.5, 70.0, 0.1, 0.9, diameter_sigma=0.03)]
     store.save_spheres(spheres, camera)
     assert store.load_spheres()[0].radius_px == 2.5
     assert store.read_json("spheres.json")[0]["center_mm"][2] == pytest.approx(-20 * 35 / 2.5)
