@@ -1,24 +1,12 @@
-"""The keys of `session.toml`: names, kinds, defaults; every fault told with its key path.
+"""The keys of `session.toml`: names, kinds, units, defaults, and what each is for.
 
-The models hold what is written; `capture/session/resolve.py` resolves it against the folder.
+The models hold what is written; `capture/session/resolve.py` resolves it against the folder. The reference in docs/ is
+written from them.
 """
 
-import copy
-import difflib
 from typing import Annotated, Any, Literal
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    PositiveFloat,
-    PositiveInt,
-    ValidationError,
-)
-
-from scene.reading import shortened
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
 
 
 def _as_list(value: Any) -> Any:
@@ -36,11 +24,20 @@ def _between(low: float, high: float, why: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _key(what: str, example: Any, unit: str = "") -> Any:
+    """Return a key's description for people: what it is, an example as TOML has it, its unit."""
+    return Field(description=what, examples=[example], json_schema_extra={"unit": unit})
+
+
 Length = Annotated[PositiveFloat, _between(0.1, 10_000, "millimetres, from a bead to a building's dome")]
 Pixels = Annotated[PositiveInt, _between(1, 100_000, "no camera has more pixels in a row")]
 Place = Annotated[float, _between(-1e6, 1e6, "pixels of the picture")]
 Squares = Annotated[PositiveInt, _between(2, 200, "squares that a photograph can tell apart")]
 Exponent = Annotated[PositiveFloat, _between(0.1, 10, "encodings have exponents about 2.2")]
+Focal = Annotated[PositiveFloat, _between(1, 3000, "millimetres, as engraved on the lens")]
+Sensor = Annotated[PositiveFloat, _between(1, 250, "millimetres, from a telephone's sensor to a scanning back")]
+Pitch = Annotated[PositiveFloat, _between(0.3, 50, "micrometres from pixel to pixel")]
+Crop = Annotated[PositiveFloat, _between(0.1, 30, "1 for 36 x 24 mm, 1.5 or 1.6 for APS-C")]
 Names = Annotated[
     list[Annotated[str, Field(min_length=1, max_length=4096)]], Field(max_length=1000), BeforeValidator(_as_list)
 ]
@@ -57,77 +54,187 @@ class Table(BaseModel):
 class FramesTable(Table):
     """[frames]: the photographs, and how their values are coded."""
 
-    flash: Globs
-    ambient: Globs | None = None
-    dark: Globs | None = None
-    flat: Globs | None = None
-    linear: bool | None = None
-    gamma: Exponent | None = None
-    half: bool = False
-    skip: Names = []
+    flash: Annotated[
+        Globs,
+        _key("The flash photographs, one light each: a glob, or a list of globs. Natural order.", "raw/flash_*.dng"),
+    ]
+    ambient: Annotated[
+        Globs | None, _key("Photographs with the flash off, same exposure; subtracted.", "raw/ambient_*.dng")
+    ] = None
+    dark: Annotated[
+        Globs | None,
+        _key("Photographs with the lens covered, same exposure: the sensor's own offset.", "raw/dark_*.dng"),
+    ] = None
+    flat: Annotated[
+        Globs | None,
+        _key("Photographs of an evenly lit white surface: the lens' fall-off is divided out.", "raw/flat_*.dng"),
+    ] = None
+    linear: Annotated[
+        bool | None,
+        _key(
+            "Of 8 and 16-bit files: true, values are proportional to light; false, sRGB-encoded. RAW and EXR files are "
+            "linear by themselves. Absent: linear, with a check by the balls; a JPEG must say it.",
+            False,
+        ),
+    ] = None
+    gamma: Annotated[Exponent | None, _key("Instead of linear: light is value to the power of gamma.", 2.2)] = None
+    half: Annotated[
+        bool,
+        _key("Average 2 x 2 pixels: a quarter of the memory and time; camera and outputs are halved together.", True),
+    ] = False
+    skip: Annotated[Names, _key("Flash photographs to leave out, by name or stem.", ["flash_007"])] = []
 
 
 class BoardTable(Table):
-    """camera.board: the ChArUco board."""
+    """camera.board: the ChArUco board or chessboard of the calibration shots."""
 
-    squares: list[Squares] = Field(min_length=2, max_length=2)
-    square_mm: Length
-    marker_mm: Length
-    dictionary: str
+    squares: Annotated[
+        list[Squares],
+        Field(min_length=2, max_length=2),
+        _key("Squares along and across the board, black and white counted.", [11, 8]),
+    ]
+    square_mm: Annotated[Length, _key("Side of a square. It does not change the camera.", 15.0, "mm")] = 20.0
+    marker_mm: Annotated[Length | None, _key("Side of a marker; ChArUco only.", 11.0, "mm")] = None
+    dictionary: Annotated[
+        str | None, _key("OpenCV's name of the markers' dictionary; ChArUco only.", "DICT_4X4_100")
+    ] = None
 
 
 class CameraTable(Table):
-    """[camera]: numbers, or a board's photographs."""
+    """[camera]: the focal length in pixels or in millimetres, or a board's photographs. Absent: EXIF."""
 
-    width: Pixels | None = None
-    height: Pixels | None = None
-    fx: PositiveFloat | None = None
-    fy: PositiveFloat | None = None
-    cx: float | None = None
-    cy: float | None = None
-    distortion: list[float] | None = Field(default=None, min_length=5, max_length=5)
-    charuco: Globs | None = None
-    board: BoardTable | None = None
+    width: Annotated[
+        Pixels | None, _key("Image size that fx to cy refer to. Absent: the photographs'.", 6000, "px")
+    ] = None
+    height: Annotated[Pixels | None, _key("As width.", 4000, "px")] = None
+    fx: Annotated[
+        PositiveFloat | None,
+        _key("Focal length. Alone it is taken as good to 2 %; with cx and cy, as measured.", 8333.0, "px"),
+    ] = None
+    fy: Annotated[PositiveFloat | None, _key("The same along columns. Absent: fx.", 8333.0, "px")] = None
+    cx: Annotated[
+        float | None,
+        _key(
+            "Principal point, column; the upper left pixel's centre is 0. Absent: the middle, +- 1 % of the width.",
+            2999.5,
+            "px",
+        ),
+    ] = None
+    cy: Annotated[float | None, _key("Principal point, row.", 1999.5, "px")] = None
+    distortion: Annotated[
+        list[float] | None,
+        Field(min_length=5, max_length=5),
+        _key("OpenCV's k1, k2, p1, p2, k3. Absent: none.", [-0.1, 0.02, 0.0, 0.0, 0.0]),
+    ] = None
+    focal_mm: Annotated[
+        Focal | None,
+        _key(
+            "Focal length as engraved on the lens, instead of fx; with sensor_mm, pixel_um, crop_factor or model. "
+            "Absent: EXIF's.",
+            50.0,
+            "mm",
+        ),
+    ] = None
+    sensor_mm: Annotated[
+        Sensor | None, _key("Width of the sensor, its longer side: 36 for full frame.", 36.0, "mm")
+    ] = None
+    pixel_um: Annotated[Pitch | None, _key("Distance from pixel to pixel on the sensor.", 5.94, "um")] = None
+    crop_factor: Annotated[Crop | None, _key("Diagonal of 36 x 24 mm divided by the sensor's.", 1.5)] = None
+    model: Annotated[
+        str | None,
+        Field(min_length=1, max_length=100),
+        _key("Maker and model, for the size of its sensor. Absent: EXIF's.", "Nikon D850"),
+    ] = None
+    charuco: Annotated[
+        Globs | None, _key("Photographs of a ChArUco board, at the session's focus; with board.", "charuco/*.dng")
+    ] = None
+    chessboard: Annotated[
+        Globs | None, _key("Photographs of a plain chessboard, at the session's focus; with board.", "board/*.dng")
+    ] = None
+    board: Annotated[
+        BoardTable | None,
+        _key(
+            "The board: squares, square_mm; of a ChArUco board also marker_mm and dictionary.",
+            {"squares": [11, 8], "square_mm": 15, "marker_mm": 11, "dictionary": "DICT_4X4_100"},
+        ),
+    ] = None
 
 
 class SphereTable(Table):
     """[[spheres]]: one calibration ball."""
 
-    kind: Literal["chrome", "white"]
-    diameter_mm: Length | None = None
-    center_px: list[Place] | None = Field(default=None, min_length=2, max_length=2)
-    radius_px: Annotated[PositiveFloat, _between(0.5, 1e5, "pixels of the picture")] | None = None
-    mask: str | None = None
-    frames: Globs | None = None
+    kind: Annotated[
+        Literal["chrome", "white"],
+        _key("A mirror gives directions and positions; a matte ball, intensities.", "chrome"),
+    ]
+    diameter_mm: Annotated[Length | None, _key("Diameter. Absent: directions, but no positions.", 76.0, "mm")] = None
+    center_px: Annotated[
+        list[Place] | None,
+        Field(min_length=2, max_length=2),
+        _key("Column and row of the centre, roughly, where the ball is not found by itself.", [160, 650], "px"),
+    ] = None
+    radius_px: Annotated[
+        PositiveFloat | None,
+        _between(0.5, 1e5, "pixels of the picture"),
+        _key("Radius, roughly; goes with center_px.", 67, "px"),
+    ] = None
+    mask: Annotated[str | None, _key("Picture of the frames' size, white where the ball is.", "chrome_mask.png")] = None
+    frames: Annotated[
+        Globs | None,
+        _key("The ball's own photographs, where it was shot apart: same lights, same order.", "chrome/*.png"),
+    ] = None
 
 
 class LightsTable(Table):
     """[lights]: known lights instead of balls."""
 
-    file: str
+    file: Annotated[
+        str, _key("Light file: .lp, light_directions.txt, lights.json, .dome, .mat, .json of AliceVision.", "lights.lp")
+    ]
 
 
 class ObjectTable(Table):
     """[object]: what is known of the thing itself."""
 
-    mask: str | None = None
-    scan: str | None = None
-    scan_unit: Literal["m", "cm", "mm", "inch", "unknown"] = "mm"
-    scan_ball_diameter_mm: Length | None = None
-    normals: str | None = None
-    picks: str | None = None
+    mask: Annotated[
+        str | None, _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
+    ] = None
+    scan: Annotated[
+        str | None, _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")
+    ] = None
+    scan_unit: Annotated[
+        Literal["m", "cm", "mm", "inch", "unknown"],
+        _key("Unit of the scan's coordinates; unknown: found by registering. GLB: m when absent.", "mm"),
+    ] = "mm"
+    scan_ball_diameter_mm: Annotated[
+        Length | None, _key("Diameter of a ball that was scanned beside the object: it tells the unit.", 50.0, "mm")
+    ] = None
+    normals: Annotated[
+        str | None, _key("Ground-truth normals that are registered already: .mat, .txt, .npy, .png.", "Normal_gt.mat")
+    ] = None
+    picks: Annotated[
+        str | None, _key("Points of the scan with their pixels, a start for the registration.", "picks.csv")
+    ] = None
 
 
 class Manifest(Table):
     """The whole `session.toml`."""
 
-    version: Literal[1] = 1
-    name: str | None = None
-    frames: FramesTable
-    camera: CameraTable | None = None
-    spheres: list[SphereTable] = Field(default=[], max_length=50)
-    lights: LightsTable | None = None
-    object: ObjectTable = ObjectTable()
+    version: Annotated[Literal[1], _key("Of this format.", 1)] = 1
+    name: Annotated[str | None, _key("The session's name. Absent: the folder's.", "penguin")] = None
+    frames: Annotated[FramesTable, _key("The photographs.", {"flash": "raw/flash_*.dng"})]
+    camera: Annotated[CameraTable | None, _key("The camera. Absent: EXIF.", {"focal_mm": 50.0, "sensor_mm": 36.0})] = (
+        None
+    )
+    spheres: Annotated[
+        list[SphereTable],
+        Field(max_length=50),
+        _key(
+            "The calibration balls, in any order; each is found by itself.", [{"kind": "chrome", "diameter_mm": 76.0}]
+        ),
+    ] = []
+    lights: Annotated[LightsTable | None, _key("Known lights.", {"file": "lights.lp"})] = None
+    object: Annotated[ObjectTable, _key("The object.", {"scan": "scan/object.ply"})] = ObjectTable()
 
 
 TABLES: dict[str, type[Table]] = {
@@ -139,78 +246,3 @@ TABLES: dict[str, type[Table]] = {
     "lights": LightsTable,
     "object": ObjectTable,
 }
-
-
-def parse(data: dict[str, Any]) -> tuple[Manifest | None, list[str]]:
-    """Return what can be understood of a manifest, and a line of "key.path: what was found, what to do" a fault.
-
-    The manifest is without the tables at fault, so that the files that the others name can be checked in the same run.
-    """
-    try:
-        return Manifest.model_validate(data), []
-    except ValidationError as error:
-        faults = error.errors(include_url=False)
-    try:
-        manifest = Manifest.model_validate(_without(data, faults))
-    except ValidationError:
-        manifest = None
-    return manifest, [_line(fault) for fault in faults]
-
-
-def _without(data: dict[str, Any], faults: list) -> dict[str, Any]:
-    """Drop unknown keys, keys of [frames] at fault, and whole other tables at fault: half a camera would mislead."""
-    data = copy.deepcopy(data)
-    for fault in faults:
-        location = list(fault["loc"])
-        holder: Any = data
-        if fault["type"] == "extra_forbidden":
-            for part in location[:-1]:
-                holder = holder[part]
-            holder.pop(location[-1], None)
-        elif location[0] == "frames" and len(location) > 1 and isinstance(data.get("frames"), dict):
-            data["frames"].pop(location[1], None)
-    for fault in faults:
-        if fault["type"] != "extra_forbidden" and fault["loc"][0] != "frames":
-            data.pop(fault["loc"][0], None)
-    return data
-
-
-def _line(fault: Any) -> str:
-    # pydantic's own wrappers (validators, unions) appear in the path as names that no file holds.
-    location = [part for part in fault["loc"] if isinstance(part, int) or not part.startswith("function-")]
-    path = _path(location)
-    if fault["type"] == "extra_forbidden":
-        return f"{path}: unknown key. {_suggestion(location)}"
-    if fault["type"] == "missing":
-        return f"{path}: missing. {_PURPOSE.get(path.split('[')[0], 'Add it.')}"
-    found = fault["input"]
-    shown = f"a table with {', '.join(found) or 'nothing'}" if isinstance(found, dict) else repr(found)
-    shown = shortened(shown, 80)
-    message = fault["msg"].removeprefix("Value error, ").replace("Input should be ", "expected ")
-    return f"{path}: found {shown}; {message[0].lower()}{message[1:]}."
-
-
-_PURPOSE = {
-    "frames": 'Add a table [frames] with flash = "raw/flash_*.dng".',
-    "frames.flash": 'Add flash = "raw/flash_*.dng" under [frames]: one light per frame.',
-    "lights.file": 'Add file = "lights.lp", or drop [lights].',
-    "spheres": 'Add kind = "chrome" or "white".',
-}
-
-
-def _path(location: list) -> str:
-    return "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in location).lstrip(".")
-
-
-def _suggestion(location: list) -> str:
-    """Say which key may have been meant: a like one in the same table, else the same one elsewhere."""
-    own = ".".join(part for part in location[:-1] if isinstance(part, str))
-    key = str(location[-1])
-    known = list(TABLES[own].model_fields) if own in TABLES else []
-    close = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
-    if close:
-        return f"Did you mean {close[0]}?"
-    for name, table in TABLES.items():
-        if name not in ("", own, "camera.board") and key in table.model_fields:
-            return f"It belongs under {'[[spheres]]' if name == 'spheres' else f'[{name}]'}."
-    return f"Known here: {', '.join(known)}."

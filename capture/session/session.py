@@ -44,7 +44,7 @@ def load_session(path: Path) -> Session:
 
 
 def _load_toml(path: Path) -> Session:
-    from capture.session.manifest import parse
+    from capture.session.manifest_faults import parse
     from capture.session.resolve import Resolver
 
     with reading(path, "is not TOML in UTF-8", SessionError, do="Correct that line."):
