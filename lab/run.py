@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
+from lab.session_place import is_output, note_session, session_and_out
 
 if TYPE_CHECKING:
     from lab.job import Job
+
+__all__ = ["is_description", "open_job", "run_session", "session_and_out"]
 
 
 def is_description(source: Path) -> bool:
@@ -33,6 +36,7 @@ def open_job(
     Parameters
     ----------
     session_path : Path
+        A session's folder, its session.toml, or an output folder, whose session it is then.
     out : Path, optional
         Output folder; out/NAME without.
     solving : Solving
@@ -54,17 +58,21 @@ def open_job(
     from capture.session.session import load_session
     from lab.cluster.connect import executor_of
     from lab.job import Job
+    from lab.progress import say
     from scene.current import paths_in
     from scene.output_folder import open_record
 
     methods, externals = solving.methods(), solving.programs()
-    session = load_session(session_path)
-    folder = out or Path("out") / session.name
+    place, folder = session_and_out(session_path, out)
+    if is_output(session_path):
+        say(f"session: {place}")
+    session = load_session(place)
     files = tuple(paths_in(session))
     with (
         open_record(folder, inputs=files, input_folders=[session.folder]) as record,
         executor_of(scheduler, record.scratch("cluster"), files) as executor,
     ):
+        note_session(record, place)
         settings = (solving.profile, externals, twin, refine_lights)
         yield Job(session, record, (*methods, *externals), executor, truth, *settings)
 
@@ -90,7 +98,7 @@ def run_session(
     with open_job(session_path, **how) as job:
         arguments = {
             "up_to": wanted,
-            "session": str(session_path),
+            "session": str(job.session.folder),
             "methods": list(job.methods),
             "profile": job.profile,
             "external": {name: program.command for name, program in job.externals.items()},

@@ -14,13 +14,12 @@ from numpy.typing import NDArray
 from capture.session.session import load_session
 from capture.session.session_types import Session
 from compare.report.facts import Material, all_warnings, read_optional
-from scene.errors import SceneError
+from lab.session_place import SESSION, is_output, is_session, session_and_out, session_of
+from scene.errors import SceneError, SessionError
 from scene.frames import Frames
-from scene.light_text import DIRECTIONS, FILENAMES
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.output_folder import read_record
-from scene.record import PLACE
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -84,15 +83,14 @@ class Review:
 
     @classmethod
     def read(cls, folder: Path, session_path: Path | None = None) -> "Review":
-        """Read an output folder, and the session, None: the one that summary.json names."""
+        """Read an output folder, and the session, None: its own."""
         store = Store(folder)
-        summary = read_optional(store, "summary.json") or {}
         record = read_record(folder)
         steps = {} if record is None else record.done
         material = Material.load(store, {})
         spheres = tuple(_readable(store.load_spheres) or ())
         calibration = read_optional(store, "calibration.json") or {}
-        session, path, why = _session(store, session_path, summary)
+        session, path, why = _session(store, session_path)
         names = () if material.frames is None else material.frames.names
         warned = {step: entry.get("warnings") or () for step, entry in steps.items() if isinstance(entry, dict)}
         rows = [{"step": step, "text": str(text)} for step, texts in warned.items() for text in texts]
@@ -179,18 +177,20 @@ def _readable(read: Callable[[], Any]) -> Any:
 def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:
     """Return the output folder, and the session's place or None, that a command line means.
 
-    out: The output folder of a session; None: out/NAME.
+    out: The output folder of a session; None: out/NAME. An output folder can be looked at without its session.
     """
-    if (source / PLACE).is_dir() or (source / "frames" / "frames.json").is_file():
-        if out is not None:
-            raise SceneError(f"--out {out}: {source} is an output folder itself. Leave --out away.")
-        return source.resolve(), None
-    if not any((source / name).is_file() for name in ("session.toml", FILENAMES, DIRECTIONS)):
+    if not is_output(source) and not is_session(source):
         raise SceneError(
-            f"{source}: neither a session (session.toml) nor the output of `rgbn process` ({PLACE}). Give one of "
-            "these, or a scene description, .toml."
+            f"{source}: neither a session (session.toml) nor an output folder of rgbn ({SESSION}). Give one of these, "
+            "or a scene description, .toml."
         )
-    return (out or Path("out") / load_session(source).name).resolve(), source.resolve()
+    try:
+        session, folder = session_and_out(source, out)
+    except SessionError:
+        if not is_output(source):
+            raise
+        session, folder = None, source
+    return folder.resolve(), session
 
 
 def is_kept(store: Store) -> bool:
@@ -209,15 +209,11 @@ def _own(store: Store, path: Path) -> Path:
     return own if second.startswith(OWN) and is_there else path
 
 
-def _session(store: Store, given: Path | None, summary: Any) -> tuple[Session | None, Path | None, str]:
+def _session(store: Store, given: Path | None) -> tuple[Session | None, Path | None, str]:
     """Return the session, where it lies, and why there is none."""
-    named = (summary.get("arguments") or {}).get("session") if isinstance(summary, dict) else None
-    path = given or (Path(named) if isinstance(named, str) else None)
     remedy = f"Open the review with `rgbn studio SESSION --out {store.folder.name}` to correct and run again."
-    if path is None:
-        return None, None, f"The folder does not say which session it was made from (no summary.json). {remedy}"
     try:
-        path = _own(store, path)
+        path = _own(store, given or session_of(store.folder))
         return load_session(path), path.resolve(), ""
     except SceneError as error:
         return None, None, f"The session cannot be read: {error} {remedy}"

@@ -268,8 +268,8 @@ def test_what_was_kept_follows_the_sessions_own_file_and_can_be_forgotten(review
     balls = moved(outlines_of(review), 0, (33.0, 29.0), made.camera)
     folder = write_amended(review, spheres=specs_of(review.session, balls, made.camera))
     (made.session / "session.toml").write_text(text.replace('"cone.ply"', '"cone.ply"\nscan_unit = "cm"'))
-    # As after a run of what was kept, which summary.json names then.
-    (made.folder / "summary.json").write_text(json.dumps({"arguments": {"session": str(folder)}}))
+    # As after a run of what was kept, which session.json names then.
+    (made.folder / "session.json").write_text(json.dumps({"session": str(folder), "relative": "review"}))
     again = Review.read(made.folder)
     assert again.session_path == made.session
     kept = load_session(write_amended(again))

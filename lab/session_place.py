@@ -1,0 +1,102 @@
+"""Which session and which output folder a path means: an output folder remembers its session in session.json."""
+
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from scene.errors import SceneError, SessionError
+
+if TYPE_CHECKING:
+    from scene.record import Record
+
+SESSION = "session.json"
+"""Of an output folder: `session`, where its session lies, and `relative`, the same from the output folder."""
+MANIFEST = "session.toml"
+
+
+def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
+    """Return where the session lies and which the output folder is.
+
+    Parameters
+    ----------
+    path : Path
+        A session's folder, its session.toml, or an output folder: then its own session.
+    out : Path or None
+        Output folder as it was given. Default: that of `path`, or out/NAME here by the session's name.
+
+    Returns
+    -------
+    session, out : Path
+        The first absolute.
+
+    Raises
+    ------
+    SceneError
+        The session cannot be read or is no longer where the output folder says; `path` and `out` are two output
+        folders.
+    """
+    path = Path(path)
+    if not is_output(path):
+        if out is None:
+            from capture.session.session import load_session
+
+            out = Path("out") / load_session(path).name
+        return path.resolve(), Path(out)
+    if out is not None and Path(out).resolve() != path.resolve():
+        raise SceneError(
+            f"--out {out}: {path} is an output folder itself, and what is made goes there. Leave --out away; or give "
+            "the session in its place to write elsewhere."
+        )
+    return session_of(path), path
+
+
+def is_output(path: Path) -> bool:
+    """Whether a folder is the output of a verb on a session; a rendered twin is a session of its own."""
+    return not (path / MANIFEST).is_file() and (
+        (path / SESSION).is_file() or (path / "frames" / "frames.json").is_file()
+    )
+
+
+def is_session(path: Path) -> bool:
+    """Whether a path is a session's: its .toml, or a folder with session.toml or in the DiLiGenT layout."""
+    from scene.light_text import DIRECTIONS, FILENAMES
+
+    return path.is_file() or any((path / name).is_file() for name in (MANIFEST, FILENAMES, DIRECTIONS))
+
+
+def session_of(folder: Path) -> Path:
+    """Return where the session of an output folder lies: as seen from the folder, else where it lay.
+
+    Raises
+    ------
+    SessionError
+        The folder does not name its session, or that is at neither place.
+    """
+    from scene.reading import json_of, reading
+
+    cure = f"Give the session and this folder: rgbn VERB SESSION --out {folder}."
+    if not (folder / SESSION).is_file():
+        raise SessionError(f"{folder}: does not say which session it was made from (no {SESSION}). {cure}")
+    said = json_of(folder / SESSION, error=SessionError, do=cure)
+    with reading(folder / SESSION, "does not name a session", SessionError, do=cure):
+        places = [(folder.resolve() / said["relative"]).resolve(), Path(said["session"])]
+        found = [place for place in places if is_session(place)]
+    if not found:
+        looked = " nor at ".join(dict.fromkeys(map(str, places)))
+        raise SessionError(f"{folder}: its session is no longer where it was: not at {looked}. {cure}")
+    return found[0]
+
+
+def note_session(record: "Record", session: Path) -> None:
+    """Write session.json into an output folder that is held, unless it says the same already."""
+    from scene.files import write_json
+    from scene.reading import json_of
+
+    place = session.parent if session.name == MANIFEST else session
+    told = {"session": str(place), "relative": os.path.relpath(place, record.folder)}
+    path = record.folder / SESSION
+    with suppress(SceneError):
+        if path.is_file() and json_of(path) == told:
+            return
+    write_json(path, told)
