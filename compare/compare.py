@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.facts import light_rows, method_names, read_optional, sphere_rows
+from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
 from compare.statistics.ambiguity import four_ways, is_measured_so
-from compare.statistics.statistics import angular_statistics, common_rotation, error_correlation
+from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
 from scene.normals import angular_error_deg
@@ -22,7 +22,6 @@ HISTOGRAM_BINS = 60
 BAND_PIXELS = 1 << 21
 """Pixels worked on at a time: float64 crosses of a whole 24-megapixel map would take gigabytes."""
 PLACES = {"real": "normals", "twin": "twin/normals"}
-COVERAGE = {"real": "coverage", "twin": "twin_coverage"}
 
 Normals = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -79,7 +78,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "histogram_edges_deg": None,
         "error_scale_deg": None,
         "between_methods": between,
-        "lights": light_rows(store),
+        "lights": stored_lights(store),
         "spheres": sphere_rows(store),
         "pose": read_optional(store, "pose.json"),
         "notes": [],

@@ -13,6 +13,7 @@ from compare.report.pictures import Box, Exposure
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
+from scene.light_text import light_facts
 from scene.store import Store
 
 Summary = dict[str, Any]
@@ -60,47 +61,11 @@ def read_optional(store: Store, name: str) -> Any:
     return None
 
 
-def light_rows(store: Store) -> dict[str, Any] | None:
-    """Return the lights as the report draws them, None where there are none.
-
-    model; count; reference point; sigma medians; frames: name, zenith_deg (0 at the camera's axis), azimuth_deg (0
-    right, 90 up, as the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and distance_mm where near,
-    flags.
-    """
-    try:
-        lights = store.load_lights()
-    except SceneError:
-        return None
-    x, y, z = lights.directions.T
-    zenith, azimuth = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360
-    rows = []
-    for i, name in enumerate(lights.names):
-        position = None if lights.positions_mm is None else lights.positions_mm[i]
-        rows.append(
-            {
-                "name": name,
-                "zenith_deg": float(zenith[i]),
-                "azimuth_deg": float(azimuth[i]),
-                "intensity": lights.intensities[i].tolist(),
-                "intensity_mean": float(lights.intensities[i].mean()),
-                "direction_sigma_deg": finite(lights.direction_sigma_deg[i]),
-                "intensity_sigma": finite(lights.intensity_sigma[i]),
-                "position_mm": None if position is None else position.tolist(),
-                "distance_mm": None
-                if position is None
-                else float(np.linalg.norm(position - lights.reference_point_mm)),
-                "flags": list(lights.flags[i]),
-            }
-        )
-    return {
-        "model": lights.model,
-        "count": len(rows),
-        "reference_point_mm": lights.reference_point_mm.tolist(),
-        "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
-        "intensity_sigma_median": _median(lights.intensity_sigma),
-        "zenith_max_deg": max((row["zenith_deg"] for row in rows), default=None),
-        "frames": rows,
-    }
+def stored_lights(store: Store) -> dict[str, Any] | None:
+    """Return `scene.light_text.light_facts` of the folder's lights; None where there are none."""
+    with suppress(SceneError):
+        return light_facts(store.load_lights())
+    return None
 
 
 def sphere_rows(store: Store) -> list[dict[str, Any]]:
@@ -147,16 +112,6 @@ def doubts_of(summary: dict[str, Any], method: str) -> list[str]:
     return [str(text).removeprefix(f"{method}: ") for text in row.get("warnings") or ()]
 
 
-def finite(value: Any) -> float | None:
-    """Return a plain float; None for NaN, infinity and None, as JSON has no word for them."""
-    return None if value is None or not np.isfinite(value) else float(value)
-
-
-def _median(values: np.ndarray) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else None
-
-
 @dataclass(frozen=True)
 class Material:
     """What the folder holds to be shown; None where it is not there."""
@@ -191,7 +146,7 @@ class Material:
             frames,
             exposure,
             camera,
-            compared.get("lights") or light_rows(store),
+            compared.get("lights") or stored_lights(store),
             None if lights is None else lights.directions,
             compared.get("spheres") or sphere_rows(store),
             by_error(compared) if "methods" in compared else method_names(store),

@@ -5,17 +5,14 @@ from html import escape
 from compare.report import page
 from compare.report.facts import Summary, by_error
 from compare.report.speed_chart import speed_chart, speed_points
+from compare.statistics.statistics import statistics_rows
 
 
 def statistics_section(compared: Summary) -> str:
     """Return the tables of angular errors, of how alike real and twin fail, and of how far methods are apart."""
     methods = compared.get("methods") or {}
     methods = {name: methods[name] for name in by_error(compared)}
-    rows = [
-        {**found, "covered": row.get("coverage" if found["kind"] == "real" else "twin_coverage")}
-        for row, found in _of_both(methods, "{}")
-    ]
-    if rows:
+    if rows := statistics_rows({"methods": methods}):
         body = page.table_of("errors", rows, caption=page.say("statistics", "errors"))
         body += _correlations(methods) + _four_ways(methods)
     elif compared.get("has_truth"):
@@ -23,16 +20,6 @@ def statistics_section(compared: Summary) -> str:
     else:
         body = page.absent(page.words("statistics")["no truth"])
     return page.section("statistics", "Statistics", body + _between_methods(compared, list(methods)))
-
-
-def _of_both(methods: Summary, key: str) -> list[tuple[Summary, Summary]]:
-    """Return (its row, what the row has under the key, with its name and kind) of methods that have it."""
-    return [
-        (row, {"name": name, "kind": kind, **found})
-        for name, row in methods.items()
-        for kind in ("real", "twin")
-        if (found := row.get(key.format(kind)))
-    ]
 
 
 def _correlations(methods: Summary) -> str:
@@ -45,8 +32,10 @@ def _correlations(methods: Summary) -> str:
 def _four_ways(methods: Summary) -> str:
     """Return what is left of the errors of ambiguous results once their ambiguity is settled by the truth."""
     rows = [
-        {**ways, "sign": "inside out" if ways.get("mirrored") else "right"}
-        for _, ways in _of_both(methods, "{}_four_ways")
+        {"name": name, "kind": kind, **ways, "sign": "inside out" if ways.get("mirrored") else "right"}
+        for name, row in methods.items()
+        for kind in ("real", "twin")
+        if (ways := row.get(f"{kind}_four_ways"))
     ]
     if not rows:
         return ""

@@ -1,7 +1,12 @@
 """Angular errors in numbers: the seed's five statistics and more, and how alike two error maps are."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
+
+COVERAGE = {"real": "coverage", "twin": "twin_coverage"}
+"""Under which key a method's row says which share of the true pixels it answered."""
 
 
 def angular_statistics(error_deg: NDArray) -> dict[str, float | int]:
@@ -101,3 +106,28 @@ def common_rotation(moment: NDArray[np.float64]) -> NDArray[np.float64] | None:
         return None
     sign = np.sign(np.linalg.det(u @ vt))
     return u @ np.diag([1.0, 1.0, sign]) @ vt
+
+
+def statistics_rows(compared: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return the table of the methods' errors, a row for each method and each of real and twin.
+
+    Parameters
+    ----------
+    compared : dict
+        What `compare.compare.compare` returns: the part `compare` of summary.json. It may be empty.
+
+    Returns
+    -------
+    list of dict
+        method; frames: real or twin; mean_deg, median_deg, std_deg, min_deg, q1_deg, q3_deg, max_deg; under_5_deg,
+        under_10_deg: share (0 to 1) of the pixels whose error is less; pixels; coverage: share (0 to 1) of the pixels
+        with a truth that were answered. The methods in their order; none where there is no truth.
+    """
+    keys = ("mean_deg", "median_deg", "std_deg", "min_deg", "q1_deg", "q3_deg", "max_deg")
+    keys += ("under_5_deg", "under_10_deg", "pixels")
+    return [
+        {"method": name, "frames": kind, **{key: found.get(key) for key in keys}, "coverage": row.get(coverage)}
+        for name, row in (compared.get("methods") or {}).items()
+        for kind, coverage in COVERAGE.items()
+        if (found := row.get(kind))
+    ]
