@@ -1,11 +1,18 @@
-"""The camera by EXIF, with what that is worth: lenses are not what is engraved on them, and focusing changes them."""
+"""The camera by EXIF and what session.toml says in part, with what that is worth.
+
+Lenses are not what is engraved on them, and focusing changes them.
+"""
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from capture.camera.exif import Exif
+from capture.camera.sensors import sensor_width_mm
+from capture.session.session_types import Lens
 from scene.camera import Camera
+from scene.errors import SessionError
 
 DIAGONAL_35MM = float(np.hypot(36, 24))
 """mm: what "35 mm equivalent" refers to [CIPA2005]. By width it would be 4 % off on 4:3."""
@@ -19,72 +26,160 @@ USUAL_DISTANCE_MM = 1000.0
 """Sensor to object, where EXIF does not tell: the balls and the object fill the picture."""
 
 
-def camera_from_exif(
-    exif: Sequence[Exif], width: int, height: int, *, half: bool = False
-) -> tuple[Camera, tuple[str, ...]]:
-    """Return the camera by the middle frame's focal length: focal-plane resolution, else the 35 mm equivalent.
+class _Focal(NamedTuple):
+    """A focal length, pixels of the full-size picture; its relative sigma; how it is known, in words."""
 
-    `exif` is the flash frames', `width` and `height` the decoded frames', which are 2 x 2 superpixels if `half`. The
-    camera has `focal_sigma` and `center_sigma_px`; it is orthographic where EXIF says nothing. With it come warnings.
+    fx: float
+    fy: float
+    sigma: float
+    what: str
+
+
+def camera_from_lens(
+    lens: Lens, exif: Sequence[Exif], width: int, height: int, *, half: bool = False
+) -> tuple[Camera, tuple[str, ...]]:
+    """Return the camera of a lens that is known in part, or not at all (`Lens()`): EXIF tells the rest.
+
+    Parameters
+    ----------
+    lens : Lens
+    exif : sequence of Exif
+        The flash frames'.
+    width, height : int
+        The decoded frames', which are 2 x 2 superpixels if `half`.
+
+    Returns
+    -------
+    camera : Camera
+        Of the full-size picture, or that of `lens.size`; with `focal_sigma` and `center_sigma_px`. Orthographic where
+        nothing tells the focal length.
+    warnings : tuple of str
+
+    Raises
+    ------
+    SessionError
+        A focal length in millimetres without the sensor's size, or one that no lens has.
     """
-    measured = sorted((e for e in exif if e.focal_mm and e.pixels_per_mm), key=lambda e: e.focal_mm or 0)
-    equivalent = sorted((e for e in exif if e.focal_35mm), key=lambda e: e.focal_35mm or 0)
-    convention = 0.0
-    if measured:
-        e = measured[len(measured) // 2]
-        assert e.focal_mm
-        assert e.pixels_per_mm
-        stated_mm = e.focal_mm
-        fx, fy = (_by_resolution(e, per_mm, width, half) for per_mm in e.pixels_per_mm)
-        what = f"{e.focal_mm:g} mm at {e.pixels_per_mm[0]:.1f} px/mm (focal-plane resolution)"
-    elif equivalent:
-        e = equivalent[len(equivalent) // 2]
-        assert e.focal_35mm
-        stated_mm = e.focal_35mm
-        diagonal = float(np.hypot(width, height))
-        fx = fy = stated_mm * diagonal / DIAGONAL_35MM
-        # Not every maker measures by the diagonal: on 3:2 it makes no difference, on 4:3 the width gives 4 % less.
-        convention = abs(36 * diagonal / (DIAGONAL_35MM * max(width, height)) - 1) / 2
-        what = f"{stated_mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
-    else:
-        return Camera.orthographic(width, height), (
+    decoded = width, height
+    width, height = lens.size or ((2 * width, 2 * height) if half else decoded)
+    source = "EXIF" if lens.fx is None and lens.focal_mm is None else "session.toml"
+    focal = _focal_of(lens, exif, width, height)
+    if focal is None and lens != Lens():
+        raise SessionError(
+            "camera: no focal length: neither [camera] in session.toml nor EXIF tells one. Add fx (pixels), or "
+            "focal_mm with sensor_mm, the width of the sensor."
+        )
+    if focal is None:
+        return Camera.orthographic(*decoded), (
             "camera: unknown (no [camera] in session.toml, no focal length in EXIF): taken as orthographic. Then no "
             "light has a position, and a ball away from the centre gives a direction that is off by about as much as "
-            "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera], or shots of a ChArUco board.",
+            "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera] with focal_mm and sensor_mm, or "
+            "shots of a ChArUco board or a chessboard.",
         )
-    longer, breathing = _breathing(e)
-    sigma = float(np.hypot(np.hypot(ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm), np.hypot(breathing, convention)))
-    if e.subject_mm:
-        what += f", focused at {e.subject_mm:.0f} mm"
+    if not 0.1 <= focal.fx / width <= 1000:
+        raise SessionError(
+            f"camera: the focal length is {focal.fx:g} px ({focal.what}) for a picture of {width} px; lenses have 0.1 "
+            "to 1000 times the picture. Correct it in [camera]; a focal length in millimetres is focal_mm."
+        )
+    known = lens.cx is not None and lens.cy is not None
     camera = Camera(
-        *(width, height, fx * longer, fy * longer, (width - 1) / 2, (height - 1) / 2),
-        source="EXIF",
-        focal_sigma=sigma,
-        center_sigma_px=CENTER_SIGMA * width,
+        *(width, height, focal.fx, focal.fy),
+        (width - 1) / 2 if lens.cx is None else lens.cx,
+        (height - 1) / 2 if lens.cy is None else lens.cy,
+        lens.distortion,
+        source=source,
+        focal_sigma=focal.sigma,
+        center_sigma_px=0.0 if known else CENTER_SIGMA * width,
     )
+    if known and not focal.sigma:
+        return camera, ()
+    middle = "" if known else f" The principal point is taken as the centre, +- {camera.center_sigma_px:.0f} px."
+    by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
-        f"camera: focal length from EXIF, {what}: {camera.fx:.1f} px, good to {100 * sigma:.0f} %. The principal point "
-        f"is taken as the centre, +- {camera.center_sigma_px:.0f} px, distortion as none. Shots of a ChArUco board "
-        "would measure all of them.",
+        f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {100 * focal.sigma:.0f} %.{middle} Shots of a ChArUco "
+        "board or a chessboard would measure all of it, and the distortion.",
     )
 
 
-def _by_resolution(e: Exif, per_mm: float, width: int, half: bool) -> float:
-    scale = 2 if half else 1
-    # A picture that was scaled after it was taken still states the resolution of the sensor. RAW files show a few more
-    # pixels than EXIF's width, of the same pitch.
-    shrunk = width * scale / e.width_px if e.width_px else 1.0
-    return (e.focal_mm or 0.0) * per_mm * (1.0 if 0.9 < shrunk < 1.1 else shrunk) / scale
+def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Focal | None:
+    """Return the focal length by the first that tells it; None where nothing does."""
+    if lens.fx is not None:
+        # A calibration gives the principal point too: without it this is a figure that somebody worked out.
+        sigma = ENGRAVED_SIGMA if lens.cx is None else 0.0
+        return _Focal(lens.fx, lens.fy or lens.fx, sigma, "as session.toml says")
+    stated = lens.focal_mm is not None
+    engraved = sorted((e for e in exif if e.focal_mm), key=lambda e: e.focal_mm or 0)
+    e = engraved[len(engraved) // 2] if engraved else Exif()
+    focal_mm = lens.focal_mm or e.focal_mm
+    sensor = _sensor_of(lens, exif, width, height) if focal_mm else None
+    if focal_mm and sensor:
+        (x, y), how = sensor
+        longer, breathing = _breathing(focal_mm, e.subject_mm)
+        what = f"{focal_mm:g} mm at {x:.1f} px/mm ({how})"
+        return _Focal(focal_mm * x * longer, focal_mm * y * longer, *_doubt(focal_mm, breathing, what, e.subject_mm))
+    if stated:
+        camera = next((e.camera for e in exif if e.camera), None)
+        known = f'; the sensor of "{lens.model or camera}" is not known here' if lens.model or camera else ""
+        raise SessionError(
+            f"camera.focal_mm: found {lens.focal_mm:g} without the size of the sensor{known}. Add sensor_mm, its width "
+            "(36 for full frame, 23.5 or 22.3 for APS-C, 17.3 for four thirds), or pixel_um, or crop_factor."
+        )
+    equivalent = sorted((e for e in exif if e.focal_35mm), key=lambda e: e.focal_35mm or 0)
+    if lens.model and focal_mm:
+        raise SessionError(f'camera.model: the sensor of "{lens.model}" is not known here. Give sensor_mm, its width.')
+    if not equivalent:
+        return None
+    e = equivalent[len(equivalent) // 2]
+    stated_mm = e.focal_35mm or 0.0
+    diagonal = float(np.hypot(width, height))
+    # Not every maker measures by the diagonal: on 3:2 it makes no difference, on 4:3 the width gives 4 % less.
+    convention = abs(36 * diagonal / (DIAGONAL_35MM * max(width, height)) - 1) / 2
+    longer, breathing = _breathing(e.focal_mm or stated_mm, e.subject_mm)
+    focal = stated_mm * diagonal / DIAGONAL_35MM * longer
+    what = f"{stated_mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
+    return _Focal(focal, focal, *_doubt(stated_mm, float(np.hypot(breathing, convention)), what, e.subject_mm))
 
 
-def _breathing(e: Exif) -> tuple[float, float]:
+def _doubt(stated_mm: float, more: float, what: str, subject_mm: float | None) -> tuple[float, str]:
+    """Return the relative sigma of a focal length on a lens, with what else adds to it; and how it is known."""
+    sigma = float(np.hypot(np.hypot(ENGRAVED_SIGMA, STEP_SIGMA_MM / stated_mm), more))
+    return sigma, what + (f", focused at {subject_mm:.0f} mm" if subject_mm else "")
+
+
+def _sensor_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> tuple[tuple[float, float], str] | None:
+    """Return the picture's pixels per mm, along rows and columns, and by what they are known."""
+    longer, diagonal = max(width, height), float(np.hypot(width, height))
+    if lens.pixel_um:
+        per_mm, how = 1000 / lens.pixel_um, f"pixels of {lens.pixel_um:g} um"
+    elif lens.sensor_mm:
+        per_mm, how = longer / lens.sensor_mm, f"a sensor of {lens.sensor_mm:g} mm"
+    elif lens.crop_factor:
+        per_mm, how = diagonal * lens.crop_factor / DIAGONAL_35MM, f"crop factor {lens.crop_factor:g}"
+    else:
+        measured = [e for e in exif if e.pixels_per_mm]
+        if measured and not lens.model:
+            e = measured[len(measured) // 2]
+            assert e.pixels_per_mm
+            # A picture that was scaled after it was taken still states the resolution of the sensor. RAW files show a
+            # few more pixels than EXIF's width, of the same pitch.
+            scaled = width / e.width_px if e.width_px else 1.0
+            scaled = 1.0 if 0.9 < scaled < 1.1 else scaled
+            return (e.pixels_per_mm[0] * scaled, e.pixels_per_mm[1] * scaled), "focal-plane resolution"
+        model = lens.model or next((e.camera for e in exif if e.camera), None)
+        sensor_mm = sensor_width_mm(model) if model else None
+        if sensor_mm is None:
+            return None
+        per_mm, how = longer / sensor_mm, f"{model}: a sensor of {sensor_mm:g} mm"
+    return (per_mm, per_mm), how
+
+
+def _breathing(focal_mm: float, subject_mm: float | None) -> tuple[float, float]:
     """Return by what the focal length is multiplied for its focus, and the relative sigma of that.
 
     A thin lens at magnification m has its image at f (1 + m), and m = f / (distance - f): 5 % at a metre with 50 mm.
     Lenses that focus by moving inner groups get shorter instead, so half of it is added, and half of it is doubt.
-    Where EXIF does not tell the distance nothing is added, and all of it at a metre is doubt.
+    Where nothing tells the distance nothing is added, and all of it at a metre is doubt.
     """
-    focal = e.focal_mm or e.focal_35mm or 0.0
-    distance = e.subject_mm or USUAL_DISTANCE_MM
-    magnification = min(focal / max(distance - focal, 1e-9), 1.0) if distance > focal else 1.0
-    return (1 + magnification / 2, magnification / 2) if e.subject_mm else (1.0, magnification)
+    distance = subject_mm or USUAL_DISTANCE_MM
+    magnification = min(focal_mm / max(distance - focal_mm, 1e-9), 1.0) if distance > focal_mm else 1.0
+    return (1 + magnification / 2, magnification / 2) if subject_mm else (1.0, magnification)

@@ -199,9 +199,7 @@ class ObjectTable(Table):
     mask: Annotated[
         str | None, _key("Picture of the frames' size, white where the object is. Absent: found.", "mask.png")
     ] = None
-    scan: Annotated[
-        str | None, _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")
-    ] = None
+    scan: Annotated[str | None, _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")] = None
     scan_unit: Annotated[
         Literal["m", "cm", "mm", "inch", "unknown"],
         _key("Unit of the scan's coordinates; unknown: found by registering. GLB: m when absent.", "mm"),

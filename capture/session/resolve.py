@@ -2,24 +2,19 @@
 
 import difflib
 from collections.abc import Iterable
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from capture.session.globs import expand, frame_names, kind_of
-from capture.session.session_types import Charuco, Encoding, Session, SphereSpec
+from capture.session.resolve_camera import resolve_camera
+from capture.session.session_types import Encoding, Session, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
-from scene.camera import Camera
 from scene.reading import shortened
 
 if TYPE_CHECKING:
-    from capture.session.manifest import CameraTable, FramesTable, Manifest, ObjectTable, SphereTable
-
-_CAMERA = ("width", "height", "fx", "fy", "cx", "cy")
+    from capture.session.manifest import FramesTable, Manifest, ObjectTable, SphereTable
 
 
 class Resolver:
@@ -63,7 +58,7 @@ class Resolver:
             encoding_stated=frames.linear is not None or frames.gamma is not None,
             half=frames.half,
             skip=tuple(frames.skip),
-            camera=self.camera(manifest.camera),
+            camera=resolve_camera(self, manifest.camera),
             spheres=tuple(self.sphere(f"spheres[{i}]", entry, flash, kept) for i, entry in enumerate(manifest.spheres)),
             lights_file=lights or None,
             mask=self.file("object.mask", known.mask),
@@ -156,65 +151,6 @@ class Resolver:
         if frames.gamma is not None:
             return "linear" if frames.gamma == 1.0 else frames.gamma
         return "srgb" if frames.linear is False else "linear"
-
-    def camera(self, table: "CameraTable | None") -> Camera | Charuco | None:
-        if table is None:
-            return None
-        given = [name for name in _CAMERA if getattr(table, name) is not None]
-        if table.charuco is not None or table.board is not None:
-            return self.charuco(table, given)
-        if len(given) < len(_CAMERA):
-            self.fault(
-                "camera",
-                f"incomplete, without {', '.join(name for name in _CAMERA if name not in given)}. Give all of "
-                f"{', '.join(_CAMERA)}, or charuco and board, or drop [camera]: it is then read from EXIF.",
-            )
-            return None
-        width, height, fx, fy, cx, cy = (getattr(table, name) for name in _CAMERA)
-        if not (-0.5 <= cx <= width - 0.5 and -0.5 <= cy <= height - 0.5):
-            self.fault(
-                "camera.cx, camera.cy",
-                f"found {cx}, {cy}, outside of the image of {width} x {height} px. They are pixels from the centre of "
-                "the upper left pixel.",
-            )
-        for key, focal, size in (("fx", fx, width), ("fy", fy, height)):
-            if not 0.1 <= focal / size <= 1000:
-                self.fault(
-                    f"camera.{key}",
-                    f"found {focal:g} px for a picture of {size} px; lenses have 0.1 to 1000 times the picture. Give "
-                    "the focal length in pixels, not in millimetres.",
-                )
-                return None
-        camera = Camera(width, height, fx, fy, cx, cy, tuple(table.distortion or [0.0] * 5))
-        corners = [[u, v] for u in (0, width - 1) for v in (0, height - 1)]
-        moved = np.abs(camera.project(replace(camera, distortion=(0.0,) * 5).rays(corners)[1]) - corners).max()
-        if not moved <= max(width, height):
-            self.fault(
-                "camera.distortion",
-                f"found {list(camera.distortion)}, which moves a corner of the picture by {moved:.3g} px, beyond its "
-                "size. Give OpenCV's k1 k2 p1 p2 k3.",
-            )
-        return camera
-
-    def charuco(self, table: "CameraTable", given: list[str]) -> Charuco | None:
-        if given or table.distortion is not None:
-            what = ", ".join(given) or "distortion"
-            text = f"found {what} beside charuco. The board's shots give the whole camera: keep one of them."
-            self.fault("camera", text)
-        board = table.board
-        if table.charuco is None or board is None:
-            self.fault(
-                "camera.charuco" if table.charuco is None else "camera.board",
-                'missing. Give charuco = "charuco/*.dng" and board = { squares = [11, 8], square_mm = 15, '
-                'marker_mm = 11, dictionary = "DICT_4X4_100" }.',
-            )
-            return None
-        files = self.photographs("camera.charuco", table.charuco)
-        if board.marker_mm >= board.square_mm:
-            text = f"marker_mm {board.marker_mm} must be less than square_mm {board.square_mm}."
-            self.fault("camera.board", text)
-        squares = (board.squares[0], board.squares[1])
-        return Charuco(tuple(files), squares, board.square_mm, board.marker_mm, board.dictionary)
 
     def sphere(self, key: str, table: "SphereTable", flash: list[Path], kept: list[int]) -> SphereSpec:
         if (table.center_px is None) != (table.radius_px is None):

@@ -11,14 +11,52 @@ Encoding = Literal["linear", "srgb"] | float
 
 
 @dataclass(frozen=True)
-class Charuco:
-    """Photographs of a ChArUco board, to calibrate the camera from."""
+class Board:
+    """Photographs of a board, to calibrate the camera from.
+
+    marker_mm, dictionary : of a ChArUco board; None: a plain chessboard.
+    """
 
     files: tuple[Path, ...]
     squares: tuple[int, int]
-    square_mm: float
-    marker_mm: float
-    dictionary: str
+    square_mm: float = 20.0
+    marker_mm: float | None = None
+    dictionary: str | None = None
+
+    @property
+    def key(self) -> str:
+        """Its key in session.toml."""
+        return "camera.chessboard" if self.dictionary is None else "camera.charuco"
+
+
+@dataclass(frozen=True)
+class Lens:
+    """A camera that is known in part; the photographs, EXIF and the middle of the picture tell the rest.
+
+    Parameters
+    ----------
+    size : (width, height) or None
+        Of the picture that fx, fy, cx and cy refer to; None: the photographs' full size.
+    fx, fy, cx, cy : float or None
+        Pixels.
+    distortion : tuple of 5 float
+    focal_mm : float or None
+        As engraved on the lens; None: EXIF's.
+    sensor_mm, pixel_um, crop_factor, model : float or str or None
+        The sensor's longer side, its pixels' distance, 43.3 mm by its diagonal, or whose it is: one of them.
+    """
+
+    size: tuple[int, int] | None = None
+    fx: float | None = None
+    fy: float | None = None
+    cx: float | None = None
+    cy: float | None = None
+    distortion: tuple[float, ...] = (0.0,) * 5
+    focal_mm: float | None = None
+    sensor_mm: float | None = None
+    pixel_um: float | None = None
+    crop_factor: float | None = None
+    model: str | None = None
 
 
 @dataclass(frozen=True)
@@ -74,7 +112,7 @@ class Session:
     encoding_stated: bool = True
     half: bool = False
     skip: tuple[str, ...] = ()
-    camera: Camera | Charuco | None = None
+    camera: Camera | Lens | Board | None = None
     spheres: tuple[SphereSpec, ...] = ()
     lights_file: Path | None = None
     mask: Path | None = None

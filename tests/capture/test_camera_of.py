@@ -6,10 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
+from capture.camera.board import _camera_of_corners
 from capture.camera.exif import Exif
-from capture.camera.session_camera import _camera_of_corners, camera_of
+from capture.camera.session_camera import camera_of
 from capture.session.session import load_session
-from capture.session.session_types import Charuco, Session
+from capture.session.session_types import Board, Lens, Session
 from scene.camera import Camera
 from scene.errors import SessionError
 
@@ -90,6 +91,66 @@ def test_what_exif_is_worth(session):
     assert (STATED.focal_sigma, STATED.center_sigma_px) == (0, 0)
 
 
+@pytest.mark.parametrize(
+    "sensor", [{"sensor_mm": 36.0}, {"pixel_um": 6.0}, {"crop_factor": 1.0}, {"model": "nikon corporation NIKON D700"}]
+)
+@pytest.mark.parametrize("half", [False, True])
+@pytest.mark.parametrize("upright", [False, True])
+def test_a_focal_length_in_millimetres(session, sensor, half, upright):
+    """Each way to say how large the sensor is gives 50 mm on 6,000 pixels of 6 um: 8,333 px."""
+    size = (4000, 6000) if upright else (6000, 4000)
+    size = tuple(side // 2 for side in size) if half else size
+    lens = Lens(focal_mm=50.0, **sensor)
+    camera, (told,) = camera_of(replace(session, camera=lens, half=half), [Exif(focal_mm=18.0)], *size)
+    assert (camera.width, camera.height) == size
+    assert camera.fx == camera.fy == pytest.approx(8333.33 / (2 if half else 1), rel=1e-4)
+    assert (camera.cx, camera.cy) == ((size[0] - 1) / 2, (size[1] - 1) / 2)
+    assert camera.center_sigma_px == pytest.approx(0.01 * size[0])
+    assert camera.focal_sigma == pytest.approx(0.057, abs=0.003), "engraved, and focused nobody knows where"
+    assert "50 mm" in told
+
+
+def test_the_focal_length_of_exif_on_a_known_sensor(session):
+    """Many cameras write neither their sensor's resolution nor a 35 mm equivalent."""
+    for e in (Exif(focal_mm=50, camera="Canon Canon EOS R5"), Exif(focal_mm=50, camera="SONY ILCE-1")):
+        assert camera_of(session, [e], 8192, 5464)[0].fx == pytest.approx(8192 * 50 / 36, rel=0.003)
+    # A longer name that begins alike is another camera, here one with a smaller sensor.
+    assert camera_of(session, [Exif(focal_mm=50, camera="NIKON NIKON D3200")], 6016, 4000)[0].fx > 1.5 * 6016 * 50 / 36
+    assert camera_of(session, [Exif(focal_mm=50, camera="NIKON NIKON D32")], 6016, 4000)[0].is_orthographic
+
+
+def test_a_focal_length_in_pixels_alone(session):
+    camera, (told,) = camera_of(replace(session, camera=Lens(fx=700.0)), [Exif(focal_35mm=50)], 640, 480)
+    assert (camera.fx, camera.fy, camera.cx, camera.cy) == (700, 700, 319.5, 239.5)
+    assert (camera.focal_sigma, camera.source) == (0.02, "session.toml")
+    assert "as session.toml says" in told
+    measured = Lens(fx=700.0, fy=701.0, cx=310.0, cy=250.0, distortion=(0.1, 0, 0, 0, 0))
+    camera, warnings = camera_of(replace(session, camera=measured), [], 640, 480)
+    assert camera == Camera(640, 480, 700.0, 701.0, 310.0, 250.0, (0.1, 0, 0, 0, 0))
+    assert warnings == ()
+    half, _ = camera_of(replace(session, camera=measured, half=True), [], 320, 240)
+    assert half == camera.halved()
+    sized = replace(session, camera=Lens(size=(640, 480), fx=700.0))
+    with pytest.raises(SessionError, match=r"640 x 480.*800 x 600"):
+        camera_of(sized, [], 800, 600)
+
+
+@pytest.mark.parametrize(
+    ("lens", "exif", "words"),
+    [
+        (Lens(focal_mm=50.0), Exif(), "camera.focal_mm: found 50 without the size of the sensor.*sensor_mm"),
+        (Lens(focal_mm=50.0), Exif(camera="Held One"), '"Held One" is not known here.*sensor_mm'),
+        (Lens(model="Held One"), Exif(focal_mm=50.0), "camera.model.*Held One.*sensor_mm"),
+        (Lens(sensor_mm=36.0), Exif(), "no focal length.*focal_mm"),
+        (Lens(cx=300.0, cy=200.0), Exif(), "no focal length.*focal_mm"),
+        (Lens(fx=50.0), Exif(), "focal length is 50 px.*640 px.*focal_mm"),
+    ],
+)
+def test_half_a_camera(session, lens, exif, words):
+    with pytest.raises(SessionError, match=words):
+        camera_of(replace(session, camera=lens), [exif], 640, 480)
+
+
 def test_nothing_known(session):
     camera, (warning,) = camera_of(session, [Exif()], 640, 480)
     assert camera.is_orthographic
@@ -105,33 +166,43 @@ BOARD = cv2.aruco.CharucoBoard((9, 6), 20.0, 14.0, cv2.aruco.getPredefinedDictio
 TRUE = Camera(960, 640, 1100.0, 1100.0, 470.0, 330.0, (-0.08, 0.03, 0.0, 0.0, 0.0))
 
 
-def board_shot(rotation, translation):
+SCALE = 8  # pixels of the board's art in a millimetre
+CHARUCO = BOARD.generateImage((9 * 20 * SCALE, 6 * 20 * SCALE))
+CHESS = 255 * np.kron(np.indices((6, 9)).sum(0) % 2, np.ones((20 * SCALE, 20 * SCALE))).astype(np.uint8)
+
+
+def board_shot(rotation, translation, art=CHARUCO):
     """Photograph the board with TRUE: each pixel's ray meets the board's plane, and takes the colour there."""
-    scale = 8
-    art = BOARD.generateImage((9 * 20 * scale, 6 * 20 * scale))
     rotation = cv2.Rodrigues(np.asarray(rotation, float))[0]
     _, rays = TRUE.rays(TRUE.grid())
     rays = rays * [1, -1, -1]
     normal, origin = rotation[:, 2], np.asarray(translation, float)
     points = rays * ((origin @ normal) / (rays @ normal))[..., None]
-    on_board = (points - origin) @ rotation[:, :2] * scale - 0.5
+    on_board = (points - origin) @ rotation[:, :2] * SCALE - 0.5
     view = cv2.remap(art, on_board.astype(np.float32), None, cv2.INTER_AREA, borderValue=90)
     return cv2.GaussianBlur(view, (0, 0), 0.8)
 
 
-@pytest.fixture
-def shots(tmp_path):
+def shoot(folder, art):
     rng = np.random.default_rng(0)
     for i in range(8):
         tilt = rng.uniform(-0.45, 0.45, 3) * [1, 1, 0.3]
         place = np.array([-90, -60, 260]) + rng.uniform(-1, 1, 3) * [25, 15, 30]
-        cv2.imwrite(str(tmp_path / f"board_{i}.png"), board_shot(tilt, place))
-    return tuple(sorted(tmp_path.glob("board_*.png")))
+        cv2.imwrite(str(folder / f"board_{i}.png"), board_shot(tilt, place, art))
+    return tuple(sorted(folder.glob("board_*.png")))
 
 
-def test_a_board_gives_the_camera(session, shots):
-    charuco = Charuco(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
-    camera, (note,) = camera_of(replace(session, camera=charuco, encoding="srgb"), [], 960, 640)
+@pytest.fixture
+def shots(tmp_path):
+    return shoot(tmp_path, CHARUCO)
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_a_board_gives_the_camera(session, tmp_path, plain):
+    shots = shoot(tmp_path, CHESS if plain else CHARUCO)
+    board = Board(shots, (9, 6), 20.0) if plain else Board(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
+    camera, (note,) = camera_of(replace(session, camera=board, encoding="srgb"), [], 960, 640)
+    assert camera.source == ("chessboard" if plain else "ChArUco")
     assert camera.fx == pytest.approx(TRUE.fx, rel=0.005)
     assert camera.fy == pytest.approx(TRUE.fy, rel=0.005)
     # Within the sigma that is stated, and that is small: a board shot well is worth ten times EXIF.
@@ -145,7 +216,8 @@ def test_a_board_gives_the_camera(session, shots):
     corners = np.array([[30, 30], [930, 30], [30, 610], [930, 610], [470, 330]])
     cosine = np.sum(camera.rays(corners)[1] * TRUE.rays(corners)[1], -1)
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 0.4
-    assert "8 shots" in note
+    # A chessboard must be seen whole: in two shots a corner is cut off.
+    assert ("6 shots" if plain else "8 shots") in note
     assert "reprojection error 0." in note
 
 
@@ -161,7 +233,7 @@ def test_the_boards_sigma_is_honest():
             place = np.array([-90, -60, 260]) + rng.uniform(-1, 1, 3) * [25, 15, 30]
             seen = TRUE.project((corners @ turn.T + place) * [1, -1, -1])
             images.append((seen + rng.normal(0, 0.2, seen.shape)).astype(np.float32))
-        camera, _ = _camera_of_corners([corners] * 8, images, (640, 960), [])
+        camera, _ = _camera_of_corners([corners] * 8, images, (640, 960), [], "ChArUco")
         scores.append([(camera.fx / TRUE.fx - 1) / camera.focal_sigma, (camera.cx - TRUE.cx) / camera.center_sigma_px])
     spread = np.sqrt(np.mean(np.square(scores), 0))
     assert (spread > 0.6).all()
@@ -171,7 +243,7 @@ def test_the_boards_sigma_is_honest():
 def test_a_board_that_is_not_there(session, shots, tmp_path):
     for path in shots[1:]:
         cv2.imwrite(str(path), np.full((640, 960), 90, np.uint8))
-    charuco = Charuco(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
+    charuco = Board(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")
     with pytest.raises(SessionError, match="found in 1 of 8 shots"):
         camera_of(replace(session, camera=charuco), [], 960, 640)
     with pytest.raises(SessionError, match="DICT_4X4_100"):

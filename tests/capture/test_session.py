@@ -7,7 +7,7 @@ import pytest
 
 from capture.session.globs import natural_key
 from capture.session.session import load_session
-from capture.session.session_types import Charuco
+from capture.session.session_types import Board
 from scene.camera import Camera
 from scene.errors import SessionError
 from scene.files import write_png
@@ -140,7 +140,7 @@ def test_a_board(folder):
     board = '{ squares = [11, 8], square_mm = 15, marker_mm = 11, dictionary = "D" }'
     text = f'[camera]\ncharuco = "ball_*.png"\nboard = {board}'
     camera = load(folder, FLASH + text).camera
-    assert isinstance(camera, Charuco)
+    assert isinstance(camera, Board)
     assert (len(camera.files), camera.squares, camera.square_mm) == (3, (11, 8), 15)
 
 
@@ -165,6 +165,7 @@ def test_all_faults_at_once(folder):
         skip = ["flash_3"]
         [camera]
         fx = 100.0
+        focal_mm = 50.0
         [[spheres]]
         kind = "crome"
         [object]
@@ -179,7 +180,7 @@ def test_all_faults_at_once(folder):
         "frames.flsh: unknown key. Did you mean flash?",
         'frames.ambient: "dawn_*.png" matches no file',
         'frames.skip: "flash_3" is none of the 3 flash frames. Did you mean flash_',
-        "camera: incomplete, without width, height, fy, cx, cy",
+        "camera: found fx beside focal_mm. Both tell the focal length: keep one of them.",
         "spheres[0].kind: found 'crome'",
         "object.scan_unit: found 'mile'",
         "7 faults",
@@ -204,6 +205,13 @@ def test_all_faults_at_once(folder):
         (FLASH + '[camera]\nfx = "wide"', ["camera.fx: found 'wide'", "number"]),
         (FLASH + "[camera]\nwidth=6\nheight=4\nfx=7\nfy=7\ncx=60\ncy=2", ["camera.cx", "outside"]),
         (FLASH + '[camera]\ncharuco = "ball_*.png"', ["camera.board: missing"]),
+        (FLASH + '[camera]\ncharuco = "ball_*.png"\nboard = { squares = [9, 6] }', ["camera.board.marker_mm: missing"]),
+        (FLASH + '[camera]\nchessboard = "ball_*.png"\nfx = 70', ["camera.board: missing", "found fx beside a board"]),
+        (FLASH + "[camera]\nwidth = 6\nfx = 7", ["camera.height: missing", "go together"]),
+        (FLASH + "[camera]\ncx = 6\nfx = 7", ["camera.cy: missing"]),
+        (FLASH + "[camera]\nfy = 7", ["camera.fx: missing"]),
+        (FLASH + "[camera]\nfocal_mm = 50\nsensor_mm = 36\npixel_um = 4", ["found sensor_mm, pixel_um"]),
+        (FLASH + "[camera]\nfocal_mm = 8333\nsensor_mm = 36", ["camera.focal_mm: found 8333", "1 to 3000"]),
         (FLASH + '[[spheres]]\nkind = "white"\nradius_px = 3', ["spheres[0].center_px: missing"]),
         (FLASH + '[[spheres]]\nkind = "white"\nframes = "ball_[12].png"', ["matches 2 files, frames.flash 3"]),
         (FLASH + '[object]\nmask = "mask.pgn"', ["object.mask: there is no file", "Did you mean mask.png?"]),
