@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
-from compare.report.pictures import colour_scale_end, error_picture, known_pixels, with_colour_scale
+from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.ambiguity import four_ways, is_measured_so
 from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
+from scene.map_pictures import known_pixels
 from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.store import Store

@@ -8,6 +8,7 @@ from compare.report import charts, pictures
 from compare.report.facts import Material, Summary, by_error, doubts_of
 from compare.report.page import absent, folded, is_number, picture, say, section
 from compare.report.pictures import Box
+from scene.map_pictures import known_pixels
 
 MAP_WIDTH = 440
 FEW_METHODS = 4
@@ -58,7 +59,7 @@ def _map_box(material: Material) -> tuple[Box, int]:
     if shape is None:
         maps = (material.map_of("normals", name) for name in ("truth", *material.methods))
         there = next((normals for normals in maps if normals is not None), None)
-        shape = np.ones((1, 1), bool) if there is None else pictures.known_pixels(there)
+        shape = np.ones((1, 1), bool) if there is None else known_pixels(there)
     box = Box.of_mask(shape, margin=0.03)
     return box, box.shown_width(MAP_WIDTH, count=1 + 4 * len(material.methods), total=MAPS_PIXELS)
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from string import Formatter, Template
 from typing import Any, TypeGuard
 
-from compare.report.pictures import Image, data_uri
+from scene.map_pictures import Image, data_uri
 
 HERE = Path(__file__).parent
 UNKNOWN = '<span class="unknown">unknown</span>'

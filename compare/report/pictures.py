@@ -1,6 +1,5 @@
 """Pictures for people: photographs with gamma, normals as colours, errors on a stated scale, outlines."""
 
-import base64
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,12 +8,9 @@ from numpy.typing import NDArray
 
 from formats.pictures import srgb_from_linear
 from scene.frames import Frames
-from scene.normals import unit
+from scene.map_pictures import PAPER, Image, normal_picture, shrink
 from scene.spheres import Sphere
 
-Image = NDArray[np.uint8]
-PAPER = 246
-"""Grey level (8 bits) of pixels that are unknown in maps, a little darker than the page."""
 SCALE_ENDS_DEG = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 45.0, 60.0, 90.0, 120.0, 180.0)
 
 
@@ -113,36 +109,9 @@ def thumbnail(frames: Frames, index: int, width: int, box: Box | None = None) ->
     return shrink(frames.read(rows, [index], columns=columns)[0], width)
 
 
-def shrink(image: NDArray, width: int) -> NDArray[np.float32]:
-    """Return the image at most `width` wide, each pixel the mean of the known ones it covers; NaN where none is."""
-    import cv2
-
-    image = np.asarray(image, np.float32)
-    if image.shape[1] <= width:
-        return image
-    size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
-    known = np.isfinite(image) if image.ndim == 2 else known_pixels(image)[..., None]
-    weight = np.asarray(cv2.resize(known.astype(np.float32), size, interpolation=cv2.INTER_AREA))
-    total = np.asarray(cv2.resize(np.where(known, image, 0), size, interpolation=cv2.INTER_AREA), np.float32)
-    weight = weight.reshape(*weight.shape[:2], *[1] * (image.ndim - 2))
-    return np.divide(total, weight, out=np.full_like(total, np.nan), where=weight > 1e-3)
-
-
 def enlarged(image: Image, times: int) -> Image:
     """Return each pixel as a square: a browser smooths what it enlarges, and pixels are to be seen."""
     return image.repeat(times, 0).repeat(times, 1)
-
-
-def known_pixels(image: NDArray) -> NDArray[np.bool_]:
-    """Return (h, w) bool: every channel of (h, w, c) is a number."""
-    return np.logical_and.reduce(np.isfinite(image), axis=-1)
-
-
-def normal_picture(normals: NDArray, width: int) -> Image:
-    """Return normals (h, w, 3) as colours: red x (right), green y (up), blue z (toward the viewer)."""
-    normals = unit(shrink(normals, width))
-    codes = np.round((normals + 1) / 2 * 255)
-    return np.where(np.isfinite(codes), codes, PAPER).astype(np.uint8)
 
 
 def legend_ball(width: int) -> Image:
@@ -254,16 +223,3 @@ def contours(mask: NDArray[np.bool_], box: Box) -> list[NDArray[np.float64]]:
     lines = [cv2.approxPolyDP(line, tolerance, True)[:, 0].astype(np.float64) + 0.5 for line in found]
     # Specks of a few pixels are noise of the mask; drawn, they would hide what is below.
     return [line for line in lines if len(line) > 2]
-
-
-def data_uri(image: Image, *, photograph: bool) -> str:
-    """Return the image (h, w, 3) RGB as a data URI: JPEG for photographs, PNG for maps."""
-    import cv2
-
-    kind, options = "png", [cv2.IMWRITE_PNG_COMPRESSION, 9]
-    if photograph:
-        kind, options = "jpeg", [cv2.IMWRITE_JPEG_QUALITY, 86]
-    done, buffer = cv2.imencode(f".{kind}", np.ascontiguousarray(image[..., ::-1]), options)
-    if not done:
-        raise ValueError(f"{image.dtype} {image.shape} is not an image")
-    return f"data:image/{kind};base64,{base64.b64encode(buffer.tobytes()).decode()}"

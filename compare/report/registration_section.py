@@ -20,6 +20,7 @@ from compare.report.registration_pictures import (
     views,
 )
 from scene.errors import SceneError
+from scene.map_pictures import data_uri, known_pixels
 
 TITLE = "The object in the photographs"
 PHOTOGRAPH_WIDTH = 1000
@@ -34,7 +35,7 @@ def registration_section(material: Material, summary: Summary) -> str:
         )
     size = (frames.height, frames.width)
     truth = truth if truth is not None and truth.shape[:2] == size else None
-    known = None if truth is None else pictures.known_pixels(truth)
+    known = None if truth is None else known_pixels(truth)
     mask = mask if mask is not None and mask.shape == size else None
     shape = mask if mask is not None else known
     if shape is None:
@@ -56,7 +57,7 @@ def registration_section(material: Material, summary: Summary) -> str:
     figures = _outlines(drawn, box, frames.names[index], regions, legend)
     both, squares = _views(material, box, index, truth), ""
     if both is not None:
-        left, right = (pictures.data_uri(image, photograph=True) for image in both)
+        left, right = (data_uri(image, photograph=True) for image in both)
         shaded = "shaded scan" if registered else "shaded ground truth"
         caption = page.say("registration", "wiper" if registered else "wiper without scan", name=frames.names[index])
         figures += page.wiper((left, "photograph"), (right, shaded), caption)

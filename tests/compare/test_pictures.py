@@ -6,9 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from compare.report import charts, pictures
+from compare.report import pictures
 from compare.report.pictures import Box, Exposure
+from scene import figures
 from scene.frames import Frames
+from scene.map_pictures import data_uri
 
 
 def frames_of(linear):
@@ -108,7 +110,7 @@ def test_a_checkerboard_takes_turns():
 @pytest.mark.parametrize(("photograph", "kind"), [(True, "jpeg"), (False, "png")])
 def test_a_data_uri_is_the_picture(photograph, kind):
     image = np.full((8, 8, 3), [200, 100, 30], np.uint8)
-    head, data = pictures.data_uri(image, photograph=photograph).split(",")
+    head, data = data_uri(image, photograph=photograph).split(",")
     assert head == f"data:image/{kind};base64"
     back = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     np.testing.assert_allclose(back.astype(int), image, atol=4)
@@ -151,7 +153,7 @@ def test_the_scale_of_the_lights_stands_where_no_light_is():
     rng = np.random.default_rng(3)
     zenith, azimuth = rng.uniform(10, 80, 12), rng.uniform(-180, 180, 12)
     rows = [{"zenith_deg": z, "azimuth_deg": a} for z, a in zip(zenith, azimuth, strict=True)]
-    angle = np.radians(charts._clear_angle_deg(rows, 90.0))
+    angle = np.radians(figures._clear_angle_deg(rows, 90.0))
     ticks = np.array([30, 60, 90]) * np.exp(1j * angle)
     lights = zenith * np.exp(1j * np.radians(azimuth))
     words = 99 * np.exp(1j * np.radians([0, 90, 180, 270]))
