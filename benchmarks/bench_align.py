@@ -1,4 +1,4 @@
-"""Register scans on virtual sessions of known pose, and scans that must be refused; written into docs/registration.md.
+"""Register scans on virtual sessions of known pose, and scans that must be refused; into docs/evidence/registration.md.
 
     .venv/bin/python -m benchmarks.bench_align [ROW ...] [--quick] [--write]
 
@@ -133,7 +133,7 @@ def main() -> None:
     text = tables(results)
     print(text)
     if arguments.write:
-        path = ROOT / "docs" / "registration.md"
+        path = ROOT / "docs" / "evidence" / "registration.md"
         put(path, "measured", f"\n{text}")
 
 

@@ -1,4 +1,4 @@
-"""Find balls and lights in scenes by somebody else's renderer; written into docs/calibration.md.
+"""Find balls and lights in scenes by somebody else's renderer; written into docs/evidence/calibration.md.
 
     .venv/bin/python -m benchmarks.bench_ball_scenes FOLDER [--jobs 2] [--write]
 
@@ -17,13 +17,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.pages import put
+from benchmarks.pages import folded, put
 from benchmarks.their_scenes import is_same, opened, read_truth, scenes_in
 from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE, SHEET = ROOT / "docs" / "calibration.md", ROOT / "out" / "ball_scenes.png"
+PAGE, SHEET = ROOT / "docs" / "evidence" / "calibration.md", ROOT / "out" / "ball_scenes.png"
 INSIDE, OFF_DEG = 2.448, 1.0  # sigmas of the 95 % region in a plane; and when lights are called off
 SIDE_PX = 128  # of a picture in the contact sheet
 MISSED, FALSE = (80, 80, 255), (0, 220, 255)  # circles in it, BGR
@@ -101,6 +101,10 @@ def _lights(rows: list[dict]) -> Iterable[str]:
         f"{np.median([row['seconds'] for row in lit]):.0f} processor seconds a session (median)."
     )
     yield ""
+    yield from folded("The scenes in which something was wrong", _wrong(asked, off))
+
+
+def _wrong(asked: list[dict], off: list[dict]) -> Iterable[str]:
     for row in asked:
         missed = [f"{b['kind']} of {b['radius']:.0f} px missed" for b in row["balls"] if not b["found"]]
         wrong = [f"{b['kind']} of {b['radius']:.0f} px false" for b in row["false"]]
@@ -108,7 +112,7 @@ def _lights(rows: list[dict]) -> Iterable[str]:
         if row in off:
             said.append(f"lights off by {row['error']:.1f} degrees, sigma {row['sigma']:.1f}")
         if said:
-            yield f"- {row['scene']} ({row['table']}, {row['room']}): {'; '.join(said)}"
+            yield f"{row['scene']} ({row['table']}, {row['room']}): {'; '.join(said)}"
 
 
 def draw(rows: list[dict], folder: Path) -> None:

@@ -4,7 +4,7 @@
 
 Rows: two, four, one, far (sessions of the virtual camera), balls (200 random scenes), peers, speed. Without names all
 of them. Results are kept in out/bench_calibrate.json, so that rows can be run one by one; `--write` puts the tables
-of what is there between the markers in docs/calibration.md, and draws its charts.
+of what is there between the markers in docs/evidence/calibration.md, and draws its charts.
 """
 
 import argparse
@@ -143,7 +143,7 @@ def keep(file: Path, rows: dict[str, dict]) -> None:
 
 
 def main() -> None:
-    """Run rows, print, and with --write put the tables into docs/calibration.md."""
+    """Run rows, print, and with --write put the tables into docs/evidence/calibration.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("row", nargs="*", choices=[[], *SESSIONS, "balls", "peers", "speed"])
     parser.add_argument("--quick", action="store_true", help="a seed or two of each: does it run?")
@@ -158,10 +158,10 @@ def main() -> None:
     text = tables(results)
     print("\n".join(f"\n{part}" for part in text.values()))
     if arguments.write:
-        path = ROOT / "docs" / "calibration.md"
+        path = ROOT / "docs" / "evidence" / "calibration.md"
         for name, part in text.items():
             put(path, name, part)
-        draw_charts(results, ROOT / "docs")
+        draw_charts(results, ROOT / "docs" / "evidence")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Calibration's speed against its accuracy: one to five balls, four to a hundred frames; into docs/calibration.md.
+"""Calibration, speed against accuracy: one to five balls, four to a hundred frames; for docs/evidence/calibration.md.
 
     .venv/bin/python -m benchmarks.bench_calibration_pareto [--write] [--seeds 3]
 
@@ -25,7 +25,7 @@ from scene.frames import Frames
 from scene.normals import angular_error_deg
 from twin.camera.virtual_camera import Sensor
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "evidence"
 BALLS, FRAMES, FIRST_SEED = (1, 2, 3, 4, 5), (4, 12, 36, 100), 700
 PLACES = ((-235, -105), (240, 115), (-230, 120), (235, -115), (0, 150))
 SCALE = 0.5
@@ -68,7 +68,7 @@ def measured(world: World, frames: Frames, count: int) -> tuple[float, float] | 
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table and the chart into docs/calibration.md."""
+    """Measure, print, and with --write put the table and the chart into docs/evidence/calibration.md."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--seeds", type=int, default=3)

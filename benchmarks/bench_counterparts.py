@@ -1,9 +1,9 @@
-"""The seed's experiments on real things: virtual captures against synthetic counterparts; into docs/counterparts.md.
+"""The seed's experiments on real things: virtual captures against counterparts; into docs/evidence/counterparts.md.
 
     .venv/bin/python -m benchmarks.bench_counterparts [--only iso] [--write] [--out out/counterparts]
 
 Goes on where it was stopped. Each experiment has a block of its own in the page, and a chart,
-docs/virtual-EXPERIMENT.svg.
+docs/evidence/virtual-EXPERIMENT.svg.
 """
 
 import argparse
@@ -72,8 +72,8 @@ def main() -> None:
         text, start = block(experiment, pairs, (time.process_time() - start) / 60), time.process_time()
         print(text, flush=True)
         if options.write:
-            (ROOT / "docs" / f"virtual-{experiment.name}.svg").write_text(chart(experiment, pairs))
-            put(ROOT / "docs" / "counterparts.md", experiment.name, text)
+            (ROOT / "docs" / "evidence" / f"virtual-{experiment.name}.svg").write_text(chart(experiment, pairs))
+            put(ROOT / "docs" / "evidence" / "counterparts.md", experiment.name, text)
 
 
 if __name__ == "__main__":

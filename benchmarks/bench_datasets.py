@@ -2,7 +2,7 @@
 
     .venv/bin/python -m benchmarks.bench_datasets [--shelf DIR] [--write]
 
-Makes a few datasets of the catalogue, small, and puts the table into docs/datasets.md.
+Makes a few datasets of the catalogue, small, and puts the table into docs/evidence/datasets.md.
 """
 
 import argparse
@@ -124,7 +124,7 @@ def main() -> None:
         print("alarm", name, *faults, sep="\n    ")
     print("\n".join(lines))
     if wanted.write:
-        put(Path(__file__).parents[1] / "docs" / "datasets.md", "check", "\n".join(lines) + "\n")
+        put(Path(__file__).parents[1] / "docs" / "evidence" / "datasets.md", "check", "\n".join(lines) + "\n")
 
 
 if __name__ == "__main__":

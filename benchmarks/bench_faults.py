@@ -1,4 +1,4 @@
-"""The faults table: each plausible mistake made in several sessions of known truth; into docs/faults.md.
+"""The faults table: each plausible mistake made in several sessions of known truth; into docs/evidence/faults.md.
 
     .venv/bin/python -m benchmarks.bench_faults [--only NAME] [--session NAME] [--looked-at] [--jobs 1] [--write]
 
@@ -280,7 +280,7 @@ def main() -> None:
     text = table(rows, judged, sessions)
     print(text)
     if arguments.write:
-        put(ROOT / "docs" / "faults.md", "faults", text)
+        put(ROOT / "docs" / "evidence" / "faults.md", "faults", text)
 
 
 if __name__ == "__main__":

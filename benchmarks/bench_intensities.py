@@ -1,4 +1,4 @@
-"""`semicalibrated` against `iterative` when the given intensities are wrong, written into docs/methods.md.
+"""`semicalibrated` against `iterative` when the given intensities are wrong, written into docs/evidence/methods.md.
 
     .venv/bin/python -m benchmarks.bench_intensities [--write]
 
@@ -102,7 +102,7 @@ def diligent(name: str) -> str:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the tables into docs/methods.md."""
+    """Measure, print, and with --write put the tables into docs/evidence/methods.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
@@ -122,7 +122,7 @@ def main() -> None:
         text += diligent("ballPNG") + diligent("catPNG")
     print(text)
     if arguments.write:
-        path = ROOT / "docs" / "methods.md"
+        path = ROOT / "docs" / "evidence" / "methods.md"
         put(path, "intensities", text)
 
 

@@ -1,4 +1,4 @@
-"""What `kill -9` costs, at random moments of every verb; written into docs/robustness.md.
+"""What `kill -9` costs, at random moments of every verb; written into docs/evidence/robustness.md.
 
     .venv/bin/python -m benchmarks.bench_kills [--write] [--kills 100] [--only VERB,VERB]
 
@@ -26,7 +26,7 @@ from pyarrow import parquet
 from benchmarks.pages import put
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "robustness.md"
+PAGE = ROOT / "docs" / "evidence" / "robustness.md"
 COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 SEED = 601
 SCENE = """name = "box"
@@ -171,7 +171,7 @@ def main() -> None:
     parser.add_argument("--kills", type=int, default=100, help="in all")
     parser.add_argument("--only", default=",".join(VERBS), help="verbs, with commas")
     parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--write", action="store_true", help="add to the table in docs/robustness.md")
+    parser.add_argument("--write", action="store_true", help="add to the table in docs/evidence/robustness.md")
     arguments = parser.parse_args()
     # On more cores the renderer's threads add to a pixel in the order in which they come: a code more or less.
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})

@@ -1,4 +1,4 @@
-"""How far lights are whose directions alone are given, and what normals gain by it; written into docs/methods.md.
+"""How far lights are whose directions alone are given, and what normals gain by it; into docs/evidence/methods.md.
 
     .venv/bin/python -m benchmarks.bench_light_distance [--write]
 
@@ -20,7 +20,7 @@ from solve.problem import Problem
 from solve.solve import solve
 from solve.whole.light_distance import find_positions
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "methods.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "methods.md"
 SHAPES = ("blob", "potato", "relief", "brick", "pear", "knot", "mug", "gear")
 FARTHER = (1.0, 3.0, 20.0)
 FLASHES = 16
@@ -57,7 +57,7 @@ def row(shape: str, seed: int, farther: float) -> str:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table into docs/methods.md."""
+    """Measure, print, and with --write put the table into docs/evidence/methods.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Fitted materials against known ones, and real photographs against their twin; written into docs/twin.md.
+"""Fitted materials against known ones, and real photographs against their twin; written into docs/evidence/twin.md.
 
     .venv/bin/python -m benchmarks.bench_material [--write] [--seeds 10]
 
@@ -117,7 +117,7 @@ def real() -> list[str]:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the tables into docs/twin.md."""
+    """Measure, print, and with --write put the tables into docs/evidence/twin.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--seeds", type=int, default=10)
@@ -126,7 +126,7 @@ def main() -> None:
     text += f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_material.py`.\n"
     print(text)
     if arguments.write:
-        path = ROOT / "docs" / "twin.md"
+        path = ROOT / "docs" / "evidence" / "twin.md"
         put(path, "material", text)
 
 

@@ -1,4 +1,4 @@
-"""Own memory of `rgbn process`, step by step, on 24-megapixel photographs with a scan; written into docs/methods.md.
+"""Own memory of `rgbn process`, step by step, on 24-megapixel photographs with a scan; into docs/evidence/methods.md.
 
     .venv/bin/python -m benchmarks.bench_memory [--frames 60] [--faces 1000000] [--limit-gb 4] [--error 0.05] [--write]
 
@@ -24,7 +24,7 @@ from benchmarks.own_memory import OwnMemory
 from benchmarks.pages import put
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "methods.md"
+PAGE = ROOT / "docs" / "evidence" / "methods.md"
 WIDTH, FLASHES = 6000, 12
 
 

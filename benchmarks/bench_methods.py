@@ -1,4 +1,4 @@
-"""Every solver on sessions with ground truth: error and speed, written into docs/methods.md and four charts beside it.
+"""Every solver on sessions with ground truth: error and speed, into docs/evidence/methods.md and four charts beside it.
 
     .venv/bin/python -m benchmarks.bench_methods [--write]
 
@@ -110,7 +110,7 @@ def main() -> None:
     text = "\n".join([*table(summaries), "", *gallery, "", by]) + "\n"
     print(text)
     if arguments.write:
-        path = ROOT / "docs" / "methods.md"
+        path = ROOT / "docs" / "evidence" / "methods.md"
         put(path, "table", text)
         for name, chart in drawn.items():
             path.with_name(name).write_text(chart)

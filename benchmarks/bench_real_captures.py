@@ -1,4 +1,4 @@
-"""Calibrate the real captures and write docs/real-captures.md, table and pictures.
+"""Calibrate the real captures and write docs/evidence/real-captures.md, table and pictures.
 
     .venv/bin/python -m benchmarks.bench_real_captures [--write]
 
@@ -17,7 +17,7 @@ from scene.files import write_png
 from scene.normals import angular_error_deg
 from scene.spheres import Sphere
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "evidence"
 PANEL = 300
 INK, BLUE, RED, GRID = (40, 40, 40), (31, 119, 180), (214, 39, 40), (205, 205, 205)
 
@@ -237,7 +237,7 @@ def measure_bunny() -> list[str]:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--write", action="store_true", help="write docs/real-captures.md and its pictures")
+    parser.add_argument("--write", action="store_true", help="write docs/evidence/real-captures.md and its pictures")
     arguments = parser.parse_args()
     first, first_row = measure_washington()
     second, second_row = measure_diligent()

@@ -1,4 +1,4 @@
-"""Register scans on photographs that nobody here made; written into docs/registration.md.
+"""Register scans on photographs that nobody here made; written into docs/evidence/registration.md.
 
     .venv/bin/python -m benchmarks.bench_real_registration [ROW ...] [--write]
 
@@ -210,7 +210,7 @@ def main() -> None:
     text = tables(_run(arguments.rows))
     print(text)
     if arguments.write:
-        path = ROOT / "docs" / "registration.md"
+        path = ROOT / "docs" / "evidence" / "registration.md"
         put(path, "real", f"\n{text}")
 
 

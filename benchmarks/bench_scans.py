@@ -1,4 +1,4 @@
-"""Scans of millions of triangles: seconds and memory to read and mend, against trimesh and Open3D, into docs/scans.md.
+"""Scans of millions of triangles: seconds and memory to read and mend, against others, into docs/evidence/scans.md.
 
     .venv/bin/python -m benchmarks.bench_scans [--write]
 
@@ -120,9 +120,9 @@ def measure(who: str, path: Path) -> tuple[float, float] | None:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table into docs/scans.md."""
+    """Measure, print, and with --write put the table into docs/evidence/scans.md."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--write", action="store_true", help="put the table into docs/scans.md")
+    parser.add_argument("--write", action="store_true", help="put the table into docs/evidence/scans.md")
     arguments = parser.parse_args()
     load = os.getloadavg()[0]
     lines = [
@@ -142,7 +142,7 @@ def main() -> None:
     )
     print(text)
     if arguments.write:
-        page = ROOT / "docs" / "scans.md"
+        page = ROOT / "docs" / "evidence" / "scans.md"
         put(page, "scans", text)
 
 

@@ -1,9 +1,9 @@
-"""Process sessions with known truth and write what came out into the README.
+"""Process sessions with known truth and write what came out into docs/evidence/sessions.md.
 
     .venv/bin/python -m benchmarks.bench_sessions [--write]
 
 The fixture (made by our virtual camera) and, where ../shared is, the bunny (rendered by a program that shares no code
-with this project). `--write` puts the table between the markers in README.md.
+with this project). `--write` puts the table between the markers of the page.
 """
 
 import argparse
@@ -72,7 +72,7 @@ def table(results: dict[str, tuple[dict, float, float]]) -> str:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table into the README."""
+    """Measure, print, and with --write put the table into docs/evidence/sessions.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()
@@ -80,7 +80,7 @@ def main() -> None:
     text = table(results) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_sessions.py`.\n"
     print(text)
     if arguments.write:
-        path = ROOT / "README.md"
+        path = ROOT / "docs" / "evidence" / "sessions.md"
         put(path, "sessions", text)
 
 

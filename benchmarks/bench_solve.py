@@ -1,4 +1,4 @@
-"""How fast the methods that treat each pixel alone are, in one run; written into docs/methods.md.
+"""How fast the methods that treat each pixel alone are, in one run; written into docs/evidence/methods.md.
 
     .venv/bin/python -m benchmarks.bench_solve [--write] [--side 1024]
 
@@ -132,7 +132,7 @@ def against_loops() -> list[str]:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the tables into docs/methods.md."""
+    """Measure, print, and with --write put the tables into docs/evidence/methods.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--side", type=int, default=1024)
@@ -141,7 +141,7 @@ def main() -> None:
     text = "\n\n".join(tables) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_solve.py`.\n"
     print(text)
     if arguments.write:
-        path = ROOT / "docs" / "methods.md"
+        path = ROOT / "docs" / "evidence" / "methods.md"
         put(path, "speed", text)
 
 

@@ -1,4 +1,4 @@
-"""Peak memory of `ls` and `iterative` on 24 megapixels x 60 frames; written into docs/methods.md.
+"""Peak memory of `ls` and `iterative` on 24 megapixels x 60 frames; written into docs/evidence/methods.md.
 
     .venv/bin/python -m benchmarks.bench_solve_memory [--write]
 
@@ -21,7 +21,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from solve.solve import solve
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "methods.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "methods.md"
 WIDTH, HEIGHT, FRAMES = 6000, 4000, 60
 
 
@@ -42,7 +42,7 @@ class Watch(threading.Thread):
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table into docs/methods.md."""
+    """Measure, print, and with --write put the table into docs/evidence/methods.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     arguments = parser.parse_args()

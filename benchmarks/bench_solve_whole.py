@@ -5,7 +5,7 @@
 Speed: `rpca`'s recursion against the same with a full singular value decomposition, round for round, in one run; and
 the uncalibrated methods on 45 kpx x 96. CPU seconds of all threads, the least of three; the linear algebra library
 runs on one thread for all, as its waiting threads count too. --real: DiLiGenT's ball and cat, where ../shared is; the
-settings are the default ones, tuned on neither. --write puts the tables into docs/methods.md.
+settings are the default ones, tuned on neither. --write puts the tables into docs/evidence/methods.md.
 """
 
 import argparse
@@ -144,7 +144,7 @@ def real_rows() -> list[str]:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the tables into docs/methods.md."""
+    """Measure, print, and with --write put the tables into docs/evidence/methods.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--real", action="store_true")
     parser.add_argument("--write", action="store_true")
@@ -154,7 +154,7 @@ def main() -> None:
     if arguments.real:
         tables["whole real"] = real_rows()
     if arguments.write:
-        path = ROOT / "docs" / "methods.md"
+        path = ROOT / "docs" / "evidence" / "methods.md"
         for name, lines in tables.items():
             put(path, name, "\n".join(lines) + "\n")
 

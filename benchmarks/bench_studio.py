@@ -1,4 +1,4 @@
-"""How soon the studio's preview shows a change, and how soon a large scan is open; written into docs/studio.md.
+"""How soon the studio's preview shows a change, and how soon a large scan is open; into docs/evidence/studio.md.
 
     .venv/bin/python -m benchmarks.bench_studio [--write] [--faces 100000]
 
@@ -28,7 +28,7 @@ from twin.description.materials import Diffuse, RoughPlastic
 from twin.description.mesh_files import read_mesh, write_mesh
 from twin.description.object_mesh import ObjectMesh, smooth
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "evidence"
 COMPILED, TIMED = 2, 8
 LARGE = 1_000_000
 
@@ -111,7 +111,7 @@ def opening(faces: int) -> list[tuple[str, float, float]]:
 
 
 def main() -> None:
-    """Print the tables; with --write put them into docs/studio.md."""
+    """Print the tables; with --write put them into docs/evidence/studio.md."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--faces", type=int, default=100_000)

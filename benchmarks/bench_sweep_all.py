@@ -1,9 +1,9 @@
-"""All nine experiments whole, beside the benchmark's own numbers; written into docs/sweeps.md.
+"""All nine experiments whole, beside the benchmark's own numbers; into docs/evidence/sweeps.md.
 
     .venv/bin/python -m benchmarks.bench_sweep_all [--write] [--out out/sweeps]
 
-Goes on where it was stopped. The charts are copied to docs/sweeps-EXPERIMENT.svg, the atlas and the chart of speed
-against accuracy to docs/sweeps-atlas.svg and docs/sweeps-speed.svg. With --quick it is the first look, printed only.
+Goes on where it was stopped. The charts are copied to docs/evidence/sweeps-EXPERIMENT.svg, atlas and the chart of speed
+against accuracy to sweeps-atlas.svg and sweeps-speed.svg beside them. With --quick it is the first look, printed only.
 """
 
 import argparse
@@ -110,11 +110,11 @@ def main() -> None:
     if options.write and not options.quick:
         charts = []
         for name in EXPERIMENTS:
-            shutil.copy(folder / f"{name}-normals.svg", ROOT / "docs" / f"sweeps-{name}.svg")
+            shutil.copy(folder / f"{name}-normals.svg", ROOT / "docs" / "evidence" / f"sweeps-{name}.svg")
             charts.append(f"![{name}: angular error against level](sweeps-{name}.svg)\n")
         for name in ("atlas", "speed"):
-            shutil.copy(folder / f"{name}.svg", ROOT / "docs" / f"sweeps-{name}.svg")
-        path = ROOT / "docs" / "sweeps.md"
+            shutil.copy(folder / f"{name}.svg", ROOT / "docs" / "evidence" / f"sweeps-{name}.svg")
+        path = ROOT / "docs" / "evidence" / "sweeps.md"
         put(path, "all", text + "\n" + "".join(charts))
         pictures = "![What breaks whom](sweeps-atlas.svg)\n\n![Speed against accuracy](sweeps-speed.svg)\n\n"
         put(path, "stability", pictures + limits)

@@ -1,4 +1,4 @@
-"""What the benchmark's text leaves open, read in other ways: the rank correlation of each; written into docs/sweeps.md.
+"""What the text leaves open, read in other ways: the rank correlation of each; into docs/evidence/sweeps.md.
 
     .venv/bin/python -m benchmarks.bench_sweep_readings [--write] [--out out/sweeps]
 
@@ -77,7 +77,7 @@ def main() -> None:
     text = "\n".join(lines) + "\n"
     print(text)
     if options.write:
-        put(ROOT / "docs" / "sweeps.md", "readings", text)
+        put(ROOT / "docs" / "evidence" / "sweeps.md", "readings", text)
 
 
 if __name__ == "__main__":

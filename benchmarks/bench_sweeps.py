@@ -1,4 +1,4 @@
-"""What a sweep costs and what it survives; written into docs/sweeps.md.
+"""What a sweep costs and what it survives; written into docs/evidence/sweeps.md.
 
     .venv/bin/python -m benchmarks.bench_sweeps [--write] [--kills 20]
 
@@ -154,7 +154,7 @@ def main() -> None:
     text = "\n".join(rows) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_sweeps.py`.\n"
     print(text)
     if options.write:
-        path = ROOT / "docs" / "sweeps.md"
+        path = ROOT / "docs" / "evidence" / "sweeps.md"
         before, rest = path.read_text().split(MARKERS[0])
         path.write_text(before + MARKERS[0] + text + MARKERS[1] + rest.split(MARKERS[1])[1])
 

@@ -1,4 +1,4 @@
-"""Ground-truth normals and their sigma, against surfaces whose normals are known, written into docs/ground-truth.md.
+"""Ground-truth normals and their sigma, against surfaces whose normals are known, into docs/evidence/ground-truth.md.
 
     .venv/bin/python -m benchmarks.bench_truth [--write] [--seed 0]
 
@@ -147,7 +147,7 @@ def row(subject: Subject, thousand: int, noise_mm: float, kind: str, seed: int) 
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table into docs/ground-truth.md."""
+    """Measure, print, and with --write put the table into docs/evidence/ground-truth.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--seed", type=int, default=0)
@@ -167,7 +167,7 @@ def main() -> None:
             lines.append(row(subject, *case, seed))
             print(lines[-1], flush=True)
     if arguments.write:
-        path = ROOT / "docs" / "ground-truth.md"
+        path = ROOT / "docs" / "evidence" / "ground-truth.md"
         text = "\n".join(lines) + f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_truth.py`.\n"
         put(path, "table", text)
 

@@ -1,4 +1,4 @@
-"""The engines `many` and `direct` against stock Mitsuba at equal error, in one run; written into docs/twin.md.
+"""The engines `many` and `direct` against stock Mitsuba at equal error, in one run; written into docs/evidence/twin.md.
 
     .venv/bin/python -m benchmarks.bench_twin [--write] [--side 256]
 
@@ -197,9 +197,9 @@ def main() -> None:
         log_y=True,
     )
     if arguments.write:
-        path = ROOT / "docs" / "twin.md"
+        path = ROOT / "docs" / "evidence" / "twin.md"
         put(path, "engines", text)
-        (ROOT / "docs" / "twin-error-time.svg").write_text(chart)
+        (ROOT / "docs" / "evidence" / "twin-error-time.svg").write_text(chart)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Peak memory of the engines `direct` and `many` on 24 megapixels and a million triangles; written into docs/twin.md.
+"""Peak memory of the engines `direct` and `many` on 24 megapixels and a million triangles; into docs/evidence/twin.md.
 
     .venv/bin/python -m benchmarks.bench_twin_memory [--write]
 
@@ -26,7 +26,7 @@ from twin.description.materials import Diffuse
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.render import render_scene
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "twin.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "twin.md"
 WIDTH, HEIGHT, LIGHTS, SIDE, PATHS = 6000, 4000, 4, 708, 4
 ENGINES = "direct", "many"
 
@@ -64,7 +64,7 @@ def measure(engine: str) -> str:
 
 
 def main() -> None:
-    """Measure, print, and with --write put the table into docs/twin.md."""
+    """Measure, print, and with --write put the table into docs/evidence/twin.md."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--engine", choices=ENGINES, help="Measure this one here, and print its row alone.")

@@ -1,4 +1,4 @@
-"""What an engine's error does to the normals downstream, against what the rendering costs; written into docs/twin.md.
+"""What an engine's error does to the normals downstream, against what the rendering costs; into docs/evidence/twin.md.
 
     .venv/bin/python -m benchmarks.bench_twin_normals [--write] [--side 160]
 
@@ -27,7 +27,7 @@ from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.variant import import_mitsuba
 from twin.ground_truth import ground_truth
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = Path(__file__).resolve().parents[1] / "docs" / "evidence"
 LIGHTS, CONVERGED = 24, 256
 
 Images = NDArray[np.float32]

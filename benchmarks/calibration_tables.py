@@ -1,10 +1,11 @@
-"""The tables and charts of docs/calibration.md, from what the benchmark's rows measured."""
+"""The tables and charts of docs/evidence/calibration.md, from what the benchmark's rows measured."""
 
 from pathlib import Path
 
 import numpy as np
 
 from benchmarks.calibration_peers import FOCAL_PX, OFF_AXIS_MM
+from benchmarks.pages import folded
 from compare.report.line_chart import line_chart
 
 TOOLS = {
@@ -172,7 +173,10 @@ def _balls(results: dict) -> str:
         f"{sum(data['wanted'])} balls to be found in {len(data['wanted'])} scenes: {sum(data['found'])} found, "
         f"{sum(data['false'])} false; {np.median(data['seconds']):.1f} s a scene (median, one core).",
         "",
-        *(f"- {line}" for line in sorted(data["said"], key=lambda line: int(line.split()[1][:-1]))),
+        *folded(
+            "Each ball that was missed, and each false one",
+            sorted(data["said"], key=lambda line: int(line.split()[1][:-1])),
+        ),
     ]
     return "\n".join(lines) + "\n"
 

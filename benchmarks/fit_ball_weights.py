@@ -1,4 +1,4 @@
-"""Fit what tells a ball from other things; written into calibrate/detection/ball_weights.toml and docs/calibration.md.
+"""Fit what tells a ball from other things; into calibrate/detection/ball_weights.toml and docs/evidence/calibration.md.
 
     .venv/bin/python -m benchmarks.fit_ball_weights FOLDER [--own 60] [--jobs 2] [--write]
 
@@ -31,7 +31,7 @@ from scene.frames import Frames
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "calibration.md"
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "evidence" / "calibration.md"
 AT = 0.85  # radii from a ball's centre within which a circle stands at its place
 FIRST_OWN, FOLDS = 20000, 5
 RIDGE, ASKED = 0.3, 3.0  # penalty on the scaled weights; log-odds that being asked for adds

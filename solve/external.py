@@ -1,6 +1,7 @@
 """Methods that are other programs: given the photographs in the DiLiGenT layout, they write a normal map.
 
-Learned methods above all: neither their weights nor their libraries are part of this project (docs/learned-methods.md).
+Learned methods above all: neither their weights nor their libraries are part of this project
+(docs/guide/learned-methods.md).
 """
 
 import contextlib

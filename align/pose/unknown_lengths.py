@@ -1,10 +1,10 @@
 """Two lengths that a finished registration was given: the camera's focal length, and the scan's scale.
 
 Focal length: an object twice as far through a lens twice as long looks the same but for its perspective: of the two,
-the pictures of one object tell little. Measured on virtual sessions (docs/registration.md), a focal length fitted with
-the pose was hardly better than one from EXIF, and worse than its sigma said; normals gained nothing. So the camera is
-kept as it is given, for all steps alike; the registration is repeated with a focal length one sigma longer, and what
-that changes is part of the uncertainty.
+the pictures of one object tell little. Measured on virtual sessions (docs/evidence/registration.md), a focal length
+fitted with the pose was hardly better than one from EXIF, and worse than its sigma said; normals gained nothing. So the
+camera is kept as it is given, for all steps alike; the registration is repeated with a focal length one sigma longer,
+and what that changes is part of the uncertainty.
 
 It is assumed that the lights were calibrated with the same camera on balls of known size: with a longer lens the balls,
 and the lights about them, stand farther away in the same proportion as the object, and light reaches it as before.

@@ -1,4 +1,4 @@
-"""The scan as the scanner wrote it, read and mended: docs/scans.md says the same for users."""
+"""The scan as the scanner wrote it, read and mended: docs/reference/file-formats.md says the same for users."""
 
 from pathlib import Path
 

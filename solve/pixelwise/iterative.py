@@ -61,7 +61,7 @@ def fit(samples, scale, settings):  # pragma: no cover
     stands still: fit on V, sigma = max(1.4826 median_V |r|, floor),
     V = {f in V0 : |r_f| <= k sigma, l_f . b > 0}. A pixel with fewer than four such samples keeps its
     last fit. The seed names the method without giving it; this is the reading that is measured in
-    docs/methods.md.
+    docs/evidence/methods.md.
     """
     gray, valid, points, geometry = samples
     floor = settings.noise_floor * scale

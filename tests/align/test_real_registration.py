@@ -64,7 +64,7 @@ def run(made, scan, pose):
 @needs_captures
 @pytest.mark.full
 def test_the_cat_is_found_on_its_photographs(cat):
-    """Half a pixel from where DiLiGenT's makers put it by hand. All frames at full size: docs/registration.md.
+    """Half a pixel from where DiLiGenT's makers put it by hand. All frames at full size: docs/evidence/registration.md.
 
     Its gloss and its folds turn photometric stereo's normals by 5 degrees (median): the fit is said to be poor.
     """

@@ -138,7 +138,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
     message = str(caught.value)
     for line in (
         "camera.focal: unknown key",
-        "objects[1].position_mm: unknown key. docs/scenes.md",
+        "objects[1].position_mm: unknown key. docs/reference/scene-toml.md",
         "materials.n.ruffness: unknown key. Did you mean roughness?",
         "camera.fx: missing",
         "camera.width: found -64",
@@ -316,7 +316,7 @@ def test_an_obj_files_picture_stands_upright(tmp_path):
 
 
 def test_the_manuals_example_is_read(tmp_path):
-    manual = (Path(__file__).parents[2] / "docs" / "scenes.md").read_text()
+    manual = (Path(__file__).parents[2] / "docs" / "reference" / "scene-toml.md").read_text()
     cv2.imwrite(str(tmp_path / "stripes.png"), np.full((4, 4, 3), 99, np.uint8))
     scene = read(tmp_path, manual.split("```toml")[1].split("```")[0])
     assert len(scene.lights) == 12

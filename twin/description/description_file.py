@@ -1,4 +1,4 @@
-"""A scene description's file, TOML: read with every fault told at once. docs/scenes.md is its manual."""
+"""A scene description's file, TOML: read with every fault told at once. docs/reference/scene-toml.md is its manual."""
 
 import difflib
 import tomllib
@@ -162,7 +162,8 @@ def _line(fault: Any) -> str:
     if fault["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
         own = str(location[-1])
         close = difflib.get_close_matches(own, [key for key in _KEYS if key != own], n=1)
-        return f"{path}: unknown key.{f' Did you mean {close[0]}?' if close else ' docs/scenes.md lists them.'}"
+        hint = f"Did you mean {close[0]}?" if close else "docs/reference/scene-toml.md lists them."
+        return f"{path}: unknown key. {hint}"
     if fault["type"] == "missing":
         return f"{path}: missing."
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be ", "expected ").rstrip(".")

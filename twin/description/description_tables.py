@@ -1,4 +1,4 @@
-"""The keys of a scene description's file: names, kinds, defaults. docs/scenes.md says the same for users."""
+"""The keys of a scene description's file: names, kinds, defaults. docs/reference/scene-toml.md is its manual."""
 
 from typing import Annotated, Any, Literal, Union
 

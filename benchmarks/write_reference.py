@@ -1,0 +1,94 @@
+"""Write what the code itself says into docs/reference: the keys of session.toml, and the verbs of the command line.
+
+    .venv/bin/python -m benchmarks.write_reference
+
+`tests/test_docs.py` fails where a page says something else.
+"""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+from benchmarks.pages import put
+from capture.session.manifest import TABLES, Manifest
+from rgbn.cli import app
+
+REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference"
+TITLES = {"": "Above all tables", "spheres": "`[[spheres]]`", "camera.board": "`board` of `[camera]`"}
+
+
+def keys() -> str:
+    """Return a section for each table of session.toml, a row for each key, as Markdown."""
+    lines = []
+    definitions = Manifest.model_json_schema()["$defs"]
+    for name, table in TABLES.items():
+        schema = Manifest.model_json_schema() if table is Manifest else definitions[table.__name__]
+        required = schema.get("required", [])
+        lines += [f"## {TITLES.get(name, f'`[{name}]`')}", ""]
+        if name:
+            about = (table.__doc__ or "").split(": ", 1)[-1]
+            lines += [about[:1].upper() + about[1:], ""]
+        lines += ["| key | type | unit | default | what it is | example |", "|---|---|---|---|---|---|"]
+        for key, field in schema["properties"].items():
+            default = "required" if key in required else _default(field)
+            what = field.get("description", "")
+            example = " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or [])
+            cells = (f"`{key}`", _kind(field), field.get("unit", ""), default, what, example)
+            lines.append(f"| {' | '.join(cells)} |")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _kind(field: dict[str, Any]) -> str:
+    """Say a key's type in words, of its JSON schema."""
+    if "$ref" in field or field.get("items", {}).get("$ref"):
+        return "list of tables" if "items" in field else "table"
+    if "anyOf" in field:
+        return next(_kind(one) for one in field["anyOf"] if one.get("type") != "null")
+    if "const" in field or "enum" in field:
+        return " or ".join(f"`{_toml(value)}`" for value in field.get("enum", [field.get("const")]))
+    if field.get("type") == "array":
+        inner = _kind(field["items"])
+        return "text, or a list of texts" if inner == "text" else f"list of {field['minItems']} {inner}s"
+    return {"boolean": "`true` or `false`", "integer": "whole number", "number": "number", "string": "text"}[
+        field["type"]
+    ]
+
+
+def _default(field: dict[str, Any]) -> str:
+    """Return a key's default as TOML has it; what is absent is said in the key's description."""
+    value = field.get("default")
+    return "" if value is None or isinstance(value, dict) or value == [] else f"`{_toml(value)}`"
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(f"{key} = {_toml(one)}" for key, one in value.items()) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(_toml(one) for one in value) + "]"
+    return json.dumps(value)
+
+
+def verbs() -> str:
+    """Return the command line's own help, as Markdown: a list of the verbs, then a section for each."""
+    text = app.generate_docs(output_format="markdown", heading_level=1, usage_name="rgbn")
+    listed = text.split("**Commands**:\n")[1].replace("\n### ", "\n## ")
+    # `default: ()` and the like say nothing to who types.
+    listed = re.sub(r" \*\[default: (\(\)|False)\]\*", "", listed)
+    # Between verb and options the library names the program that runs here; and its own command's link is wrong.
+    usage = r"(?m)^(## (rgbn.*)\n\n```console\n)(?:\2)?.*?( (?:--|\[|[A-Z]).*)?$"
+    listed = re.sub(usage, r"\1\2\3", listed).replace("(#rgbn-install", "(#rgbn---install")
+    first, *verbs = listed.split("\n## ")
+    # What every verb takes is said once, above.
+    verbs = [re.sub(r"\*\*Every verb\*\*:\n\n(\* .*\n)+\n?", "", verb + "\n") for verb in verbs]
+    return "\n## ".join([first, *verbs]).strip() + "\n"
+
+
+BLOCKS = {"session-toml.md": ("keys", keys), "verbs.md": ("verbs", verbs)}
+"""By page: the name of its block, and what writes it."""
+
+
+if __name__ == "__main__":
+    for page, (name, write) in BLOCKS.items():
+        put(REFERENCE / page, name, write())

@@ -1,0 +1,115 @@
+"""The documentation: links lead somewhere, every page is in the contents, what the code writes is up to date."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from benchmarks.write_reference import BLOCKS, REFERENCE
+from capture.session.manifest import TABLES
+from capture.session.manifest_faults import parse
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
+WRITTEN = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
+NOTEBOOK = DOCS / "guide" / "first-session.ipynb"
+NAMES = [str(path.relative_to(ROOT)) for path in WRITTEN]
+
+
+def prose(page):
+    """Return a page's text without its code."""
+    return re.sub(r"`[^`\n]*`", "", re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE))
+
+
+def links(page):
+    """Yield the targets of a page's links and pictures that are no web addresses."""
+    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+        if not re.match(r"[a-z]+:", target):
+            yield target
+
+
+def anchors(page):
+    """Return the names of a page's headings, as links spell them."""
+    text = re.sub(r"^```.*?^```$", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#+ (.*)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", WRITTEN, ids=NAMES)
+def test_links_lead_somewhere(page):
+    for target in links(page):
+        name, _, anchor = target.partition("#")
+        found = (page.parent / name).resolve() if name else page
+        assert found.is_file() or found == NOTEBOOK, f"{page.name}: {target}"
+        assert found.is_relative_to(ROOT)
+        if anchor:
+            assert anchor in anchors(found), f"{page.name}: {target}"
+
+
+def test_every_page_is_in_the_contents_and_linked_from_the_first():
+    index = DOCS / "index.md"
+    pages = {path.relative_to(DOCS).with_suffix("").as_posix() for path in PAGES} - {"index"}
+    trees = re.findall(r"^```\{toctree\}\n(.*?)^```$", index.read_text(), re.DOTALL | re.MULTILINE)
+    listed = [line for tree in trees for line in tree.splitlines() if line and not line.startswith(":")]
+    assert sorted(listed) == sorted(pages)
+    assert {target.removesuffix(".md") for target in links(index)} >= pages
+
+
+def test_every_picture_is_shown():
+    shown = {(page.parent / target).resolve() for page in WRITTEN for target in links(page)}
+    pictures = {path for end in ("svg", "png") for path in DOCS.rglob(f"*.{end}") if "_build" not in path.parts}
+    assert pictures <= shown
+
+
+@pytest.mark.parametrize("page", BLOCKS)
+def test_what_the_code_writes_is_up_to_date(page):
+    name, write = BLOCKS[page]
+    found = (REFERENCE / page).read_text().split(f"<!-- {name} -->\n")[1].split(f"<!-- end of {name} -->")[0]
+    assert found == write(), "run: .venv/bin/python -m benchmarks.write_reference"
+
+
+def test_every_key_of_a_session_is_described_with_an_example():
+    for name, table in TABLES.items():
+        for key, field in table.model_fields.items():
+            assert field.description, f"{name}.{key}"
+            assert field.examples, f"{name}.{key}"
+
+
+def test_the_manuals_session_is_read():
+    manual = (REFERENCE / "session-toml.md").read_text()
+    manifest, faults = parse(tomllib.loads(manual.split("```toml")[1].split("```")[0]))
+    assert not faults
+    assert manifest is not None
+    assert [ball.kind for ball in manifest.spheres] == ["chrome", "chrome", "white"]
+
+
+def test_the_first_page_is_one_screen_with_the_two_commands():
+    lines = (ROOT / "README.md").read_text().splitlines()
+    assert len(lines) <= 60
+    assert {"make demo", "make test"} <= {line.split("#")[0].strip() for line in lines}
+
+
+def test_benchmarks_find_the_pages_and_the_marks_that_they_write():
+    for script in sorted((ROOT / "benchmarks").glob("*.py")):
+        for page in re.findall(r'"docs" / "evidence" / "([a-z-]+\.md)"', script.read_text()):
+            assert (DOCS / "evidence" / page).is_file(), script.name
+    for page in WRITTEN:
+        begun = re.findall(r"^<!-- (?!end of )(.+) -->$", page.read_text(), re.MULTILINE)
+        ended = re.findall(r"<!-- end of (.+) -->", page.read_text())
+        assert begun == ended, page.name
+        assert len(set(begun)) == len(begun), page.name
+
+
+@pytest.mark.full
+def test_the_site_is_built_without_a_warning_and_fetches_nothing(tmp_path):
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html", DOCS, tmp_path / "html"]
+    run = subprocess.run([*command, "-d", tmp_path / "doctrees"], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    built = sorted((tmp_path / "html").rglob("*.html"))
+    assert len(built) >= len(PAGES)
+    for page in built:
+        assert not re.search(r"<(?:script|img|link|iframe)[^>]*(?:src|href)=\"(?:https?:)?//", page.read_text()), page
