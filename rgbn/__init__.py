@@ -1,13 +1,14 @@
 """The door: `rgbn.open` for Python, `rgbn.cli` for the command line.
 
->>> run = rgbn.open("captures/penguin", out="out/penguin")
->>> lights = run.calibrate().lights
->>> normals = run.solve("ls,iterative").normals("iterative")
+>>> import rgbn
+>>> session = rgbn.open("captures/penguin")
+>>> session.lights.to_dataframe()
+>>> session.normals("iterative")
 """
 
 import scene  # noqa: F401 (before numpy is loaded)
 from lab.options import Solving, TwinSettings
-from rgbn.session_run import Results, SessionRun
-from rgbn.session_run import open_session as open
+from rgbn.opened_session import Session
+from rgbn.opened_session import open_session as open
 
-__all__ = ["Results", "SessionRun", "Solving", "TwinSettings", "open"]
+__all__ = ["Session", "Solving", "TwinSettings", "open"]

@@ -71,6 +71,14 @@ class Camera:
         if len(self.distortion) != 5:
             raise SessionError(f"camera.distortion: found {len(self.distortion)} numbers, expected 5 (k1 k2 p1 p2 k3).")
 
+    def __repr__(self) -> str:
+        unit = "px per mm" if self.is_orthographic else "px"
+        lens = ", distorting lens" if any(self.distortion) else ""
+        return (
+            f"{self.projection} camera, {self.width} x {self.height} px, fx {self.fx:.1f}, fy {self.fy:.1f} {unit}, "
+            f"principal point ({self.cx:.1f}, {self.cy:.1f}) px{lens}, from {self.source}"
+        )
+
     @classmethod
     def orthographic(cls, width: int, height: int, *, source: str = "assumed") -> "Camera":
         """Return the camera that is assumed when nothing is known: 1 px = 1 mm, centred."""

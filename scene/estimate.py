@@ -1,11 +1,17 @@
 """What a photometric-stereo method recovered."""
 
 from dataclasses import dataclass, field
+from html import escape
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+
+SHOWN_WIDTH = 360
+PLOTTED_WIDTH = 900
+"""Pixels of the pictures in a notebook: a whole map of 24 megapixels would make it as large."""
 
 
 @dataclass(frozen=True)
@@ -51,3 +57,33 @@ class Estimate:
     sigma_deg: NDArray[np.float32] | None = None
     lights: Lights | None = None
     z_mm: NDArray[np.float64] | None = None
+
+    def picture(self, width: int) -> NDArray[np.uint8]:
+        """Return the normals as colours (h, w, 3), at most `width` wide: red right, green up, blue to the viewer."""
+        from scene.map_pictures import normal_picture
+
+        return normal_picture(self.normals, width)
+
+    def plot(self) -> Any:
+        """Return a plotly figure of the normals as colours: red right, green up, blue toward the viewer; axes in px."""
+        from scene.figures import map_figure
+        from scene.map_pictures import data_uri
+
+        height, width = self.normals.shape[:2]
+        return map_figure(data_uri(self.picture(PLOTTED_WIDTH), photograph=False), width=width, height=height)
+
+    def __repr__(self) -> str:
+        height, width = self.normals.shape[:2]
+        known = int(np.isfinite(self.normals[..., 0]).sum())
+        text = f"{self.method}: normals of {known:,} of {width} x {height} pixels"
+        if self.sigma_deg is not None and np.isfinite(self.sigma_deg).any():
+            text += f", sigma {np.nanmedian(self.sigma_deg):.2g} degrees (median)"
+        doubts = len(self.warnings)
+        return text + f", {self.seconds:.1f} s" + (f", {doubts} warning{'s' * (doubts > 1)}" if doubts else "")
+
+    def _repr_html_(self) -> str:
+        from scene.map_pictures import data_uri
+
+        shown = f'<img src="{data_uri(self.picture(SHOWN_WIDTH), photograph=False)}" alt="normals">'
+        doubts = "".join(f"<p>warning: {escape(text)}</p>" for text in self.warnings)
+        return f"<p>{escape(repr(self))}</p>{shown}{doubts}"

@@ -37,7 +37,7 @@ def _names(rows: list[dict[str, Any]]) -> list[str]:
 
 
 def light_directions(lights: dict[str, Any]) -> Any:
-    """Return `scene.light_text.light_facts` on the hemisphere, as the camera sees it.
+    """Return `scene.lights.Lights.facts` on the hemisphere, as the camera sees it.
 
     The centre is the camera's axis, the rim 90 degrees from it.
     """

@@ -73,6 +73,11 @@ class Frames:
     def __len__(self) -> int:
         return self.codes.shape[0]
 
+    def __repr__(self) -> str:
+        ambient = "" if self.ambient is None else ", ambient light subtracted"
+        count = f"{len(self)} frame{'s' * (len(self) != 1)}"
+        return f"{count} of {self.width} x {self.height} px, {self.codes.dtype}{ambient}"
+
     @property
     def height(self) -> int:
         return self.codes.shape[1]

@@ -56,77 +56,9 @@ def lights_json(lights: Lights) -> dict[str, Any]:
     }
 
 
-def light_facts(lights: Lights) -> dict[str, Any]:
-    """Return the lights as figures and the report draw them.
-
-    model; count; reference_point_mm; sigma medians; zenith_max_deg; frames: name, zenith_deg (0 at the camera's axis),
-    azimuth_deg (0 right, 90 up, as the camera sees it), intensity [3], intensity_mean, sigmas, position_mm and
-    distance_mm (from the reference point) where near, flags. None where unknown.
-    """
-    x, y, z = lights.directions.T
-    zenith, azimuth = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360
-    rows = []
-    for i, name in enumerate(lights.names):
-        position = None if lights.positions_mm is None else lights.positions_mm[i]
-        away = None if position is None else float(np.linalg.norm(position - lights.reference_point_mm))
-        rows.append(
-            {
-                "name": name,
-                "zenith_deg": float(zenith[i]),
-                "azimuth_deg": float(azimuth[i]),
-                "intensity": lights.intensities[i].tolist(),
-                "intensity_mean": float(lights.intensities[i].mean()),
-                "direction_sigma_deg": _finite(lights.direction_sigma_deg[i]),
-                "intensity_sigma": _finite(lights.intensity_sigma[i]),
-                "position_mm": None if position is None else position.tolist(),
-                "distance_mm": away,
-                "flags": list(lights.flags[i]),
-            }
-        )
-    return {
-        "model": lights.model,
-        "count": len(rows),
-        "reference_point_mm": lights.reference_point_mm.tolist(),
-        "direction_sigma_deg_median": _median(lights.direction_sigma_deg),
-        "intensity_sigma_median": _median(lights.intensity_sigma),
-        "zenith_max_deg": max((row["zenith_deg"] for row in rows), default=None),
-        "frames": rows,
-    }
-
-
 def light_rows(lights: Lights) -> list[dict[str, str | float | None]]:
-    """Return a table of the lights, a row each: what every table of lights shows, here and in files.
-
-    Returns
-    -------
-    list of dict
-        name: the frame's; direction_x, direction_y, direction_z: unit, from the reference point toward the light,
-        camera frame (x right, y up, z toward the viewer); elevation_deg: 90 on the camera's axis, 0 beside the object;
-        azimuth_deg: 0 right, 90 up, as the camera sees it; x_mm, y_mm, z_mm: position, camera frame; distance_mm: from
-        the reference point; intensity_r, intensity_g, intensity_b: relative, the mean over lights is 1;
-        direction_sigma_deg: standard deviation along one tangent axis; intensity_sigma: the relative one; flags: what
-        is suspicious, with "; " between. None where unknown; a distant light has no position.
-    """
-    rows = []
-    for fact, direction in zip(light_facts(lights)["frames"], lights.directions.tolist(), strict=True):
-        place = fact["position_mm"] or (None, None, None)
-        row = {"name": fact["name"], **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True))}
-        row |= {"elevation_deg": 90 - fact["zenith_deg"], "azimuth_deg": fact["azimuth_deg"]}
-        row |= {**dict(zip(("x_mm", "y_mm", "z_mm"), place, strict=True)), "distance_mm": fact["distance_mm"]}
-        row |= zip(("intensity_r", "intensity_g", "intensity_b"), fact["intensity"], strict=True)
-        row |= {name: fact[name] for name in ("direction_sigma_deg", "intensity_sigma")}
-        rows.append(row | {"flags": "; ".join(fact["flags"])})
-    return rows
-
-
-def _finite(value: Any) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _median(values: NDArray[np.float64]) -> float | None:
-    """Return the median of the known values; None without any."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else None
+    """Return `Lights.rows`."""
+    return lights.rows()
 
 
 def lights_of_json(data: dict[str, Any]) -> Lights:

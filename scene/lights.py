@@ -1,11 +1,15 @@
 """Flashes: direction, position, intensity, and what each pixel sees of them."""
 
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from scene.errors import CalibrationError
+from scene.errors import CalibrationError, SceneError
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 
@@ -135,3 +139,137 @@ class Lights:
                 f"{singular[2] / singular[0]:.4f}, expected above 0.02): the normal's component across that plane "
                 "cannot be seen. Fire the flash also from beside that plane."
             )
+
+    def facts(self) -> dict[str, Any]:
+        """Return the lights as figures and the report draw them.
+
+        model; count; reference_point_mm; sigma medians; zenith_max_deg; frames: name, zenith_deg (0 at the camera's
+        axis), azimuth_deg (0 right, 90 up, as the camera sees it), intensity [3], intensity_mean, sigmas, position_mm
+        and distance_mm (from the reference point) where near, flags. None where unknown.
+        """
+        x, y, z = self.directions.T
+        zenith, azimuth = np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x)) % 360
+        rows = []
+        for i, name in enumerate(self.names):
+            position = None if self.positions_mm is None else self.positions_mm[i]
+            away = None if position is None else float(np.linalg.norm(position - self.reference_point_mm))
+            rows.append(
+                {
+                    "name": name,
+                    "zenith_deg": float(zenith[i]),
+                    "azimuth_deg": float(azimuth[i]),
+                    "intensity": self.intensities[i].tolist(),
+                    "intensity_mean": float(self.intensities[i].mean()),
+                    "direction_sigma_deg": _finite(self.direction_sigma_deg[i]),
+                    "intensity_sigma": _finite(self.intensity_sigma[i]),
+                    "position_mm": None if position is None else position.tolist(),
+                    "distance_mm": away,
+                    "flags": list(self.flags[i]),
+                }
+            )
+        return {
+            "model": self.model,
+            "count": len(rows),
+            "reference_point_mm": self.reference_point_mm.tolist(),
+            "direction_sigma_deg_median": _median(self.direction_sigma_deg),
+            "intensity_sigma_median": _median(self.intensity_sigma),
+            "zenith_max_deg": max((row["zenith_deg"] for row in rows), default=None),
+            "frames": rows,
+        }
+
+    def rows(self) -> list[dict[str, str | float | None]]:
+        """Return a table of the lights, a row each: what every table of lights shows, here and in files.
+
+        Returns
+        -------
+        list of dict
+            name: the frame's; direction_x, direction_y, direction_z: unit, from the reference point toward the light,
+            camera frame (x right, y up, z toward the viewer); elevation_deg: 90 on the camera's axis, 0 in the plane
+            of the picture; azimuth_deg: 0 right, 90 up, as the camera sees it; x_mm, y_mm, z_mm: position, camera
+            frame; distance_mm: from the reference point; intensity_r, intensity_g, intensity_b: relative, the mean over
+            lights is 1; direction_sigma_deg: standard deviation along one tangent axis; intensity_sigma: the relative
+            one; flags: what is suspicious, with "; " between. None where unknown; a distant light has no position.
+        """
+        rows = []
+        for fact, direction in zip(self.facts()["frames"], self.directions.tolist(), strict=True):
+            place = fact["position_mm"] or (None, None, None)
+            row = {
+                "name": fact["name"],
+                **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
+            }
+            row |= {"elevation_deg": 90 - fact["zenith_deg"], "azimuth_deg": fact["azimuth_deg"]}
+            row |= {**dict(zip(("x_mm", "y_mm", "z_mm"), place, strict=True)), "distance_mm": fact["distance_mm"]}
+            row |= zip(("intensity_r", "intensity_g", "intensity_b"), fact["intensity"], strict=True)
+            row |= {name: fact[name] for name in ("direction_sigma_deg", "intensity_sigma")}
+            rows.append(row | {"flags": "; ".join(fact["flags"])})
+        return rows
+
+    def to_dataframe(self) -> "pandas.DataFrame":
+        """Return `rows` as a pandas DataFrame; NaN where unknown."""
+        from scene.notebook import data_frame
+
+        return data_frame(self.rows())
+
+    def plot(self, what: Literal["directions", "intensities", "sigmas", "positions"] = "directions") -> Any:
+        """Return a plotly figure of the lights.
+
+        Parameters
+        ----------
+        what : {"directions", "intensities", "sigmas", "positions"}
+            The hemisphere as the camera sees it; a bar a light of its relative intensity, or of the standard deviation
+            of its direction in degrees; the places of near lights in mm, from the camera and from above.
+
+        Raises
+        ------
+        SceneError
+            Positions of distant lights, or another word.
+        """
+        from scene import figures
+
+        drawn = {
+            "directions": figures.light_directions,
+            "intensities": figures.light_intensities,
+            "sigmas": figures.light_sigmas,
+            "positions": lambda facts: figures.light_positions(facts, []),
+        }
+        if what not in drawn:
+            raise SceneError(f"lights.plot({what!r}): there are {', '.join(drawn)}.")
+        if what == "positions" and self.positions_mm is None:
+            raise SceneError(
+                'lights.plot("positions"): the lights are distant: they have directions only. Positions come from '
+                "balls whose diameter_mm is given in session.toml."
+            )
+        return drawn[what](self.facts())
+
+    def __repr__(self) -> str:
+        facts = self.facts()
+        away, tilt, sigma = _span(facts, "distance_mm"), _span(facts, "zenith_deg"), facts["direction_sigma_deg_median"]
+        place = f"{away} mm away" if away else f"{tilt} degrees from the camera's axis"
+        known = "" if sigma is None else f", direction sigma {sigma:.2g} degrees (median)"
+        doubted = sum(map(bool, self.flags))
+        return f"{len(self)} {self.model} lights, {place}{known}" + (f", {doubted} flagged" if doubted else "")
+
+    def _repr_html_(self) -> str:
+        from scene.notebook import table_html
+
+        names = ("name", "elevation_deg", "azimuth_deg", "distance_mm", "direction_sigma_deg", "flags")
+        mean = ({"intensity": fact["intensity_mean"]} for fact in self.facts()["frames"])
+        rows = [{name: row[name] for name in names[:4]} | more | {name: row[name] for name in names[4:]}
+                for row, more in zip(self.rows(), mean, strict=True)]  # fmt: skip
+        return table_html(rows, repr(self))
+
+
+def _finite(value: Any) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _median(values: NDArray[np.float64]) -> float | None:
+    """Return the median of the known values; None without any."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else None
+
+
+def _span(facts: dict[str, Any], name: str) -> str:
+    """Return the least and the greatest of a fact of the lights in words; empty where none is known."""
+    known = [row[name] for row in facts["frames"] if row[name] is not None]
+    return " to ".join(dict.fromkeys(f"{end:,.0f}" for end in (min(known), max(known)))) if known else ""

@@ -15,6 +15,10 @@ class Pose:
     matrix: Array
     """(4, 4) float64, [[R, t], [0, 1]]."""
 
+    def __repr__(self) -> str:
+        x, y, z = self.translation
+        return f"pose, turned by {self.angle_deg():.2f} degrees, moved by ({x:.2f}, {y:.2f}, {z:.2f}) mm"
+
     @classmethod
     def identity(cls) -> "Pose":
         return cls(np.eye(4))

@@ -57,6 +57,11 @@ class Sphere:
     apart: bool = False
     diameter_sigma: float = 0.0
 
+    def __repr__(self) -> str:
+        u, v = self.center_px
+        size = f", diameter {self.diameter_mm:g} mm" if self.diameter_mm else ""
+        return f"{self.kind} ball at ({u:.1f}, {v:.1f}) px, radius {self.radius_px:.1f} px{size}"
+
     @property
     def radius_mm(self) -> float:
         """The radius; 1 where the diameter is unknown, which leaves directions exact."""

@@ -218,6 +218,7 @@ class Store:
         name = estimate.method
         write_png(self.path("normals", f"{name}.png"), encode_normals(estimate.normals))
         write_npy(self.path("albedo", f"{name}.npy"), np.asarray(estimate.albedo, np.float32))
+        write_npy(self.path("samples", f"{name}.npy"), np.asarray(estimate.samples, np.uint16))
         maps = (("sigma", estimate.sigma_deg), ("condition", estimate.condition), ("depth", estimate.z_mm))
         for folder, known in maps:
             if known is not None:
@@ -232,3 +233,15 @@ class Store:
             raise SceneError(f"{path}: found an array {normals.shape}, expected (height, width, 3). {REMADE}")
         self._of_frames_size(path, *normals.shape[:2])
         return np.array(normals, np.float32)
+
+    def load_estimate(self, name: str, **told: Any) -> Estimate:
+        """Return what `save_estimate` kept of a method; `told`: what the summary says of it, by `Estimate`'s names."""
+
+        def known(folder: str) -> NDArray | None:
+            return (
+                np.array(self.read_array(folder, f"{name}.npy")) if self.path(folder, f"{name}.npy").exists() else None
+            )
+
+        albedo, samples = (np.array(self.read_array(folder, f"{name}.npy")) for folder in ("albedo", "samples"))
+        maps = {"condition": known("condition"), "sigma_deg": known("sigma"), "z_mm": known("depth")}
+        return Estimate(name, self.load_normals(name), albedo, samples, **maps, **told)

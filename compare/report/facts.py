@@ -13,7 +13,6 @@ from compare.report.pictures import Box, Exposure
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
-from scene.light_text import light_facts
 from scene.store import Store
 
 Summary = dict[str, Any]
@@ -62,9 +61,9 @@ def read_optional(store: Store, name: str) -> Any:
 
 
 def stored_lights(store: Store) -> dict[str, Any] | None:
-    """Return `scene.light_text.light_facts` of the folder's lights; None where there are none."""
+    """Return `scene.lights.Lights.facts` of the folder's lights; None where there are none."""
     with suppress(SceneError):
-        return light_facts(store.load_lights())
+        return store.load_lights().facts()
     return None
 
 

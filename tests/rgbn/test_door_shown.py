@@ -1,0 +1,163 @@
+"""What a person at a prompt or in a notebook sees of a result: a line, a small table, a figure."""
+
+import base64
+import re
+
+import cv2
+import numpy as np
+import pytest
+
+from compare.statistics.statistics import angular_statistics
+from rgbn.result_tables import Balls, Errors, Table
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.estimate import Estimate
+from scene.frames import Frames
+from scene.lights import Lights
+from scene.map_pictures import PAPER
+from scene.pose import Pose
+from scene.spheres import Sphere
+
+
+def near_lights(count=12, distance_mm=(1180.0, 1420.0)):
+    angle, away = 2 * np.pi * np.arange(count) / count, np.linspace(*distance_mm, count)
+    directions = np.stack([0.6 * np.cos(angle), 0.6 * np.sin(angle), np.full(count, 0.8)], -1)
+    at = np.array([10.0, 20, -900])
+    names = tuple(f"flash_{index:02d}" for index in range(count))
+    sigma = np.full(count, 0.22)
+    flags = (("dim",), *((),) * (count - 1))
+    return Lights(
+        names, directions, np.ones((count, 3)), at + away[:, None] * directions, at, sigma, sigma / 10, flags=flags
+    )
+
+
+def test_lights_in_one_line_one_table_and_one_figure_each():
+    lights = near_lights()
+    assert repr(lights) == ("12 near lights, 1,180 to 1,420 mm away, direction sigma 0.22 degrees (median), 1 flagged")
+    frame = lights.to_dataframe()
+    assert list(frame.columns) == [
+        "name",
+        "direction_x",
+        "direction_y",
+        "direction_z",
+        "elevation_deg",
+        "azimuth_deg",
+        "x_mm",
+        "y_mm",
+        "z_mm",
+        "distance_mm",
+        "intensity_r",
+        "intensity_g",
+        "intensity_b",
+        "direction_sigma_deg",
+        "intensity_sigma",
+        "flags",
+    ]
+    assert np.array_equal(frame[["direction_x", "direction_y", "direction_z"]].to_numpy(), lights.directions)
+    assert np.array_equal(frame[["x_mm", "y_mm", "z_mm"]].to_numpy(), lights.positions_mm)
+    html = lights._repr_html_()
+    assert html.count("<tr>") == 13
+    assert "dim" in html
+    r, theta = (np.array(lights.plot().data[0][key]) for key in ("r", "theta"))
+    zenith, turn = np.radians(r), np.radians(theta)
+    drawn = np.stack([np.sin(zenith) * np.cos(turn), np.sin(zenith) * np.sin(turn), np.cos(zenith)], -1)
+    np.testing.assert_allclose(drawn, lights.directions, atol=1e-12)
+    assert np.allclose(lights.plot("sigmas").data[0].y, 0.22)
+    assert np.allclose(lights.plot("intensities").data[0].y, 1)
+    assert np.allclose(lights.plot("positions").data[0].x, lights.positions_mm[:, 0])
+    with pytest.raises(SceneError, match="directions, intensities, sigmas, positions"):
+        lights.plot("colours")
+
+
+def test_many_lights_stay_a_small_table():
+    html = near_lights(100)._repr_html_()
+    assert html.count("<tr>") == 13
+    assert "88 more" in html
+
+
+def test_distant_lights_have_angles_and_columns_of_numbers():
+    lights = near_lights()
+    distant = Lights(lights.names, lights.directions, lights.intensities)
+    assert repr(distant) == "12 distant lights, 37 degrees from the camera's axis"
+    frame = distant.to_dataframe()
+    assert frame[["x_mm", "distance_mm", "direction_sigma_deg"]].isna().all().all()
+    assert frame["distance_mm"].dtype == float
+    with pytest.raises(SceneError, match="diameter_mm"):
+        distant.plot("positions")
+
+
+def uri_picture(html):
+    data = re.search(r"base64,([A-Za-z0-9+/=]+)", html)[1]
+    return cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
+
+
+def test_an_estimate_shows_its_normals_and_its_doubts():
+    normals = np.full((40, 60, 3), np.nan, np.float32)
+    normals[:, :30] = [1, 0, 0]
+    normals[:20, 30:50] = [0, 0, 1]
+    estimate = Estimate(
+        "ls", normals, normals, np.ones((40, 60), np.uint16), 2.0, warnings=("too <dark>",),
+        sigma_deg=np.full((40, 60), 0.5, np.float32),
+    )  # fmt: skip
+    assert repr(estimate) == "ls: normals of 1,600 of 60 x 40 pixels, sigma 0.5 degrees (median), 2.0 s, 1 warning"
+    html = estimate._repr_html_()
+    assert "too &lt;dark&gt;" in html
+    picture = uri_picture(html).astype(int)
+    assert picture.shape == (40, 60, 3)
+    assert np.abs(picture[5, 5] - [255, 128, 128]).max() <= 1
+    assert np.abs(picture[5, 40] - [128, 128, 255]).max() <= 1
+    assert (picture[5, 55] == PAPER).all()
+    image = estimate.plot().layout.images[0]
+    assert (image.x, image.y, image.sizex, image.sizey) == (-0.5, -0.5, 60, 40)
+    assert np.array_equal(uri_picture(image.source), picture)
+
+
+def test_balls_are_drawn_where_they_are():
+    balls = [Sphere("chrome", np.array([30.0, 20]), 9.0, 40.0), Sphere("white", np.array([60.0, 50]), 7.0)]
+    camera = Camera(100, 80, 200.0, 200.0, 49.5, 39.5)
+    frames = Frames.from_linear(("a",), np.full((1, 80, 100, 3), 0.5))
+    found = Balls(balls, camera, frames)
+    assert repr(found) == "2 balls: 1 chrome, 1 white"
+    assert list(found) == balls
+    table = found.to_dataframe()
+    assert table["z_mm"][0] == pytest.approx(-200 * 20 / 9)
+    assert np.isnan(table["z_mm"][1])
+    for line, ball in zip(found.plot().data, balls, strict=True):
+        np.testing.assert_allclose(np.stack([line.x, line.y], -1)[:-1], ball.outline(camera))
+    assert repr(Balls([], camera, frames)) == "no balls"
+
+
+def test_errors_are_those_of_the_summary():
+    errors = [np.array([1.0, 2, 9]), np.array([3.0, 4, 5])]
+    real, twin = map(angular_statistics, errors)
+    histogram = {"real": [1, 1, 1], "twin": [0, 2, 1]}
+    compared = {
+        "methods": {"ls": {"real": real, "twin": twin, "histogram": histogram}, "tv": {"real": None, "twin": None}},
+        "histogram_edges_deg": [0.0, 2.0, 5.0],
+    }
+    table = Errors(compared)
+    assert repr(table) == "median angular error, degrees: ls 2.00 (real), ls 4.00 (twin)"
+    assert table.to_dataframe()["median_deg"].tolist() == [2, 4]
+    assert [line.name for line in table.plot().data] == ["photographs", "twin"]
+    empty = Errors({"methods": {}})
+    assert repr(empty).endswith("none is known")
+    with pytest.raises(SceneError, match="nothing to draw"):
+        empty.plot()
+
+
+@pytest.mark.parametrize(
+    ("shown", "words"),
+    [
+        (Camera(100, 80, 90.0, 90.0, 49.5, 39.5), r"perspective camera, \d+ x \d+ px, fx [\d.]+"),
+        (Camera.orthographic(40, 30), "orthographic camera, 40 x 30 px, fx 1.0, fy 1.0 px per mm"),
+        (Pose.exp([0, 0, np.pi / 2, 1, 2, 3]), r"pose, turned by 90.00 degrees, moved by \(1.00, 2.00, 3.00\) mm"),
+        (Frames.from_linear(("a",), np.zeros((1, 9, 8, 3))), "1 frame of 8 x 9 px"),
+        (Sphere("chrome", np.array([30.0, 20]), 9.0, 40.0), "chrome ball at .* diameter 40 mm"),
+        (Table([{"step": "check", "text": "a < b"}], "1 warning"), "1 warning"),
+    ],
+)
+def test_every_result_is_one_line(shown, words):
+    text = repr(shown)
+    assert re.match(words, text), text
+    assert "\n" not in text
+    assert len(text) < 160
