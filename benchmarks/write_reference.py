@@ -1,15 +1,17 @@
-"""Write what the code itself says into docs/reference: the keys of session.toml, and the verbs of the command line.
+"""Write what the code itself says into docs/reference: keys of session.toml, verbs, what an opened session has.
 
     .venv/bin/python -m benchmarks.write_reference
 
 `tests/test_docs.py` fails where a page says something else.
 """
 
+import inspect
 import json
 import re
 from pathlib import Path
 from typing import Any
 
+import rgbn
 from benchmarks.pages import put
 from capture.session.manifest import TABLES, Manifest
 from rgbn.cli import app
@@ -85,7 +87,25 @@ def verbs() -> str:
     return "\n## ".join([first, *verbs]).strip() + "\n"
 
 
-BLOCKS = {"session-toml.md": ("keys", keys), "verbs.md": ("verbs", verbs)}
+def members() -> str:
+    """Return a row for each method and property of an opened session, as Markdown."""
+    lines = ["| of a session | what it is |", "|---|---|"]
+    for name, member in vars(rgbn.Session).items():
+        if name.startswith("_"):
+            continue
+        about = (inspect.getdoc(member) or "").split("\n\n")[0].replace("\n", " ")
+        call = "" if isinstance(member, property) else _call(member)
+        lines.append(f"| `{name}{call}` | {about} |")
+    return "\n".join(lines) + "\n"
+
+
+def _call(function: Any) -> str:
+    """Return what stands in the brackets of a call, without types."""
+    parameters = list(inspect.signature(function).parameters.values())[1:]
+    return f"({', '.join(str(one.replace(annotation=inspect.Parameter.empty)) for one in parameters)})"
+
+
+BLOCKS = {"session-toml.md": ("keys", keys), "verbs.md": ("verbs", verbs), "python.md": ("members", members)}
 """By page: the name of its block, and what writes it."""
 
 

@@ -9,6 +9,7 @@ version = release = version_of("rgbn")
 
 extensions = ["myst_parser"]
 exclude_patterns = ["_build"]
+myst_enable_extensions = ["tasklist"]
 myst_heading_anchors = 3
 # `toml` stands in the pages as people write it, `...` and all.
 suppress_warnings = ["misc.highlighting_failure"]
