@@ -1,4 +1,4 @@
-"""The door: `rgbn.open` for Python, `rgbn.cli` for the command line.
+"""The door: `rgbn.open` for sessions in Python, `rgbn.solve` for arrays, `rgbn.cli` for the command line.
 
 >>> import rgbn
 >>> session = rgbn.open("captures/penguin")
@@ -8,7 +8,11 @@
 
 import scene  # noqa: F401 (before numpy is loaded)
 from lab.options import Solving, TwinSettings
+from rgbn.array_solve import solve_arrays as solve
 from rgbn.opened_session import Session
 from rgbn.opened_session import open_session as open
+from scene.camera import Camera
+from scene.errors import SceneError
+from scene.lights import Lights
 
-__all__ = ["Session", "Solving", "TwinSettings", "open"]
+__all__ = ["Camera", "Lights", "SceneError", "Session", "Solving", "TwinSettings", "open", "solve"]
