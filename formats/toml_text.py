@@ -17,7 +17,7 @@ def _lines(table: Mapping[str, Any], above: str = "") -> Iterator[str]:
     """Yield a table's plain keys, then its tables and lists of tables, of names that begin with `above`."""
     for key, value in table.items():
         if value is not None and not _is_table(value):
-            yield f"{_key(key)} = {_value(value)}"
+            yield f"{_key(key)} = {toml_value(value)}"
     for key, value in table.items():
         if _is_table(value):
             name, is_list = f"{above}{_key(key)}", isinstance(value, list)
@@ -30,12 +30,13 @@ def _is_table(value: Any) -> bool:
 
 
 def _key(key: str) -> str:
-    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else _value(key)
+    return key if re.fullmatch(r"[A-Za-z0-9_-]+", key) else toml_value(key)
 
 
-def _value(value: Any) -> str:
+def toml_value(value: Any) -> str:
+    """Return a text, a number, a truth value or a list of them as TOML."""
     if isinstance(value, list):
-        parts = [_value(part) for part in value]
+        parts = [toml_value(part) for part in value]
         if len(value) > 4 and isinstance(value[0], str):
             # Files' names: one a line.
             return "[\n" + "".join(f"  {part},\n" for part in parts) + "]"

@@ -25,12 +25,7 @@ def check(job: Job) -> Outcome:
     with progress_bar("decode") as progress:
         frames, report = decode(job.session, job.store, executor=job.executor, progress=progress)
     camera, camera_warnings = camera_of(job.session, report.exif, frames.width, frames.height)
-    if job.session.scan and not job.session.normals and camera.source == "assumed":
-        raise SessionError(
-            f"{job.session.scan.name}: a scan in millimetres cannot be registered to frames of an unknown camera (no "
-            "[camera] in session.toml, no focal length in EXIF). Add [camera] or shots of a ChArUco board, or leave "
-            "object.scan out."
-        )
+    _check_scale(job, camera)
     job.store.save_camera(camera)
     # As it was before the balls had their say: `calibrate` starts from this one.
     Store(job.store.path("frames")).save_camera(camera)
@@ -44,11 +39,22 @@ def check(job: Job) -> Outcome:
     return Outcome(result, [*report.warnings, *camera_warnings])
 
 
+def _check_scale(job: Job, camera: Camera) -> None:
+    if job.session.scan and not job.session.normals and camera.source == "assumed" and camera.is_orthographic:
+        raise SessionError(
+            f"{job.session.scan.name}: a scan in millimetres cannot be registered to frames of an unknown camera (no "
+            "[camera] in session.toml, no focal length in EXIF, and the balls do not tell it). Add [camera] with "
+            "focal_mm and sensor_mm, or shots of a ChArUco board or a chessboard, or leave object.scan out."
+        )
+
+
 @alive("calibrate")
 def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
+    from calibrate.calibration import Calibration
     from calibrate.known_lights.read_known import read_lights
+    from calibrate.unknown_focal import with_unknown_focal
     from capture.session.requests import sphere_requests
 
     store = job.store
@@ -60,13 +66,19 @@ def calibrate(job: Job) -> Outcome:
     requests, ball_warnings = sphere_requests(session, store, executor=job.executor)
     try:
         with progress_bar("calibrate") as progress:
-            found = find_lights(frames, camera, requests, known_lights=known, progress=progress)
+
+            def run(camera: Camera) -> Calibration:
+                return find_lights(frames, camera, requests, known_lights=known, progress=progress)
+
+            is_unknown = camera.source == "assumed" and not camera.is_orthographic
+            found = with_unknown_focal(run, camera) if is_unknown else run(camera)
     except CalibrationError as error:
         # The next best probe is an object whose normals are given; balls that were asked for must be there.
         if requests or known or not session.normals:
             raise
         found = _lights_from_normals(job, frames, camera, str(error))
     camera = found.camera or camera
+    _check_scale(job, camera)
     store.save_camera(camera)
     store.save_spheres(found.spheres, camera)
     store.save_lights(found.lights, files=frame_files(job))

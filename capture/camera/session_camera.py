@@ -4,11 +4,14 @@ from collections.abc import Sequence
 
 from capture.camera.board import calibrate_board
 from capture.camera.exif import Exif
-from capture.camera.focal_length import camera_from_lens
+from capture.camera.focal_length import CENTER_SIGMA, camera_from_lens
 from capture.session.session_types import Board, Lens, Session
 from scene.camera import Camera
 from scene.errors import SessionError
 
+USUAL_FOCAL, USUAL_SIGMA = 1.8, 0.4
+"""Focal length of lenses that objects on a table are photographed with, of the picture's longer side: 65 mm on full
+frame; and its relative standard deviation."""
 OFF_MIDDLE = 0.1
 """Share of the picture's side by which a principal point may lie off its middle without a word."""
 
@@ -43,8 +46,26 @@ def camera_of(session: Session, exif: Sequence[Exif], width: int, height: int) -
     if session.layout == "diligent":
         return Camera.orthographic(width, height, source="DiLiGenT layout"), ()
     camera, warnings = camera_from_lens(session.camera or Lens(), exif, width, height, half=session.half)
+    if camera.is_orthographic and _balls_may_tell(session):
+        # `calibrate` finds its focal length, and says so.
+        return usual_camera(width, height), ()
     camera = fitted(camera, session, width, height)
     return camera, (*warnings, *_off_middle(camera))
+
+
+def _balls_may_tell(session: Session) -> bool:
+    """Whether there are balls enough, a mirror among them, to tell a focal length."""
+    known = [ball for ball in session.spheres if ball.diameter_mm is not None]
+    return len(known) > 1 and any(ball.kind == "chrome" for ball in known) and session.lights_file is None
+
+
+def usual_camera(width: int, height: int) -> Camera:
+    """Return a camera as most are."""
+    focal, middle = USUAL_FOCAL * max(width, height), ((width - 1) / 2, (height - 1) / 2)
+    sigma_px = CENTER_SIGMA * max(width, height)
+    return Camera(
+        width, height, focal, focal, *middle, source="assumed", focal_sigma=USUAL_SIGMA, center_sigma_px=sigma_px
+    )
 
 
 def _off_middle(camera: Camera) -> tuple[str, ...]:

@@ -38,8 +38,9 @@ def load_session(path: Path) -> Session:
         if (path / FILENAMES).is_file() or (path / DIRECTIONS).is_file():
             return _load_diligent(path)
     raise SessionError(
-        f"{path}: holds neither session.toml nor a DiLiGenT layout (filenames.txt, light_directions.txt, ...). "
-        'Write session.toml; the least is two lines: [frames] and flash = "raw/flash_*.dng".'
+        f"{path}: holds neither session.toml nor a DiLiGenT layout (filenames.txt, light_directions.txt, ...). To have "
+        "session.toml written from the photographs, run:\n"
+        f"  rgbn init {path}"
     )
 
 

@@ -1,0 +1,1 @@
+"""A folder of photographs that has no session.toml yet: what each file is."""

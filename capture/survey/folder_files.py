@@ -1,0 +1,215 @@
+"""What the files of a folder are by their names and endings; nothing is decoded."""
+
+import itertools
+import os
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from capture.session.globs import expand, kind_of, natural_key
+from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
+from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
+from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
+from scene.errors import SessionError
+
+WORDS = {
+    "ambient": ("ambient", "amb", "noflash", "flashoff", "off"),
+    "dark": ("dark", "bias", "lenscap"),
+    "flat": ("flat", "flatfield", "vignetting"),
+    "board": ("charuco", "aruco", "board", "chessboard", "checkerboard", "chess", "calib", "calibration"),
+    "mask": ("mask", "silhouette"),
+    "normals": ("normal", "normals"),
+    "lights": ("light", "lights"),
+    "chrome": ("chrome", "mirror", "mirrorball"),
+    "white": ("white", "gray", "grey", "matte", "diffuse"),
+}
+"""Words in a file's name or folder, and what they say of it."""
+BALLS = ("chrome", "white")
+BETTER = ("raw", "exr", ".tif", ".tiff", ".png")
+"""Of two photographs of one name, the kind or ending that is kept; others come after these."""
+FEWEST = 3
+"""Photographs that make a session."""
+MOST = 20_000
+"""Files that a folder may hold to be looked at."""
+
+
+@dataclass(frozen=True)
+class FolderFiles:
+    """The files of one session's folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where session.toml is to lie; every path below is absolute.
+    photographs : dict of lists of Path
+        By the role that their names tell: flash, ambient, dark, flat, board, chrome, white.
+    masks, scans, lights, normals : lists of Path
+    left_out : list of str
+        What is not used, and why: a sentence each.
+    """
+
+    folder: Path
+    photographs: dict[str, list[Path]] = field(default_factory=dict)
+    masks: list[Path] = field(default_factory=list)
+    scans: list[Path] = field(default_factory=list)
+    lights: list[Path] = field(default_factory=list)
+    normals: list[Path] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+
+
+def survey(folder: Path) -> list[FolderFiles]:
+    """Return what a folder holds: one session, or one for each subfolder where each is an object's.
+
+    Raises
+    ------
+    SessionError
+        There is no such folder, or it holds no photographs.
+    """
+    folder = folder.resolve()
+    if not folder.is_dir():
+        raise SessionError(f"{folder}: there is no such folder. Give the folder that holds the photographs.")
+    files, left_out = _without_doubles(sorted(_files(folder), key=natural_key), folder)
+    whole = FolderFiles(folder, left_out=left_out)
+    _sort(files, whole)
+    flash = whole.photographs.get("flash", [])
+    if len(flash) < FEWEST:
+        raise SessionError(
+            f"{folder}: holds {len(flash)} photographs that may be flash frames ({len(files)} files in all); "
+            f"photometric stereo needs {FEWEST} or more, RAW or 16-bit. Give the folder that holds them, or one above."
+        )
+    return _by_object(whole, flash)
+
+
+def pattern_of(files: list[Path], folder: Path) -> str | list[str]:
+    """Return the glob, as seen from the folder, that matches just these files; a list of names where none does."""
+    names = [os.path.relpath(path, folder).replace(os.sep, "/") for path in files]
+    if len(names) == 1:
+        return _escaped(names[0])
+    columns = zip(*names, strict=False)
+    before = "".join(column[0] for column in itertools.takewhile(lambda column: len(set(column)) == 1, columns))
+    suffix = Path(names[0]).suffix
+    # Digits that all names share are a number's beginning.
+    start = _escaped(re.sub(r"\d+$", "", before))
+    for pattern in (f"{start}*{suffix}", f"{start}[0-9]*{suffix}", f"{_escaped(before)}*{suffix}"):
+        if set(expand([pattern], folder)[0]) == set(files):
+            return pattern
+    return [_escaped(name) for name in names]
+
+
+def words_of(path: Path, folder: Path) -> set[str]:
+    """Return the words of a file's name and of the folders below `folder`, two that follow each other also as one."""
+    text = os.path.splitext(path.relative_to(folder))[0]
+    found = re.findall(r"[a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text).lower())
+    return {*found, *(first + second for first, second in itertools.pairwise(found))}
+
+
+def _escaped(name: str) -> str:
+    return re.sub(r"([*?\[])", r"[\1]", name)
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    count = 0
+    for place, names, files in os.walk(folder):
+        names[:] = sorted(name for name in names if not name.startswith((".", "__")))
+        for name in files:
+            count += 1
+            if count > MOST:
+                raise SessionError(f"{folder}: holds more than {MOST} files. Give the folder of one capture.")
+            if not name.startswith("."):
+                yield Path(place, name)
+
+
+def _without_doubles(files: list[Path], folder: Path) -> tuple[list[Path], list[str]]:
+    """Leave out a photograph that another of the same name shows better: a JPEG beside its RAW file."""
+    kept: dict[Path, Path] = {}
+    doubles: list[Path] = []
+    others = [path for path in files if kind_of(path) is None]
+    for path in sorted((path for path in files if kind_of(path)), key=_rank):
+        first = kept.setdefault(path.with_suffix(""), path)
+        if first != path:
+            doubles.append(path)
+    raw = [path for path in kept.values() if kind_of(path) == "raw"]
+    told = []
+    if doubles:
+        told.append(f"{_counted(doubles, folder)}: beside a file of the same name that holds more.")
+    if len(raw) >= FEWEST:
+        # Previews and snapshots: their values cannot be compared with the sensor's. Masks stay.
+        shots = [
+            path for path in kept.values() if kind_of(path) == "image" and not _told(path, folder, "mask", "normals")
+        ]
+        if shots:
+            told.append(f"{_counted(shots, folder)}: no RAW files, as the others are.")
+            kept = {key: path for key, path in kept.items() if path not in shots}
+    return sorted([*kept.values(), *others], key=natural_key), told
+
+
+def _rank(path: Path) -> int:
+    kinds = (kind_of(path), path.suffix.lower())
+    return min((BETTER.index(kind) for kind in kinds if kind in BETTER), default=len(BETTER))
+
+
+def _counted(files: list[Path], folder: Path) -> str:
+    suffixes = " and ".join(f"{count} {suffix}" for suffix, count in Counter(p.suffix.lower() for p in files).items())
+    return f"{suffixes} ({files[0].relative_to(folder)}{', ...' if len(files) > 1 else ''})"
+
+
+def _told(path: Path, folder: Path, *roles: str) -> bool:
+    return any(words_of(path, folder) & set(WORDS[role]) for role in roles)
+
+
+def _sort(files: Iterable[Path], found: FolderFiles) -> None:
+    """Give each file its role by its ending and its words."""
+    folder = found.folder
+    for path in files:
+        suffix = path.suffix.lower()
+        if suffix in SCAN_SUFFIXES:
+            found.scans.append(path)
+        elif suffix in (".lp", ".dome") or (suffix in LIGHTS_SUFFIXES and _told(path, folder, "lights")):
+            if "intensities" not in words_of(path, folder):
+                found.lights.append(path)
+        elif suffix in NORMALS_SUFFIXES and _told(path, folder, "normals"):
+            found.normals.append(path)
+        elif kind_of(path) and _told(path, folder, "mask"):
+            found.masks.append(path)
+        elif kind_of(path):
+            roles = [role for role in ("board", "dark", "flat", "ambient") if _told(path, folder, role)]
+            # A ball that was shot apart has a folder of its own; "white_vase_001" is no ball.
+            roles += [role for role in BALLS if set(words_of(path.parent, folder)) & set(WORDS[role])]
+            found.photographs.setdefault(roles[0] if roles else "flash", []).append(path)
+
+
+def _by_object(whole: FolderFiles, flash: list[Path]) -> list[FolderFiles]:
+    """Return one session for each subfolder that holds an object's photographs; what lies above belongs to all."""
+    groups: dict[Path, list[Path]] = {}
+    for path in flash:
+        groups.setdefault(path.parent, []).append(path)
+    enough = {place: files for place, files in groups.items() if len(files) >= FEWEST}
+    few = [path for place, files in groups.items() if place not in enough for path in files]
+    if few and enough:
+        whole.left_out.append(f"{_counted(few, whole.folder)}: alone in a folder, not among the flash frames.")
+    if len(enough) < 2:
+        return [replace(whole, photographs=whole.photographs | {"flash": next(iter(enough.values()), flash)})]
+    found = []
+    for place in sorted(enough, key=natural_key):
+        base = _session_folder(place, [other for other in enough if other != place], whole.folder)
+        # What lies above all objects is shared; what lies in another object's folder is that one's.
+        others = [_session_folder(other, [p for p in enough if p != other], whole.folder) for other in enough]
+        theirs = [other for other in others if other != base]
+
+        def own(paths: list[Path], theirs: list[Path] = theirs) -> list[Path]:
+            return [path for path in paths if not any(path.is_relative_to(other) for other in theirs)]
+
+        photographs = {role: own(paths) for role, paths in whole.photographs.items()}
+        photographs = {role: paths for role, paths in photographs.items() if paths} | {"flash": enough[place]}
+        kinds = (own(whole.masks), own(whole.scans), own(whole.lights), own(whole.normals))
+        found.append(FolderFiles(base, photographs, *kinds, left_out=list(whole.left_out)))
+    return found
+
+
+def _session_folder(place: Path, others: list[Path], top: Path) -> Path:
+    """Return the highest folder above an object's photographs that holds no other object's."""
+    while place.parent != top and not any(other.is_relative_to(place.parent) for other in others):
+        place = place.parent
+    return place

@@ -1,0 +1,143 @@
+"""The photographs of a folder decoded small, and what their light tells of their role."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from capture.photographs.develop import Recipe, read_photograph
+from capture.session.globs import kind_of
+from capture.session.session_types import Encoding
+from scene.errors import SceneError
+from scene.fan_out import fan_out
+from scene.frames import PEDESTAL, WHITE, Frames, decode
+
+LONGEST_PX = 1000
+"""Of a small picture's longer side: balls of the usual size keep some 40 px of radius."""
+BLACK = 0.004
+"""Mean of white under which a photograph shows nothing."""
+UNLIT = 0.6
+"""Of the median frame's mean: an ambient frame is darker than this."""
+SHOWS_NOTHING = 0.2
+"""Of the brightest unlit frame's mean, under which one shows nothing beside it."""
+BOX = 8
+"""Pixels along a side of the boxes whose means are compared."""
+AS_DARK = 0.02
+"""Share of its pixels that may be darker in another frame than in the ambient one: noise, movement."""
+
+
+@dataclass(frozen=True)
+class Small:
+    """A photograph, reduced.
+
+    Parameters
+    ----------
+    codes : (h, w, 3) uint16 or float16
+        As `scene.frames.Frames` has them.
+    width, height : int
+        Of the file, full size.
+    step : int
+        Pixels of the file in one of `codes`, along a side.
+    is_mosaic : bool
+    """
+
+    path: Path
+    codes: NDArray
+    width: int
+    height: int
+    step: int
+    is_mosaic: bool
+
+    @property
+    def light(self) -> NDArray[np.float32]:
+        """Mean of the channels, linear, (h, w)."""
+        return decode(self.codes).mean(axis=-1)
+
+
+def read_small(
+    files: Sequence[Path], encoding: Encoding, *, done: Callable[[], None] | None = None
+) -> tuple[list[Small], list[str]]:
+    """Return the photographs, reduced to `LONGEST_PX`; and a sentence for each that cannot be read."""
+    first = _read(files[0], encoding, half=False)
+    # Superpixels are faster, and enough where there are many.
+    half = isinstance(first, Small) and max(first.width, first.height) > 2 * LONGEST_PX
+    found = fan_out(partial(_read, encoding=encoding, half=half), files, done=done, threads=4)
+    return [one for one in found if isinstance(one, Small)], [one for one in found if isinstance(one, str)]
+
+
+def _read(path: Path, encoding: Encoding, *, half: bool) -> "Small | str":
+    half = half and kind_of(path) == "raw"
+    try:
+        photograph = read_photograph(path, Recipe(encoding, half, path))
+    except SceneError as error:
+        return str(error)
+    height, width, _ = photograph.codes.shape
+    step = max(1, -(-max(height, width) // LONGEST_PX))
+    full = 2 if half else 1
+    return Small(path, _reduced(photograph.codes, step), width * full, height * full, step * full, photograph.is_mosaic)
+
+
+def _reduced(codes: NDArray, step: int) -> NDArray:
+    """Return means of whole boxes, in codes."""
+    if step == 1:
+        return codes
+    height, width = codes.shape[0] // step, codes.shape[1] // step
+    total = np.zeros((height, width, 3), np.float32)
+    for row in range(step):
+        for column in range(step):
+            total += codes[row : height * step : step, column : width * step : step][:height, :width]
+    return (total / step**2).astype(codes.dtype)
+
+
+def of_one_size(pictures: list[Small]) -> tuple[list[Small], list[Small]]:
+    """Return the pictures of the commonest size, and the others."""
+    sizes = Counter((one.width, one.height) for one in pictures)
+    size = max(sizes, key=lambda size: sizes[size])
+    same = [one for one in pictures if (one.width, one.height) == size]
+    return same, [one for one in pictures if one not in same]
+
+
+def by_light(pictures: list[Small]) -> dict[str, list[Small]]:
+    """Sort photographs of one scene whose names tell nothing: flash, ambient, dark.
+
+    A flash adds light: nowhere is a flash frame darker than the ambient one. An ambient frame is darker than most, and
+    no other frame is darker than it anywhere. A dark frame shows nothing at all.
+    """
+    # In boxes: single pixels are noise in the dark.
+    light = [_boxes(one.light) for one in pictures]
+    mean = np.array([float(one.mean()) for one in light])
+    usual = float(np.median(mean))
+    unlit = [n for n in np.argsort(mean) if mean[n] < UNLIT * usual]
+    unlit = [n for n in unlit if _is_unlit(light[n], [light[m] for m in range(len(light)) if m not in unlit], usual)]
+    # Two kinds of unlit frames: what shows nothing beside what shows the room.
+    room = max((mean[n] for n in unlit), default=0.0)
+    dark = [n for n in unlit if mean[n] < min(BLACK, SHOWS_NOTHING * room)]
+    found = {"dark": dark, "ambient": [n for n in unlit if n not in dark]}
+    found["flash"] = [n for n in range(len(light)) if n not in unlit]
+    return {role: [pictures[n] for n in sorted(places)] for role, places in found.items() if places}
+
+
+def _boxes(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    height, width = light.shape[0] // BOX, light.shape[1] // BOX
+    return light[: height * BOX, : width * BOX].reshape(height, BOX, width, BOX).mean((1, 3))
+
+
+def _is_unlit(own: NDArray, others: list[NDArray], usual: float) -> bool:
+    """Whether no other frame is darker anywhere, but for noise, and every one much brighter somewhere."""
+    noise = 0.005 * usual + 0.1 * own
+    not_darker = all(np.mean(other < own - noise) < AS_DARK for other in others)
+    return not_darker and all(np.quantile(other - own, 0.99) > 2 * max(np.quantile(own, 0.5), 1e-4) for other in others)
+
+
+def frames_of(flash: list[Small], ambient: list[Small]) -> Frames:
+    """Return small pictures as frames."""
+    codes = np.stack([one.codes for one in flash])
+    base = np.mean([one.codes.astype(np.float32) for one in ambient], axis=0).astype(codes.dtype) if ambient else None
+    # In the mean of a box a clipped sample is hidden among others.
+    saturation = (0.9 * WHITE - PEDESTAL) / (WHITE - PEDESTAL) if flash[0].step > 1 else 0.98
+    names = tuple(one.path.stem for one in flash)
+    return Frames(names, codes, np.ones(len(flash)), base, saturation, flash[0].is_mosaic)

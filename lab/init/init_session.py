@@ -1,0 +1,101 @@
+"""`rgbn init`: a folder looked at, shown, and its session.toml written."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from capture.survey.folder_files import FolderFiles, survey
+from lab.init.answers import Answers, Asking
+from lab.init.contact_sheet import write_sheet
+from lab.init.draft import Draft
+from lab.init.prepare import prepare
+from lab.init.session_text import session_text
+from lab.progress import progress_bar, say
+from lab.session_place import MANIFEST
+from scene.errors import SessionError
+from scene.files import write_text
+from scene.light_text import FILENAMES
+from scene.output_folder import open_record
+
+SHEET = "contact-sheet.png"
+PART = "init"
+
+
+class Made(NamedTuple):
+    """A session that was written: what was found, its file, and its contact sheet."""
+
+    draft: Draft
+    manifest: Path
+    sheet: Path
+
+
+def init_sessions(
+    folder: Path, answers: Answers, *, silent: bool = False, shown: Callable[[Draft], None] | None = None
+) -> tuple[list[Made], int]:
+    """Write a session.toml for a folder, or one for each object's subfolder.
+
+    Parameters
+    ----------
+    folder : Path
+    answers : Answers
+        What the command line says.
+    silent : bool
+        Nothing is asked; what is not known is assumed, and said in the drafts' notes.
+    shown : callable, optional
+        Gets each draft before it is written.
+
+    Returns
+    -------
+    made : list of Made
+    questions : int
+        How many were asked.
+
+    Raises
+    ------
+    SessionError
+        There is a session.toml, or the folder is one in the DiLiGenT layout; no photographs; answers do not fit.
+    """
+    if (folder / FILENAMES).is_file():
+        raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
+    found = survey(folder)
+    for one in found:
+        _check_free(one)
+    if len(found) > 1:
+        say(f"{len(found)} objects: {', '.join(one.folder.name for one in found)}")
+    asking, made = Asking(answers, silent), []
+    for one in found:
+        draft = draft_of(one, asking)
+        if shown:
+            shown(draft)
+        made.append(write_session(draft))
+    return made, asking.count
+
+
+def draft_of(files: FolderFiles, asking: Asking) -> Draft:
+    """Return what a folder's files are, with a progress bar for the photographs."""
+    with progress_bar(f"look at {files.folder.name}") as progress:
+        return prepare(files, asking, progress)
+
+
+def write_session(draft: Draft) -> Made:
+    """Write session.toml into the folder, and the contact sheet into its output folder, out/NAME."""
+    manifest = draft.folder / MANIFEST
+    write_text(manifest, session_text(draft))
+    out = Path("out") / draft.name
+    with open_record(out, input_folders=[draft.folder]) as record:
+        record.forget([PART])
+        with record.part_of(PART):
+            write_sheet(out / SHEET, draft)
+    return Made(draft, manifest, out / SHEET)
+
+
+def _check_free(files: FolderFiles) -> None:
+    manifest = files.folder / MANIFEST
+    if manifest.exists():
+        raise SessionError(
+            f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run "
+            f"rgbn init {files.folder} again."
+        )
+    if not os.access(files.folder, os.W_OK):
+        raise SessionError(f"{files.folder}: cannot be written. Copy the folder to a place of your own.")

@@ -1,0 +1,261 @@
+"""A folder looked at: roles of the photographs, camera, balls, scan; what is not sure is noted."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from capture.camera.exif import Exif, read_exif
+from capture.camera.focal_length import camera_from_lens
+from capture.camera.session_camera import usual_camera
+from capture.session.globs import kind_of
+from capture.session.session_types import Encoding, Lens
+from capture.survey.board_layout import find_board
+from capture.survey.folder_files import BALLS, FEWEST, FolderFiles
+from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, read_small
+from lab.init.answers import Asking
+from lab.init.draft import Draft, DraftBall
+from lab.init.scan_unit import object_size_mm, read_scan, unit_by_size
+from scene.camera import Camera
+from scene.errors import CalibrationError, SessionError
+from scene.spheres import Kind, Sphere
+
+EIGHT_BITS = (".png", ".tif", ".tiff", ".tga", ".bmp", ".pgm", ".ppm", ".pnm")
+Progress = Callable[[int, int], None]
+
+
+def prepare(files: FolderFiles, asking: Asking, progress: Progress | None = None) -> Draft:
+    """Return what a folder's files are, with what the user answered.
+
+    Raises
+    ------
+    SessionError
+        Too few photographs can be read or are of one size; answers do not fit what was found.
+    """
+    draft, exif = _look(files, asking, progress)
+    draft, camera = _camera(draft, asking, exif)
+    draft = _spheres(draft, files, asking, camera)
+    draft = _given(draft, files, camera, asking)
+    return _by_distance(draft, asking)
+
+
+def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> tuple[Draft, list[Exif]]:
+    """Decode small; give the photographs whose names tell nothing their roles."""
+    flash, notes = files.photographs["flash"], list(files.left_out)
+    linear, encoding = _encoding(flash[0], asking)
+    boards, dims = files.photographs.get("board", []), files.photographs.get("ambient", [])
+    every, count = [*flash, *dims, *boards], 0
+
+    def done() -> None:
+        nonlocal count
+        count += 1
+        if progress:
+            progress(count, len(every))
+
+    small, unread = read_small(every, encoding, done=done)
+    notes += [f"left out, cannot be read: {text}" for text in unread]
+    by_path = {one.path: one for one in small}
+    shots = [by_path[path] for path in flash if path in by_path]
+    if len(shots) < FEWEST:
+        raise SessionError(
+            f"{files.folder}: {len(shots)} of {len(flash)} photographs can be read.\n" + "\n".join(unread)
+        )
+    shots, odd = of_one_size(shots)
+    named = [by_path[path] for path in boards if path in by_path]
+    layout, shown = find_board(named or [*odd, *_unlike(shots)])
+    shots = [one for one in shots if one not in shown]
+    if named and not shown:
+        notes.append(f"{named[0].path.name}: no ChArUco board or chessboard is seen in it; it is not used.")
+    odd = [one for one in odd if one not in shown]
+    if odd:
+        notes.append(f"left out, of another size: {', '.join(one.path.name for one in odd[:5])}.")
+    ambient = [by_path[path] for path in dims if path in by_path]
+    dark: list[Small] = []
+    if not ambient:
+        sorted_ = by_light(shots)
+        shots, ambient, dark = (sorted_.get(role, []) for role in ("flash", "ambient", "dark"))
+        if ambient:
+            notes.append(f"assumed: {', '.join(o.path.name for o in ambient)} is without flash, by its light.")
+        else:
+            notes.append("there is no ambient frame (flash off, same exposure): the room must have been dark.")
+    if len(shots) < FEWEST:
+        raise SessionError(f"{files.folder}: {len(shots)} photographs show the flash; {FEWEST} or more are needed.")
+    photographs = {
+        "flash": [one.path for one in shots],
+        "ambient": [one.path for one in ambient],
+        "dark": [*files.photographs.get("dark", []), *(one.path for one in dark)],
+        "flat": files.photographs.get("flat", []),
+        "board": [one.path for one in shown],
+    }
+    first = shots[0]
+    if linear is False:
+        notes.append(f"assumed: {first.path.suffix} values are sRGB-encoded, as cameras write them.")
+    frames = frames_of(shots, ambient)
+    draft = Draft(
+        files.folder, {role: paths for role, paths in photographs.items() if paths},
+        first.width, first.height, frames, first.step,
+        board=layout if shown else None, linear=linear, notes=tuple(notes),
+    )  # fmt: skip
+    return draft, [read_exif(path) for path in photographs["flash"]]
+
+
+def _encoding(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
+    """Return what session.toml is to say of the values' coding, None for nothing, and the coding."""
+    if kind_of(first) != "image":
+        return None, "linear"
+    if first.suffix.lower() in (".jpg", ".jpeg"):
+        linear = bool(asking.answers.linear)
+    elif asking.answers.linear is None and not _has_eight_bits(first):
+        return True, "linear"
+    else:
+        linear = asking.is_linear(first.name)
+    return linear, "linear" if linear else "srgb"
+
+
+def _has_eight_bits(path: Path) -> bool:
+    import cv2
+
+    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    return pixels is None or pixels.dtype == np.uint8
+
+
+def _unlike(shots: list[Small]) -> list[Small]:
+    """Return the pictures that show another scene than most."""
+    light = np.stack([one.light.ravel() for one in shots])
+    usual = np.median(light, axis=0)
+    alike = [np.corrcoef(usual, row)[0, 1] if row.std() > 0 else 1.0 for row in light]
+    return [one for one, share in zip(shots, alike, strict=True) if share < 0.3]
+
+
+def _camera(draft: Draft, asking: Asking, exif: list[Exif]) -> tuple[Draft, Camera | None]:
+    """Return the draft with its camera told, and the camera of the small frames; None where nothing tells it."""
+    if draft.board is not None:
+        shots = draft.photographs["board"]
+        kind = "chessboard" if draft.board.dictionary is None else "ChArUco board"
+        across = " x ".join(map(str, draft.board.squares))
+        return replace(draft, camera_told=f"{len(shots)} shots of a {kind} of {across} squares"), None
+    lens = asking.answers.lens
+    if asking.answers.distance_mm and lens == Lens():
+        return draft, None
+    camera, told = camera_from_lens(lens, exif, draft.width, draft.height)
+    if camera.is_orthographic:
+        text = "not known: no EXIF, no board. It is sought by the balls; or give --focal-mm and --sensor-mm."
+        return replace(draft, camera_told=text), None
+    words = told[0].removeprefix("camera: ").partition(". ")[0] if told else f"focal length {camera.fx:.0f} px"
+    return replace(draft, lens=lens, camera_told=words), _reduced(camera, draft)
+
+
+def _reduced(camera: Camera, draft: Draft) -> Camera:
+    """Return a camera of the small frames."""
+    height, width = draft.small.height, draft.small.width
+    fx, fy = camera.fx / draft.step, camera.fy / draft.step
+    cx, cy = ((c + 0.5) / draft.step - 0.5 for c in (camera.cx, camera.cy))
+    return replace(camera, width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+
+
+def _spheres(draft: Draft, files: FolderFiles, asking: Asking, camera: Camera | None) -> Draft:
+    """Find the balls, in the frames or in photographs of their own, and ask for their diameters."""
+    if files.lights:
+        draft = replace(draft, lights=files.lights[0])
+        return draft.noting(f"lights are read from {files.lights[0].name}: balls were not looked for.")
+    apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
+    balls = apart or found_balls(draft, camera)
+    draft = replace(draft.noting(*notes), balls=tuple(balls))
+    if not balls:
+        return draft.noting(
+            "no ball was found. Without balls, light file or given normals there are no lights: rgbn studio shows the "
+            "picture, and balls can be marked there; or add [[spheres]] with center_px and radius_px."
+        )
+    kinds: tuple[Kind, ...] = ("chrome", "white")
+    known: list[DraftBall] = []
+    for kind in kinds:
+        own = [ball for ball in draft.balls if ball.kind == kind]
+        if not own:
+            draft = draft.noting(f"no {kind} ball was found{', so lights have no positions' * (kind == 'chrome')}.")
+            continue
+        given = asking.diameters(kind, len(own))
+        known += [replace(ball, diameter_mm=mm) for ball, mm in zip(own, given or (None,) * len(own), strict=True)]
+        if not given:
+            draft = draft.noting(
+                f"the diameter of the {kind} balls is not known: give --{kind} MM for positions in mm."
+            )
+    return replace(draft, balls=tuple(known))
+
+
+def found_balls(draft: Draft, camera: Camera | None) -> list[DraftBall]:
+    """Return the balls that the small frames show, the largest of each kind first."""
+    from calibrate.detection.balls import find_balls
+
+    try:
+        found, _, _ = find_balls(draft.small, camera or usual_camera(draft.small.width, draft.small.height), [])
+    except CalibrationError:
+        return []
+    spheres = sorted((one.sphere for one in found), key=lambda sphere: (sphere.kind, -sphere.radius_px))
+    return [DraftBall(one.kind, *_full_size(one, draft.step)) for one in spheres]
+
+
+def _full_size(sphere: Sphere, step: int) -> tuple[tuple[float, float], float]:
+    u, v = ((float(c) + 0.5) * step - 0.5 for c in sphere.center_px)
+    return (u, v), float(sphere.radius_px) * step
+
+
+def _shot_apart(files: FolderFiles, count: int) -> tuple[list[DraftBall], list[str]]:
+    """Return balls with photographs of their own, one for each flash frame."""
+    balls: list[DraftBall] = []
+    notes: list[str] = []
+    for kind in ("chrome", "white"):
+        groups: dict[tuple[Path, str], list[Path]] = {}
+        for path in files.photographs.get(kind, []):
+            groups.setdefault((path.parent, path.suffix.lower()), []).append(path)
+        fitting = [paths for paths in groups.values() if len(paths) == count]
+        alike = [p for p in fitting if p[0].suffix == files.photographs["flash"][0].suffix] or fitting
+        balls += [DraftBall(kind, files=tuple(paths)) for paths in alike[:1]]
+        notes += [f"{place.name}: {len(paths)} photographs, but {count} flash frames; not used."
+                  for (place, _), paths in groups.items() if paths not in fitting]  # fmt: skip
+    return balls, notes
+
+
+def _given(draft: Draft, files: FolderFiles, camera: Camera | None, asking: Asking) -> Draft:
+    """Take the mask, the normals and the scan, with its unit."""
+    apart = {word for kind in BALLS for word in (kind, "gray", "grey")}
+    masks = [path for path in files.masks if not apart & set(path.stem.lower().replace(".", "_").split("_"))]
+    draft = replace(draft, mask=masks[0] if masks else None, normals=files.normals[0] if files.normals else None)
+    for what, paths in (("mask", masks), ("light file", files.lights), ("normal map", files.normals)):
+        if len(paths) > 1:
+            draft = draft.noting(f"{len(paths)} files may be the {what}: {paths[0].name} is taken.")
+    if not files.scans:
+        return draft.noting("there is no scan: no ground truth, no twin.") if not files.normals else draft
+    scans = sorted(files.scans, key=lambda path: -path.stat().st_size)
+    if len(scans) > 1:
+        draft = draft.noting(f"{len(scans)} meshes: the largest, {scans[0].name}, is taken for the scan.")
+    mesh = read_scan(scans[0])
+    size = object_size_mm(draft, camera or usual_camera(draft.small.width, draft.small.height))
+    likely = unit_by_size(mesh.diagonal, size)
+    unit = asking.unit(scans[0].name, likely)
+    told = mesh.told(unit)
+    if asking.answers.unit is None and likely is not None:
+        told += f"; the unit is told by the object's size in the picture, {size:.0f} mm"
+    elif likely not in (None, unit):
+        draft = draft.noting(
+            f"the scan is {mesh.told(unit)} with unit {unit}, but the object looks {size:.0f} mm large in the picture, "
+            f"as with unit {likely}. Check --unit, and the balls' diameters."
+        )
+    return replace(draft, scan=scans[0], unit=unit, scan_told=told)
+
+
+def _by_distance(draft: Draft, asking: Asking) -> Draft:
+    """Take the focal length from the balls' distance: radius_px = fx radius_mm / distance."""
+    distance = asking.answers.distance_mm
+    if not distance or asking.answers.lens != Lens():
+        return draft
+    focal = [
+        2 * ball.radius_px * distance / ball.diameter_mm for ball in draft.balls if ball.diameter_mm and ball.radius_px
+    ]
+    if not focal:
+        raise SessionError(
+            "--distance-mm: needs balls that are found and whose diameter is given: --chrome or --white."
+        )
+    fx = round(float(np.median(focal)), 1)
+    told = f"{fx:g} px, by {len(focal)} balls {distance:g} mm away"
+    return replace(draft, lens=Lens(fx=fx), camera_told=told)
