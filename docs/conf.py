@@ -20,5 +20,8 @@ if not (Path(__file__).parent / "guide" / "first-session.ipynb").is_file():
 html_theme = "furo"
 html_title = "rgbn"
 html_show_sphinx = False
+html_show_copyright = False
+# Two dashes before an option stay two.
+smartquotes = False
 html_copy_source = False
 html_theme_options = {"navigation_with_keys": True}
