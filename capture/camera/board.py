@@ -83,7 +83,7 @@ def _chessboard(board: Board) -> Callable[[NDArray[np.uint8]], Corners | None]:
     places = board.square_mm * np.stack([columns, rows, np.zeros_like(rows)], -1).reshape(-1, 1, 3).astype(np.float32)
 
     def find(picture: NDArray[np.uint8]) -> Corners | None:
-        found, corners = cv2.findChessboardCornersSB(picture, inner, flags=cv2.CALIB_CB_ACCURACY)
+        found, corners = cv2.findChessboardCornersSB(picture, inner)
         return (places, corners) if found else None
 
     return find
