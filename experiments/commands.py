@@ -7,9 +7,11 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
+from lab.options import DEFAULT_METHODS, in_any_case
 from lab.progress import say
 from scene.errors import SceneError
 from scene.reading import told
+from solve.method_names import METHODS
 
 
 def sweep(
@@ -23,8 +25,10 @@ def sweep(
     /,
     *,
     quick: Annotated[bool, Parameter(help="A first look: few levels, one shape, small pictures.", negative="")] = False,
-    method: Annotated[str, Parameter(help="Methods, with commas.")] = "ls,rpca,iterative,hsh,ldr,entropy,tv",
-    out: Annotated[Path | None, Parameter(help="Output folder. Default: out/sweeps here.")] = None,
+    method: Annotated[
+        str, Parameter(alias="-m", help=f"Methods, with commas: {', '.join(METHODS)}.")
+    ] = "ls,rpca,iterative,hsh,ldr,entropy,tv",
+    out: Annotated[Path | None, Parameter(alias="-o", help="Output folder. Default: out/sweeps here.")] = None,
     processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
     scheduler: Annotated[
         str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")
@@ -33,7 +37,9 @@ def sweep(
     """Make one factor harder and harder, and see which method breaks where: tables, charts and a page."""
     from experiments.sweeps.sweep import sweep as run_sweep
 
-    folder = run_sweep(experiment, quick=quick, method=method, out=out, processes=processes, scheduler=scheduler)
+    folder = run_sweep(
+        experiment.casefold(), quick=quick, method=method, out=out, processes=processes, scheduler=scheduler
+    )
     print(folder / "index.html")
 
 
@@ -143,7 +149,7 @@ def run(
         list[str] | None,
         Parameter(
             help="Other programs, each NAME=COMMAND: it reads {data}, a dataset in the DiLiGenT layout, and writes a "
-            "normal map into {out}. See docs/learned-methods.md."
+            "normal map into {out}. See docs/guide/learned-methods.md."
         ),
     ] = None,
     /,
@@ -151,11 +157,15 @@ def run(
     on: Annotated[
         list[str] | None, Parameter(help="Datasets of the shelf, names or patterns. Default: all.", negative="")
     ] = None,
-    method: Annotated[str, Parameter(help="Our methods beside them, with commas.")] = "ls,iterative",
-    profile: Annotated[str, Parameter(help="Settings of our methods: default, or seed.")] = "default",
+    method: Annotated[
+        str, Parameter(alias="-m", help=f"Our methods beside them, with commas: {', '.join(METHODS)}.")
+    ] = DEFAULT_METHODS,
+    profile: Annotated[
+        str, Parameter(help="Settings of our methods: default, or seed.", converter=in_any_case)
+    ] = "default",
     timeout_s: Annotated[float, Parameter(help="Seconds after which a program is ended.")] = 3600.0,
     shelf: Shelf = SHELF,
-    out: Annotated[Path, Parameter(help="Output folder.")] = Path("out") / "datasets-table",
+    out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
     """Solve datasets of the shelf by methods and other programs: a table of angular errors."""
     from experiments.datasets.run_methods import results_text

@@ -69,7 +69,7 @@ def _render(scene: Any, folder: Store, apart: bool, bar: Bar) -> dict[str, Any]:
     with bar("twin") as progress:
         rendered = render_scene(scene, apart=apart, store=folder, progress=progress, tell=say)
     for warning in rendered.warnings:
-        say(f"warning: {warning}")
+        say(f"warning: {warning}", always=True)
     mask, normals = (np.load(folder.path(f"truth_{name}.npy")) for name in ("mask", "normals"))
     with bar("write") as progress:
         write_session(

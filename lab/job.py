@@ -1,5 +1,6 @@
 """One session on its way through the steps: what is done and current is not done again."""
 
+import logging
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
@@ -9,11 +10,14 @@ from typing import Any
 
 from lab.options import AS_GIVEN, TwinSettings
 from lab.progress import say
+from lab.run_log import log
 from scene.current import code_fingerprint, fingerprint
 from scene.files import plain
 from scene.mesh import Mesh
 from scene.record import Record
 from scene.store import Store
+
+LOG = logging.getLogger("rgbn")
 
 
 @dataclass
@@ -99,6 +103,7 @@ class Job:
             self.run(steps, need)
         mark = self.fingerprint(step)
         if self.record.is_current(wanted, mark):
+            LOG.info("%s: is done and current", wanted)
             return
         say(f"{wanted} ...")
         start = time.perf_counter()
@@ -108,6 +113,8 @@ class Job:
             entry |= plain({"seconds": seconds, "result": outcome.result, "warnings": outcome.warnings})
         warned = f", {len(outcome.warnings)} warnings" if outcome.warnings else ""
         say(f"{wanted}: {seconds:.1f} s{warned}")
+        for text in outcome.warnings:
+            log(f"warning ({wanted}): {text}")
 
     def fingerprint(self, step: Step) -> str:
         """Return the hash of all that goes into a step."""

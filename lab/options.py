@@ -1,17 +1,48 @@
 """What the command line says of the methods and of the twin, as two objects that every verb takes."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 
 from cyclopts import Parameter
 
 from scene.errors import SceneError
+from solve.method_names import METHODS
 
 if TYPE_CHECKING:
     from solve.external import External
     from twin.description.description import Sampling
 
 DEFAULT_METHODS = "ls,iterative"
+Engine = Literal["auto", "direct", "many", "mitsuba"]
+
+
+def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
+    """Return the names that a text with commas gives, in any case, each once, as they are known.
+
+    Raises
+    ------
+    SceneError
+        One is not known, or there is none; `option` is what the message begins with.
+    """
+    spelt = {name.casefold(): name for name in known}
+    words = [word.strip() for word in text.split(",") if word.strip()]
+    unknown = [word for word in words if word.casefold() not in spelt]
+    if unknown or not words:
+        raise SceneError(
+            f"{option} {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(spelt.values())}."
+        )
+    return tuple(dict.fromkeys(spelt[word.casefold()] for word in words))
+
+
+def in_any_case(_: Any, tokens: Sequence[Any]) -> str:
+    """Return a word of the command line in small letters, as all our names are."""
+    return tokens[0].value.casefold()
+
+
+def engine_of(_: Any, tokens: Sequence[Any]) -> str:
+    """Return the engine that a word of the command line names; raise SceneError where there is none such."""
+    return named("--engine", tokens[0].value, get_args(Engine))[0]
 
 
 @Parameter(name="*")
@@ -22,18 +53,22 @@ class Solving:
     method: Annotated[
         str | None,
         Parameter(
-            help="Photometric-stereo methods, with commas: ls, iterative, position, l1, sbl, hsh, rpca, "
-            "semicalibrated, near, reflectance, ldr, entropy, tv. Default: ls,iterative; of two folders compared, all."
+            alias="-m",
+            help=f"Photometric-stereo methods, with commas: {', '.join(METHODS)}. Default: {DEFAULT_METHODS}; of two "
+            "folders compared, all.",
         ),
     ] = None
     profile: Annotated[
-        str, Parameter(help="Settings of the methods: default, or seed, the plain reading of the benchmark.")
+        str,
+        Parameter(
+            help="Settings of the methods: default, or seed, the plain reading of the benchmark.", converter=in_any_case
+        ),
     ] = "default"
     external: Annotated[
         tuple[str, ...],
         Parameter(
             help="Another program as a method, NAME=COMMAND: it reads {data}, the photographs in the DiLiGenT layout, "
-            "and writes a normal map into {out}. May be given again. See docs/learned-methods.md.",
+            "and writes a normal map into {out}. May be given again. See docs/guide/learned-methods.md.",
             negative="",
             consume_multiple=False,
         ),
@@ -48,15 +83,9 @@ class Solving:
         SceneError
             There is no such method, or it has no such profile.
         """
-        from solve.methods import METHODS, method_of
+        from solve.methods import method_of
 
-        text = DEFAULT_METHODS if self.method is None else self.method
-        names = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-        unknown = [name for name in names if name not in METHODS]
-        if unknown or not names:
-            raise SceneError(
-                f"--method {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(METHODS)}."
-            )
+        names = named("--method", DEFAULT_METHODS if self.method is None else self.method, METHODS)
         for name in names:
             method_of(name).settings(self.profile)
         return names
@@ -90,8 +119,11 @@ class TwinSettings:
     """
 
     engine: Annotated[
-        Literal["auto", "direct", "many", "mitsuba"] | None,
-        Parameter(help="The twin's engine; auto: the smallest that holds the error, found by a pilot rendering."),
+        Engine | None,
+        Parameter(
+            help="The twin's engine; auto: the smallest that holds the error, found by a pilot rendering.",
+            converter=engine_of,
+        ),
     ] = None
     error: Annotated[float | None, Parameter(help="The twin's error that is aimed at, relative: 0.01 is 1 %.")] = None
     layers: Annotated[
@@ -103,6 +135,8 @@ class TwinSettings:
     ] = False
 
     def __post_init__(self) -> None:
+        if self.engine is not None:
+            named("--engine", self.engine, get_args(Engine))
         if self.error is not None and not 0 < self.error < 1:
             raise SceneError(f"--error {self.error:g}: expected between 0 and 1; 0.01 is 1 %.")
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from lab.streams import say
+from lab.streams import is_quiet, say
 
 __all__ = ["alive", "progress_bar", "say"]
 
@@ -34,7 +34,7 @@ _LOG = _Log()
 @contextmanager
 def alive(label: str, state: Callable[[], str] = lambda: "at work") -> Iterator[None]:
     """Say at least every 20 seconds, off a terminal, that the work of a block goes on."""
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() or is_quiet():
         yield
         return
     start, done = time.monotonic(), threading.Event()
@@ -57,7 +57,9 @@ def alive(label: str, state: Callable[[], str] = lambda: "at work") -> Iterator[
 @contextmanager
 def progress_bar(label: str) -> Iterator[Callable[[int, int], None]]:
     """Yield a callback (done, total) for one piece of work; shown on standard error."""
-    if sys.stderr.isatty():
+    if is_quiet():
+        yield lambda done, total: None
+    elif sys.stderr.isatty():
         yield from _bar(label)
     else:
         yield from _lines(label)

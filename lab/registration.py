@@ -23,6 +23,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.pose.scan_outline import outline_strokes
     from align.pose.scan_view import View
     from align.pose.shading import scan_shading
+    from align.scan.mended_scan import UNITS_MM
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from compare.report.registration_pictures import write_pictures
@@ -68,6 +69,9 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "focal_sigma": camera.focal_sigma,
         "fit": found.evidence,
         "evidence": list(mesh.repairs),
+        "size_mm": np.ptp(mesh.vertices, axis=0),
+        "mm_per_unit": scale or (None if job.session.scan_unit == "unknown" else UNITS_MM[job.session.scan_unit]),
+        "distance_mm": None if camera.is_orthographic else np.linalg.norm(found.pose.apply(mesh.center_mm)),
         "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
         "lights": witness,
     }

@@ -59,26 +59,33 @@ def open_job(
     from lab.cluster.connect import executor_of
     from lab.job import Job
     from lab.progress import say
+    from lab.run_log import logged
     from scene.current import paths_in
     from scene.output_folder import open_record
 
     methods, externals = solving.methods(), solving.programs()
     place, folder = session_and_out(session_path, out)
-    if is_output(session_path):
-        say(f"session: {place}")
     session = load_session(place)
     files = tuple(paths_in(session))
     with (
         open_record(folder, inputs=files, input_folders=[session.folder]) as record,
+        logged(record),
         executor_of(scheduler, record.scratch("cluster"), files) as executor,
     ):
         note_session(record, place)
+        if is_output(session_path):
+            say(f"session: {place}")
         settings = (solving.profile, externals, twin, refine_lights)
         yield Job(session, record, (*methods, *externals), executor, truth, *settings)
 
 
 def run_session(
-    session_path: Path, wanted: str, *, around: Callable[["Job"], AbstractContextManager] | None = None, **how: Any
+    session_path: Path,
+    wanted: str,
+    *,
+    around: Callable[["Job"], AbstractContextManager] | None = None,
+    shown: Callable[["Job", dict[str, Any]], None] | None = None,
+    **how: Any,
 ) -> dict[str, Any]:
     """Run one verb with all that it needs, and return the summary (summary.json).
 
@@ -88,11 +95,12 @@ def run_session(
         The last step to run, a key of `lab.plan.STEPS`.
     around : callable, optional
         Takes the job and gives the context in which the steps run: what a verb checks before and makes after them.
+    shown : callable, optional
+        Takes the job and the summary, and tells people, while the run's log is open.
     session_path, **how
         As in `open_job`.
     """
     from lab.plan import REPORTED, STEPS
-    from lab.progress import say
     from lab.summary import write_summary
 
     with open_job(session_path, **how) as job:
@@ -112,6 +120,7 @@ def run_session(
             from compare.report.report import write_report
 
             with job.record.part_of(REPORTED):
-                page = write_report(job.store, summary)
-            say(f"report: {page}")
+                write_report(job.store, summary)
+        if shown:
+            shown(job, summary)
     return summary

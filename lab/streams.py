@@ -2,10 +2,13 @@
 
 import contextlib
 import io
+import logging
 import os
 import sys
+import threading
 from collections.abc import Iterator
 
+from lab.run_log import log
 from scene.errors import SceneError
 
 
@@ -66,7 +69,53 @@ def check_words(words: list[str]) -> None:
             raise SceneError(f"{word!r}: is a name that is not UTF-8. Rename the file or folder.") from None
 
 
-def say(text: str) -> None:
-    """Print a line for people on standard error, if that can be written."""
-    with contextlib.suppress(OSError, ValueError):
-        print(text, file=sys.stderr, flush=True)
+_quiet = threading.Event()
+
+
+def keep_quiet(quiet: bool) -> None:
+    """From now on say only warnings and errors, or again all."""
+    _quiet.set() if quiet else _quiet.clear()
+
+
+def is_quiet() -> bool:
+    """Whether only warnings and errors are said."""
+    return _quiet.is_set()
+
+
+class _Teller(logging.Handler):
+    """What is logged: all goes into the run's log; what is ours, Python's warnings, or wanted, is said too."""
+
+    wanted = False
+
+    def emit(self, record: logging.LogRecord) -> None:
+        ours, warned = record.name.partition(".")[0] == "rgbn", record.levelno >= logging.WARNING
+        level = f"{record.levelname.lower()}: " if warned else ""
+        text = f"{level}{'' if ours else f'{record.name}: '}{record.getMessage().rstrip()}"
+        if self.wanted or (warned and (ours or record.name == "py.warnings")):
+            say(text, always=warned)
+        else:
+            log(text)
+
+
+_TELLER = _Teller()
+
+
+def log_to(*, verbose: bool) -> None:
+    """Take what is logged into the run's log; with `verbose`, say it too, and what is of interest beside warnings."""
+    root = logging.getLogger()
+    if _TELLER not in root.handlers:
+        root.addHandler(_TELLER)
+    root.setLevel(logging.INFO if verbose else logging.WARNING)
+    _TELLER.wanted = verbose
+    logging.captureWarnings(True)
+
+
+def say(text: str, *, always: bool = False) -> None:
+    """Print a line for people on standard error, if that can be written, and into the run's log.
+
+    always: A warning or an error, which is said to those too who want it quiet.
+    """
+    log(text)
+    if always or not is_quiet():
+        with contextlib.suppress(OSError, ValueError):
+            print(text, file=sys.stderr, flush=True)

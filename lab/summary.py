@@ -1,11 +1,17 @@
-"""summary.json: every number of the report, with units in the key names."""
+"""summary.json: every number of the report, with units in the key names; its tables for spreadsheets."""
 
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
+from formats.csv_text import csv_text
 from lab.job import Job
 from scene.current import libraries
-from scene.files import write_json
+from scene.files import remove, write_json, write_text
+from scene.light_text import light_rows
+from scene.store import Store
+
+LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
 
 
 def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
@@ -39,4 +45,23 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
     if truth_check:
         summary["truth_check"] = truth_check
     write_json(job.store.path("summary.json"), summary)
+    write_tables(job.store, job.store.folder, compared)
     return job.store.read_json("summary.json")
+
+
+def write_tables(store: Store, folder: Path, compared: dict[str, Any]) -> list[Path]:
+    """Write an output folder's lights and errors as tables into a folder: lights.csv, statistics.csv; return these.
+
+    A table of what is not there, or no longer, is removed.
+    """
+    from compare.statistics.statistics import statistics_rows
+
+    lights = light_rows(store.load_lights()) if store.path("lights.json").exists() else []
+    written = []
+    for name, rows in ((LIGHTS_TABLE, lights), (ERRORS_TABLE, statistics_rows(compared))):
+        if rows:
+            write_text(folder / name, csv_text(rows))
+            written.append(folder / name)
+        else:
+            remove(folder / name)
+    return written

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from lab.job import Job
-from rgbn.summary_table import number_table
+from rgbn.text_tables import number_table
 from scene.errors import AlignError
 from scene.files import write_json
 

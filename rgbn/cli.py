@@ -5,15 +5,15 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import App, Parameter
+from cyclopts import App, Group, Parameter
 
 from experiments.commands import dataset, sweep
 from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
 from lab.progress import say
-from lab.run import is_description, open_job, run_session
-from lab.streams import check_words, open_streams
+from lab.run import is_description, run_session
+from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.exit_codes import end_by
-from rgbn.summary_table import tell
+from rgbn.light_export import FORMATS
 from studio.studio_command import studio
 
 app = App(
@@ -21,14 +21,26 @@ app = App(
     help="From a folder of raw flash photographs (and a laser scan) to calibrated lights, ground-truth normals, "
     "normals by photometric stereo, a synthetic twin, and one report that says how far to trust each.",
     help_flags=["--help", "-h"],
-    version_flags=["--version"],
+    version_flags=["--version", "-V"],
     version=lambda: __import__("importlib.metadata", fromlist=["version"]).version("rgbn"),
     result_action="return_value",
     suppress_keyboard_interrupt=False,
+    exit_on_error=False,
+    print_error=False,
+    # That a flag is off by default needs no words.
+    default_parameter=Parameter(show_default=lambda value: str(value) if value else None),  # type: ignore[arg-type]
 )
+app.register_install_completion_command(
+    help="Let the shell complete verbs and options: writes its script, and a line into the shell's startup file."
+)
+app.meta.suppress_keyboard_interrupt = False
+app.meta.group_parameters = Group("Every verb", sort_key=100)
 
-Session = Annotated[Path, Parameter(help="Folder with session.toml, or in the DiLiGenT layout.")]
-Out = Annotated[Path | None, Parameter(help="Output folder. Default: out/NAME here, by the session's name.")]
+SESSION = "Folder with session.toml, or in the DiLiGenT layout; or an output folder, which knows its session."
+Session = Annotated[Path, Parameter(help=SESSION)]
+Out = Annotated[
+    Path | None, Parameter(alias="-o", help="Output folder. Default: out/NAME here, by the session's name.")
+]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Refine = Annotated[
     bool,
@@ -37,9 +49,24 @@ Refine = Annotated[
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
 
-def _run(as_json: bool, session: Path, wanted: str, **how: Any) -> None:
+def _run(as_json: bool, session: Path, wanted: str, *, whole: bool = False, **how: Any) -> None:
     """Run a verb on a session, and tell what came out."""
-    tell(run_session(session, wanted, **how), as_json)
+    from rgbn.summary_table import tell
+
+    run_session(session, wanted, shown=partial(tell, verb=wanted, as_json=as_json, whole=whole), **how)
+
+
+@app.meta.default
+def _start(
+    *words: Annotated[str, Parameter(show=False, allow_leading_hyphen=True)],
+    quiet: Annotated[bool, Parameter(alias="-q", help="Say only warnings and errors.", negative="")] = False,
+    verbose: Annotated[
+        bool, Parameter(alias="-v", help="Say also which steps are current, and what the libraries log.", negative="")
+    ] = False,
+) -> Any:
+    keep_quiet(quiet)
+    log_to(verbose=verbose)
+    return app(words)
 
 
 @app.command(sort_key=1)
@@ -55,9 +82,8 @@ def process(
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
-    _run(
-        json, session, "compare", out=out, solving=solving, twin=twin, scheduler=scheduler, refine_lights=refine_lights
-    )
+    how = {"out": out, "solving": solving, "twin": twin, "scheduler": scheduler, "refine_lights": refine_lights}
+    _run(json, session, "compare", whole=True, **how)
 
 
 @app.command(sort_key=2)
@@ -66,7 +92,7 @@ def demo(*, out: Out = None, json: Json = False) -> None:
     from scene.rooms import ROOT
 
     folder = ROOT / "fixtures" / "bumpy"
-    _run(json, folder, "compare", out=out or Path("out") / "demo", truth=folder)
+    _run(json, folder, "compare", whole=True, out=out or Path("out") / "demo", truth=folder)
 
 
 @app.command(sort_key=3)
@@ -109,7 +135,7 @@ def align(
     """Find the object, register its scan, write the ground-truth normals."""
     from rgbn.align_check import checked
 
-    around = partial(checked, tell=not json) if check else None
+    around = partial(checked, tell=not (json or is_quiet())) if check else None
     _run(json, session, "align", out=out, around=around, refine_lights=refine_lights)
 
 
@@ -143,7 +169,7 @@ def solve(
 
 @app.command(sort_key=7)
 def twin(
-    session: Annotated[Path, Parameter(help="A session's folder, or a scene description, .toml.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} Or a scene description, .toml.")],
     /,
     *,
     out: Out = None,
@@ -163,7 +189,7 @@ def twin(
 
 @app.command(sort_key=8)
 def compare(
-    session: Annotated[Path, Parameter(help="A session's folder; with a second one, a processed output folder.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} With a second one: a processed output folder.")],
     counterpart: Annotated[
         Path | None, Parameter(help="Another output folder, or the twin/ in the first: do the methods fail alike?")
     ] = None,
@@ -186,40 +212,27 @@ def compare(
 
 @app.command(sort_key=9)
 def export(
-    session: Annotated[
-        Path, Parameter(help="Session's folder; with --format mitsuba also a scene description, .toml.")
-    ],
+    session: Annotated[Path, Parameter(help=f"{SESSION} With --format mitsuba also a scene description, .toml.")],
     /,
     *,
     format: Annotated[
-        str, Parameter(help="Lights: alicevision, diligent, dome, lp or mat (near_ps). The twin: mitsuba.")
+        str,
+        Parameter(
+            alias="-f",
+            help=f"Formats, with commas: {', '.join(FORMATS)}. all: every one of the lights. csv: tables of the lights "
+            "and, after compare, of the errors; mat: near_ps; mitsuba: the twin's scene.",
+        ),
     ],
     out: Out = None,
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
     """Write the lights, or the twin's scene, for another program into OUT/export, after the steps that it needs."""
-    if format == "mitsuba":
-        from rgbn.scene_export import export_scene
+    from rgbn.light_export import export_session
 
-        paths, notes = export_scene(session, out)
-        _tell_export(paths[:1], notes)
-        return
-    from formats.light_files.light_formats import export_lights
-    from lab.plan import EXPORTED, STEPS
-
-    with open_job(session, out=out) as job:
-        job.run(STEPS, "calibrate")
-        store, files = job.store, tuple(path.name for path in job.session.flash)
-        lights, camera = store.load_lights(), store.load_camera()
-        with job.record.part_of(EXPORTED):
-            paths, notes = export_lights(store.path("export"), format, lights, camera, files=files, sfm=sfm)
-    _tell_export(paths, notes)
-
-
-def _tell_export(paths: list[Path], notes: list[str]) -> None:
+    paths, notes = export_session(session, format, out, sfm)
     for note in notes:
         say(f"note: {note}")
-    for path in paths:
+    for path in () if is_quiet() else paths:
         print(path)
 
 
@@ -230,11 +243,10 @@ app.command(dataset)
 
 @app.command(sort_key=11)
 def doctor() -> None:
-    """Say what this machine has, and what would make it faster."""
-    from rgbn.doctor import examine
+    """Say whether this machine can run rgbn, what to mend, and what would make it faster."""
+    from rgbn.doctor import tell_findings
 
-    for what, finding in examine():
-        print(f"{what:32} {finding}")
+    tell_findings()
 
 
 def main() -> None:
@@ -245,7 +257,7 @@ def main() -> None:
 
         check_rooms()
         check_words(sys.argv[1:])
-        app(sys.argv[1:])
+        app.meta(sys.argv[1:])
         sys.stdout.flush()
     except (Exception, KeyboardInterrupt) as error:
         end_by(error)

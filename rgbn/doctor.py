@@ -1,31 +1,116 @@
-"""What this machine has, and what would make it faster."""
+"""Whether this machine can run rgbn, and what would make it faster: a line a check."""
 
+import logging
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
+from lab.streams import is_quiet
 from scene.current import libraries
+from scene.errors import SceneError
+
+LOG = logging.getLogger("rgbn")
+DISK_GB, MEMORY_GB = 25, 4
+"""What a session of 60 frames of 24 megapixels takes, with its twin."""
 
 
-def examine() -> list[tuple[str, str]]:
-    """Return (what, finding) rows; what is most often missing, the ray caster and the renderer, is really tried."""
-    rows = [("machine", f"{os.cpu_count()} cores, {_memory_gb():.0f} GB memory")]
-    rows += [(name, version) for name, version in libraries().items()]
-    from twin.engines.variant import pick_variant
+class Finding(NamedTuple):
+    """One check. mark: "ok"; "!" what works, but could be better; "X" what must be mended."""
 
-    variant, note = pick_variant()
-    rows.append(("renderer", f"{variant}: {note}" if note else variant))
+    mark: str
+    what: str
+    text: str
+
+
+def examine() -> list[Finding]:
+    """Return what was found; what is most often missing, the ray caster and the renderer, is really tried."""
+    return [
+        _packages(),
+        _imports("photographs", _raw),
+        _imports("ray casting", _rays),
+        _renderer(),
+        *_machine(),
+        _here(),
+    ]
+
+
+def tell_findings() -> None:
+    """Print every check with its mark.
+
+    Raises
+    ------
+    SceneError
+        rgbn cannot run here.
+    """
+    findings = examine()
+    for finding in findings:
+        if not is_quiet() or finding.mark != "ok":
+            print(f"{finding.mark:2}  {finding.what:12}  {finding.text}")
+    wrong = [finding.what for finding in findings if finding.mark == "X"]
+    if wrong:
+        raise SceneError(f"doctor: this machine cannot run rgbn yet: {', '.join(wrong)}. Mend the lines marked X.")
+    if not is_quiet():
+        print(
+            "rgbn can be used here."
+            + (" Lines marked ! could be better." if any(f.mark == "!" for f in findings) else "")
+        )
+
+
+def _packages() -> Finding:
+    found = libraries()
+    missing = [name for name, version in found.items() if version == "absent"]
+    if missing:
+        return Finding("X", "packages", f"not installed: {', '.join(missing)}. Run: make setup")
+    LOG.info(", ".join(f"{name} {version}" for name, version in found.items()))
+    return Finding("ok", "packages", f"rgbn {found['rgbn']} on Python {found['python']}, {len(found) - 2} libraries")
+
+
+def _imports(what: str, how: Callable[[], str]) -> Finding:
     try:
-        from scene.rays import import_open3d
-
-        import_open3d()
-        rows.append(("ray casting", "open3d imports"))
+        return Finding("ok", what, how())
     except Exception as error:
-        rows.append(("ray casting", f"open3d does not import: {error}"))
+        return Finding("X", what, f"{' '.join(str(error).split())}. Run: make setup")
+
+
+def _raw() -> str:
+    import rawpy
+
+    return f"LibRaw {'.'.join(map(str, rawpy.libraw_version))} reads raw files"
+
+
+def _rays() -> str:
+    from scene.rays import import_open3d
+
+    import_open3d()
+    return "open3d imports"
+
+
+def _renderer() -> Finding:
+    from twin.engines.variant import FAST, pick_variant
+
+    try:
+        variant, note = pick_variant()
+    except Exception as error:
+        return Finding("X", "renderer", f"{' '.join(str(error).split())}. Run: make setup")
+    return Finding("ok" if variant == FAST else "!", "renderer", f"{variant}: {note}" if note else variant)
+
+
+def _machine() -> list[Finding]:
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+    text = f"{os.cpu_count()} cores, {memory:.0f} GB memory"
+    small = "" if memory >= MEMORY_GB else f"; large sessions want {MEMORY_GB} GB: use half = true under [frames]"
     free = shutil.disk_usage(Path.cwd()).free / 1e9
-    rows.append(("disk", f"{free:.0f} GB free here; a 60 x 24 MP session takes about 11 GB, with its twin 25 GB"))
-    return rows
+    room = f"{free:.0f} GB free here; a session of 60 x 24 MP takes about 11 GB, with its twin {DISK_GB} GB"
+    return [
+        Finding("!" if small else "ok", "machine", text + small),
+        Finding("ok" if free > DISK_GB else "!", "disk", room),
+    ]
 
 
-def _memory_gb() -> float:
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 1e9
+def _here() -> Finding:
+    here = Path.cwd()
+    if os.access(here, os.W_OK):
+        return Finding("ok", "this folder", "can be written: output goes to out/NAME here")
+    return Finding("!", "this folder", f"{here} cannot be written: name an output folder, --out DIR")

@@ -6,6 +6,8 @@ import sys
 import traceback
 from typing import NoReturn
 
+from cyclopts import CycloptsError
+
 from lab.streams import say
 from scene.errors import SceneError
 
@@ -19,17 +21,26 @@ def end_by(error: BaseException) -> NoReturn:
         With 2 or 1; Ctrl-C, a closed pipe and a full disk behind a stream leave at once instead.
     """
     if _by_ctrl_c(error):
-        say("\nrgbn: stopped. What is done is kept; the same command goes on from there.")
+        say("\nrgbn: stopped. What is done is kept; the same command goes on from there.", always=True)
         _leave(130)
     if isinstance(error, SceneError):
-        say(f"rgbn: {error}")
+        say(f"rgbn: {error}", always=True)
+        _end(2)
+    if isinstance(error, CycloptsError):
+        say(f"rgbn: {' '.join(str(error).split())} {_help_of(error)}", always=True)
         _end(2)
     if isinstance(error, BrokenPipeError):
         # The reader of a pipe went away (`rgbn ... | head`): not our fault, and nothing to say.
         _leave(0)
-    say("".join(traceback.format_exception(error)))
-    say("rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.")
+    say("".join(traceback.format_exception(error)), always=True)
+    say("rgbn: this is a fault of rgbn, not of your input. Please report it with the lines above.", always=True)
     _end(1)
+
+
+def _help_of(error: CycloptsError) -> str:
+    """Return where to read what the command line may say."""
+    verbs = [word for word in error.command_chain or () if not word.startswith("-")]
+    return f"`{' '.join(['rgbn', *verbs])} --help` says what there is."
 
 
 def _by_ctrl_c(error: BaseException | None) -> bool:

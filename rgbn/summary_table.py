@@ -1,84 +1,119 @@
-"""The end of a run, for people at a terminal: the figures and the warnings."""
+"""The end of a run, for people at a terminal: what the verb found, where it wrote it, and what comes next."""
 
 import json
-from collections.abc import Iterable, Iterator, Sequence
+import os
+import shlex
+from collections.abc import Sequence
+from io import StringIO
+from pathlib import Path
 from typing import Any
 
+from lab.job import Job
+from lab.run_log import log
+from lab.streams import is_quiet, say
+from rgbn.step_tables import TABLES
+from rgbn.text_tables import fact_table
 
-def number_table(title: str, heads: Sequence[str], rows: Iterable[Sequence[str]], *, words: int = 0) -> Any:
-    """Return a table for a terminal, whose first columns, `words`, are texts and the others numbers."""
-    from rich.table import Table
+LOG_COLUMNS = 110
+OWN = {
+    "check": ("check",),
+    "calibrate": ("calibrate",),
+    "self_test": ("calibrate", "self_test"),
+    "align": ("align",),
+    "solve": ("solve",),
+    "twin": ("twin",),
+    "compare": ("compare",),
+}
+"""Of each verb, the steps whose findings it shows."""
+SOUGHT = (
+    "report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals/", "albedo/", "twin/",
+    "statistics.csv", "summary.json", "camera.json", "mask.png",
+)  # fmt: skip
+"""What people look for first."""
+TABLED = {"calibrate": ["lights.csv"], "align": ["lights.json", "lights.csv"], "compare": ["statistics.csv"]}
+"""What a step's verb writes beside the step's own files."""
+NEXT = {"check": "calibrate", "calibrate": "align", "self_test": "align", "align": "solve", "twin": "compare"}
 
-    table = Table(title=title, title_justify="left")
-    for place, head in enumerate(heads):
-        table.add_column(head, justify="left" if place < words else "right")
-    for row in rows:
-        table.add_row(*row)
-    return table
 
+def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False, whole: bool = False) -> None:
+    """Print what a verb found, as tables or the whole summary as JSON.
 
-def tell(summary: dict[str, Any], as_json: bool) -> None:
-    """Print a session's figures as JSON, or as a table with the warnings below."""
+    Parameters
+    ----------
+    job : Job
+        Its output folder is read.
+    summary : dict
+        summary.json.
+    verb : str
+        The step that was asked for.
+    as_json : bool
+    whole : bool
+        Show what every step found, not the verb's own alone.
+    """
+    steps = list(TABLES) if whole else OWN[verb]
+    tables = [table for step in steps for table in TABLES[step](job, summary)]
+    tables.append(fact_table("", _places(job, verb, steps)))
+    _print(tables, StringIO(), LOG_COLUMNS)
     if as_json:
         print(json.dumps(summary, indent=1))
         return
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    console = Console()
-    table = Table(title=Text(summary["name"]), show_header=False, title_justify="left")
-    table.add_column(style="bold")
-    table.add_column()
-    for label, text in _rows(summary):
-        table.add_row(label, text)
-    console.print(table)
-    methods = summary["compare"].get("methods") or {}
-    if any(row.get("real") for row in methods.values()):
-        heads = ("method", "frames", "mean", "median", "under 5", "under 10")
-        console.print(number_table("Angular error, degrees", heads, _error_rows(methods), words=2))
-    if check := summary.get("truth_check"):
-        known = [(row["text"], f"{row['value']:.3g} {row['unit']}") for row in check.values()]
-        console.print(number_table("Against the known truth", ("figure", "value"), known, words=1))
+    if not is_quiet():
+        _print(tables)
+    before = _before(verb)
     for warning in summary["warnings"]:
-        # The texts name keys such as [camera], which rich would take for its markup.
-        console.print(Text("warning ", style="yellow") + Text(f"({warning['step']}) {warning['text']}"))
+        if warning["step"] in before:
+            say(f"warning ({warning['step']}): {warning['text']}", always=True)
 
 
-def _rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
-    rows = []
-    if capture := summary["capture"]:
-        ambient = ", ambient frame" if capture["ambient"] else ""
-        rows.append(("frames", f"{capture['frames']} of {capture['width']} x {capture['height']} px{ambient}"))
-    if lights := summary["calibrate"]:
-        sigma = lights["direction_sigma_deg_median"]
-        known = f", direction sigma {sigma:.2f} degrees" if sigma is not None else ""
-        # Only `align` knows where the object is.
-        place = "" if "align" in summary["seconds"] else "; so far as seen from amid the balls, not from the object"
-        rows.append(("lights", f"{lights['model']}, from {lights['spheres']} balls{known}{place}"))
-    if (test := summary["self_test"]) and test["calibrated"]:
-        inside = ", ".join(
-            f"{test[key]:.0%} of {what}"
-            for what in ("directions", "positions", "intensities")
-            if test.get(key := f"{what}_inside_95") is not None
-        )
-        found = [f"directions {test['direction_error_deg_median']:.2f} degrees off"]
-        if (position := test.get("position_error_percent_median")) is not None:
-            found.append(f"positions {position:.1f} %")
-        if (intensity := test.get("intensity_error_percent_rms")) is not None:
-            found.append(f"intensities {intensity:.1f} %")
-        rows.append(("self-test", f"{', '.join(found)}; inside their 95 % region: {inside}"))
-    if (scan := summary["align"]) and scan.get("residual_px") is not None:
-        rows.append(("scan", f"residual {scan['residual_px']:.2f} px, sigma {scan['sigma_deg']:.3f} degrees"))
-    if twin := summary["twin"]:
-        rows.append(("twin", f"engine {twin['engine']}, {twin['seconds']:.0f} s"))
-    rows.append(("seconds", f"{sum(summary['seconds'].values()):.1f}"))
-    return rows
+def _print(tables: list[Any], stream: StringIO | None = None, columns: int | None = None) -> None:
+    """Print on standard output; with a stream, into the run's log."""
+    from rich.console import Console
+
+    # Numbers in texts are no more important than the words.
+    console = Console(file=stream, width=columns, highlight=False)
+    for table in tables:
+        console.print(table)
+        console.print()
+    if stream:
+        log(stream.getvalue())
 
 
-def _error_rows(methods: dict[str, Any]) -> Iterator[tuple[str, ...]]:
-    for name, row in methods.items():
-        for label in ("real", "twin"):
-            if found := row.get(label):
-                degrees = (f"{found[key]:.2f}" for key in ("mean_deg", "median_deg"))
-                yield name, label, *degrees, *(f"{found[key]:.0%}" for key in ("under_5_deg", "under_10_deg"))
+def _before(verb: str) -> set[str]:
+    """Return a step and all that it needs."""
+    from lab.plan import STEPS
+
+    return {verb}.union(*(_before(need) for need in STEPS[verb].needs))
+
+
+def _places(job: Job, verb: str, steps: Sequence[str]) -> list[tuple[str, str]]:
+    folder = _near(job.store.folder)
+    last = [*steps, "report"] if verb == "compare" else steps
+    names = [_top(path, job.store.folder) for step in last for path in job.record.files_of(step)]
+    names += [
+        "summary.json",
+        *(name for step in last for name in TABLED.get(step, ()) if job.store.path(name).exists()),
+    ]
+    first = {name: place for place, name in enumerate(SOUGHT)}
+    names = sorted(dict.fromkeys(names), key=lambda name: first.get(name, len(first)))
+    shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
+    return [("written", f"{folder}: {shown}"), ("next", _next(job, verb, shlex.quote(str(folder))))]
+
+
+def _next(job: Job, verb: str, folder: str) -> str:
+    if verb == "compare":
+        return f"look at {folder}/report.html; rgbn studio {folder}"
+    if verb == "solve":
+        return f"rgbn {'twin' if job.store.path('pose.json').exists() else 'compare'} {folder}"
+    return f"rgbn {NEXT[verb]} {folder}"
+
+
+def _top(path: Path, folder: Path) -> str:
+    """Return a file's name, or that of the folder below the output folder that it lies in."""
+    first, *rest = path.relative_to(folder).parts
+    return f"{first}/" if rest else first
+
+
+def _near(folder: Path) -> Path:
+    """Return a folder as it is called from here, where that is shorter."""
+    here = Path(os.path.relpath(folder))
+    return folder if here.parts[:2] == ("..", "..") else here

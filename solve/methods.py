@@ -1,4 +1,4 @@
-"""Every method by name, what a method is, and what it is given. Nothing here loads a compiler: `rgbn --help` asks."""
+"""What a method is, and what it is given; every method by its name."""
 
 import importlib
 from collections.abc import Callable, Mapping
@@ -10,31 +10,13 @@ from numpy.typing import NDArray
 
 from scene.errors import SceneError
 from scene.lights import Lights
+from solve.method_names import FAMILIES, METHODS, UNCALIBRATED
 from solve.problem import Problem
 
 if TYPE_CHECKING:
     from solve.samples import Band, Samples
 
-FAMILIES = {
-    "ls": "pixelwise",
-    "iterative": "pixelwise",
-    "position": "pixelwise",
-    "l1": "pixelwise",
-    "sbl": "pixelwise",
-    "hsh": "pixelwise",
-    "rpca": "whole",
-    "semicalibrated": "whole",
-    "near": "whole",
-    "reflectance": "whole",
-    "ldr": "uncalibrated",
-    "entropy": "uncalibrated",
-    "tv": "uncalibrated",
-}
-"""The table of methods. The file solve/FAMILY/NAME.py defines `METHOD`; a new method is its file and its line here."""
-
-METHODS = tuple(FAMILIES)
-UNCALIBRATED = tuple(name for name, family in FAMILIES.items() if family == "uncalibrated")
-"""They know the intensities, where those were calibrated, and no more."""
+__all__ = ["METHODS", "UNCALIBRATED", "Method", "Settings", "Whole", "as_dict", "method_of"]
 
 Settings = Any
 """A NamedTuple of a method's own, each field with its default: kernels take it as it is."""

@@ -19,7 +19,9 @@ def studio(
     ] = None,
     /,
     *,
-    out: Annotated[Path | None, Parameter(help="Output folder of a session. Default: out/NAME here.")] = None,
+    out: Annotated[
+        Path | None, Parameter(alias="-o", help="Output folder of a session. Default: out/NAME here.")
+    ] = None,
     workspace: Annotated[Path, Parameter(help="Folder that the studio reads and writes, and no other.")] = Path("."),
     port: Annotated[int, Parameter(help="0: one that is free.")] = 8080,
     host: Annotated[str, Parameter(help="Who can reach it; 127.0.0.1: this machine alone.")] = "127.0.0.1",
@@ -53,7 +55,9 @@ def studio(
     running = Studio(place, host=host, port=port, scene=scene, folder=folder, review=review)
     say(f"studio: {running.address}   workspace {place.root}   Ctrl-C ends it")
     if host not in LOOPBACK:
-        say("warning: whoever reaches this address can read and write the workspace; there is no password.")
+        say(
+            "warning: whoever reaches this address can read and write the workspace; there is no password.", always=True
+        )
     try:
         threading.Event().wait()
     finally:

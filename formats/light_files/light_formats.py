@@ -85,7 +85,7 @@ def export_lights(
         Unknown format, or one that cannot hold these lights.
     """
     if name not in FORMATS:
-        raise CalibrationError(f"--format {name}: unknown; there are {', '.join(sorted(FORMATS))}, and mitsuba.")
+        raise CalibrationError(f"--format {name}: unknown; there are {', '.join(sorted(FORMATS))}.")
     contents, notes = FORMATS[name].write(lights, Photographs(camera, files, sfm))
     if lights.model == "near" and not FORMATS[name].has_positions:
         x, y, z = lights.reference_point_mm

@@ -52,7 +52,7 @@ def test_lights_go_out_and_come_in_again(tmp_path):
 @pytest.mark.full
 def test_what_cannot_be_exported_is_refused(tmp_path):
     session = session_with_lights(tmp_path / "session")
-    for form, message in (("mat", "wants positions in mm"), ("xml", "unknown; there are alicevision")):
+    for form, message in (("mat", "wants positions in mm"), ("xml", "xml is unknown; there are alicevision")):
         run = export(session, tmp_path / "out", "--format", form)
         assert run.returncode == 2
         assert message in run.stderr

@@ -1,11 +1,42 @@
-"""The command line names every method; its help may not load the solvers to find out."""
+"""The command line names every method and every format; its help may not load them to find out."""
 
+import subprocess
+import sys
 from typing import get_args, get_type_hints
 
-from lab.options import Solving
+import pytest
+
+from formats.light_files.light_formats import FORMATS as KNOWN
+from lab.options import Solving, TwinSettings, named
+from rgbn.light_export import FORMATS, LIGHTS, formats_of
+from scene.errors import SceneError
 from solve.methods import METHODS
 
 
 def test_the_help_lists_the_methods_that_there_are():
     text = get_args(get_type_hints(Solving, include_extras=True)["method"])[1].help
     assert text.split(": ")[1].split(". ")[0].split(", ") == list(METHODS)
+
+
+def test_every_format_of_lights_can_be_exported():
+    assert set(LIGHTS) == {*KNOWN, "csv"}
+    assert formats_of("ALL") == LIGHTS
+    assert formats_of("Lp, MAT,lp") == ("lp", "mat")
+    assert formats_of("Mitsuba") == (FORMATS[-1],) == ("mitsuba",)
+
+
+def test_names_are_read_in_any_case_and_each_once():
+    assert Solving("LS,Iterative, ls").methods() == ("ls", "iterative")
+    assert named("--on", "net,TWO", ("Net", "two")) == ("Net", "two")
+    for text, unknown in (("ls,magic", "magic is unknown"), (" , ", "nothing is unknown")):
+        with pytest.raises(SceneError, match=unknown) as caught:
+            Solving(text).methods()
+        assert "there are ls, iterative," in str(caught.value)
+    with pytest.raises(SceneError, match="--engine fast: fast is unknown; there are auto, direct"):
+        TwinSettings(engine="fast")
+
+
+def test_what_the_help_lists_is_known_without_the_libraries():
+    code = "import sys, lab.options, lab.progress, lab.run; print('numpy' in sys.modules)"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "False"

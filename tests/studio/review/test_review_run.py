@@ -51,7 +51,7 @@ def test_steps_are_run_as_they_were(tmp_path, monkeypatch):
     for name in list(STEPS):
         monkeypatch.setitem(STEPS, name, replace(step(name), needs=("solve", "twin") if name == "compare" else ()))
     monkeypatch.setattr("compare.report.report.write_report", lambda store, summary: None)
-    monkeypatch.setattr("rgbn.cli.tell", lambda summary, as_json: None)
+    monkeypatch.setattr("rgbn.summary_table.tell", lambda job, summary, **how: None)
     how = {
         "solving": Solving(
             "sbl,ls", "seed", ("Net=python net.py --data {data} --out '{out}'", "Other=x {data} {out}"), 60.0

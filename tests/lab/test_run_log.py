@@ -1,0 +1,110 @@
+"""rgbn.log: every run with its command, what it said, and how it ended; bounded, and the user's if he changes it."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from lab import run_log, steps
+from lab.run_log import HEAD, log, logged
+from scene.output_folder import open_record
+from tests.lab.test_foreign_files import make_session, rgbn
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def lab(tmp_path, monkeypatch):
+    make_session(tmp_path / "pear")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def runs_of(out):
+    """Return the runs of a log, each with its header line first."""
+    text = (out / "rgbn.log").read_text()
+    return [part.splitlines() for part in text.split(HEAD)[1:]]
+
+
+def test_every_run_is_logged_with_its_command_its_table_and_its_warnings(lab, monkeypatch, capsys):
+    assert rgbn(monkeypatch, "check", "pear") == 0
+    assert rgbn(monkeypatch, "solve", "out/pear", "-q", "-m", "ls") == 0
+    said = capsys.readouterr().err
+    first, second = runs_of(lab / "out" / "pear")
+    assert first[0].endswith("  rgbn check pear")
+    assert second[0].endswith("  rgbn solve out/pear -q -m ls")
+    assert re.match(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[+-]", first[0])
+    assert re.search(r"python \d.*rgbn \d.*numpy \d", first[1])
+    assert any("pear: check" in line for line in first)
+    # Quiet is for the terminal.
+    assert any(line.endswith("solve ...") for line in second)
+    assert any("sigma of a normal" in line for line in second)
+    warnings = [line for line in said.splitlines() if line.startswith("warning (align)")]
+    assert warnings
+    assert any(line.endswith(warnings[0]) for line in second)
+    assert first[-1].endswith(" done")
+
+
+def test_how_a_run_ended_is_logged(lab, monkeypatch, capsys):
+    (lab / "pear" / "known" / "lights.lp").write_text("3\n")
+    assert rgbn(monkeypatch, "solve", "pear") == 2
+    told = capsys.readouterr().err.splitlines()[-1]
+    assert runs_of(lab / "out" / "pear")[-1][-1].endswith(told)
+
+    def broken(*_):
+        raise ZeroDivisionError("of the test")
+
+    monkeypatch.setattr(steps, "frame_files", broken)
+    make_session(lab / "plum")
+    assert rgbn(monkeypatch, "solve", "plum") == 1
+    text = (lab / "out" / "plum" / "rgbn.log").read_text()
+    assert "Traceback" in text
+    assert "ZeroDivisionError: of the test" in text
+
+
+def test_a_killed_run_leaves_what_it_had_said_to_the_next(lab):
+    script = (
+        "import os, sys\nfrom pathlib import Path\nfrom lab.run_log import log, logged\n"
+        "from scene.output_folder import open_record\n"
+        "with open_record(Path('out')) as record, logged(record):\n"
+        "    log('half way')\n    os.kill(os.getpid(), 9)\n"
+    )
+    killed = subprocess.run([sys.executable, "-c", script], env={**os.environ, "PYTHONPATH": str(ROOT)})
+    assert killed.returncode == -9
+    assert not (lab / "out" / "rgbn.log").exists()
+    with open_record(lab / "out") as record, logged(record):
+        log("again")
+    first, second = runs_of(lab / "out")
+    assert first[-1].endswith("half way")
+    assert [line.split(" ", 1)[1] for line in second[2:]] == ["again", "done"]
+
+
+def test_the_log_does_not_grow_without_end(lab, monkeypatch):
+    monkeypatch.setattr(run_log, "LONGEST", 5000)
+    for number in range(40):
+        with open_record(lab / "out") as record, logged(record):
+            log(f"run {number}")
+    text = (lab / "out" / "rgbn.log").read_text()
+    assert 3000 < len(text) <= 5000
+    assert text.startswith(HEAD), "whole runs"
+    kept = [int(number) for number in re.findall(r"run (\d+)", text)]
+    assert kept == list(range(kept[0], 40))
+
+
+def test_a_log_that_the_user_changed_is_his_and_no_reason_to_fail(lab):
+    for _ in range(2):
+        with open_record(lab / "out") as record, logged(record):
+            log("one")
+    mine = "my notes\n"
+    (lab / "out" / "rgbn.log").write_text(mine)
+    with open_record(lab / "out") as record, logged(record):
+        log("two")
+    assert (lab / "out" / "rgbn.log").read_text() == mine
+    # What could not be put there comes when he has moved his away.
+    (lab / "out" / "rgbn.log").unlink()
+    with open_record(lab / "out") as record, logged(record):
+        log("three")
+    assert re.findall(r" (one|two|three)\n", (lab / "out" / "rgbn.log").read_text()) == ["two", "three"]

@@ -1,0 +1,241 @@
+"""The command line: what it prints, how loud it is, what it takes, and what it completes."""
+
+import csv
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rgbn import cli
+from tests.lab.test_foreign_files import make_session
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Run the command line in this process, in a folder of its own; give exit code, standard output and error."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["rgbn", *map(str, words)])
+        capsys.readouterr()
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as error:
+            code = error.code
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def session(tmp_path):
+    """A session of four known lights, without a scan, that is solved in a moment."""
+    make_session(tmp_path / "pear")
+    return tmp_path / "pear"
+
+
+def table(path):
+    return list(csv.DictReader(path.read_text().splitlines()))
+
+
+def last_lines(out):
+    return {line.split()[0]: " ".join(line.split()[1:]) for line in out.splitlines() if line[:1].isalpha()}
+
+
+def test_each_verb_shows_its_own_findings_and_leads_to_the_next(run, session):
+    """An output folder is all that the next verb needs."""
+    titles = {"check": "pear: check", "calibrate": "calibrate: 4 distant lights", "align": "align", "solve": "solve"}
+    words = [session]
+    for verb in titles:
+        code, out, said = run(verb, *words)
+        assert code == 0, said
+        shown = {other for other, text in titles.items() if any(line.startswith(text) for line in out.splitlines())}
+        assert shown == {verb}, out
+        ends = last_lines(out)
+        assert ends["written"].startswith("out/pear: ")
+        words = ends["next"].split()[2:]
+        assert words == ["out/pear"]
+    assert ends["next"] == "rgbn compare out/pear", "there is no scan to render"
+    code, out, _ = run("compare", *words, "-m", "LS,Iterative")
+    assert code == 0
+    assert "report.html" in last_lines(out)["written"]
+    code, out, _ = run("process", *words, "-m", "ls,iterative")
+    assert all(any(line.startswith(text) for line in out.splitlines()) for text in titles.values())
+
+
+def test_the_numbers_of_a_check_are_those_of_the_photographs(run, session, tmp_path):
+    from formats.pictures import read_picture
+
+    _, out, _ = run("check", session)
+    means = [read_picture(path, "linear").mean() for path in sorted(session.glob("flash_*.png"))]
+    low, high = (f"{100 * value:.0f} % (flash_{means.index(value)})" for value in (min(means), max(means)))
+    assert f"{low} to {high} of white" in " ".join(out.split())
+    assert "4 of 32 x 24 px, no ambient frame" in out
+    assert "no pixel" in out
+
+
+def test_more_lights_than_a_screen_holds_are_the_worst_ones_and_a_file(run, session, capsys):
+    from rgbn.light_tables import MOST, WORST, light_tables
+    from scene.lights import Lights
+    from scene.store import Store
+
+    count = MOST + 1
+    names = tuple(f"light_{i:02d}" for i in range(count))
+    rng = np.random.default_rng(3)
+    sigma = rng.permutation(np.linspace(0.1, 0.9, count))
+    sigma[4] = np.nan
+    flags = tuple(("no highlight seen",) if i == int(np.nanargmin(sigma)) else () for i in range(count))
+    toward = np.column_stack([rng.uniform(-0.5, 0.5, (count, 2)), np.ones(count)])
+    lights = Lights(names, toward, np.ones((count, 3)), direction_sigma_deg=sigma, flags=flags)
+    Store(session).save_lights_json(lights)
+    table, *_ = light_tables(Store(session), moved=True)
+    shown = list(table.columns[0].cells)
+    assert len(shown) == WORST
+    certain = np.where([bool(flag) for flag in flags], np.inf, np.nan_to_num(sigma, nan=2.0))
+    assert {str(cell) for cell in shown} == {names[i] for i in np.argsort(-certain)[:WORST]}
+    assert f"{count - WORST} more in lights.csv" in table.caption
+    assert f"at worst ({names[int(np.nanargmax(sigma))]})" in table.caption
+
+
+@pytest.mark.parametrize("quiet", ["-q", "--quiet"])
+def test_quiet_says_warnings_and_errors_alone(run, session, quiet):
+    code, out, loud = run("solve", session, "-o", "loud")
+    warnings = [line for line in loud.splitlines() if line.startswith("warning")]
+    assert warnings, "the session has no scan, which is worth a warning"
+    assert len(loud.splitlines()) > len(warnings)
+    for words in (("solve", session, "-o", "still", quiet), (quiet, "solve", session, "-o", "calm")):
+        assert run(*words) == (0, "", "".join(f"{line}\n" for line in warnings))
+    code, out, said = run("solve", session, "-m", "magic", quiet)
+    assert (code, out) == (2, "")
+    assert said.startswith("rgbn: --method magic: magic is unknown")
+    # What was asked for is printed all the same; and the next run is as loud as ever.
+    code, out, said = run("solve", session, "-o", "still", "--json", quiet)
+    assert json.loads(out)["name"] == "pear"
+    _, out, said = run("solve", session, "-o", "still")
+    assert "written" in out
+    assert said.splitlines() == warnings
+
+
+def test_verbose_says_what_is_current(run, session):
+    assert "is done and current" not in run("solve", session)[2]
+    assert "is done and current" not in run("solve", session)[2]
+    said = run("solve", session, "-v")[2]
+    for step in ("check", "calibrate", "align", "solve"):
+        assert f"{step}: is done and current" in said
+
+
+def test_tables_are_exported_for_a_spreadsheet(run, session):
+    code, out, said = run("export", session, "-f", "CSV,lp")
+    assert code == 0, said
+    folder = Path("out/pear/export")
+    assert sorted(path.name for path in folder.iterdir()) == ["lights.csv", "lights.lp"]
+    rows = table(folder / "lights.csv")
+    lp = [line.split() for line in (folder / "lights.lp").read_text().splitlines()[1:]]
+    assert [f"{row['name']}.png" for row in rows] == [name for name, *_ in lp]
+    for row, (_, *direction) in zip(rows, lp, strict=True):
+        assert [float(row[f"direction_{axis}"]) for axis in "xyz"] == pytest.approx([*map(float, direction)], abs=1e-7)
+        assert row["x_mm"] == "", "a distant light has no position"
+    code, out, said = run("export", "out/pear", "-f", "all")
+    assert code == 0
+    assert "left out: --format mat: near_ps wants positions" in said
+    names = {path.name for path in folder.iterdir()}
+    assert {"lights.dome", "lights_alicevision.json", "light_directions.txt", "lights.csv", "lights.lp"} <= names
+    assert "statistics.csv" not in names, "nothing was compared"
+    assert {Path(line) for line in out.splitlines()} == {path.resolve() for path in folder.iterdir()}
+
+
+def test_errors_are_exported_where_methods_were_compared(run, session):
+    truth = np.zeros((24, 32, 3), np.float32)
+    truth[..., 2] = 1
+    np.save(session / "truth.npy", truth)
+    text = (session / "session.toml").read_text()
+    (session / "session.toml").write_text(text + 'normals = "truth.npy"\n')
+    assert run("compare", session, "-m", "ls")[0] == 0
+    assert run("export", "out/pear", "-f", "csv")[0] == 0
+    (row,) = table(Path("out/pear/export/statistics.csv"))
+    assert Path("out/pear/statistics.csv").read_text() == Path("out/pear/export/statistics.csv").read_text()
+    told = json.loads(Path("out/pear/summary.json").read_text())["compare"]["methods"]["ls"]["real"]
+    assert (row["method"], float(row["median_deg"])) == ("ls", pytest.approx(told["median_deg"], rel=1e-8))
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (["solv", "x"], ['Unknown command "solv"', '"solve"', "`rgbn --help`"]),
+        (["solve", "x", "--metod", "ls"], ["--metod", "--method", "`rgbn solve --help`"]),
+        (["solve"], ["SESSION", "`rgbn solve --help`"]),
+        (["twin", "x", "--engine", "fast"], ["--engine fast", "direct, many, mitsuba"]),
+        (["export", "x", "-f", "xml"], ["--format xml", "alicevision", "mitsuba, all"]),
+        (["solve", "x", "--profile", "sead", "-m", "ls"], ["sead", "default, seed"]),
+    ],
+)
+def test_a_slip_is_one_message_with_what_there_is(run, words, parts):
+    code, out, said = run(*words)
+    assert (code, out) == (2, "")
+    assert said.startswith("rgbn: ")
+    assert said.count("\n") == 1
+    for part in parts:
+        assert part in said
+
+
+def test_engines_and_profiles_are_read_in_any_case(run, session):
+    code, _, said = run("solve", session, "-m", "LS", "--profile", "Seed")
+    assert code == 0, said
+    assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["profile"] == "seed"
+    code, _, said = run("twin", session, "--engine", "Direct")
+    assert code == 0, said
+    assert json.loads(Path("out/pear/summary.json").read_text())["arguments"]["twin"]["engine"] == "direct"
+
+
+@pytest.mark.parametrize("flag", ["-V", "--version"])
+def test_the_version_is_one_number(run, flag):
+    code, out, said = run(flag)
+    assert (code, said) == (0, "")
+    assert re.fullmatch(r"\d+\.\d+\.\d+\n", out)
+
+
+def test_bash_completes_verbs_and_their_options(tmp_path):
+    """By bash itself: what it offers after `rgbn ` and after `rgbn solve --`."""
+    (tmp_path / "script").write_text(cli.app.generate_completion(shell="bash"))
+    verbs = {"process", "demo", "check", "calibrate", "align", "solve", "twin", "compare", "export", "sweep", "doctor"}
+
+    def offered(*words):
+        line = " ".join(f"'{word}'" for word in words)
+        ask = f'COMP_WORDS=({line}); COMP_CWORD={len(words) - 1}; _rgbn; printf "%s\\n" "${{COMPREPLY[@]}}"'
+        done = subprocess.run(["bash", "-c", f"source {tmp_path}/script; {ask}"], capture_output=True, text=True)
+        return set(done.stdout.split())
+
+    assert verbs <= offered("rgbn", "")
+    assert offered("rgbn", "cal") == {"calibrate"}
+    assert {"--method", "--out", "--quiet", "--verbose"} <= offered("rgbn", "solve", "--")
+    assert "--method" not in offered("rgbn", "check", "--")
+
+
+def test_every_verb_that_writes_takes_the_same_short_options(run):
+    for verb in ("process", "check", "calibrate", "align", "solve", "twin", "compare", "export", "sweep", "studio"):
+        out = run(verb, "--help")[1]
+        assert "--out -o" in out, verb
+        assert "--quiet -q" in out
+        assert ("--method -m" in out) == ("--method" in out)
+
+
+def test_doctor_says_what_to_do(run, monkeypatch):
+    from rgbn import doctor
+
+    good = doctor.Finding("ok", "packages", "all there")
+    monkeypatch.setattr(doctor, "examine", lambda: [good, doctor.Finding("!", "disk", "2 GB free here")])
+    code, out, said = run("doctor")
+    assert (code, said) == (0, "")
+    assert out.splitlines()[0].split() == ["ok", "packages", "all", "there"]
+    assert out.splitlines()[-1].startswith("rgbn can be used here.")
+    assert run("doctor", "-q")[1].split()[:2] == ["!", "disk"]
+    monkeypatch.setattr(doctor, "examine", lambda: [good, doctor.Finding("X", "renderer", "gone. Run: make setup")])
+    code, out, said = run("doctor")
+    assert code == 2
+    assert "renderer" in said
+    assert "make setup" in out
