@@ -1,7 +1,7 @@
 """What no file tells: given on the command line, asked on a terminal, or assumed and said."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, TypeVar
 
@@ -56,10 +56,12 @@ class Asking:
     silent: bool = False
     count: int = 0
 
-    def diameters(self, kind: Kind, balls: int) -> tuple[float, ...]:
-        """Return the balls' diameters, mm; empty where they are not known."""
+    def diameters(self, kind: Kind, places: Sequence[tuple[float, float]], balls: int) -> tuple[float, ...]:
+        """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
         if kind not in self.answers.diameters_mm:
             what = f"Diameter of the {balls} {kind} balls" if balls > 1 else f"Diameter of the {kind} ball"
+            listed = ", ".join(f"({u:.0f}, {v:.0f})" for u, v in places)
+            what += f" found at {listed} px," if listed else ""
             more = ", or one for each with commas, the largest in the picture first" if balls > 1 else ""
             found = self._ask(f"{what} in mm{more} (Enter: not known)", _lengths, ())
             known = {**self.answers.diameters_mm, kind: found}

@@ -71,7 +71,8 @@ def _strip(names: tuple[str, ...], linear: NDArray[np.float32]) -> list[NDArray[
 
 
 def _shown(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
-    white = max(float(np.quantile(linear, 0.995)), 1e-6)
+    # RAW colours are the sensor's: greenish. Each channel by its own white.
+    white = np.maximum(np.quantile(linear, 0.995, axis=(0, 1)), 1e-6)
     return (255 * np.clip(linear / white, 0, 1) ** GAMMA).astype(np.uint8)
 
 
@@ -79,11 +80,12 @@ def _write(
     picture: NDArray[np.uint8], text: str, x: int, y: int, colour: tuple[int, int, int],
     *, left: bool = False, size: float = 0.6,
 ) -> None:  # fmt: skip
-    """Write a text, dark behind, wholly inside the picture."""
+    """Write a text on a dark ground, wholly inside the picture."""
     import cv2
 
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    (width, height), below = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
     x = int(np.clip(x if left else x - width // 2, 2, max(picture.shape[1] - width - 2, 2)))
-    y = int(np.clip(y, height + 2, picture.shape[0] - 4))
-    for thick, ink in ((4, (0, 0, 0)), (1, colour)):
-        cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, ink, thick, cv2.LINE_AA)
+    y = int(np.clip(y, height + 2, picture.shape[0] - below - 2))
+    ground = picture[max(y - height - 2, 0) : y + below, max(x - 2, 0) : x + width + 2]
+    ground //= 3
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, colour, 1, cv2.LINE_AA)

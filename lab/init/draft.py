@@ -49,7 +49,9 @@ class Draft:
     linear : bool or None
         Of 8-bit files; None: their kind tells.
     balls : tuple of DraftBall
-    scan, unit, scan_told : Path or None, str, str
+    scan, unit : Path or None, str
+    scan_told, unit_told : str
+        The scan's size, and how its unit is known, for people.
     mask, lights, normals : Path or None
     notes : tuple of str
         What was assumed, and what was left out: a sentence each.
@@ -69,6 +71,7 @@ class Draft:
     scan: Path | None = None
     unit: Unit = "mm"
     scan_told: str = ""
+    unit_told: str = ""
     mask: Path | None = None
     lights: Path | None = None
     normals: Path | None = None

@@ -174,7 +174,7 @@ def _spheres(draft: Draft, files: FolderFiles, asking: Asking, camera: Camera | 
         if not own:
             draft = draft.noting(f"no {kind} ball was found{', so lights have no positions' * (kind == 'chrome')}.")
             continue
-        given = asking.diameters(kind, len(own))
+        given = asking.diameters(kind, [ball.center_px for ball in own if ball.radius_px], len(own))
         known += [replace(ball, diameter_mm=mm) for ball, mm in zip(own, given or (None,) * len(own), strict=True)]
         if not given:
             draft = draft.noting(
@@ -233,15 +233,15 @@ def _given(draft: Draft, files: FolderFiles, camera: Camera | None, asking: Aski
     size = object_size_mm(draft, camera or usual_camera(draft.small.width, draft.small.height))
     likely = unit_by_size(mesh.diagonal, size)
     unit = asking.unit(scans[0].name, likely)
-    told = mesh.told(unit)
+    told = ""
     if asking.answers.unit is None and likely is not None:
-        told += f"; the unit is told by the object's size in the picture, {size:.0f} mm"
+        told = f"the object looks {size:.0f} mm large in the picture"
     elif likely not in (None, unit):
         draft = draft.noting(
             f"the scan is {mesh.told(unit)} with unit {unit}, but the object looks {size:.0f} mm large in the picture, "
             f"as with unit {likely}. Check --unit, and the balls' diameters."
         )
-    return replace(draft, scan=scans[0], unit=unit, scan_told=told)
+    return replace(draft, scan=scans[0], unit=unit, scan_told=mesh.told(unit), unit_told=told)
 
 
 def _by_distance(draft: Draft, asking: Asking) -> Draft:

@@ -87,7 +87,7 @@ def _object(draft: Draft) -> Iterator[str]:
         yield from _key("mask", _name(draft.mask, folder))
     if draft.scan:
         yield from _key("scan", _name(draft.scan, folder), draft.scan_told)
-        yield from _key("scan_unit", draft.unit)
+        yield from _key("scan_unit", draft.unit, draft.unit_told)
     if draft.normals:
         yield from _key("normals", _name(draft.normals, folder), "registered ground truth")
 
