@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.progress import say
+from lab.run_log import log, logged
+from lab.streams import is_quiet
 from scene.camera import Camera
 from scene.current import libraries
 from scene.errors import SceneError
@@ -81,7 +83,7 @@ def compare_folders(
     folders = (open_folder(real), open_folder(twin))
     common = _common(folders, methods)
     folder = out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}"
-    with open_record(folder, input_folders=[real, twin]) as record:
+    with open_record(folder, input_folders=[real, twin]) as record, logged(record):
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
         first, second = (
@@ -95,41 +97,42 @@ def compare_folders(
         write_json(place.path(NUMBERS), found)
         subtitle = f"methods {', '.join(common)} · {now} · rgbn {found['versions'].get('rgbn', '')}"
         write_text(place.path(PAGE), counterpart_page(found, first, second, title, subtitle))
+        log(told(found))
     if json:
         print(json_module.dumps(place.read_json(NUMBERS), indent=1))
-    else:
-        tell(found)
+    elif not is_quiet():
+        print(told(found))
         print(place.path(PAGE))
     return found
 
 
-def tell(found: dict[str, Any]) -> None:
-    """Print the verdict, its reasons, and how the methods follow each other."""
+def told(found: dict[str, Any]) -> str:
+    """Return the verdict, its reasons, and how the methods follow each other, in lines."""
     words = {"level": "errors as large", "pattern": "at the same places", "order": "methods rank alike"}
-    print(f"{found['name']}: {found['verdict']}")
-    for question, answer in found["reasons"].items():
-        print(f"  {words[question]:20} {answer}")
+    lines = [f"{found['name']}: {found['verdict']}"]
+    lines += [f"  {words[question]:20} {answer}" for question, answer in found["reasons"].items()]
     if found["left_out"]:
-        print(f"  left out, without a known error on one of the two: {', '.join(found['left_out'])}")
-    for kind, told in found["order"]["sentences"].items():
-        for text in told:
-            print(f"  {kind}: {text}")
+        lines.append(f"  left out, without a known error on one of the two: {', '.join(found['left_out'])}")
+    lines += [f"  {kind}: {text}" for kind, texts in found["order"]["sentences"].items() for text in texts]
+    return "\n".join(lines)
 
 
 def _common(folders: tuple[Folder, Folder], asked: str | None) -> tuple[str, ...]:
     names = "; ".join(f"{one.store.folder}: {', '.join(one.methods)}" for one in folders)
     common = tuple(name for name in folders[0].methods if name in folders[1].methods)
+    if not common:
+        raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
     if asked is not None:
-        wanted = tuple(dict.fromkeys(word.strip() for word in asked.split(",") if word.strip()))
+        spelt = {name.casefold(): name for name in common}
+        words = (word.strip() for word in asked.split(",") if word.strip())
+        wanted = tuple(dict.fromkeys(spelt.get(word.casefold(), word) for word in words))
         missing = [name for name in wanted if name not in common]
         if missing or not wanted:
             raise SceneError(
                 f"--method {asked}: {', '.join(missing) or 'nothing'} is not among the methods that both folders have "
-                f"normals of ({names}). Ask for {', '.join(common) or 'none'}, or process both by it."
+                f"normals of ({names}). Ask for {', '.join(common)}, or process both by it."
             )
         return wanted
-    if not common:
-        raise SceneError(f"compare: no method's normals are in both folders ({names}). Process both alike.")
     return common
 
 

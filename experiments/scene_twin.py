@@ -12,6 +12,7 @@ import numpy as np
 
 from lab.options import TwinSettings
 from lab.progress import progress_bar, say
+from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
@@ -50,7 +51,7 @@ def render_description(
         raise SceneError("--photograph is for a session's twin. A scene description has [camera.sensor].")
     scene = read_scene(source)
     scene = replace(scene, sampling=twin.sampling(scene.sampling))
-    with open_record(out or Path("out") / source.stem, inputs=[source]) as record:
+    with open_record(out or Path("out") / source.stem, inputs=[source]) as record, logged(record):
         folder = Store(record.folder)
         mark = fingerprint(scene, twin.layers, code=code_fingerprint(__name__))
         if record.is_current(RENDERING, mark):

@@ -12,6 +12,7 @@ from experiments.datasets.shelf import Entry, contents_of, entries
 from experiments.tables import DATASETS, Row, Rows, errors_of, write_table
 from lab.options import BY_DEFAULT, Solving
 from lab.progress import say
+from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json, write_text
@@ -37,7 +38,7 @@ def run(
     programs = solving.programs()
     names = [*solving.methods(), *programs]
     wanted, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
-    with open_record(out) as record:
+    with open_record(out) as record, logged(record):
         for number, entry in enumerate(wanted, 1):
             digest, kept = contents_of(shelf, entry), {}
             for name in names:

@@ -16,6 +16,7 @@ from experiments.tables import PERTURBED, RESULTS, SECONDS, Row, Rows, write_tab
 from experiments.workers import Work, WorkerDied, run_all
 from lab.options import Solving
 from lab.progress import progress_bar, say
+from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
@@ -46,7 +47,7 @@ def sweep(
         cells += perturbation_cells(methods, quick=quick)
         names = "all"
     folder = (out or Path("out") / "sweeps") / (f"{names}-quick" if quick else names)
-    with open_record(folder.parent) as record:
+    with open_record(folder.parent) as record, logged(record):
         run_cells(record, cells, scheduler=scheduler, processes=processes)
         join_cells(record, record.folder / folder.name, cells)
     return folder

@@ -1,0 +1,111 @@
+"""What the tables say, in units that a person can check."""
+
+from io import StringIO
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from rgbn.light_tables import light_tables
+from rgbn.step_tables import TABLES, camera_text
+from scene.camera import Camera
+from scene.lights import Lights
+from scene.spheres import Sphere
+from scene.store import Store
+
+CAMERA = Camera(640, 480, 900.0, 900.0, 330.7, 228.1, source="EXIF", focal_sigma=0.01)
+
+
+def shown(tables, columns=80):
+    console = Console(file=StringIO(), width=columns)
+    for table in tables:
+        console.print(table)
+    return console.file.getvalue()
+
+
+def session(**more):
+    return SimpleNamespace(**{"scan": SimpleNamespace(name="pear.ply"), "scan_unit": "mm", "normals": None, **more})
+
+
+def test_a_camera_is_told_by_its_field_of_view_and_source():
+    """640 px at 900 px: 2 atan(320 / 900)."""
+    text = camera_text(CAMERA)
+    across, down = (np.degrees(2 * np.arctan(size / 1800)) for size in (640, 480))
+    assert f"{across:.1f} x {down:.1f} deg" in text
+    assert "900.0 px ± 1 %" in text
+    assert text.endswith("from EXIF")
+    assert "not known" in camera_text(Camera.orthographic(640, 480))
+
+
+@pytest.mark.parametrize(
+    ("unit", "per_unit", "part"),
+    [
+        ("cm", 10.0, "12 x 3 x 4.5 cm in the file (1 = 10 mm)"),
+        ("unknown", 2.5, "48 x 12 x 18 of unknown unit in the file (1 = 2.5 mm)"),
+        ("unknown", None, "120.0 x 30.0 x 45.0 mm, along the scan's axes\n"),
+        ("mm", 1.0, "120.0 x 30.0 x 45.0 mm, along the scan's axes\n"),
+    ],
+)
+def test_the_object_s_size_is_told_in_millimetres_and_in_the_scan_s_unit(unit, per_unit, part):
+    """A scan that was taken in another unit than it is in shows at once."""
+    found = {"residual_px": 0.25, "sigma_mm": 0.123, "sigma_deg": 0.05, "size_mm": [120.0, 30.0, 45.0]}
+    found |= {"mm_per_unit": per_unit, "distance_mm": 1234.4, "truth_sigma_deg_median": 0.6}
+    job = SimpleNamespace(session=session(scan_unit=unit))
+    text = shown(TABLES["align"](job, {"align": found}), 120)
+    assert part in "\n".join(line.rstrip() for line in text.splitlines()) + "\n"
+    assert "1234 mm from the camera" in text
+    assert "0.25 px" in text
+    assert "0.12 mm, 0.05 deg" in text
+
+
+def test_without_scan_or_twin_the_tables_say_so():
+    job = SimpleNamespace(session=session(scan=None))
+    assert "the session names no scan" in " ".join(shown(TABLES["align"](job, {"align": None})).split())
+    assert "given normals" in shown(TABLES["align"](SimpleNamespace(session=session(normals="n.mat")), {"align": {}}))
+    assert "no scan is registered" in shown(TABLES["twin"](job, {"twin": None}))
+    assert "no ground truth" in shown(TABLES["compare"](job, {"compare": {}}))
+
+
+def test_lights_and_balls_are_where_a_tape_measure_finds_them(tmp_path):
+    """A light 300 mm right of and 400 mm nearer than the object is 500 mm from it; a ball's distance is no depth."""
+    at = np.array([0.0, 0.0, -900.0])
+    offsets = np.array([[300.0, 0.0, 400.0], [0.0, -600.0, 0.0], [0.0, 0.0, 700.0]])
+    lights = Lights(
+        ("right", "below", "camera"),
+        offsets / np.linalg.norm(offsets, axis=1, keepdims=True),
+        np.array([[1.2, 1.2, 1.2], [0.5, 0.8, 1.1], [1.0, 1.0, 1.0]]),
+        at + offsets,
+        at,
+        direction_sigma_deg=np.array([0.2, np.nan, 0.4]),
+        flags=((), ("no highlight seen",), ()),
+    )
+    store = Store(tmp_path)
+    store.save_lights_json(lights)
+    store.save_camera(CAMERA)
+    ball = Sphere("chrome", np.array([600.0, 40.0]), 45.0, 100.0, 0.02)
+    store.save_spheres([ball], CAMERA)
+    text = shown(light_tables(store, moved=True), 100)
+    rows = {line.split()[0]: line.split()[1:] for line in text.splitlines() if line.split()}
+    assert rows["right"] == ["53.1", "0.0", "500", "1.200", "0.20"]
+    assert rows["below"] == ["0.0", "270.0", "600", "0.800", "–", "no", "highlight", "seen"]
+    assert rows["camera"][0] == "90.0"
+    assert "3 near lights, seen from the object" in text
+    assert "at worst (camera)" in " ".join(text.split())
+    away = np.linalg.norm(ball.center_mm(CAMERA))
+    assert rows["chrome"] == ["(600.0,", "40.0)", "45.00", "100", f"{away:.0f}", "0.020"]
+    assert away > 1.02 * -ball.center_mm(CAMERA)[2]
+    assert "amid the balls" in shown(light_tables(store, moved=False))
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_no_line_is_wider_than_the_terminal(tmp_path, columns):
+    rng = np.random.default_rng(1)
+    toward = np.column_stack([rng.uniform(-0.5, 0.5, (30, 2)), np.ones(30)])
+    flags = (("the highlight lies at the edge of the ball, where it is distorted; look at the frame",),) * 30
+    names = tuple(f"2026-11-23_capture_{i:03d}" for i in range(30))
+    sigma = rng.uniform(0.1, 1, 30)
+    Store(tmp_path).save_lights_json(Lights(names, toward, np.ones((30, 3)), direction_sigma_deg=sigma, flags=flags))
+    text = shown(light_tables(Store(tmp_path), moved=True), columns)
+    assert max(map(len, text.splitlines())) <= columns
+    assert names[int(np.argmax(sigma))] in text, "a frame's name is not broken"
