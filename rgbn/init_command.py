@@ -59,7 +59,7 @@ def init(
     if distance_mm is not None and focal_mm is not None:
         raise SceneError("--focal-mm, --distance-mm: each tells the focal length. Give one of them.")
     diameters: dict[Kind, tuple[float, ...]] = {"chrome": chrome, "white": white}
-    known = {kind: values for kind, values in diameters.items() if values}
+    known: dict[Kind, tuple[float, ...]] = {kind: values for kind, values in diameters.items() if values}
     answers = Answers(
         known,
         unit,

@@ -1,0 +1,230 @@
+"""A folder of photographs: what each file is, by its name, and by its light."""
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.session.globs import expand
+from capture.survey.board_layout import find_board
+from capture.survey.folder_files import pattern_of, survey
+from capture.survey.small_pictures import Small, by_light, of_one_size, read_small
+from scene.errors import SessionError
+from scene.frames import encode
+
+
+def lay(folder, *names):
+    for name in names:
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(b"")
+    return folder
+
+
+def listed(found):
+    return {
+        role: [path.relative_to(found.folder).as_posix() for path in files] for role, files in found.photographs.items()
+    }
+
+
+def test_names_tell_roles(tmp_path):
+    lay(tmp_path, *(f"raw/flash_{n}.dng" for n in (1, 2, 10)), "raw/ambient_1.dng", "dark/1.dng", "FlatField.dng")
+    lay(
+        tmp_path,
+        "charuco/a.dng",
+        "scan/penguin.ply",
+        "mask.png",
+        "lights.lp",
+        "Normal_gt.mat",
+        "notes.txt",
+        ".hidden.dng",
+    )
+    (found,) = survey(tmp_path)
+    assert listed(found) == {
+        "flash": ["raw/flash_1.dng", "raw/flash_2.dng", "raw/flash_10.dng"],
+        "ambient": ["raw/ambient_1.dng"],
+        "dark": ["dark/1.dng"],
+        "flat": ["FlatField.dng"],
+        "board": ["charuco/a.dng"],
+    }
+    assert [path.name for path in (*found.scans, *found.masks, *found.lights, *found.normals)] == [
+        "penguin.ply", "mask.png", "lights.lp", "Normal_gt.mat"
+    ]  # fmt: skip
+    assert found.left_out == []
+
+
+@pytest.mark.parametrize("word", ["no_flash", "noflash", "FlashOff", "ambient", "AMB"])
+def test_ways_to_say_that_the_flash_is_off(tmp_path, word):
+    lay(tmp_path, "a/1.nef", "a/2.nef", "a/3.nef", f"a/{word}_4.nef")
+    assert listed(survey(tmp_path)[0])["ambient"] == [f"a/{word}_4.nef"]
+
+
+def test_the_root_folders_own_name_says_nothing(tmp_path):
+    folder = lay(tmp_path / "dark_ambient_chrome", "1.nef", "2.nef", "3.nef")
+    assert len(listed(survey(folder)[0])["flash"]) == 3
+
+
+def test_a_jpeg_beside_its_raw_file_is_left_out_and_named(tmp_path):
+    lay(tmp_path, *(f"IMG_{n}.CR2" for n in range(4)), *(f"IMG_{n}.JPG" for n in range(4)), "table.jpg", "mask.png")
+    (found,) = survey(tmp_path)
+    assert listed(found) == {"flash": [f"IMG_{n}.CR2" for n in range(4)]}
+    assert [path.name for path in found.masks] == ["mask.png"]
+    assert found.left_out[0].startswith("4 .jpg (IMG_0.JPG, ...): beside a file of the same name")
+    assert found.left_out[1].startswith("1 .jpg (table.jpg): no RAW files")
+
+
+def test_each_object_has_its_own_session_and_the_balls_are_shared(tmp_path):
+    lay(tmp_path, *(f"{place}/{n}.png" for place in ("cat", "owl", "chrome", "gray") for n in range(4)))
+    lay(tmp_path, "cat/scan.ply", "owl/mask.png", "board/1.png")
+    cat, owl = survey(tmp_path)
+    assert (cat.folder.name, owl.folder.name) == ("cat", "owl")
+    assert (len(cat.scans), len(owl.scans), len(cat.masks), len(owl.masks)) == (1, 0, 0, 1)
+    for found in (cat, owl):
+        assert {role: len(files) for role, files in found.photographs.items()} == {
+            "flash": 4, "chrome": 4, "white": 4, "board": 1
+        }  # fmt: skip
+        assert {path.parent for path in found.photographs["flash"]} == {found.folder}
+
+
+def test_objects_may_lie_a_folder_deeper(tmp_path):
+    lay(tmp_path, *(f"{place}/raw/{n}.dng" for place in ("cat", "owl") for n in range(3)), "cat/scan/cat.ply")
+    cat, owl = survey(tmp_path)
+    assert (cat.folder.name, owl.folder.name) == ("cat", "owl")
+    assert (len(cat.scans), len(owl.scans)) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("names", "others", "pattern"),
+    [
+        (["raw/f_001.dng", "raw/f_002.dng", "raw/f_010.dng"], ["raw/g.dng"], "raw/f_*.dng"),
+        (["cat.0.png", "cat.1.png", "cat.10.png"], ["cat.mask.png"], "cat.[0-9]*.png"),
+        (["IMG_1234.CR2", "IMG_1235.CR2"], ["IMG_0001.CR2"], "IMG_123*.CR2"),
+        (["a.dng"], ["b.dng"], "a.dng"),
+        (["a.dng", "b.dng"], ["c.dng"], ["a.dng", "b.dng"]),
+        (["x[1]/f_1.dng", "x[1]/f_2.dng"], ["x1/f_1.dng"], "x[[]1]/f_*.dng"),
+    ],
+)
+def test_a_pattern_matches_its_files_and_no_other(tmp_path, names, others, pattern):
+    lay(tmp_path, *names, *others)
+    files = [tmp_path / name for name in names]
+    assert pattern_of(files, tmp_path) == pattern
+    found, faults = expand([pattern] if isinstance(pattern, str) else pattern, tmp_path)
+    assert (found, faults) == (files, [])
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [([], "holds 0 photographs"), (["a.dng", "b.dng"], "holds 2 photographs"), (["a.txt", "b.obj"], "2 files in all")],
+)
+def test_too_few_photographs(tmp_path, names, words):
+    lay(tmp_path, *names)
+    with pytest.raises(SessionError, match=words):
+        survey(tmp_path)
+    with pytest.raises(SessionError, match="there is no such folder"):
+        survey(tmp_path / "nowhere")
+
+
+def picture(name, linear, tmp_path):
+    codes = encode(np.repeat(linear[..., None], 3, axis=2))
+    return Small(tmp_path / name, codes, linear.shape[1], linear.shape[0], 1, False)
+
+
+@pytest.fixture
+def scene():
+    """A bumpy surface under flashes from around, in a lit room; noise of a dark sensor."""
+    rng = np.random.default_rng(7)
+    normals = cv2.GaussianBlur(rng.normal(size=(160, 240, 3)), (0, 0), 8) * [25, 25, 0] + [0, 0, 1]
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    albedo = 0.2 + 0.6 * (cv2.GaussianBlur(rng.normal(size=(160, 240)), (0, 0), 12) > 0)
+    lights = [[np.sin(a) * 0.8, np.cos(a) * 0.8, 0.6] for a in np.linspace(0, 6, 8)]
+
+    def shot(light, room=0.004):
+        lit = 0.3 * albedo * np.maximum(normals @ light, 0)
+        # A cast shadow: black but for the room's light.
+        lit[40:110, 60:120] *= light[0] > 0
+        return lit + room * albedo + rng.normal(0, 0.002, albedo.shape)
+
+    return [shot(np.array(light)) for light in lights], shot(np.zeros(3)), rng.normal(0, 0.0005, albedo.shape)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_light_tells_roles_where_names_do_not(scene, tmp_path, seed):
+    flash, ambient, dark = scene
+    named = [*((f"flash{n}", one) for n, one in enumerate(flash)), ("ambient", ambient), ("dark", dark)]
+    order = np.random.default_rng(seed).permutation(len(named))
+    found = by_light([picture(named[n][0], named[n][1], tmp_path) for n in order])
+    assert {role: {one.path.name for one in pictures} for role, pictures in found.items()} == {
+        "flash": {f"flash{n}" for n in range(8)}, "ambient": {"ambient"}, "dark": {"dark"}
+    }  # fmt: skip
+
+
+def test_no_flash_frame_is_taken_for_an_ambient_one(scene, tmp_path):
+    """A weak flash is dark, but it lights what others leave in shadow."""
+    flash, _, dark = scene
+    weak = [0.3 * flash[0], *flash[1:]]
+    assert set(by_light([picture(f"{n}", one, tmp_path) for n, one in enumerate(weak)])) == {"flash"}
+    # One unlit frame alone, as black as it may be, is the room's.
+    found = by_light([picture(f"{n}", one, tmp_path) for n, one in enumerate([*weak, dark])])
+    assert [one.path.name for one in found["ambient"]] == ["8"]
+    assert "dark" not in found
+
+
+def test_pictures_are_reduced_in_light_not_in_codes(tmp_path):
+    rng = np.random.default_rng(1)
+    pixels = rng.integers(0, 255, (1200, 2400, 3), np.uint8)
+    for n in range(2):
+        cv2.imwrite(str(tmp_path / f"{n}.png"), pixels)
+    cv2.imwrite(str(tmp_path / "2.png"), pixels[:600])
+    (tmp_path / "3.png").write_bytes(b"no picture")
+    found, unread = read_small([tmp_path / f"{n}.png" for n in range(4)], "srgb")
+    same, odd = of_one_size(found)
+    assert ([one.path.name for one in same], [one.path.name for one in odd]) == (["0.png", "1.png"], ["2.png"])
+    assert len(unread) == 1
+    assert "3.png" in unread[0]
+    assert (same[0].step, same[0].codes.shape, same[0].width) == (3, (400, 800, 3), 2400)
+    coded = pixels / 255.0
+    linear = np.where(coded <= 0.04045, coded / 12.92, ((coded + 0.055) / 1.055) ** 2.4)
+    np.testing.assert_allclose(same[0].light.mean(), linear.mean(), rtol=1e-3)
+
+
+def shown(art, seed, tmp_path, name):
+    """A board's art, seen askew."""
+    rng = np.random.default_rng(seed)
+    height, width = art.shape
+    corners = np.float32([[0, 0], [width, 0], [width, height], [0, height]])
+    size = np.array([800, 600])
+    place = np.float32([[120, 90], [660, 110], [690, 500], [90, 470]] + rng.normal(0, 25, (4, 2)))
+    view = cv2.warpPerspective(art, cv2.getPerspectiveTransform(corners, place), size.tolist(), borderValue=230)
+    view = cv2.GaussianBlur(view, (0, 0), 0.8)
+    return picture(name, (view / 255.0) ** 2.2 * 0.5, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("squares", "dictionary", "share"),
+    [
+        ((9, 6), "DICT_4X4_100", 0.7),
+        ((11, 8), "DICT_5X5_100", 0.75),
+        ((5, 7), "DICT_6X6_250", 0.5),
+        ((7, 7), "DICT_4X4_50", 0.6),
+    ],
+)
+def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
+    known = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, dictionary))
+    board = cv2.aruco.CharucoBoard(squares, 1.0, share, known)
+    art = cv2.copyMakeBorder(
+        board.generateImage((squares[0] * 90, squares[1] * 90)), 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255
+    )
+    blank = picture("blank", np.full((600, 800), 0.2), tmp_path)
+    layout, shots = find_board([blank, *(shown(art, seed, tmp_path, f"{seed}") for seed in range(2))])
+    assert layout.squares == squares
+    assert layout.dictionary[:8] == dictionary[:8]
+    assert layout.marker_share == pytest.approx(share, abs=0.02)
+    assert [one.path.name for one in shots] == ["0", "1"]
+
+
+def test_a_chessboard_is_read_off(tmp_path):
+    art = 255 * np.kron(np.indices((6, 9)).sum(0) % 2, np.ones((60, 60))).astype(np.uint8)
+    art = cv2.copyMakeBorder(art, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)
+    layout, shots = find_board([shown(art, seed, tmp_path, f"{seed}") for seed in range(2)])
+    assert (layout.squares, layout.dictionary, layout.marker_share) == ((9, 6), None, None)
+    assert len(shots) == 2
+    assert find_board([picture("blank", np.full((300, 400), 0.2), tmp_path)]) == (None, [])
