@@ -12,6 +12,7 @@ from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
 from lab.progress import say
 from lab.run import is_description, run_session
 from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
+from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
 from rgbn.light_export import FORMATS
 from studio.studio_command import studio
@@ -89,9 +90,7 @@ def process(
 @app.command(sort_key=2)
 def demo(*, out: Out = None, json: Json = False) -> None:
     """Go the whole way on the small session that comes with rgbn, and judge it by its known truth."""
-    from scene.rooms import ROOT
-
-    folder = ROOT / "fixtures" / "bumpy"
+    folder = fixture_folder()
     _run(json, folder, "compare", whole=True, out=out or Path("out") / "demo", truth=folder)
 
 
@@ -239,6 +238,7 @@ def export(
 app.command(sweep, sort_key=10)
 app.command(studio, sort_key=12)
 app.command(dataset)
+app.command(tell_example, name="example", sort_key=2)
 
 
 @app.command(sort_key=11)

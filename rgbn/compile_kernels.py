@@ -7,14 +7,14 @@ import sys
 from tempfile import TemporaryDirectory
 
 import rgbn
-from scene.current import ROOT
+from rgbn.examples import fixture_folder
 from solve.methods import METHODS
 
 
 def compile_kernels() -> None:
     """Take the demo session the whole way, by every method; nothing of it is kept but the compiled kernels."""
     with TemporaryDirectory(prefix="rgbn-") as folder:
-        run = rgbn.open(ROOT / "fixtures" / "bumpy", out=f"{folder}/out")
+        run = rgbn.open(fixture_folder(), out=f"{folder}/out")
         run.process(",".join(METHODS), rgbn.TwinSettings(engine="many", error=0.05))
 
 
