@@ -4,7 +4,8 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 from scene.errors import SceneError
@@ -64,19 +65,21 @@ def _fault(lines: list[str]) -> str:
 
 
 class WorkButtons:
-    """A button that begins work in a process, one that stops it, a bar and what it says.
+    """Buttons that begin work in a process, one work at a time; one that stops it, a bar and what it says.
 
-    begin: Returns the process' arguments; raises SceneError where it cannot be begun.
+    works: By the words on a button, what returns the process' arguments; it raises SceneError where it cannot be begun.
     ended: Called where it ended well. idle: Called whenever nothing is at work any more.
     """
 
     def __init__(
-        self, window: BrowserWindow, label: str, begin: Callable[[], Sequence[str]], ended: Callable[[], Any],
+        self, window: BrowserWindow, works: Mapping[str, Callable[[], Sequence[str]]], ended: Callable[[], Any],
         idle: Callable[[], Any] = lambda: None,
     ) -> None:  # fmt: skip
-        self._window, self._label, self._begin, self._ended, self._idle = window, label, begin, ended, idle
+        self._window, self._label, self._ended, self._idle = window, "", ended, idle
         gui = window.client.gui
-        self.start = window.button(label, self._start, color="green")
+        self._starts = [
+            window.button(label, partial(self._start, label, begin), color="green") for label, begin in works.items()
+        ]
         self._stop = window.button("Stop", self._halt, color="red", disabled=True)
         self._bar = gui.add_progress_bar(0, visible=False)
         self.text = gui.add_markdown("")
@@ -93,9 +96,14 @@ class WorkButtons:
         if self.is_busy:
             raise SceneError(f"{self._label}: it is at work. Stop it first, or wait.")
 
-    def _start(self) -> None:
+    def disable(self, is_disabled: bool) -> None:
+        """Let nothing be begun, or let it again."""
+        for button in self._starts:
+            button.disabled = is_disabled
+
+    def _start(self, label: str, begin: Callable[[], Sequence[str]]) -> None:
         self.check_idle()
-        arguments, post = self._begin(), self._window.post
+        arguments, post, self._label = begin(), self._window.post, label
         self._said, self._bar.value, self.text.content = [], 0, "At work ..."
         self._process = BackgroundProcess(
             arguments, lambda line: post(lambda: self._tell(line)), lambda fault: post(lambda: self._end(fault))
@@ -132,5 +140,6 @@ class WorkButtons:
         self._idle()
 
     def _show(self) -> None:
-        self.start.disabled = self._bar.visible = self.is_busy
+        self.disable(self.is_busy)
+        self._bar.visible = self.is_busy
         self._stop.disabled = not self.is_busy

@@ -31,7 +31,7 @@ class FilesPanel:
             window.button("Look for files again", self._look)
         with gui.add_folder("Dataset"):
             window.button("Export for Mitsuba", self._export)
-            self._work = WorkButtons(window, "Render dataset", self._render, self._rendered)
+            self._work = WorkButtons(window, {"Render dataset": self._render}, self._rendered)
 
     def refresh(self) -> None:
         """Show what can be taken back, where the scene is saved to, and what can be opened."""

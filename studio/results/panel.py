@@ -7,12 +7,12 @@ from typing import Any, cast
 import numpy as np
 
 from scene.errors import SceneError
+from studio.photograph.plane import add_picture
 from studio.results.pixel import lit_from, numbers_at, read_pixel
 from studio.results.pixel_charts import error_chart, notes_of, numbers_table, pixel_chart
 from studio.results.result_maps import SIDES, Results, Side, Source
 from studio.results.side_by_side import PALE, WHATS, Choice, key_of, map_picture, viewport_of
 from studio.results.viewport import LARGEST, ZOOMS
-from studio.review.plane import add_picture
 from studio.review.review_window import ReviewWindow, View
 from studio.widgets import Layers, plain
 

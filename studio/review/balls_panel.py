@@ -1,20 +1,18 @@
 """The panel of the balls: what was found, corrected by hand, calibrated again, and kept for the command line."""
 
-from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 
 from scene.errors import SceneError
+from studio.photograph.outline_inputs import OutlineInputs
 from studio.review.ball_marks import magnification
 from studio.review.corrected_session import write_amended
-from studio.review.corrections import added, moved, outlines_of, removed, resized, specs_of
+from studio.review.corrections import outlines_of, specs_of
 from studio.review.recalibration import Change, calibrate_again, change_of, residuals_px, rms_px
 from studio.review.review_window import ReviewWindow
 from studio.widgets import plain
-
-ALL = "(all)"
 
 
 class BallsPanel:
@@ -22,18 +20,9 @@ class BallsPanel:
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
-        self._ball = gui.add_dropdown("ball", (ALL,), hint="Or click one in the photograph")
-        self._facts = gui.add_markdown("")
-        with gui.add_folder("Correct the outline"):
-            gui.add_markdown("Drag the orange knobs: the middle moves, the one on the rim resizes. Or by numbers:")
-            self._center = gui.add_vector2("centre, px", (0.0, 0.0), step=0.1)
-            self._radius = gui.add_number("radius, px", 1.0, min=0.1, step=0.1)
-            window.on_input(self._center, lambda value: self._correct(moved, value))
-            window.on_input(self._radius, lambda value: self._correct(resized, value))
-            self._kind = gui.add_dropdown("kind of a new ball", ("chrome", "white"))
-            window.button("Add a ball", self._add)
-            self._remove = window.button("Remove this ball", self._take_out)
-            window.button("Back to the balls as found", lambda: window.correct(outlines_of(window.review)))
+        self._outline = OutlineInputs(
+            window, lambda: facts_text(window), lambda: window.correct(outlines_of(window.review))
+        )
         with gui.add_folder("Calibrate again"):
             self._again = window.button("Calibrate again", self._start, color="green")
             self._bar = gui.add_progress_bar(0, visible=False)
@@ -41,43 +30,11 @@ class BallsPanel:
                 "Nothing is written: what would change is shown here, and the outlines as they are found again (blue)."
             )
             self._keep = window.button("Keep these balls", self._keep_balls, disabled=True)
-        window.on_input(self._ball, self._choose)
 
     def refresh(self) -> None:
         """Follow the window."""
-        window = self._window
-        names = tuple(f"{index + 1}: {ball.kind}" for index, ball in enumerate(window.outlines))
-        self._ball.options = (ALL, *names)
-        self._ball.value = ALL if window.ball is None else names[window.ball]
-        for handle in (self._center, self._radius, self._remove):
-            handle.disabled = window.ball is None
-        self._facts.content = facts_text(window)
-        self._keep.disabled = not window.refitted
-        if window.ball is not None:
-            ball = window.outlines[window.ball]
-            self._center.value = tuple(round(value, 2) for value in ball.center_px)
-            self._radius.value = round(ball.radius_px, 2)
-
-    def _choose(self, value: str) -> None:
-        there = {"ball": None} if value == ALL else {"ball": int(value.split(":")[0]) - 1, "view": "Photograph"}
-        self._window.choose(**there)
-
-    def _correct(self, edit: Callable[..., Any], value: Any) -> None:
-        window, camera = self._window, self._window.review.material.camera
-        if window.ball is not None and camera is not None:
-            window.correct(edit(window.outlines, window.ball, value, camera))
-
-    def _add(self) -> None:
-        window = self._window
-        (camera,) = window.review.need("camera")
-        window.outlines, window.refitted = added(window.outlines, self._kind.value, camera), ()
-        window.choose(ball=len(window.outlines) - 1, view="Photograph")
-
-    def _take_out(self) -> None:
-        window = self._window
-        if window.ball is not None:
-            index, window.ball = window.ball, None
-            window.correct(removed(window.outlines, index))
+        self._outline.refresh()
+        self._keep.disabled = not self._window.refitted
 
     def _start(self) -> None:
         if self._bar.visible:

@@ -1,43 +1,11 @@
 """Balls corrected by hand, and said as a session says them."""
 
-from dataclasses import dataclass, replace
-from typing import Any
-
-import numpy as np
-from numpy.typing import NDArray
-
 from capture.session.session_types import Session, SphereSpec
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.spheres import Kind, Sphere
+from scene.spheres import Sphere
+from studio.photograph.outlines import Outline, Outlines
 from studio.review.folder import Review
-
-Array = NDArray[np.float64]
-SMALLEST_PX = 4.0
-"""A ball of a smaller radius tells nothing."""
-
-
-@dataclass(frozen=True)
-class Outline:
-    """A ball as it is to be calibrated with, moved by hand or not, and photographed apart or not.
-
-    center_px: Projection of its centre, pixels of the frames.
-    """
-
-    kind: Kind
-    center_px: tuple[float, float]
-    radius_px: float
-    diameter_mm: float | None = None
-    is_moved: bool = False
-    apart: bool = False
-
-    @property
-    def sphere(self) -> Sphere:
-        """The same as the fit's type, to be drawn."""
-        return Sphere(self.kind, np.array(self.center_px), self.radius_px, self.diameter_mm, apart=self.apart)
-
-
-Outlines = tuple[Outline, ...]
 
 
 def outlines_of(review: Review) -> Outlines:
@@ -60,30 +28,6 @@ def outlines_of(review: Review) -> Outlines:
         radius = (spec.radius_px or 0) / scale or camera.width / 20
         found.append(Outline(spec.kind, place, radius, spec.diameter_mm, apart=bool(spec.frames)))
     return tuple(found)
-
-
-def moved(balls: Outlines, index: int, center_px: tuple[float, float], camera: Camera) -> Outlines:
-    """Return the balls, one of them elsewhere, its centre inside the picture."""
-    u = min(max(float(center_px[0]), 0.0), camera.width - 1.0)
-    v = min(max(float(center_px[1]), 0.0), camera.height - 1.0)
-    return _with(balls, index, center_px=(u, v))
-
-
-def resized(balls: Outlines, index: int, radius_px: float, camera: Camera) -> Outlines:
-    """Return the balls, one of them larger or smaller."""
-    largest = max(camera.width, camera.height)
-    return _with(balls, index, radius_px=float(min(max(radius_px, SMALLEST_PX), largest)))
-
-
-def added(balls: Outlines, kind: Kind, camera: Camera) -> Outlines:
-    """Return the balls and one more, in the middle of the picture."""
-    middle = ((camera.width - 1) / 2, (camera.height - 1) / 2)
-    return (*balls, Outline(kind, middle, camera.width / 20, None, True))
-
-
-def removed(balls: Outlines, index: int) -> Outlines:
-    """Return the balls without one of them."""
-    return (*balls[:index], *balls[index + 1 :])
 
 
 def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereSpec, ...]:
@@ -118,10 +62,6 @@ def specs_of(session: Session, balls: Outlines, camera: Camera) -> tuple[SphereS
         own_frames = next(frames) if ball.apart else ()
         specs.append(SphereSpec(ball.kind, ball.diameter_mm, center, ball.radius_px * scale, None, own_frames))
     return tuple(specs)
-
-
-def _with(balls: Outlines, index: int, **changes: Any) -> Outlines:
-    return (*balls[:index], replace(balls[index], is_moved=True, **changes), *balls[index + 1 :])
 
 
 def _stated_mm(session: Session | None, sphere: Sphere) -> float | None:

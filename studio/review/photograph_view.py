@@ -2,17 +2,14 @@
 
 from typing import Any
 
-import numpy as np
-
 from scene.errors import SceneError
+from studio.photograph.picture_strip import GAP, PictureStrip, look_at_photograph
+from studio.photograph.plane import ROOT, WIDE, Plane, add_picture
 from studio.review.ball_marks import BallMarks
-from studio.review.contact_sheet import ContactSheet, contact_sheet
+from studio.review.frame_strip import frame_strip
 from studio.review.photograph_picture import Look, photograph
-from studio.review.plane import ROOT, WIDE, Plane, add_picture
 from studio.review.review_window import ReviewWindow
 from studio.widgets import Layers
-
-GAP = 0.25
 
 
 class PhotographView:
@@ -22,7 +19,7 @@ class PhotographView:
         self._window, self._view = window, window.client.scene
         self._root = self._view.add_frame(ROOT, show_axes=False)
         self._layers, self._marks = Layers(), BallMarks(window)
-        self._sheet: ContactSheet | None = None
+        self._strip: PictureStrip | None = None
 
     def refresh(self) -> None:
         """Show the window's frame, balls and strip; only what changed is sent."""
@@ -31,7 +28,7 @@ class PhotographView:
         if plane is None:
             return
         draw, reading = self._layers.draw, window.reading
-        draw("sheet", reading, self._make_sheet)
+        draw("small pictures", reading, self._make_strip)
         draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
         key = (window.view, window.ball, reading, window.beside is None, window.looks)
         draw("face", key, lambda: self._face(plane))
@@ -39,22 +36,11 @@ class PhotographView:
         draw("beside", window.beside, lambda: self._add_beside(plane))
         self._marks.refresh(plane)
 
-    def _strip_high(self) -> float:
-        return 0.0 if self._sheet is None else WIDE * self._sheet.image.shape[0] / self._sheet.image.shape[1]
-
     def _face(self, plane: Plane) -> None:
         """Look straight at the photograph, or at the chosen ball, when another is chosen."""
         window = self._window
-        if window.view != "Photograph":
-            return
-        if window.ball is not None:
-            ball = window.outlines[window.ball]
-            size = 3.2 * ball.radius_px * plane.per_px
-            window.look_straight(plane.place(ball.center_px), size, size)
-            return
-        strip = GAP + self._strip_high() if self._sheet is not None else 0.0
-        aside = 0.0 if window.beside is None else WIDE + GAP
-        window.look_straight([aside / 2, -strip / 2, 0.0], WIDE + aside, plane.high + strip)
+        if window.view == "Photograph":
+            look_at_photograph(window, plane, self._strip, aside=0.0 if window.beside is None else WIDE + GAP)
 
     def _add_picture(self, plane: Plane) -> list[Any]:
         window = self._window
@@ -67,7 +53,7 @@ class PhotographView:
         size, middle = (WIDE, plane.high), (0.0, 0.0, 0.0)
 
         def clicked(across: float, down: float) -> None:
-            self._clicked((across * plane.width - 0.5, down * plane.height - 0.5))
+            self._window.click((across * plane.width - 0.5, down * plane.height - 0.5))
 
         return [add_picture(window, f"{ROOT}/picture", image, size, middle, clicked)]
 
@@ -79,27 +65,11 @@ class PhotographView:
         label = self._view.add_label(f"{ROOT}/caption", beside.caption, position=(x, plane.high / 2 + 0.1, 0.0))
         return [add_picture(self._window, f"{ROOT}/beside", beside.image, (WIDE, plane.high), (x, 0.0, 0.0)), label]
 
-    def _clicked(self, pixel: tuple[float, float]) -> None:
-        window = self._window
-        if window.on_photograph is not None:
-            window.on_photograph(pixel)
-            return
-        away = [np.hypot(*np.subtract(ball.center_px, pixel)) / ball.radius_px for ball in window.outlines]
-        if away and min(away) < 1:
-            window.choose(ball=int(np.argmin(away)))
-
-    def _make_sheet(self) -> None:
-        self._sheet = contact_sheet(self._window.review)
+    def _make_strip(self) -> None:
+        self._strip = frame_strip(self._window.review)
 
     def _add_strip(self, plane: Plane) -> list[Any]:
-        window, sheet, high = self._window, self._sheet, self._strip_high()
-        if sheet is None:
+        window, strip = self._window, self._strip
+        if strip is None:
             return []
-        top, image = -plane.high / 2 - GAP, sheet.with_chosen(window.frame)
-
-        def clicked(across: float, down: float) -> None:
-            frame = sheet.frame_at(across, down)
-            if frame is not None:
-                window.choose(frame=frame)
-
-        return [add_picture(window, f"{ROOT}/strip", image, (WIDE, high), (0.0, top - high / 2, 0.0), clicked)]
+        return strip.add_to(window, plane, window.frame, lambda frame: window.choose(frame=frame))

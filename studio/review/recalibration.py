@@ -17,7 +17,8 @@ from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.review.corrections import Outlines, specs_of
+from studio.photograph.outlines import Outlines
+from studio.review.corrections import specs_of
 from studio.review.folder import Review
 
 Array = NDArray[np.float64]

@@ -9,13 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.report.pictures import Image
+from scene.camera import Camera
 from scene.spheres import Sphere
-from studio.browser_window import BrowserWindow
 from studio.editor.preview import Preview
-from studio.review.corrections import Outlines, outlines_of
+from studio.photograph.outlines import Outlines
+from studio.photograph.photograph_window import PhotographWindow
+from studio.photograph.plane import Plane
+from studio.review.corrections import outlines_of
 from studio.review.folder import Review
 from studio.review.photograph_picture import Look
-from studio.review.plane import Plane
 from studio.review.scan_picks import Picks
 from studio.widgets import code
 from studio.workspace import Workspace
@@ -33,7 +35,7 @@ class Beside:
     caption: str
 
 
-class ReviewWindow(BrowserWindow):
+class ReviewWindow(PhotographWindow):
     """What a browser reviews. Its panels call `show`, `choose` and `correct`; then all panels are refreshed.
 
     folder: The output folder.
@@ -48,21 +50,15 @@ class ReviewWindow(BrowserWindow):
     ) -> None:
         super().__init__(client, workspace, preview)
         self.folder, self.session_path = folder, session_path
-        self.reading = 0
-        """How often the folder was read again: whatever is shown of it is older than that, or as old."""
         self.frame, self.shown, self.looks = 0, Look(), 0
         """The last: how often the whole was asked for again."""
-        self.ball: int | None = None
         self.view: View = "Photograph"
         self.beside: Beside | None = None
-        self.outlines: Outlines = ()
         self.refitted: tuple[Sphere, ...] = ()
         """The balls as calibrating again has found them."""
         self.factor = 1
         """By how much the lights' sigmas are drawn larger."""
         self.picks = Picks()
-        self.on_photograph: Callable[[tuple[float, float]], None] | None = None
-        """Who wants the pixels that are clicked on the photograph."""
         self.on_scan: Callable[[Array], None] | None = None
         """Who wants the points that are clicked on the scan, mm."""
 
@@ -71,6 +67,11 @@ class ReviewWindow(BrowserWindow):
         """Where the photograph stands in the view; None without frames."""
         frames = self.review.material.frames
         return None if frames is None else Plane(frames.width, frames.height)
+
+    @property
+    def camera(self) -> Camera | None:
+        """By which the outlines are drawn."""
+        return self.review.material.camera
 
     def kept_text(self, folder: Path, purpose: str) -> str:
         """Return, as Markdown, where corrections were kept and the command line that uses them."""
@@ -88,16 +89,11 @@ class ReviewWindow(BrowserWindow):
     def _refresh_panels(self) -> None:
         frames = self.review.material.frames
         self.frame = min(self.frame, len(frames) - 1) if frames is not None else 0
-        if self.ball is not None and self.ball >= len(self.outlines):
-            self.ball = None
-        for panel in self.panels:
-            self.attempt(panel.refresh)
+        super()._refresh_panels()
 
-    def choose(self, **changes: Any) -> None:
-        """Look at another `frame`, `ball`, `view` or whatever else is kept here; what is not said stays."""
-        assert vars(self).keys() >= changes.keys()
-        vars(self).update(changes)
-        self.refresh()
+    def choose_ball(self, ball: int | None) -> None:
+        """Look at a ball on the photograph."""
+        self.choose(ball=ball, view="Photograph")
 
     def show(self, **changes: Any) -> None:
         """Show the photograph in another way; see `Look`."""

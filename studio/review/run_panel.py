@@ -19,14 +19,14 @@ class RunPanel:
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
         self._what = gui.add_markdown("")
-        self.work = WorkButtons(window, "Run the steps", self._arguments, self._ended, window.read_again)
+        self.work = WorkButtons(window, {"Run the steps": self._arguments}, self._ended, window.read_again)
         window.button("Read the folder again", window.read_again)
         self._forget_button = window.button("Forget what was kept", self._forget)
 
     def refresh(self) -> None:
         """Say what would be run."""
         review, is_running = self._window.review, self.work.is_busy
-        self.work.start.disabled = is_running or review.session is None
+        self.work.disable(is_running or review.session is None)
         self._forget_button.disabled = is_running or not is_kept(review.store)
         if review.session is None:
             self._what.content = plain(review.why_no_session)
@@ -87,7 +87,7 @@ def options_of(summary: dict[str, Any]) -> list[str]:
     return options + [f"--external={name}={command}" for name, command in programs.items()]
 
 
-def process_arguments(session: Path, out: Path, options: Sequence[str] = ()) -> list[str]:
-    """Return Python's arguments for `rgbn process SESSION --out OUT` with more options."""
-    program = ["-c", "from rgbn.cli import main; main()", "process"]
+def process_arguments(session: Path, out: Path, options: Sequence[str] = (), *, verb: str = "process") -> list[str]:
+    """Return Python's arguments for `rgbn VERB SESSION --out OUT` with more options."""
+    program = ["-c", "from rgbn.cli import main; main()", verb]
     return [*program, str(session.resolve()), "--out", str(out.resolve()), *options]

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from compare.report.facts import read_optional
+from studio.photograph.plane import ROOT, Plane, add_lines, add_numbered
 from studio.review.corrected_session import write_amended
-from studio.review.plane import ROOT, Plane, add_lines, add_numbered
 from studio.review.review_window import ReviewWindow
 from studio.review.scan_picks import pose_of, write_picks
 from studio.widgets import Layers, plain
@@ -38,7 +38,7 @@ class ScanPanel:
         """Follow the window."""
         window, picks, plane = self._window, self._window.picks, self._window.plane
         self._facts.content = self._text()
-        self._go.label = "Start picking" if window.on_photograph is None else "Stop picking"
+        self._go.label = "Stop picking" if self._is_picking else "Start picking"
         if plane is not None:
             self._layers.draw("pixels", (window.reading, picks.pixels), lambda: self._add_pixels(plane))
             key = (window.reading, self._strokes.tobytes())
@@ -46,6 +46,10 @@ class ScanPanel:
         waiting = len(picks.pixels) > len(picks.points)
         self._status.content = f"{picks.pairs} pairs." + (" Now the same point on the scan." if waiting else "")
         self._keep.disabled = picks.pairs < FEWEST or window.review.session is None
+
+    @property
+    def _is_picking(self) -> bool:
+        return self._window.on_photograph == self._take_pixel
 
     def _text(self) -> str:
         review = self._window.review
@@ -61,7 +65,7 @@ class ScanPanel:
 
     def _toggle(self) -> None:
         window = self._window
-        if window.on_photograph is not None:
+        if self._is_picking:
             window.on_photograph = window.on_scan = None
         else:
             _ = window.review.scan_mesh  # What is at fault with it is told before anything is picked.

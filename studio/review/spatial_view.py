@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scene.mesh import Mesh
 from studio.display_mesh import MOST_FACES, display_mesh
 from studio.editor.placement import quaternion
+from studio.photograph.plane import add_numbered
 from studio.review.hemisphere import covariance_mm2, ellipsoid_of, light_places
-from studio.review.plane import add_numbered
 from studio.review.review_window import ReviewWindow
 from studio.review.scan_picks import met
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow

@@ -5,7 +5,7 @@ import pytest
 
 from capture.session.session import load_session
 from scene.rays import RayCaster
-from studio.review.plane import Plane
+from studio.photograph.plane import Plane
 from studio.review.scan_panel import ScanPanel
 from studio.review.scan_picks import met
 from studio.review.spatial_view import SCAN_SIZE

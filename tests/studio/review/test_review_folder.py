@@ -13,13 +13,15 @@ from capture.session.session import load_session
 from scene.errors import SceneError
 from scene.output_folder import open_record
 from scene.rays import RayCaster
-from studio.review.contact_sheet import CHOSEN, CLIPPED, WARNED, contact_sheet
+from studio.photograph.outlines import Outline, added, moved, removed, resized
+from studio.photograph.picture_strip import CHOSEN
+from studio.photograph.plane import Plane
 from studio.review.corrected_session import forget_kept, write_amended
-from studio.review.corrections import added, moved, outlines_of, removed, resized, specs_of
+from studio.review.corrections import outlines_of, specs_of
 from studio.review.folder import Review, found_at, targets
+from studio.review.frame_strip import CLIPPED, WARNED, frame_strip
 from studio.review.frames_panel import lacks_text
 from studio.review.photograph_picture import CLIPPED_COLOUR, Look, photograph
-from studio.review.plane import Plane
 from studio.review.recalibration import change_of, mirrored_px
 from studio.review.scan_picks import Picks, met, pose_of, write_picks
 from studio.review.twin_panel import twin_picture
@@ -68,7 +70,7 @@ def test_each_part_that_is_not_there_is_named_and_no_other(made, file, lacking, 
     assert "Run it again" in why or "no ball was found" in why or "no registered scan" in why
     # Whatever is missing, the rest is shown.
     if lacking == {"frames"}:
-        assert contact_sheet(review) is None
+        assert frame_strip(review) is None
         with pytest.raises(SceneError, match="frames"):
             photograph(review, 0, Look())
     else:
@@ -125,7 +127,7 @@ def test_a_warning_goes_to_what_it_names(made):
 
 def test_the_strip_leads_to_the_frame_that_is_seen_there(review, made):
     """Each frame has a colour of its own: wherever it is seen on the strip, that frame is found."""
-    sheet = contact_sheet(review)
+    sheet = frame_strip(review)
     exposure = review.material.exposure
     for index in range(5):
         colour = exposure.develop(made.linear[index, :1, :1])[0, 0]
@@ -222,9 +224,9 @@ def test_balls_are_moved_one_at_a_time_and_stay_in_the_picture(review, made):
     assert (there[0], there[2]) == (balls[0], balls[2])
     assert resized(balls, 0, -3.0, made.camera)[0].radius_px == 4.0
     assert removed(there, 1) == (balls[0], balls[2])
-    more = added(balls, "white", made.camera)
+    more = added(balls, "white", (20.5, 400.0), made.camera)
     assert more[:3] == balls
-    assert more[3].kind == "white"
+    assert more[3] == Outline("white", (20.5, 119.0), 13.0, None, True), "as large as most"
 
 
 def test_balls_that_were_not_found_wait_to_be_put_in_place(made):

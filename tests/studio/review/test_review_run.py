@@ -16,8 +16,9 @@ from rgbn.cli import app
 from scene.errors import SceneError
 from studio import background_process
 from studio.background_process import BackgroundProcess
+from studio.photograph.outlines import moved
 from studio.review.corrected_session import write_amended
-from studio.review.corrections import moved, specs_of
+from studio.review.corrections import specs_of
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel, options_of, process_arguments
 from studio.workspace import Workspace

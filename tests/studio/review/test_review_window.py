@@ -111,3 +111,32 @@ def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
     window.read_again()
     assert folder.label == "Warnings (2)"
     assert "\\<img src\\=x\\>" in window.panels[0]._layers._handles["warnings"][-1].content
+
+
+def test_a_ball_is_added_where_it_is_clicked(reviewing, settle):
+    """The next click is its middle, and no other's; it can be turned into one of the other kind."""
+    window = reviewing(PhotographView, BallsPanel)
+    client, found, plane = window.client, window.outlines, window.plane
+
+    def click(pixel):
+        aim = plane.place(pixel)
+        client.clicks(client.seen("/photograph/picture"), ray_origin=aim + [0, 0, 5], ray_direction=[0.0, 0.0, -1.0])
+        settle(window)
+
+    click((90.0, 20.0))
+    client.says("Add a white ball")
+    settle(window)
+    click((100.5, 30.25))
+    assert window.outlines[:3] == found
+    assert window.outlines[3].center_px == pytest.approx((100.5, 30.25))
+    assert (window.outlines[3].kind, window.outlines[3].radius_px, window.ball) == ("white", 13.0, 3)
+    click((26.0, 92.0))
+    assert (len(window.outlines), window.ball) == (4, 2), "the next click chooses a ball again"
+    client.says(client.input("kind"), "chrome")
+    settle(window)
+    assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "chrome", "white"]
+    assert window.outlines[2].is_moved
+    client.says("Remove this ball")
+    settle(window)
+    assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "white"]
+    assert not client.told

@@ -1,0 +1,100 @@
+"""Balls outlined on the photograph with their names; knobs on the chosen one to drag."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.camera import Camera
+from scene.spheres import Sphere
+from studio.photograph.outlines import Outline, moved, resized
+from studio.photograph.photograph_window import PhotographWindow
+from studio.photograph.plane import ROOT, Plane, add_lines
+from studio.widgets import NO_SHADOW, Layers
+
+Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
+KNOB = (255, 150, 0)
+
+
+class OutlineMarks:
+    """What is drawn of the window's outlines. colour: Given an outline, that of its line."""
+
+    def __init__(self, window: PhotographWindow, colour: Callable[[Outline], Colour]) -> None:
+        self._window, self._view, self._layers = window, window.client.scene, Layers()
+        self._colour, self._knobs = colour, []
+
+    def refresh(self, plane: Plane) -> None:
+        """Draw the window's balls. A knob is moved, not made anew: it may be under a hand."""
+        window, camera, draw = self._window, self._window.camera, self._layers.draw
+        now = (window.reading, window.ball)
+        draw("outlines", (now, window.outlines, camera), lambda: self._add_outlines(plane, camera))
+        draw("knobs", (now, len(window.outlines), camera is None), lambda: self._add_knobs(plane, camera))
+        if window.ball is not None and self._knobs:
+            for knob, place in zip(self._knobs, self._knob_places(plane, window.ball), strict=True):
+                knob.position = tuple(place)
+
+    def _add_outlines(self, plane: Plane, camera: Camera | None) -> list[Any]:
+        window, handles = self._window, []
+        if camera is None:
+            return handles
+        for index, ball in enumerate(window.outlines):
+            is_chosen = window.ball == index
+            if ball.apart and not is_chosen:
+                continue
+            width_px = 3.0 if is_chosen else 2.0
+            name = f"outline_{index}"
+            handles.append(add_outline(self._view, name, plane, camera, ball.sphere, self._colour(ball), width_px))
+            corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
+            label = f"{ball.kind} ball {index + 1}"
+            handles.append(self._view.add_label(f"{ROOT}/name_{index}", label, position=tuple(corner)))
+        return handles
+
+    def _knob_places(self, plane: Plane, index: int) -> Array:
+        """Return where the knobs stand, on the middle and the rim."""
+        ball = self._window.outlines[index]
+        return plane.place(np.add(ball.center_px, [[0, 0], [ball.radius_px, 0]]), lift=0.003)
+
+    def _add_knobs(self, plane: Plane, camera: Camera | None) -> list[Any]:
+        window, index = self._window, self._window.ball
+        self._knobs = []
+        if index is None or camera is None:
+            return []
+
+        def to_center(pixel: tuple[float, float]) -> None:
+            window.correct(moved(window.outlines, index, pixel, plane))
+
+        def to_rim(pixel: tuple[float, float]) -> None:
+            reach = float(np.hypot(*np.subtract(pixel, window.outlines[index].center_px)))
+            window.correct(resized(window.outlines, index, reach, plane))
+
+        look = {"radius": 0.05 * window.outlines[index].radius_px * plane.per_px, "color": KNOB, **NO_SHADOW}
+        for name, at, use in zip(("center", "rim"), self._knob_places(plane, index), (to_center, to_rim), strict=True):
+            self._knobs.append(self._view.add_icosphere(f"{ROOT}/{name}", position=tuple(at), **look))
+            self._on_drag(self._knobs[-1], plane, use)
+        return list(self._knobs)
+
+    def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float]], None]) -> None:
+        def dragged(phase: str, eye: Array, end: Array) -> None:
+            pixel = plane.pixel(eye, end - eye)
+            if pixel is not None and phase != "start":
+                use(pixel)
+
+        def said(event: Any) -> tuple[Any, ...]:
+            return event.phase, np.array(event.client.camera.position), np.array(event.end_position)
+
+        self._window.on(knob.on_drag("left"), dragged, said)
+
+
+def add_outline(
+    view: Any, name: str, plane: Plane, camera: Camera, sphere: Sphere, colour: Colour, width_px: float,
+    *, lift: float = 0.002,
+) -> Any:  # fmt: skip
+    """Add a sphere's outline as the camera sees it; return its handle."""
+    return add_lines(view, name, closed(plane.place(sphere.outline(camera, 180), lift=lift)), colour, width_px)
+
+
+def closed(points: Array) -> Array:
+    """Return (K, 2, 3), the strokes of a closed line through points (K, 3)."""
+    return np.stack([points, np.roll(points, -1, 0)], 1)

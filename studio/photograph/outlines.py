@@ -1,0 +1,87 @@
+"""Balls as they are outlined on a photograph, and what a hand does to them."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
+
+import numpy as np
+
+from scene.spheres import Kind, Sphere
+
+SMALLEST_PX = 4.0
+"""A ball of a smaller radius tells nothing."""
+
+
+class HasSize(Protocol):
+    """What has a picture's width and height, pixels: its plane in the view, its camera."""
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A ball as it is to be calibrated with, moved by hand or not, and photographed apart or not.
+
+    center_px: Projection of its centre, pixels of the frames.
+    """
+
+    kind: Kind
+    center_px: tuple[float, float]
+    radius_px: float
+    diameter_mm: float | None = None
+    is_moved: bool = False
+    apart: bool = False
+
+    @property
+    def sphere(self) -> Sphere:
+        """The same as the fit's type, to be drawn."""
+        return Sphere(self.kind, np.array(self.center_px), self.radius_px, self.diameter_mm, apart=self.apart)
+
+
+Outlines = tuple[Outline, ...]
+
+
+def moved(balls: Outlines, index: int, center_px: tuple[float, float], picture: HasSize) -> Outlines:
+    """Return the balls, one of them elsewhere, its centre inside the picture."""
+    return _with(balls, index, center_px=_inside(center_px, picture))
+
+
+def resized(balls: Outlines, index: int, radius_px: float, picture: HasSize) -> Outlines:
+    """Return the balls, one of them larger or smaller."""
+    largest = max(picture.width, picture.height)
+    return _with(balls, index, radius_px=float(min(max(radius_px, SMALLEST_PX), largest)))
+
+
+def added(balls: Outlines, kind: Kind, center_px: tuple[float, float], picture: HasSize) -> Outlines:
+    """Return the balls and one more, as large as most of them."""
+    seen = [ball.radius_px for ball in balls if not ball.apart]
+    radius = float(np.median(seen)) if seen else max(picture.width / 20, SMALLEST_PX)
+    return (*balls, Outline(kind, _inside(center_px, picture), radius, None, True))
+
+
+def removed(balls: Outlines, index: int) -> Outlines:
+    """Return the balls without one of them."""
+    return (*balls[:index], *balls[index + 1 :])
+
+
+def of_kind(balls: Outlines, index: int, kind: Kind) -> Outlines:
+    """Return the balls, one of them of this kind."""
+    return balls if balls[index].kind == kind else _with(balls, index, kind=kind)
+
+
+def under(balls: Outlines, pixel: tuple[float, float]) -> int | None:
+    """Return the ball that a pixel lies on; of several the one whose middle is nearest, in radii."""
+    away = [np.inf if ball.apart else np.hypot(*np.subtract(ball.center_px, pixel)) / ball.radius_px for ball in balls]
+    return int(np.argmin(away)) if away and min(away) < 1 else None
+
+
+def _inside(center_px: tuple[float, float], picture: HasSize) -> tuple[float, float]:
+    u = min(max(float(center_px[0]), 0.0), picture.width - 1.0)
+    return u, min(max(float(center_px[1]), 0.0), picture.height - 1.0)
+
+
+def _with(balls: Outlines, index: int, **changes: Any) -> Outlines:
+    return (*balls[:index], replace(balls[index], is_moved=True, **changes), *balls[index + 1 :])
