@@ -42,7 +42,8 @@ def camera_text(camera: Camera) -> str:
         for size, focal in ((camera.width, camera.fx), (camera.height, camera.fy))
     )
     doubt = f" ± {100 * camera.focal_sigma:.2g} %" if camera.focal_sigma else ""
-    return f"focal length {camera.fx:.1f} px{doubt}, field of view {across:.1f} x {down:.1f} deg, from {camera.source}"
+    source = "taken as most cameras have it" if camera.source == "assumed" else f"from {camera.source}"
+    return f"focal length {camera.fx:.1f} px{doubt}, field of view {across:.1f} x {down:.1f} deg, {source}"
 
 
 def percent(share: float) -> str:

@@ -1,5 +1,6 @@
 """What the tables say, in units that a person can check."""
 
+from dataclasses import replace
 from io import StringIO
 from types import SimpleNamespace
 
@@ -35,6 +36,7 @@ def test_a_camera_is_told_by_its_field_of_view_and_source():
     assert f"{across:.1f} x {down:.1f} deg" in text
     assert "900.0 px ± 1 %" in text
     assert text.endswith("from EXIF")
+    assert camera_text(replace(CAMERA, source="assumed")).endswith("taken as most cameras have it")
     assert "not known" in camera_text(Camera.orthographic(640, 480))
 
 
