@@ -14,6 +14,7 @@ from lab.run import is_description, run_session
 from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
+from rgbn.init_command import init
 from rgbn.light_export import FORMATS
 from studio.studio_command import studio
 
@@ -235,6 +236,7 @@ def export(
         print(path)
 
 
+app.command(init, sort_key=0)
 app.command(sweep, sort_key=10)
 app.command(studio, sort_key=12)
 app.command(dataset)

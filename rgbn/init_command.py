@@ -21,9 +21,12 @@ def init(
     ] = False,
     chrome: Annotated[
         tuple[float, ...],
-        Parameter(help="Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first."),
+        Parameter(
+            help="Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first.",
+            negative="",
+        ),
     ] = (),
-    white: Annotated[tuple[float, ...], Parameter(help="Diameter of the white balls, mm.")] = (),
+    white: Annotated[tuple[float, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = (),
     unit: Annotated[
         Literal["mm", "cm", "m", "inch", "unknown"] | None,
         Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),

@@ -1,0 +1,112 @@
+"""A folder of photographs to its session.toml, and on."""
+
+import io
+import shutil
+import sys
+
+import numpy as np
+import pytest
+
+from capture.session.session import load_session
+from capture.session.session_types import Lens
+from lab.init.answers import Answers
+from lab.init.init_session import init_sessions
+from lab.run import run_session
+from scene.errors import SessionError
+from scene.normals import angular_error_deg
+from scene.rooms import ROOT
+from scene.store import Store
+
+DIAMETERS = {"chrome": (100.0,), "white": (90.0,)}
+FIXTURE = ROOT / "fixtures" / "bumpy"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """The fixture's files under names that say nothing, without its session.toml."""
+    monkeypatch.chdir(tmp_path)
+    place = tmp_path / "penguin"
+    (place / "DCIM").mkdir(parents=True)
+    for n, path in enumerate(sorted((FIXTURE / "raw").iterdir())):
+        shutil.copy(path, place / "DCIM" / f"IMG_{4321 + n}.DNG")
+        (place / "DCIM" / f"IMG_{4321 + n}.JPG").write_bytes(b"a preview")
+    shutil.copytree(FIXTURE / "scan", place / "scan")
+    return place
+
+
+def lay_out(folder):
+    return {path.relative_to(folder).as_posix(): path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+@pytest.mark.full
+def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeypatch, capsys):
+    before = lay_out(folder)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("100\n90\n"))
+    (made,), questions = init_sessions(folder, Answers())
+    assert questions == 2
+    after = lay_out(folder)
+    assert after.pop("session.toml")
+    assert after == before, "nothing else is touched"
+    ours, theirs = load_session(folder), load_session(FIXTURE)
+    # By its light alone the ambient frame is told from the others.
+    assert [path.stat().st_size for path in ours.flash] == [path.stat().st_size for path in theirs.flash]
+    assert len(ours.ambient) == 1
+    assert ours.ambient[0].read_bytes() == theirs.ambient[0].read_bytes()
+    assert sorted((s.kind, s.diameter_mm) for s in ours.spheres) == sorted(
+        (s.kind, s.diameter_mm) for s in theirs.spheres
+    )
+    assert (ours.scan_unit, ours.camera) == ("mm", None)
+    assert made.sheet.is_file()
+    assert any("13 .jpg" in note and "beside a file of the same name" in note for note in made.draft.notes)
+    with pytest.raises(SessionError, match="is there already"):
+        init_sessions(folder, Answers(), silent=True)
+
+
+@pytest.mark.full
+def test_lights_without_a_word_about_the_camera(folder, tmp_path, monkeypatch):
+    """EXIF taken away: the balls tell the focal length. Its principal point, 16 px off the middle, stays in the lights."""
+    monkeypatch.setattr(
+        "capture.camera.exif._exif_of_tags", lambda tags: __import__("capture.camera.exif").camera.exif.Exif()
+    )
+    answers = Answers(DIAMETERS)
+    init_sessions(folder, answers, silent=True)
+    run_session(folder, "calibrate", out=tmp_path / "unknown")
+    run_session(FIXTURE, "calibrate", out=tmp_path / "known")
+    unknown, known = Store(tmp_path / "unknown"), Store(tmp_path / "known")
+    camera, true = unknown.load_camera(), known.load_camera()
+    assert camera.source == "balls"
+    assert abs(np.log(camera.fx / true.fx)) < 3 * camera.focal_sigma < 0.3
+    lights, right = unknown.load_lights(), known.load_lights()
+    assert lights.model == "near"
+    off = angular_error_deg(lights.directions, right.directions)
+    assert np.median(off) < np.rad2deg(16 / true.fx) + np.median(lights.direction_sigma_deg)
+
+
+@pytest.mark.full
+def test_a_tape_tells_the_focal_length(folder):
+    """radius_px = fx radius_mm / distance, to the ball's own depth."""
+    truth = Store(FIXTURE).read_json("truth.json")
+    distance = -float(np.mean([ball["centre_mm"][2] for ball in truth["spheres"]]))
+    answers = Answers(DIAMETERS, distance_mm=distance)
+    init_sessions(folder, answers, silent=True)
+    lens = load_session(folder).camera
+    assert isinstance(lens, Lens)
+    assert lens.fx == pytest.approx(truth["fx"], rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["session.toml", "1.dng", "2.dng", "3.dng"], "is there already, and is not written over"),
+        (["filenames.txt", "1.png", "2.png", "3.png"], "DiLiGenT layout already. Run: rgbn process"),
+        (["1.png", "2.png"], "holds 2 photographs"),
+        (["1.png", "2.png", "3.png"], "0 of 3 photographs can be read.\n.*1.png"),
+    ],
+)
+def test_what_is_refused(tmp_path, names, words):
+    for name in names:
+        (tmp_path / name).write_bytes(b"")
+    before = lay_out(tmp_path)
+    with pytest.raises(SessionError, match=words):
+        init_sessions(tmp_path, Answers(), silent=True)
+    assert lay_out(tmp_path) == before
