@@ -64,7 +64,7 @@ def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeyp
 
 @pytest.mark.full
 def test_lights_without_a_word_about_the_camera(folder, tmp_path, monkeypatch):
-    """EXIF taken away: the balls tell the focal length. Its principal point, 16 px off the middle, stays in the lights."""
+    """EXIF taken away: the balls tell the focal length; that the principal point is 16 px off the middle stays."""
     monkeypatch.setattr(
         "capture.camera.exif._exif_of_tags", lambda tags: __import__("capture.camera.exif").camera.exif.Exif()
     )
