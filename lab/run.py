@@ -112,6 +112,7 @@ def run_session(
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(job.twin),
             "refine_lights": job.refine_lights,
+            "truth": None if job.truth is None else str(job.truth.resolve()),
         }
         with around(job) if around else nullcontext():
             job.run(STEPS, wanted)

@@ -256,7 +256,7 @@ def open_session(
     scheduler : str, optional
         Address of a Dask scheduler.
     truth : str or Path, optional
-        Folder of a known truth (truth.json, truth.npz) to judge the results by.
+        Folder of a known truth (truth.json, truth.npz) to judge the results by. Default: as the output folder was made.
     refine_lights : bool, optional
         Let the registered scan's own shading correct lights that it contradicts. Default: as the output folder was
         made; not in a new one.

@@ -21,7 +21,7 @@ class SessionSteps:
     scheduler : str, optional
         Address of a Dask scheduler.
     truth : Path, optional
-        Folder of a known truth.
+        Folder of a known truth. Default: as the output folder was made.
     refine_lights : bool, optional
         Let the registered scan correct the lights. Default: as the output folder was made.
     """
@@ -37,7 +37,8 @@ class SessionSteps:
     ) -> None:
         self.path, self.out = path, out
         before = self.told.get("arguments") or {}
-        self._scheduler, self._truth = scheduler, truth
+        known = truth or before.get("truth")
+        self._scheduler, self._truth = scheduler, None if known is None else Path(known)
         self._refine = bool(before.get("refine_lights")) if refine_lights is None else refine_lights
         self._twin = TwinSettings(**before.get("twin") or asdict(AS_GIVEN))
         self._external = {name: f"{name}={command}" for name, command in (before.get("external") or {}).items()}

@@ -274,3 +274,23 @@ def test_mitsuba_alone_renders_the_exported_twin(demo, tmp_path):
     difference = np.abs(stock - ours)[inside].mean() / ours[inside].mean()
     assert difference < 0.03
     assert np.abs(stock - other)[inside].mean() / ours[inside].mean() > 5 * difference
+
+
+def test_python_goes_on_with_what_the_command_line_made(demo):
+    """`rgbn.open` of the demo's folder: nothing runs again, and its known truth is not lost."""
+    import rgbn
+
+    out, summary = demo
+    before = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.suffix in {".npy", ".json", ".html"}}
+    session = rgbn.open(out)
+    assert session.path == FIXTURE
+    assert session.summary["truth_check"] == summary["truth_check"]
+    rows = {(row["method"], row["frames"]): row for row in session.errors}
+    for (method, frames), row in rows.items():
+        assert row["median_deg"] == summary["compare"]["methods"][method][frames]["median_deg"]
+        off = np.nanmedian(session.error_deg(method, twin=frames == "twin")[session.mask])
+        assert off == pytest.approx(row["median_deg"], abs=1e-3)
+    assert len(rows) == 4
+    assert session.report == out / "report.html"
+    after = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.suffix in {".npy", ".json", ".html"}}
+    assert after == before
