@@ -1,7 +1,6 @@
 """The documentation as a site, by `make docs`. Nothing is fetched from the net, neither to build it nor to read it."""
 
 from importlib.metadata import version as version_of
-from pathlib import Path
 
 project = "rgbn"
 author = "the rgbn developers"
@@ -13,9 +12,6 @@ myst_enable_extensions = ["tasklist"]
 myst_heading_anchors = 3
 # `toml` stands in the pages as people write it, `...` and all.
 suppress_warnings = ["misc.highlighting_failure"]
-
-if not (Path(__file__).parent / "guide" / "first-session.ipynb").is_file():
-    suppress_warnings.append("myst.xref_missing")
 
 html_theme = "furo"
 html_title = "rgbn"

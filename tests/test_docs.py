@@ -16,7 +16,6 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted(path for path in DOCS.rglob("*.md") if "_build" not in path.parts)
 WRITTEN = [*PAGES, ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
-NOTEBOOK = DOCS / "guide" / "first-session.ipynb"
 NAMES = [str(path.relative_to(ROOT)) for path in WRITTEN]
 
 
@@ -44,7 +43,7 @@ def test_links_lead_somewhere(page):
     for target in links(page):
         name, _, anchor = target.partition("#")
         found = (page.parent / name).resolve() if name else page
-        assert found.is_file() or found == NOTEBOOK, f"{page.name}: {target}"
+        assert found.is_file(), f"{page.name}: {target}"
         assert found.is_relative_to(ROOT)
         if anchor:
             assert anchor in anchors(found), f"{page.name}: {target}"

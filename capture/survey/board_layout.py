@@ -11,8 +11,8 @@ from capture.survey.small_pictures import Small
 
 DICTIONARIES = ("DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL")
 """Each holds the smaller ones of its kind, under the same numbers."""
-FEWEST = 6
-"""Markers that make a board."""
+FEWEST, FEWEST_SHOTS = 6, 3
+"""Markers that make a board, and pictures of one that make a camera: a chequered table is none."""
 LONGEST_SIDE = 3
 """Times its shorter one: no board is narrower."""
 
@@ -27,19 +27,19 @@ class Layout:
 
 
 def find_board(pictures: Sequence[Small]) -> tuple[Layout | None, list[Small]]:
-    """Return the board's layout, and the pictures that show a board; None and none where no picture does."""
+    """Return the board's layout, and the pictures that show a board; None and none for too few of them."""
     grays = [_gray(one) for one in pictures]
     for name in DICTIONARIES:
         seen = [_markers(gray, name) for gray in grays]
         shown = [n for n, markers in enumerate(seen) if len(markers) >= FEWEST]
-        if shown:
+        if len(shown) >= FEWEST_SHOTS:
             layout = _charuco(name, [seen[n] for n in shown])
             return layout, [pictures[n] for n in shown] if layout else []
     found = {n: shape for n, gray in enumerate(grays) if (shape := _chessboard(gray))}
-    if not found:
-        return None, []
     shapes = list(found.values())
-    shape = max(set(shapes), key=shapes.count)
+    shape = max(set(shapes), key=shapes.count, default=(0, 0))
+    if shapes.count(shape) < FEWEST_SHOTS:
+        return None, []
     return Layout((shape[0] + 1, shape[1] + 1)), [pictures[n] for n, one in found.items() if one == shape]
 
 

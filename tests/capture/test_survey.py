@@ -214,17 +214,20 @@ def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
         board.generateImage((squares[0] * 90, squares[1] * 90)), 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255
     )
     blank = picture("blank", np.full((600, 800), 0.2), tmp_path)
-    layout, shots = find_board([blank, *(shown(art, seed, tmp_path, f"{seed}") for seed in range(2))])
+    layout, shots = find_board([blank, *(shown(art, seed, tmp_path, f"{seed}") for seed in range(3))])
     assert layout.squares == squares
     assert layout.dictionary[:8] == dictionary[:8]
     assert layout.marker_share == pytest.approx(share, abs=0.02)
-    assert [one.path.name for one in shots] == ["0", "1"]
+    assert [one.path.name for one in shots] == ["0", "1", "2"]
 
 
 def test_a_chessboard_is_read_off(tmp_path):
     art = 255 * np.kron(np.indices((6, 9)).sum(0) % 2, np.ones((60, 60))).astype(np.uint8)
     art = cv2.copyMakeBorder(art, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)
-    layout, shots = find_board([shown(art, seed, tmp_path, f"{seed}") for seed in range(2)])
+    pictures = [shown(art, seed, tmp_path, f"{seed}") for seed in range(3)]
+    layout, shots = find_board(pictures)
     assert (layout.squares, layout.dictionary, layout.marker_share) == ((9, 6), None, None)
-    assert len(shots) == 2
+    assert len(shots) == 3
+    # A chequered table under the room's light alone was taken for a board.
+    assert find_board(pictures[:1]) == (None, [])
     assert find_board([picture("blank", np.full((300, 400), 0.2), tmp_path)]) == (None, [])
