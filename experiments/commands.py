@@ -10,7 +10,6 @@ from cyclopts import App, Parameter
 from lab.options import DEFAULT_METHODS, in_any_case
 from lab.progress import say
 from scene.errors import SceneError
-from scene.reading import told
 from solve.method_names import METHODS
 
 
@@ -117,6 +116,8 @@ def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.
         plain = {**asdict(verdict), "folder": str(verdict.folder), "ok": not verdict.faults}
         print(json_module.dumps(plain, indent=1))
     if verdict.faults:
+        from scene.reading import told
+
         raise SceneError(told(folder, verdict.faults))
     if not json:
         facts = verdict.facts

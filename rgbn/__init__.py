@@ -6,14 +6,43 @@
 >>> session.normals("iterative")
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 import scene  # noqa: F401 (before numpy is loaded)
-from lab.options import Solving, TwinSettings
-from rgbn.array_solve import solve_arrays as solve
-from rgbn.examples import example
-from rgbn.opened_session import Session
-from rgbn.opened_session import open_session as open
-from scene.camera import Camera
-from scene.errors import SceneError
-from scene.lights import Lights
+
+if TYPE_CHECKING:
+    from lab.options import Solving, TwinSettings
+    from rgbn.array_solve import solve_arrays as solve
+    from rgbn.examples import example
+    from rgbn.opened_session import Session
+    from rgbn.opened_session import open_session as open
+    from scene.camera import Camera
+    from scene.errors import SceneError
+    from scene.lights import Lights
 
 __all__ = ["Camera", "Lights", "SceneError", "Session", "Solving", "TwinSettings", "example", "open", "solve"]
+
+_PLACES = {
+    "Camera": "scene.camera.Camera",
+    "Lights": "scene.lights.Lights",
+    "SceneError": "scene.errors.SceneError",
+    "Session": "rgbn.opened_session.Session",
+    "Solving": "lab.options.Solving",
+    "TwinSettings": "lab.options.TwinSettings",
+    "example": "rgbn.examples.example",
+    "open": "rgbn.opened_session.open_session",
+    "solve": "rgbn.array_solve.solve_arrays",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for: the command line's help needs none of it, and no numpy."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'rgbn' has no attribute {name!r}")
+    place, _, known = _PLACES[name].rpartition(".")
+    return getattr(import_module(place), known)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from scene.current import ROOT
 from scene.errors import SceneError
 
 SESSION = "session.toml"
@@ -17,7 +16,8 @@ TRUTH = ("truth.json", "truth.npz")
 
 def fixture_folder() -> Path:
     """Return the folder of the session that comes with rgbn: in the installed package, else in the checkout."""
-    return next(place for place in (Path(__file__).parent / "fixture", ROOT / "fixtures" / "bumpy") if place.is_dir())
+    here = Path(__file__).resolve().parent
+    return next(place for place in (here / "fixture", here.parent / "fixtures" / "bumpy") if place.is_dir())
 
 
 class Example(NamedTuple):
