@@ -19,6 +19,12 @@ from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.preview import Preview
 from studio.editor.scene_view import SceneView
 from studio.guarded_server import GuardedServer
+from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
+from studio.new_session.found_panel import FoundPanel
+from studio.new_session.looking import Looking
+from studio.new_session.new_session_window import NewSessionWindow
+from studio.new_session.photographs_view import PhotographsView
+from studio.new_session.write_panel import WritePanel
 from studio.results.panel import ResultsPanel
 from studio.review.balls_panel import BallsPanel
 from studio.review.frames_panel import FramesPanel, WarningsPanel
@@ -36,6 +42,8 @@ EDITOR_TABS = {"Objects": ObjectsPanel, "Material": MaterialsPanel, "Lights": Li
                "File": FilesPanel}  # fmt: skip
 REVIEW_TABS = {"Frames": FramesPanel, "Balls": BallsPanel, "Lights": HemispherePanel, "Scan": ScanPanel,
                "Twin": TwinPanel, "Results": ResultsPanel, "Warnings": WarningsPanel, "Run": RunPanel}  # fmt: skip
+NEW_SESSION_TABS = {"Balls": DiametersPanel, "Photographs": PhotographsPanel, "Camera": LensPanel,
+                    "Object": ObjectPanel, "Write": WritePanel}  # fmt: skip
 WARM = -1
 """The window of nobody."""
 MOST_LEFT = 8
@@ -49,6 +57,7 @@ class Studio:
     scene: What each browser begins with; None: a new scene.
     folder: Of that scene.
     review: An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
+    looking: Folders without session.toml, in which sessions are begun instead.
     Raises SceneError: the port is taken, or the address is none of this machine's.
     Who may speak to it, and what may be said, is `guarded_server`'s matter.
     """
@@ -62,8 +71,10 @@ class Studio:
         scene: TwinScene | None = None,
         folder: Path | None = None,
         review: tuple[Path, Path | None] | None = None,
+        looking: Looking | None = None,
     ) -> None:
         _check_free(host, port)
+        self._looking = looking
         self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
         self._windows: dict[int, BrowserWindow] = {}
         self._adding = threading.Semaphore(2)
@@ -78,7 +89,7 @@ class Studio:
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.preview = Preview()
         # Kernels are compiled before the first browser waits for them.
-        if review is None:
+        if review is None and looking is None:
             self.preview.request(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
         self._server.on_client_connect(self._come)
         self._server.on_client_disconnect(self._go)
@@ -126,6 +137,10 @@ class Studio:
                 _add_tabs(window, REVIEW_TABS, width=480)
                 # The twin's panel says what stands beside the photograph.
                 views: tuple[Any, ...] = (PhotographView, SpatialView)
+            elif isinstance(window, NewSessionWindow):
+                window.panels.append(FoundPanel(window))
+                window.tabs = _add_tabs(window, NEW_SESSION_TABS, width=480)
+                views = (PhotographsView,)
             else:
                 assert isinstance(window, EditorWindow)
                 window.list_files()
@@ -135,10 +150,17 @@ class Studio:
             if not window.is_gone:
                 window.panels += [view(window) for view in views]
                 window.refresh()
+            if isinstance(window, NewSessionWindow):
+                window.open(window.files)
 
     def _window_for(self, client: Any) -> BrowserWindow:
         if self._review is not None:
             return ReviewWindow(client, self._workspace, self.preview, *self._review)
+        if self._looking is not None:
+            return NewSessionWindow(
+                client, self._workspace, self.preview, self._looking,
+                lambda folder, session: self._turn_to_review(client, folder, session),
+            )  # fmt: skip
         try:
             history = self._left.pop()
         except IndexError:
@@ -148,6 +170,17 @@ class Studio:
         window = EditorWindow(client, self._workspace, self.preview, history)
         window.notify("The scene of the window that was closed last", "File, New scene: begins anew.")
         return window
+
+    def _turn_to_review(self, client: Any, folder: Path, session: Path) -> None:
+        """Show a browser the review of an output folder instead of what it shows; and every browser that comes."""
+        window = self._windows.get(client.client_id)
+        if window is None:
+            return
+        self._review = folder, session
+        window.close()
+        client.gui.reset()
+        client.scene.reset()
+        self._come(client)
 
     def _go(self, client: Any) -> None:
         """Close the window of a browser that went away; its scene waits for the next that comes, as after a reload."""
@@ -159,17 +192,18 @@ class Studio:
         window.close()
 
 
-def _add_tabs(window: BrowserWindow, panels: dict[str, Any], *, width: int) -> None:
-    """Add panels by the words on their tabs, in the order in which they are refreshed."""
+def _add_tabs(window: BrowserWindow, panels: dict[str, Any], *, width: int) -> Any:
+    """Add panels by the words on their tabs, in the order in which they are refreshed; return the group of tabs."""
     gui = window.client.gui
     tabs = gui.add_tab_group()
     for label, panel in panels.items():
         if window.is_gone:
-            return
+            return tabs
         with tabs.add_tab(label):
             window.panels.append(panel(window))
     gui.main_panel.dock_right()
     gui.main_panel.set_width(width)
+    return tabs
 
 
 def _check_free(host: str, port: int) -> None:

@@ -60,7 +60,7 @@ def init_sessions(
         raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
     found = survey(folder)
     for one in found:
-        _check_free(one)
+        check_free(one)
     if len(found) > 1:
         say(f"{len(found)} objects: {', '.join(one.folder.name for one in found)}")
     asking, made = Asking(answers, silent), []
@@ -90,7 +90,8 @@ def write_session(draft: Draft) -> Made:
     return Made(draft, manifest, out / SHEET)
 
 
-def _check_free(files: FolderFiles) -> None:
+def check_free(files: FolderFiles) -> None:
+    """Raise SessionError where session.toml is there already, or cannot be written."""
     manifest = files.folder / MANIFEST
     if manifest.exists():
         raise SessionError(

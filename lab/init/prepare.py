@@ -1,6 +1,6 @@
 """A folder looked at: roles of the photographs, camera, balls, scan; what is not sure is noted."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -34,7 +34,10 @@ def prepare(files: FolderFiles, asking: Asking, progress: Progress | None = None
         Too few photographs can be read or are of one size; answers do not fit what was found.
     """
     draft, exif = _look(files, asking, progress)
-    draft, camera = _camera(draft, asking, exif)
+    camera = None
+    lens = asking.answers.lens
+    if draft.board is not None or lens != Lens() or not asking.answers.distance_mm:
+        draft, camera = with_camera(draft, lens, exif)
     draft = _spheres(draft, files, asking, camera)
     draft = _given(draft, files, camera, asking)
     return _by_distance(draft, asking)
@@ -128,20 +131,20 @@ def _unlike(shots: list[Small]) -> list[Small]:
     return [one for one, share in zip(shots, alike, strict=True) if share < 0.3]
 
 
-def _camera(draft: Draft, asking: Asking, exif: list[Exif]) -> tuple[Draft, Camera | None]:
-    """Return the draft with its camera told, and the camera of the small frames; None where nothing tells it."""
+def with_camera(draft: Draft, lens: Lens, exif: Sequence[Exif]) -> tuple[Draft, Camera | None]:
+    """Return the draft with its camera told, and the camera of the small frames; None where nothing tells it.
+
+    exif: The flash frames'. Raises SessionError: the lens is known in a part that does not tell the camera.
+    """
     if draft.board is not None:
         shots = draft.photographs["board"]
         kind = "chessboard" if draft.board.dictionary is None else "ChArUco board"
         across = " x ".join(map(str, draft.board.squares))
         return replace(draft, camera_told=f"{len(shots)} shots of a {kind} of {across} squares"), None
-    lens = asking.answers.lens
-    if asking.answers.distance_mm and lens == Lens():
-        return draft, None
     camera, told = camera_from_lens(lens, exif, draft.width, draft.height)
     if camera.is_orthographic:
-        text = "not known: no EXIF, no board. It is sought by the balls; or give --focal-mm and --sensor-mm."
-        return replace(draft, camera_told=text), None
+        text = "not known: no EXIF, no board. It is sought by the balls; or give focal_mm and sensor_mm."
+        return replace(draft, lens=lens, camera_told=text), None
     words = told[0].removeprefix("camera: ").partition(". ")[0] if told else f"focal length {camera.fx:.0f} px"
     return replace(draft, lens=lens, camera_told=words), _reduced(camera, draft)
 

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report import pictures
+from studio.photograph.ball_crop import add_crop
 from studio.photograph.outline_marks import KNOB as MOVED
 from studio.photograph.outline_marks import OutlineMarks, add_outline, closed
-from studio.photograph.plane import ROOT, Plane, add_lines, add_picture
+from studio.photograph.plane import Plane, add_lines
 from studio.review.recalibration import mirrored_px, residuals_px, rms_px
 from studio.review.review_window import ReviewWindow
 from studio.widgets import Layers
@@ -16,7 +16,6 @@ from studio.widgets import Layers
 Array = NDArray[np.float64]
 FITTED, AGAIN = (60, 220, 90), (60, 170, 255)
 SEEN, MISSES = (255, 235, 60), (255, 70, 200)
-CROP_WIDTH = 500
 
 
 class BallMarks:
@@ -57,17 +56,7 @@ class BallMarks:
             frames, exposure = review.material.photographs_of_ball(window.ball)
         if frames is None or exposure is None:
             return []
-        center, size = np.array(ball.center_px), {"width": frames.width, "height": frames.height}
-        box = pictures.Box.around(center - ball.radius_px, center + ball.radius_px, margin=0.25, **size)
-        image = pictures.shrink(pictures.ball_picture(frames, box, brightest=False), CROP_WIDTH)
-        if ball.kind == "chrome":
-            brightest = pictures.shrink(pictures.ball_picture(frames, box, brightest=True), CROP_WIDTH)
-            image = pictures.mirror_picture(image / exposure.balance, brightest)
-        else:
-            image = exposure.develop(image)
-        middle = plane.place([(box.left + box.right - 1) / 2, (box.top + box.bottom - 1) / 2], lift=0.001)
-        size = (box.width * plane.per_px, box.height * plane.per_px)
-        return [add_picture(window, f"{ROOT}/crop", image, size, middle)]
+        return [add_crop(window, plane, frames, exposure, ball)]
 
     def _add_highlights(self, plane: Plane) -> list[Any]:
         """Draw the chosen ball's highlights, and by how much they miss, drawn larger."""

@@ -1,0 +1,68 @@
+"""What was found, in a few lines above all tabs; and which of several objects it is about."""
+
+from pathlib import Path
+
+from lab.init.draft import Draft
+from lab.session_place import MANIFEST
+from studio.new_session.found_capture import KINDS
+from studio.new_session.new_session_window import NewSessionWindow
+from studio.widgets import code, plain
+
+
+class FoundPanel:
+    """The folder, how far it was looked at, and what it holds."""
+
+    def __init__(self, window: NewSessionWindow) -> None:
+        self._window, gui = window, window.client.gui
+        gui.add_markdown("### New session")
+        self._names = {_name(files.folder, window): files for files in window.looking.folders}
+        self._object = gui.add_dropdown("object", tuple(self._names), visible=len(self._names) > 1)
+        self._state = gui.add_markdown("")
+        self._bar = gui.add_progress_bar(0, visible=False, animated=True)
+        window.on_input(self._object, lambda name: window.open(self._names[name]))
+
+    def refresh(self) -> None:
+        """Follow the window."""
+        window = self._window
+        self._bar.visible, self._bar.value = bool(window.state), 100 * window.share
+        if window.capture is None:
+            self._state.content = f"{code(str(window.files.folder))}\n\n**{plain(window.state)} ...**"
+        else:
+            self._state.content = found_text(window.draft)
+
+
+def _name(folder: Path, window: NewSessionWindow) -> str:
+    there = " (has a session.toml)" if (folder / MANIFEST).exists() else ""
+    return f"{folder.relative_to(_top(window))}{there}" if len(window.looking.folders) > 1 else folder.name
+
+
+def _top(window: NewSessionWindow) -> Path:
+    """Return the folder that holds all objects'."""
+    first, *others = (files.folder for files in window.looking.folders)
+    return next(place for place in first.parents if all(one.is_relative_to(place) for one in others))
+
+
+def found_text(draft: Draft) -> str:
+    """Return what was found, as Markdown."""
+    roles = ", ".join(f"{len(paths)} {role}" for role, paths in draft.photographs.items())
+    rows = [("photographs", f"{roles}; {draft.width} x {draft.height} px"), ("balls", _balls_text(draft))]
+    rows.append(("camera", draft.camera_told))
+    if draft.scan:
+        rows.append(("scan", f"{draft.scan.name}, {draft.scan_told}"))
+    rows += [(what, path.name) for what, path in
+             (("mask", draft.mask), ("lights", draft.lights), ("normals", draft.normals)) if path]  # fmt: skip
+    lines = [f"{code(str(draft.folder))}", "", "| | |", "|---|---|"]
+    lines += [f"| **{what}** | {plain(text)} |" for what, text in rows]
+    count = len(draft.notes)
+    notes = f"⚠ {count} missing or assumed: see **Write**." if count else "Nothing is missing, nothing assumed."
+    return "\n".join([*lines, "", notes])
+
+
+def _balls_text(draft: Draft) -> str:
+    told = []
+    for kind in KINDS:
+        own = [ball for ball in draft.balls if ball.kind == kind]
+        known = sorted({f"{ball.diameter_mm:g} mm" if ball.diameter_mm else "diameter not known" for ball in own})
+        apart = ", shot apart" if any(ball.files for ball in own) else ""
+        told += [f"{len(own)} {kind} ({', '.join(known)}{apart})"] if own else []
+    return "; ".join(told) or "none"

@@ -1,0 +1,62 @@
+"""The folders that a studio was given to begin sessions in, each looked at once, whichever window asks."""
+
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+from capture.survey.folder_files import FolderFiles
+from scene.errors import SceneError
+from studio.new_session.found_capture import FoundCapture, look
+
+Told = Callable[[int, int], Any]
+
+
+class Looking:
+    """Folders, and what was found in those that somebody has asked for.
+
+    out: Output folder of the one session; None: out/NAME. Raises SceneError: there are several.
+    """
+
+    def __init__(self, folders: Sequence[FolderFiles], out: Path | None = None) -> None:
+        if out is not None and len(folders) > 1:
+            raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
+        self.folders, self._out = tuple(folders), out
+        self._found: dict[Path, Future[FoundCapture]] = {}
+        self._told: dict[Path, list[Told]] = {}
+        self._lock = threading.Lock()
+
+    def out_of(self, folder: Path) -> Path:
+        """Return the output folder of a session."""
+        return (self._out or Path("out") / folder.name).resolve()
+
+    def ask(self, files: FolderFiles, told: Told, done: Callable[["Future[FoundCapture]"], Any]) -> None:
+        """Have a folder looked at, in a thread of its own.
+
+        told: Called with how many photographs are read, and of how many. done: Called with what was found, or why not.
+        """
+        folder = files.folder
+        with self._lock:
+            # What failed may have been mended.
+            is_new = folder not in self._found or (self._found[folder].done() and self._found[folder].exception())
+            if is_new:
+                self._found[folder], self._told[folder] = Future(), []
+            self._told[folder].append(told)
+            future = self._found[folder]
+        if is_new:
+            # A daemon: whoever ends the studio does not wait for it.
+            threading.Thread(target=self._look, args=(files, future), daemon=True).start()
+        future.add_done_callback(done)
+
+    def _look(self, files: FolderFiles, future: "Future[FoundCapture]") -> None:
+        def progress(done: int, total: int) -> None:
+            for told in list(self._told[files.folder]):
+                told(done, total)
+
+        try:
+            found = look(files, progress)
+        except BaseException as fault:
+            future.set_exception(fault)
+        else:
+            future.set_result(found)

@@ -1,0 +1,79 @@
+"""A photograph large, or the mean of the flash frames, with the balls that were found; all of them as a strip below."""
+
+from typing import Any
+
+from lab.init.contact_sheet import COLOURS
+from studio.new_session.edited_capture import UNUSED, EditedCapture
+from studio.new_session.new_session_window import NewSessionWindow
+from studio.photograph.ball_crop import add_crop
+from studio.photograph.outline_marks import OutlineMarks
+from studio.photograph.picture_strip import INK, PictureStrip, look_at_photograph
+from studio.photograph.plane import ROOT, WIDE, Plane, add_picture
+from studio.widgets import Layers
+
+LEFT_OUT, OTHER = (150, 90, 90), (255, 210, 90)
+
+
+class PhotographsView:
+    """What stands in the view."""
+
+    def __init__(self, window: NewSessionWindow) -> None:
+        self._window, self._layers = window, Layers()
+        window.client.scene.add_frame(ROOT, show_axes=False)
+        self._marks = OutlineMarks(window, lambda ball: COLOURS[ball.kind])
+        self._strip: PictureStrip | None = None
+
+    def refresh(self) -> None:
+        """Show the photograph that is chosen; only what changed is sent."""
+        window, capture, plane, draw = self._window, self._window.capture, self._window.plane, self._layers.draw
+        if capture is None or plane is None:
+            self._layers.keep_only(set())
+            return
+        roles = tuple(map(capture.role_of, capture.found.photographs))
+        draw("small pictures", (window.reading, roles), lambda: self._make_strip(capture, roles))
+        draw("strip", (window.reading, roles, window.photograph), lambda: self._add_strip(capture, plane))
+        draw("picture", (window.reading, window.photograph), lambda: self._add_picture(capture, plane))
+        draw("crop", (window.reading, window.ball, window.photograph), lambda: self._add_crop(capture, plane))
+        draw("face", (window.reading, window.ball, window.looks), lambda: self._face(plane))
+        self._marks.refresh(plane)
+
+    def _face(self, plane: Plane) -> None:
+        look_at_photograph(self._window, plane, self._strip)
+
+    def _make_strip(self, capture: EditedCapture, roles: tuple[str, ...]) -> None:
+        paths = capture.found.photographs
+        colours = {"flash": INK, UNUSED: LEFT_OUT}
+        labels = [
+            (path.stem if role == "flash" else f"{role}: {path.stem}", colours.get(role, OTHER))
+            for path, role in zip(paths, roles, strict=True)
+        ]
+        self._strip = PictureStrip.of([capture.found.picture(path) for path in paths], labels)
+
+    def _add_strip(self, capture: EditedCapture, plane: Plane) -> list[Any]:
+        window, paths, strip = self._window, capture.found.photographs, self._strip
+        if strip is None:
+            return []
+        chosen = None if window.photograph is None else paths.index(window.photograph)
+
+        def use(index: int) -> None:
+            # A second click goes back to all of them together.
+            again = window.photograph == paths[index]
+            window.choose(photograph=None if again else paths[index], ball=None, looks=window.looks + 1)
+
+        return strip.add_to(window, plane, chosen, use)
+
+    def _add_picture(self, capture: EditedCapture, plane: Plane) -> list[Any]:
+        image, size = capture.found.picture(self._window.photograph), (WIDE, plane.high)
+
+        def clicked(across: float, down: float) -> None:
+            self._window.click((across * plane.width - 0.5, down * plane.height - 0.5))
+
+        return [add_picture(self._window, f"{ROOT}/picture", image, size, (0.0, 0.0, 0.0), clicked)]
+
+    def _add_crop(self, capture: EditedCapture, plane: Plane) -> list[Any]:
+        """Show the chosen ball by all frames together, unless one of them is looked at."""
+        window, draft = self._window, capture.draft
+        if window.ball is None or window.photograph is not None:
+            return []
+        ball = window.outlines[window.ball]
+        return [add_crop(window, plane, draft.small, capture.found.exposure, ball, step=draft.step)]
