@@ -1,5 +1,7 @@
 """Laws of poses, meshes, spheres, lights and normals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -164,7 +166,6 @@ def test_seen_from_elsewhere_lights_the_scene_alike():
 
 
 def test_white_value_keeps_the_brightness_of_the_white_ball():
-    from dataclasses import replace
 
     lights = replace(near_lights(), white_value=np.array([0.5, 0.6, 0.7]))
     moved = lights.seen_from([30.0, -20, -980])
