@@ -15,11 +15,12 @@ from capture.survey.board_layout import find_board
 from capture.survey.folder_files import BALLS, FEWEST, FolderFiles
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, read_small
 from lab.init.answers import Asking
-from lab.init.draft import Draft, DraftBall
+from lab.init.draft import Draft
+from lab.init.draft_balls import with_balls
 from lab.init.scan_unit import object_size_mm, read_scan, unit_by_size
 from scene.camera import Camera
-from scene.errors import CalibrationError, SessionError
-from scene.spheres import Kind, Sphere
+from scene.errors import SceneError, SessionError
+from scene.image_files import read_pixels
 
 EIGHT_BITS = (".png", ".tif", ".tiff", ".tga", ".bmp", ".pgm", ".ppm", ".pnm")
 Progress = Callable[[int, int], None]
@@ -38,7 +39,7 @@ def prepare(files: FolderFiles, asking: Asking, progress: Progress | None = None
     lens = asking.answers.lens
     if draft.board is not None or lens != Lens() or not asking.answers.distance_mm:
         draft, camera = with_camera(draft, lens, exif)
-    draft = _spheres(draft, files, asking, camera)
+    draft = with_balls(draft, files, asking, camera)
     draft = _given(draft, files, camera, asking)
     return _by_distance(draft, asking)
 
@@ -119,8 +120,11 @@ def _encoding(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
 def _has_eight_bits(path: Path) -> bool:
     import cv2
 
-    pixels = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-    return pixels is None or pixels.dtype == np.uint8
+    try:
+        return read_pixels(path, cv2.IMREAD_UNCHANGED).dtype == np.uint8
+    except SceneError:
+        # It is named among those that cannot be read.
+        return False
 
 
 def _unlike(shots: list[Small]) -> list[Small]:
@@ -157,74 +161,12 @@ def _reduced(camera: Camera, draft: Draft) -> Camera:
     return replace(camera, width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
 
 
-def _spheres(draft: Draft, files: FolderFiles, asking: Asking, camera: Camera | None) -> Draft:
-    """Find the balls, in the frames or in photographs of their own, and ask for their diameters."""
-    if files.lights:
-        draft = replace(draft, lights=files.lights[0])
-        return draft.noting(f"lights are read from {files.lights[0].name}: balls were not looked for.")
-    apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
-    balls = apart or found_balls(draft, camera)
-    draft = replace(draft.noting(*notes), balls=tuple(balls))
-    if not balls:
-        return draft.noting(
-            "no ball was found. Without balls, light file or given normals there are no lights: rgbn studio shows the "
-            "picture, and balls can be marked there; or add [[spheres]] with center_px and radius_px."
-        )
-    kinds: tuple[Kind, ...] = ("chrome", "white")
-    known: list[DraftBall] = []
-    for kind in kinds:
-        own = [ball for ball in draft.balls if ball.kind == kind]
-        if not own:
-            draft = draft.noting(f"no {kind} ball was found{', so lights have no positions' * (kind == 'chrome')}.")
-            continue
-        given = asking.diameters(kind, [ball.center_px for ball in own if ball.radius_px], len(own))
-        known += [replace(ball, diameter_mm=mm) for ball, mm in zip(own, given or (None,) * len(own), strict=True)]
-        if not given:
-            draft = draft.noting(
-                f"the diameter of the {kind} balls is not known: give --{kind} MM for positions in mm."
-            )
-    return replace(draft, balls=tuple(known))
-
-
-def found_balls(draft: Draft, camera: Camera | None) -> list[DraftBall]:
-    """Return the balls that the small frames show, the largest of each kind first."""
-    from calibrate.detection.balls import find_balls
-
-    try:
-        found, _, _ = find_balls(draft.small, camera or usual_camera(draft.small.width, draft.small.height), [])
-    except CalibrationError:
-        return []
-    spheres = sorted((one.sphere for one in found), key=lambda sphere: (sphere.kind, -sphere.radius_px))
-    return [DraftBall(one.kind, *_full_size(one, draft.step)) for one in spheres]
-
-
-def _full_size(sphere: Sphere, step: int) -> tuple[tuple[float, float], float]:
-    u, v = ((float(c) + 0.5) * step - 0.5 for c in sphere.center_px)
-    return (u, v), float(sphere.radius_px) * step
-
-
-def _shot_apart(files: FolderFiles, count: int) -> tuple[list[DraftBall], list[str]]:
-    """Return balls with photographs of their own, one for each flash frame."""
-    balls: list[DraftBall] = []
-    notes: list[str] = []
-    for kind in ("chrome", "white"):
-        groups: dict[tuple[Path, str], list[Path]] = {}
-        for path in files.photographs.get(kind, []):
-            groups.setdefault((path.parent, path.suffix.lower()), []).append(path)
-        fitting = [paths for paths in groups.values() if len(paths) == count]
-        alike = [p for p in fitting if p[0].suffix == files.photographs["flash"][0].suffix] or fitting
-        balls += [DraftBall(kind, files=tuple(paths)) for paths in alike[:1]]
-        notes += [f"{place.name}: {len(paths)} photographs, but {count} flash frames; not used."
-                  for (place, _), paths in groups.items() if paths not in fitting]  # fmt: skip
-    return balls, notes
-
-
 def _given(draft: Draft, files: FolderFiles, camera: Camera | None, asking: Asking) -> Draft:
     """Take the mask, the normals and the scan, with its unit."""
     apart = {word for kind in BALLS for word in (kind, "gray", "grey")}
     masks = [path for path in files.masks if not apart & set(path.stem.lower().replace(".", "_").split("_"))]
     draft = replace(draft, mask=masks[0] if masks else None, normals=files.normals[0] if files.normals else None)
-    for what, paths in (("mask", masks), ("light file", files.lights), ("normal map", files.normals)):
+    for what, paths in (("mask", masks), ("normal map", files.normals)):
         if len(paths) > 1:
             draft = draft.noting(f"{len(paths)} files may be the {what}: {paths[0].name} is taken.")
     if not files.scans:
