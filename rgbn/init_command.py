@@ -104,7 +104,7 @@ def _rows(draft: "Draft") -> list[tuple[str, str]]:
     told = f": {draft.unit_told}" if draft.unit_told else ""
     for number, ball in enumerate(draft.balls, 1):
         (u, v), diameter = ball.center_px, ball.diameter_mm
-        known = f"{diameter:g} mm" if diameter else "diameter not known"
+        known = f"{diameter:.4g} mm" if diameter else "diameter not known"
         place = f"at ({u:.0f}, {v:.0f}) px, radius {ball.radius_px:.0f} px, " if ball.radius_px else ""
         place = f"{len(ball.files)} photographs of its own, " if ball.files else place
         rows.append((f"ball {number}", f"{ball.kind}, {place}{known}"))

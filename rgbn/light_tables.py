@@ -103,7 +103,7 @@ def _balls(store: Store) -> Iterator[Any]:
                 sphere.kind,
                 f"({sphere.center_px[0]:.1f}, {sphere.center_px[1]:.1f})",
                 f"{sphere.radius_px:.2f}",
-                "–" if diameter is None else f"{diameter:g}",
+                "–" if diameter is None else f"{diameter:.4g}",
                 "–" if away is None else f"{away:.0f}",
                 f"{sphere.sigma_px:.3f}",
             )

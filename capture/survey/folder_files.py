@@ -69,7 +69,8 @@ def survey(folder: Path) -> list[FolderFiles]:
     """
     folder = folder.resolve()
     if not folder.is_dir():
-        raise SessionError(f"{folder}: there is no such folder. Give the folder that holds the photographs.")
+        lacks = "is no folder" if folder.exists() else "there is no such folder"
+        raise SessionError(f"{folder}: {lacks}. Give the folder that holds the photographs.")
     files, left_out = _without_doubles(sorted(_files(folder), key=natural_key), folder)
     whole = FolderFiles(folder, left_out=left_out)
     _sort(files, whole)
@@ -93,7 +94,7 @@ def pattern_of(files: list[Path], folder: Path) -> str | list[str]:
     # Digits that all names share are a number's beginning.
     start = _escaped(re.sub(r"\d+$", "", before))
     for pattern in (f"{start}*{suffix}", f"{start}[0-9]*{suffix}", f"{_escaped(before)}*{suffix}"):
-        if set(expand([pattern], folder)[0]) == set(files):
+        if {Path(os.path.normpath(path)) for path in expand([pattern], folder)[0]} == set(files):
             return pattern
     return [_escaped(name) for name in names]
 

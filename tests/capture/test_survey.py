@@ -111,6 +111,13 @@ def test_a_pattern_matches_its_files_and_no_other(tmp_path, names, others, patte
     assert (found, faults) == (files, [])
 
 
+def test_a_pattern_may_lead_out_of_the_folder(tmp_path):
+    lay(tmp_path, "balls/b.0.png", "balls/b.1.png", "balls/b.mask.png")
+    (tmp_path / "cat").mkdir()
+    files = [tmp_path / "balls" / f"b.{n}.png" for n in range(2)]
+    assert pattern_of(files, tmp_path / "cat") == "../balls/b.[0-9]*.png"
+
+
 @pytest.mark.parametrize(
     ("names", "words"),
     [([], "holds 0 photographs"), (["a.dng", "b.dng"], "holds 2 photographs"), (["a.txt", "b.obj"], "2 files in all")],
