@@ -120,7 +120,9 @@ class Studio:
     def _come(self, client: Any) -> None:
         if client.client_id not in self._server.get_clients():
             return  # Windows that come and go faster than they get panels leave nothing.
-        window = self._window_for(client)
+        self._put(client, self._window_for(client))
+
+    def _put(self, client: Any, window: BrowserWindow) -> None:
         self._windows[client.client_id] = window
         # What takes time is done in the window's own thread, which tells what is at fault.
         window.post(lambda: self._add_panels(window))
@@ -139,7 +141,7 @@ class Studio:
                 views: tuple[Any, ...] = (PhotographView, SpatialView)
             elif isinstance(window, NewSessionWindow):
                 window.panels.append(FoundPanel(window))
-                window.tabs = _add_tabs(window, NEW_SESSION_TABS, width=480)
+                window.tabs = _add_tabs(window, NEW_SESSION_TABS, width=480, visible=False)
                 views = (PhotographsView,)
             else:
                 assert isinstance(window, EditorWindow)
@@ -154,33 +156,27 @@ class Studio:
                 window.open(window.files)
 
     def _window_for(self, client: Any) -> BrowserWindow:
-        if self._review is not None:
-            return ReviewWindow(client, self._workspace, self.preview, *self._review)
-        if self._looking is not None:
-            return NewSessionWindow(
-                client, self._workspace, self.preview, self._looking,
-                lambda folder, session: self._turn_to_review(client, folder, session),
-            )  # fmt: skip
+        place, looking = (client, self._workspace, self.preview), self._looking
+        review = self._review or (looking and looking.only_session)
+        if review:
+            return ReviewWindow(*place, *review)
+        if looking is not None:
+            return NewSessionWindow(*place, looking, lambda *review: self._turn(client, ReviewWindow(*place, *review)))
         try:
             history = self._left.pop()
         except IndexError:
-            return EditorWindow(
-                client, self._workspace, self.preview, begun(self._workspace, self._scene, self._folder)
-            )
-        window = EditorWindow(client, self._workspace, self.preview, history)
+            return EditorWindow(*place, begun(self._workspace, self._scene, self._folder))
+        window = EditorWindow(*place, history)
         window.notify("The scene of the window that was closed last", "File, New scene: begins anew.")
         return window
 
-    def _turn_to_review(self, client: Any, folder: Path, session: Path) -> None:
-        """Show a browser the review of an output folder instead of what it shows; and every browser that comes."""
-        window = self._windows.get(client.client_id)
-        if window is None:
-            return
-        self._review = folder, session
-        window.close()
-        client.gui.reset()
-        client.scene.reset()
-        self._come(client)
+    def _turn(self, client: Any, window: BrowserWindow) -> None:
+        """Show a browser this window instead of its own."""
+        if client.client_id in self._windows:
+            self._windows[client.client_id].close()
+            client.gui.reset()
+            client.scene.reset()
+            self._put(client, window)
 
     def _go(self, client: Any) -> None:
         """Close the window of a browser that went away; its scene waits for the next that comes, as after a reload."""
@@ -192,10 +188,10 @@ class Studio:
         window.close()
 
 
-def _add_tabs(window: BrowserWindow, panels: dict[str, Any], *, width: int) -> Any:
+def _add_tabs(window: BrowserWindow, panels: dict[str, Any], *, width: int, visible: bool = True) -> Any:
     """Add panels by the words on their tabs, in the order in which they are refreshed; return the group of tabs."""
     gui = window.client.gui
-    tabs = gui.add_tab_group()
+    tabs = gui.add_tab_group(visible=visible)
     for label, panel in panels.items():
         if window.is_gone:
             return tabs

@@ -12,7 +12,7 @@ from capture.camera.session_camera import usual_camera
 from capture.session.globs import natural_key
 from capture.survey.folder_files import FolderFiles
 from capture.survey.small_pictures import Small, read_small
-from compare.report.pictures import Exposure, Image
+from compare.report.pictures import Exposure, Image, shrink
 from lab.init.answers import Answers, Asking
 from lab.init.contact_sheet import MOST
 from lab.init.draft import Draft
@@ -21,6 +21,7 @@ from lab.init.scan_unit import ScanSize, object_size_mm, read_scan
 from scene.camera import Camera
 from scene.frames import decode
 from scene.spheres import Kind
+from studio.photograph.picture_strip import CELL_PX
 
 KINDS: tuple[Kind, ...] = ("chrome", "white")
 ROLES = ("flash", "ambient", "dark", "flat", "board")
@@ -69,6 +70,11 @@ class FoundCapture:
     def exposure(self) -> Exposure:
         """The tone curve of all photographs."""
         return Exposure.for_frames(self.draft.small, white_value=self._white)
+
+    @cached_property
+    def thumbnails(self) -> tuple[Image, ...]:
+        """All photographs, as wide as the strip shows them."""
+        return tuple(self.exposure.develop(shrink(decode(one.codes), CELL_PX)) for one in self.small.values())
 
     @property
     def _white(self) -> NDArray[np.float64]:

@@ -16,17 +16,23 @@ class FoundPanel:
         self._window, gui = window, window.client.gui
         gui.add_markdown("### New session")
         self._names = {_name(files.folder, window): files for files in window.looking.folders}
+        if len(self._names) > 1:
+            gui.add_markdown("Several objects: each gets a session of its own. After a review, load this page again.")
         self._object = gui.add_dropdown("object", tuple(self._names), visible=len(self._names) > 1)
         self._state = gui.add_markdown("")
         self._bar = gui.add_progress_bar(0, visible=False, animated=True)
+        self._open = window.button("Open its review", window.open_review, visible=False)
         window.on_input(self._object, lambda name: window.open(self._names[name]))
 
     def refresh(self) -> None:
         """Follow the window."""
         window = self._window
-        self._bar.visible, self._bar.value = bool(window.state), 100 * window.share
+        self._object.value = next(name for name, files in self._names.items() if files is window.files)
+        self._bar.visible, self._bar.value = window.is_looking, 100 * window.share
+        self._open.visible = window.capture is None and window.manifest.exists()
         if window.capture is None:
-            self._state.content = f"{code(str(window.files.folder))}\n\n**{plain(window.state)} ...**"
+            told = "has a session.toml, which stays as it is." if self._open.visible else window.state
+            self._state.content = f"{code(str(window.files.folder))}\n\n**{plain(told)}**"
         else:
             self._state.content = found_text(window.draft)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from capture.survey.folder_files import FolderFiles
+from lab.session_place import MANIFEST
 from scene.errors import SceneError
 from studio.new_session.found_capture import FoundCapture, look
 
@@ -30,6 +31,13 @@ class Looking:
     def out_of(self, folder: Path) -> Path:
         """Return the output folder of a session."""
         return (self._out or Path("out") / folder.name).resolve()
+
+    @property
+    def only_session(self) -> tuple[Path, Path] | None:
+        """The output folder and the session, where there is one folder and session.toml is there by now."""
+        folder = self.folders[0].folder
+        is_only = len(self.folders) == 1 and (folder / MANIFEST).exists()
+        return (self.out_of(folder), folder) if is_only else None
 
     def ask(self, files: FolderFiles, told: Told, done: Callable[["Future[FoundCapture]"], Any]) -> None:
         """Have a folder looked at, in a thread of its own.

@@ -38,14 +38,15 @@ class NewSessionWindow(PhotographWindow):
     ) -> None:  # fmt: skip
         super().__init__(client, workspace, preview)
         self.looking, self._review = looking, review
-        self.files: FolderFiles = looking.folders[0]
+        without = [files for files in looking.folders if not (files.folder / MANIFEST).exists()]
+        self.files: FolderFiles = (without or looking.folders)[0]
         self.capture: EditedCapture | None = None
         self.photograph: Path | None = None
         """The one that is shown; None: the mean of the flash frames."""
         self.looks = 0
         """How often the whole was asked for again."""
-        self.state, self.share = "", 0.0
-        """What is being looked at, and how much of it is done; empty: nothing."""
+        self.state, self.share, self.is_looking = "", 0.0, False
+        """What is being looked at and how much of it is done; or why nothing could be made of the folder."""
         self.written: set[Path] = set()
         """Folders whose session.toml was written here."""
         self.tabs: Any = None
@@ -99,8 +100,8 @@ class NewSessionWindow(PhotographWindow):
         self.files = files
         capture, outlines = self._others.get(files.folder, (None, ()))
         self._begin(capture, outlines)
-        if capture is None:
-            self._tell("Reading the photographs", 0.0)
+        if capture is None and not self.manifest.exists():
+            self.choose(state="Reading the photographs ...", share=0.0, is_looking=True)
             self.looking.ask(
                 files,
                 lambda done, total: self.post(lambda: self._read(files, done, total)),
@@ -109,24 +110,21 @@ class NewSessionWindow(PhotographWindow):
 
     def _begin(self, capture: EditedCapture | None, outlines: Outlines) -> None:
         self.on_photograph = None
-        here = {"capture": capture, "outlines": outlines, "ball": None, "photograph": None, "state": ""}
+        here = {"capture": capture, "outlines": outlines, "ball": None, "photograph": None, "is_looking": False}
         self.choose(**here, reading=self.reading + 1)
 
-    def _tell(self, state: str, share: float) -> None:
-        self.choose(state=state, share=share)
-
     def _read(self, files: FolderFiles, done: int, total: int) -> None:
-        if files is self.files and self.capture is None:
-            name = f"Reading the photographs: {done} of {total}"
-            self._tell(
-                name if done < total else "Looking for balls, board and scan; some 10 to 60 seconds", done / total
-            )
+        if files is self.files and self.is_looking:
+            reading = f"Reading the photographs: {done} of {total} ..."
+            state = reading if done < total else "Looking for balls, board and scan: 10 to 60 seconds ..."
+            self.choose(state=state, share=done / total)
 
     def _show(self, files: FolderFiles, found: "Future[FoundCapture]") -> None:
-        if files is not self.files or self.capture is not None:
+        if files is not self.files or not self.is_looking:
             return
-        self._tell("Nothing could be made of this folder", 0.0)
-        capture = found.result()  # What was at fault is told by the window.
+        fault = found.exception()
+        self.choose(state=str(fault), is_looking=False)
+        capture = found.result()  # What was at fault is told by the window too.
         self._begin(EditedCapture.of(capture), as_found(capture))
 
     def edit(self, capture: EditedCapture) -> None:

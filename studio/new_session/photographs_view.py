@@ -11,7 +11,7 @@ from studio.photograph.picture_strip import INK, PictureStrip, look_at_photograp
 from studio.photograph.plane import ROOT, WIDE, Plane, add_picture
 from studio.widgets import Layers
 
-LEFT_OUT, OTHER = (150, 90, 90), (255, 210, 90)
+LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
 
 
 class PhotographsView:
@@ -47,7 +47,11 @@ class PhotographsView:
             (path.stem if role == "flash" else f"{role}: {path.stem}", colours.get(role, OTHER))
             for path, role in zip(paths, roles, strict=True)
         ]
-        self._strip = PictureStrip.of([capture.found.picture(path) for path in paths], labels)
+        pictures = [
+            picture // 3 if role == UNUSED else picture
+            for picture, role in zip(capture.found.thumbnails, roles, strict=True)
+        ]
+        self._strip = PictureStrip.of(pictures, labels)
 
     def _add_strip(self, capture: EditedCapture, plane: Plane) -> list[Any]:
         window, paths, strip = self._window, capture.found.photographs, self._strip

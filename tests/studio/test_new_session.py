@@ -288,6 +288,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
     window.tabs = SimpleNamespace(visible=True)
     furnish(window, [FoundPanel])
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
+    assert window.files.folder.name == "jug", "where there is something to do"
 
     def turn(files):
         done = Future()
@@ -297,14 +298,40 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
         settle(window)
         settle(window)
 
-    turn(looking.folders[0])
+    cup, jug = looking.folders
+    turn(jug)
     window.post(lambda: window.edit(replace(window.capture, diameters_mm={"white": 5.0})))
-    turn(looking.folders[1])
+    turn(cup)
+    assert window.capture is None
+    assert (window.tabs.visible, window.client.input("Open its review").visible) == (False, True)
+    (top / "cup" / "session.toml").unlink()
+    turn(cup)
     assert window.capture.diameters_mm == {}
-    turn(looking.folders[0])
+    turn(jug)
     assert window.capture.diameters_mm == {"white": 5.0}
+    assert (window.tabs.visible, window.client.input("Open its review").visible) == (True, False)
     with pytest.raises(SceneError, match="2 objects"):
         Looking(looking.folders, tmp_path / "out")
+
+
+def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, settle, monkeypatch):
+    def fail(files, progress):
+        raise SceneError("jug: 2 of 5 photographs can be read.")
+
+    window = begun(FoundPanel)
+    monkeypatch.setattr("studio.new_session.looking.look", fail)
+    window.looking = Looking(window.looking.folders)
+    window.capture = None
+    window.post(lambda: window.open(window.files))
+    done = Future()
+    window.looking.ask(window.files, lambda *share: None, done.set_result)
+    done.result(60)
+    settle(window)
+    settle(window)
+    assert "2 of 5 photographs" in window.client.told[-1]
+    assert "2 of 5 photographs" in window.panels[0]._state.content
+    assert not window.panels[0]._bar.visible
+    assert not window.tabs.visible
 
 
 def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):

@@ -53,6 +53,7 @@ def test_from_a_folder_to_lights_in_one_page(visit, studio, tmp_path):
     visitor = visit(studio, FOUND)
     window = visitor.window
     assert isinstance(window, NewSessionWindow)
+    assert window.capture is not None, "nothing can be put right before it was found"
     settle(visitor)
     visitor.keep("new_session")
     truth = json.loads((FIXTURE / "truth.json").read_text())
