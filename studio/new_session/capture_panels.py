@@ -46,8 +46,9 @@ class DiametersPanel:
         self._outline.refresh()
         ball = None if window.ball is None else window.outlines[window.ball]
         self._own.disabled = ball is None
-        self._own.value = (ball.diameter_mm if ball else None) or 0.0
-        self._diameters.show(**{kind: (capture.diameters_mm.get(kind) if capture else None) or 0.0 for kind in KINDS})
+        known = capture.diameters_mm if capture else {}
+        self._own.value = (ball and (ball.diameter_mm or known.get(ball.kind))) or 0.0
+        self._diameters.show(**{kind: known.get(kind) or 0.0 for kind in KINDS})
 
     def _say(self, **diameters: float) -> None:
         capture = self._window.need()
@@ -57,7 +58,9 @@ class DiametersPanel:
     def _say_own(self, value: float) -> None:
         window, index = self._window, self._window.ball
         if index is not None:
-            ball = replace(window.outlines[index], diameter_mm=float(value) or None)
+            ball = window.outlines[index]
+            is_own = value not in (0.0, window.need().diameters_mm.get(ball.kind))
+            ball = replace(ball, diameter_mm=float(value) if is_own else None)
             window.correct((*window.outlines[:index], ball, *window.outlines[index + 1 :]))
 
     def _facts(self) -> str:

@@ -32,7 +32,8 @@ class WritePanel:
             return
         notes = [f"- ⚠ {plain(note)}" for note in window.draft.notes]
         self._notes.content = "\n".join(["**What is missing or assumed**", "", *notes] if notes else [])
-        self._text.content = fenced(window.text)
+        # The columns of comments would be cut off here.
+        self._text.content = fenced(re.sub(r" {2,}#", "  #", window.text))
         state = "Is written to" if window.is_written else "Will be written to"
         out = window.workspace.name(window.out)
         self._where.content = (

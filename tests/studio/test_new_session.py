@@ -220,6 +220,11 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     say("used for", "not used")
     say("mask", "mask.png")
     say("ball", "2: chrome")
+    assert client.input("diameter, mm").value == 40.0, "as the others of its kind"
+    say("diameter, mm", 60.0)
+    assert [ball.diameter_mm for ball in window.draft.balls] == [40.0, 60.0, 38.5]
+    say("diameter, mm", 0.0)
+    assert [ball.diameter_mm for ball in window.draft.balls] == [40.0, 40.0, 38.5]
     client.clicks(client.seen("/photograph/picture"), ray_origin=SIZE.place((21.0, 46.0)) + [0, 0, 5],
                   ray_direction=[0.0, 0.0, -1.0])  # fmt: skip
     settle(window)
