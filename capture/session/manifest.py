@@ -101,7 +101,7 @@ class BoardTable(Table):
 
 
 class CameraTable(Table):
-    """[camera]: the focal length in pixels or in millimetres, or a board's photographs. Absent: EXIF."""
+    """[camera]: the focal length in pixels or in millimetres, or a board's photographs. Absent: EXIF, or the balls."""
 
     width: Annotated[
         Pixels | None, _key("Image size that fx to cy refer to. Absent: the photographs'.", 6000, "px")
@@ -221,9 +221,9 @@ class Manifest(Table):
     version: Annotated[Literal[1], _key("Of this format.", 1)] = 1
     name: Annotated[str | None, _key("The session's name. Absent: the folder's.", "penguin")] = None
     frames: Annotated[FramesTable, _key("The photographs.", {"flash": "raw/flash_*.dng"})]
-    camera: Annotated[CameraTable | None, _key("The camera. Absent: EXIF.", {"focal_mm": 50.0, "sensor_mm": 36.0})] = (
-        None
-    )
+    camera: Annotated[
+        CameraTable | None, _key("The camera. Absent: EXIF, or the balls.", {"focal_mm": 50.0, "sensor_mm": 36.0})
+    ] = None
     spheres: Annotated[
         list[SphereTable],
         Field(max_length=50),

@@ -110,3 +110,28 @@ def test_what_is_refused(tmp_path, names, words):
     with pytest.raises(SessionError, match=words):
         init_sessions(tmp_path, Answers(), silent=True)
     assert lay_out(tmp_path) == before
+
+
+@pytest.mark.full
+def test_somebody_elses_session_without_its_session_toml(tmp_path, monkeypatch):
+    """The lights are those of the session as it was written, to their sigma."""
+    source = ROOT / ".." / "shared" / "sessions" / "bunny"
+    if not source.is_dir():
+        pytest.skip("../shared/sessions/bunny is absent")
+    monkeypatch.chdir(tmp_path)
+    folder = tmp_path / "bunny"
+    for part in ("raw", "scan"):
+        shutil.copytree(source / part, folder / part)
+    answers = Answers({"chrome": (76.0,), "white": (70.0,)}, lens=Lens(focal_mm=50.0, sensor_mm=36.0))
+    init_sessions(folder, answers, silent=True)
+    ours, theirs = load_session(folder), load_session(source)
+    assert sorted(ball.kind for ball in ours.spheres) == sorted(ball.kind for ball in theirs.spheres)
+    assert (ours.scan_unit, len(ours.flash), len(ours.ambient)) == ("mm", 12, 1)
+    found = []
+    for session, out in ((folder, "ours"), (source, "theirs")):
+        run_session(session, "calibrate", out=tmp_path / out)
+        found.append(Store(tmp_path / out).load_lights())
+    off = angular_error_deg(found[0].directions, found[1].directions)
+    sigma = np.hypot(found[0].direction_sigma_deg, found[1].direction_sigma_deg)
+    assert np.median(off / sigma) < 2
+    assert np.median(off) < 0.6
