@@ -10,6 +10,7 @@ from formats.light_files.light_formats import read_light_file
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
+from scene.reading import listed
 
 Array = NDArray[np.float64]
 LARGEST = 1e9  # of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others
@@ -85,7 +86,10 @@ def _checked(path: Path, lights: Lights) -> Lights:
         raise CalibrationError(f"{path}: intensities must be positive, found {lights.intensities.min():g}.")
     length = np.linalg.norm(lights.directions, axis=-1, keepdims=True)
     if (length < 1e-4).any():
-        raise CalibrationError(f"{path}: light {int(length.argmin()) + 1} has no direction (length {length.min():g}).")
+        raise CalibrationError(
+            f"{path}: light {int(length.argmin()) + 1} has no direction (length {length.min():g}). "
+            "Correct it; or take it out, and list its frame under frames.skip."
+        )
     lights = replace(lights, directions=lights.directions / length)
     if has_intensities:
         return lights
@@ -104,15 +108,12 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
     elif len(lights) == len(names) + len(skipped) and no_name_known:
         order = [i for i in range(len(lights)) if i not in skipped]
         flag = ("taken in the file's order, which counts the skipped frames",)
-    elif len(lights) != len(names):
-        raise CalibrationError(
-            f"{path}: {len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or by "
-            "name."
-        )
     else:
-        missing = [name for name in names if name not in known]
+        missing = [] if no_name_known else [name for name in names if name not in known]
+        none_for = f"no light for the frame {listed(map(repr, missing))}: " if missing else ""
         raise CalibrationError(
-            f"{path}: no light for the frame {missing[0]!r} ({len(missing)} of {len(names)} missing)."
+            f"{path}: {none_for}{len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in "
+            "order or by name: complete the file, or list frames without a light under frames.skip."
         )
     return replace(
         lights,

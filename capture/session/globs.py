@@ -1,5 +1,6 @@
 """File names: natural order, globs that resolve against the session's folder, and what kind of file each is."""
 
+import difflib
 import glob
 import os
 import re
@@ -12,6 +13,8 @@ RAW_SUFFIXES = (
 )
 IMAGE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", ".tga", ".pgm", ".ppm", ".pnm", ".bmp")
 
+ESCAPED = {"\b": "/b", "\t": "/t", "\n": "/n", "\f": "/f", "\r": "/r"}
+"""What TOML makes of a backslash and a letter between quotation marks, with what was meant."""
 MOST_FOLDERS = 10_000
 """That `**` may lead through."""
 
@@ -93,20 +96,35 @@ def _is_text(path: Path) -> bool:
 
 
 def _near_miss(pattern: str, folder: Path) -> str:
-    """Say what a glob may have been meant to match: case differs, or the folder holds something else."""
+    """Say what a glob may have been meant to match: another case, another folder, or something else."""
+    if slashed(pattern) != pattern:
+        return f'Write / between folders, also on Windows: "{slashed(pattern)}".'
     either = re.sub(r"[a-zA-Z]", lambda letter: f"[{letter[0].lower()}{letter[0].upper()}]", pattern)
     # Letters inside [...] of the user's own glob would be mangled: then there is no hint by case.
-    if "[" not in pattern:
-        found = matches(either, folder)
-        if found:
-            return f"Upper and lower case count: {os.path.relpath(found[0], folder)} is there."
-    parent = (folder / pattern).parent
+    found = [] if "[" in pattern else sorted(matches(either, folder), key=natural_key)
+    if found:
+        return f"Upper and lower case count: {os.path.relpath(found[0], folder)} is there."
+    parent, name = (folder / pattern).parent, pattern.split("/")[-1]
     if any(sign in str(parent) for sign in "*?["):
         return "Correct the glob."
-    if not parent.is_dir():
-        return f"The folder {parent} does not exist."
+    lacks = "" if parent.is_dir() else f"The folder {parent} does not exist. "
+    # A name that says something, such as flash_*, tells where its photographs are.
+    elsewhere = [*matches(name, folder), *matches(f"*/{name}", folder)] if re.search(r"[^*?.]", Path(name).stem) else []
+    there = sorted((path.relative_to(folder) for path in elsewhere if kind_of(path)), key=natural_key)
+    if there:
+        return f'{lacks}{there[0]} is there: write "{(there[0].parent / name).as_posix()}".'
+    if lacks:
+        folders = [path.name for path in folder.iterdir() if path.is_dir()]
+        near = difflib.get_close_matches(parent.name, folders, n=1)
+        return lacks + (f"Did you mean {near[0]}/{name}?" if near else "Correct the glob.")
     names = sorted((path for path in parent.iterdir() if path.is_file()), key=natural_key)
-    return f"{parent} holds {len(names)} files" + (f", {names[0].name} first." if names else ".")
+    first = f", {names[0].name} first" if names else ""
+    return f"{parent} holds {len(names)} files{first}. Correct the glob."
+
+
+def slashed(name: str) -> str:
+    """Return a path with / for the backslashes of Windows, also for those that TOML read as a tab and the like."""
+    return re.sub(r"[\x08\t\n\f\r\\]", lambda found: ESCAPED.get(found[0], "/"), name)
 
 
 def frame_names(files: list[Path]) -> list[str]:

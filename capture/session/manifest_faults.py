@@ -2,6 +2,7 @@
 
 import copy
 import difflib
+import re
 from typing import Any
 
 from pydantic import ValidationError
@@ -56,9 +57,22 @@ def _line(fault: Any) -> str:
     shown = f"a table with {', '.join(found) or 'nothing'}" if isinstance(found, dict) else repr(found)
     shown = shortened(shown, 80)
     message = fault["msg"].removeprefix("Value error, ").replace("Input should be ", "expected ")
-    return f"{path}: found {shown}; {message[0].lower()}{message[1:]}."
+    message = f"{message[0].lower()}{message[1:]}{_KINDS.get(path.split('.')[-1], '')}"
+    return f"{path}: found {shown}; {_EXPECTED.get((path, fault['type']), _EXPECTED.get(fault['type'], message))}."
 
 
+_EXPECTED = {
+    "float_type": "expected a number, without quotation marks and unit",
+    "int_type": "expected a whole number, without quotation marks and unit",
+    "int_from_float": "expected a whole number",
+    "bool_type": "expected true or false, without quotation marks",
+    "string_type": "expected a text between quotation marks",
+    "list_type": "expected a list between [ and ]",
+    ("spheres", "list_type"): "expected [[spheres]], with two brackets, above each ball",
+}
+"""What pydantic's kinds of faults ask for, in the words of TOML; at one place or at all."""
+_KINDS = {"kind": " (chrome: a mirror; white: a matte ball)"}
+"""What the words that a key takes mean."""
 _PURPOSE = {
     "frames": 'Add a table [frames] with flash = "raw/flash_*.dng".',
     "frames.flash": 'Add flash = "raw/flash_*.dng" under [frames]: one light per frame.',
@@ -75,8 +89,14 @@ def _suggestion(location: list) -> str:
     """Say which key may have been meant: a like one in the same table, else the same one elsewhere."""
     own = ".".join(part for part in location[:-1] if isinstance(part, str))
     key = str(location[-1])
+    if own == "spheres" and re.match("radius(?!_px$)", key):
+        return "Write diameter_mm: twice the radius, in millimetres."
+    if key.lower() in ("ball", "balls"):
+        return "Write [[spheres]] above each ball."
     known = list(TABLES[own].model_fields) if own in TABLES else []
     close = difflib.get_close_matches(key, known, n=1, cutoff=0.6)
+    if close and close[0].endswith("_mm") and not key.endswith("_mm"):
+        return f"Did you mean {close[0]}? It is in millimetres."
     if close:
         return f"Did you mean {close[0]}?"
     for name, table in TABLES.items():

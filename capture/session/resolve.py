@@ -1,17 +1,18 @@
 """From the manifest's strings to files that exist, and to plain values that fit together."""
 
 import difflib
+import glob
 from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from capture.session.globs import expand, frame_names, kind_of
+from capture.session.globs import expand, frame_names, kind_of, slashed
 from capture.session.resolve_camera import resolve_camera
 from capture.session.session_types import Encoding, Session, SphereSpec
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
-from scene.reading import shortened
+from scene.reading import listed, shortened
 
 if TYPE_CHECKING:
     from capture.session.manifest import FramesTable, Manifest, ObjectTable, SphereTable
@@ -94,12 +95,30 @@ class Resolver:
             return None
         path = self.folder / name
         if not path.is_file():
-            names = [other.name for other in path.parent.iterdir()] if path.parent.is_dir() else []
-            self.fault(key, f"there is no file {path}. {_meant(path.name, names) or 'Correct the name.'}")
+            self.fault(key, f"there is no file {path}. {self.instead(name, path, suffixes)}")
         elif suffixes and path.suffix.lower() not in suffixes:
             text = f"{path.name} cannot be read, its kind is unknown. Give one of {', '.join(suffixes)}."
             self.fault(key, text)
         return path
+
+    def instead(self, name: str, path: Path, suffixes: tuple[str, ...]) -> str:
+        """Say which file may have been meant by one that is not there."""
+        if slashed(name) != name:
+            return f'Write / between folders, also on Windows: "{slashed(name)}".'
+        place = path if path.is_dir() else path.parent
+        names = [other.name for other in sorted(place.iterdir()) if other.is_file()] if place.is_dir() else []
+        fitting = [other for other in names if Path(other).suffix.lower() in suffixes]
+        if path.is_dir():
+            return f"It is a folder. Give a file{f', as {name}/{fitting[0]}' if fitting else ''}."
+        near = _meant(path.name, names)
+        if near:
+            return near
+        elsewhere = [other for other in self.folder.glob(f"*/{glob.escape(path.name)}") if other.is_file()]
+        if elsewhere:
+            return f"Did you mean {elsewhere[0].relative_to(self.folder).as_posix()}?"
+        if not place.is_dir():
+            return f"The folder {place} does not exist. Correct the name."
+        return f"Correct the name{f': {listed(fitting)} is there' if fitting else ''}."
 
     def photographs(self, key: str, patterns: list[str], *, like: list[Path] | None = None) -> list[Path]:
         """Return the files of one key: all of one kind, the kind of `like`."""

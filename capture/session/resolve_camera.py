@@ -40,7 +40,7 @@ def resolve_camera(to: Resolving, table: "CameraTable | None") -> Camera | Lens 
         to.fault(
             "camera.cx, camera.cy",
             f"found {center[0]}, {center[1]}, outside of the image of {size[0]} x {size[1]} px. They are pixels from "
-            "the centre of the upper left pixel.",
+            "the centre of the upper left pixel; or are width and height those of another picture?",
         )
     distortion = tuple(table.distortion or [0.0] * 5)
     if not (size and table.fx and center):
@@ -48,10 +48,10 @@ def resolve_camera(to: Resolving, table: "CameraTable | None") -> Camera | Lens 
         stated = {name: getattr(table, name) for name in ("fx", "fy", "cx", "cy", *MILLIMETRES)}
         return Lens(whole, distortion=distortion, **stated)
     for key, focal, side in (("fx", table.fx, size[0]), ("fy", table.fy or table.fx, size[1])):
-        if not 0.1 <= focal / side <= 1000:
+        if not 0.2 <= focal / side <= 1000:
             to.fault(
                 f"camera.{key}",
-                f"found {focal:g} px for a picture of {side:g} px; lenses have 0.1 to 1000 times the picture. Give "
+                f"found {focal:g} px for a picture of {side:g} px; lenses have 0.2 to 1000 times the picture. Give "
                 "the focal length in pixels, or focal_mm and sensor_mm.",
             )
             return None

@@ -1,16 +1,16 @@
 """A session folder, `session.toml` or the DiLiGenT layout, read with all its faults; nothing is decoded."""
 
-import tomllib
+import difflib
 from pathlib import Path
 
 from capture.session.globs import frame_names, kind_of
 from capture.session.session_types import Session
+from capture.session.toml_text import toml_tables
 from formats.diligent_layout import DIRECTIONS, FILENAMES, MASK, read_tables
 from scene.errors import SessionError
-from scene.reading import reading, told
+from scene.reading import listed, reading, told
 
-LONGEST = 1 << 20
-"""Bytes of a session.toml."""
+MANIFEST = "session.toml"
 
 
 def load_session(path: Path) -> Session:
@@ -30,28 +30,43 @@ def load_session(path: Path) -> Session:
         path = Path(path).resolve()
         str(path).encode()
         if not path.exists():
-            raise SessionError(f"{path}: there is no such session. Give the folder that holds session.toml.")
+            near = difflib.get_close_matches(path.name, _names(path.parent), n=1)
+            meant = f"Did you mean {path.parent / near[0]}?" if near else f"Give the folder that holds {MANIFEST}."
+            raise SessionError(f"{path}: there is no such session. {meant}")
         if path.is_file():
+            if path.suffix.lower() != ".toml":
+                raise SessionError(f"{path}: is no {MANIFEST}. Give the folder that holds one.")
             return _load_toml(path)
-        if (path / "session.toml").is_file():
-            return _load_toml(path / "session.toml")
+        if (path / MANIFEST).is_file():
+            return _load_toml(path / MANIFEST)
         if (path / FILENAMES).is_file() or (path / DIRECTIONS).is_file():
             return _load_diligent(path)
-    raise SessionError(
-        f"{path}: holds neither session.toml nor a DiLiGenT layout (filenames.txt, light_directions.txt, ...). To have "
-        "session.toml written from the photographs, run:\n"
-        f"  rgbn init {path}"
-    )
+        raise SessionError(f"{path}: {_no_session(path)}")
+
+
+def _no_session(folder: Path) -> str:
+    """Say what a folder lacks to be a session, and what may have been meant."""
+    lacks = f"holds neither {MANIFEST} nor a DiLiGenT layout (filenames.txt, light_directions.txt, ...)."
+    for name in _names(folder):
+        # Editors add .txt, and systems hide it.
+        if name.lower() in (MANIFEST, f"{MANIFEST}.txt") and (folder / name).is_file():
+            return f"{lacks} Rename {name} to {MANIFEST}."
+    below = [name for name in _names(folder) if (folder / name / MANIFEST).is_file()]
+    near = [folder / name for name in below] or [place for place in folder.parents[:1] if (place / MANIFEST).is_file()]
+    if near:
+        return f"{lacks} Did you mean {listed(near, 3)}?"
+    return f"{lacks} To have {MANIFEST} written from the photographs, run:\n  rgbn init {folder}"
+
+
+def _names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
 
 
 def _load_toml(path: Path) -> Session:
     from capture.session.manifest_faults import parse
     from capture.session.resolve import Resolver
 
-    with reading(path, "is not TOML in UTF-8", SessionError, do="Correct that line."):
-        if path.stat().st_size > LONGEST:
-            raise ValueError(f"{path.stat().st_size} bytes; a session takes some hundreds, {LONGEST} are the most")
-        data = tomllib.loads(path.read_text("utf-8-sig"))
+    data = toml_tables(path)
     with reading(path, "cannot be followed", SessionError, do="Correct it, or the files that it names."):
         manifest, faults = parse(data)
         session = Resolver(path.parent, faults).session(manifest) if manifest else None

@@ -26,7 +26,8 @@ def read_lp(path: Path, camera: Camera | None = None) -> Lights:
         raise CalibrationError(f"{path}: line 1 says {count} lights, but {len(rows)} follow.")
     bad = next((i for i, row in enumerate(rows) if len(row) < 4), None)
     if bad is not None:
-        raise CalibrationError(f"{path}: light {bad + 1} is {shortened(' '.join(rows[bad]))!r}; expected: name x y z.")
+        found = shortened(" ".join(rows[bad]))
+        raise CalibrationError(f"{path}: light {bad + 1} is {found!r}; expected: name x y z, with blanks between.")
     directions = np.array([[_number(path, word) for word in row[-3:]] for row in rows]).reshape(-1, 3)
     names = tuple(stem(" ".join(row[:-3])) for row in rows)
     return Lights(names, directions, np.full_like(directions, np.nan))
@@ -36,7 +37,7 @@ def _number(path: Path, word: str) -> float:
     try:
         return float(word)
     except ValueError:
-        raise CalibrationError(f"{path}: {shortened(word)!r} is not a number.") from None
+        raise CalibrationError(f"{path}: {shortened(word)!r} is not a number. Write a point for decimals.") from None
 
 
 def write_lp(lights: Lights, shot: Photographs) -> tuple[dict[str, str], list[str]]:
