@@ -10,7 +10,7 @@ import numpy as np
 from capture.camera.session_camera import usual_camera
 from capture.session.globs import natural_key
 from capture.session.session_types import Lens
-from capture.survey.board_layout import find_board
+from capture.survey.board_layout import FEWEST_SHOTS, find_board
 from capture.survey.folder_files import FEWEST
 from lab.init.answers import Unit
 from lab.init.draft import Draft, DraftBall
@@ -60,7 +60,7 @@ class EditedCapture:
     def with_role(self, path: Path, role: str) -> "EditedCapture":
         """Return the capture with a photograph used for something else.
 
-        Raises SceneError: too few flash frames would be left, it is of another size, or it shows no board.
+        Raises SceneError: too few flash frames would be left, it is of another size, or shows another board or none.
         """
         draft, small, was = self.draft, self.found.small, self.role_of(path)
         if role == was:
@@ -76,11 +76,17 @@ class EditedCapture:
             raise SceneError(
                 f"{path.name}: {size[0]} x {size[1]} px; the flash frames: {draft.width} x {draft.height}."
             )
-        board = draft.board if "board" in photographs else None
-        if role == "board":
-            board, shown = find_board([small[one] for one in photographs["board"]])
-            if board is None or small[path] not in shown:
-                raise SceneError(f"{path.name}: no ChArUco board or chessboard is seen in it.")
+        board, boards = draft.board, photographs.get("board", [])
+        if role == "board" and board is None:
+            board, shown = find_board([small[one] for one in boards])
+            photographs["board"] = [one.path for one in shown] if board else boards
+        elif role == "board":
+            known = [one for one in boards if one != path][: FEWEST_SHOTS - 1]
+            _, shown = find_board([small[one] for one in (*known, path)])
+            if small[path] not in shown:
+                raise SceneError(f"{path.name}: the board of the others is not seen in it.")
+        elif len(boards) < FEWEST_SHOTS:
+            board = None
         balls = _same_lights(draft, path, role)
         return self._with_camera(replace(draft, photographs=photographs, board=board, balls=balls), draft.lens)
 
@@ -200,6 +206,11 @@ def _missing(draft: Draft) -> Iterator[str]:
         if any(ball.diameter_mm is None for ball in draft.balls if ball.kind == kind):
             balls = f"{kind} ball{'s' * (count > 1)}"
             yield f"the diameter of the {balls} is not known: lights get directions, but no positions."
+    if draft.board is None and (boards := draft.photographs.get("board")):
+        yield (
+            f"{len(boards)} photographs of a board are not used: {FEWEST_SHOTS} must show the same ChArUco board or "
+            "chessboard."
+        )
     if draft.lights:
         yield f"lights are read from {draft.lights.name}; balls are not needed."
     if "ambient" not in draft.photographs:

@@ -1,75 +1,28 @@
-"""A folder without session.toml: what a person puts right, and what is written of it. Without a browser."""
+"""The window of a new session without a browser: what is typed, clicked and chosen, and what is written."""
 
 from concurrent.futures import Future
 from dataclasses import replace
 from types import SimpleNamespace
 
-import cv2
-import numpy as np
 import pytest
 
-from capture.camera.exif import Exif
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from capture.survey.folder_files import survey
-from capture.survey.small_pictures import frames_of, read_small
-from lab.init.draft import Draft, DraftBall
-from lab.init.scan_unit import ScanSize
 from scene.errors import SceneError
 from studio.new_session import new_session_window
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
-from studio.new_session.edited_capture import EditedCapture, as_found
-from studio.new_session.found_capture import FoundCapture
 from studio.new_session.found_panel import FoundPanel
 from studio.new_session.looking import Looking
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
 from studio.new_session.write_panel import WritePanel, fenced
-from studio.photograph.outlines import added, moved, of_kind, removed, resized
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
 from studio.workspace import Workspace
 
 SIZE = Plane(80, 60)
-BALLS = (
-    DraftBall("chrome", (20.0, 15.0), 8.0),
-    DraftBall("chrome", (60.0, 15.0), 7.5),
-    DraftBall("white", (20.0, 45.0), 7.0),
-)
-SCAN = ScanSize(1000, (50.0, 40.0, 30.0))
 PANELS = (FoundPanel, DiametersPanel, PhotographsPanel, LensPanel, ObjectPanel, WritePanel, PhotographsView)
-
-
-@pytest.fixture
-def folder(tmp_path):
-    """Photographs of noise, one of another size, and files of every other kind."""
-    generator = np.random.default_rng(10_040)
-    place = tmp_path / "bench" / "jug"
-    place.mkdir(parents=True)
-    for name in (*(f"flash_{n}" for n in range(5)), "ambient_0", "odd"):
-        shape = (30, 40, 3) if name == "odd" else (60, 80, 3)
-        cv2.imwrite(str(place / f"{name}.png"), generator.integers(1000, 60000, shape).astype(np.uint16))
-    for name in ("jug.ply", "mask.png", "lights.lp"):
-        (place / name).write_bytes(b"as it was")
-    return place
-
-
-@pytest.fixture
-def found(folder):
-    """What a look finds there, but for the balls, which noise does not show."""
-    (files,) = survey(folder)
-    flash, ambient = sorted(folder.glob("flash_*")), sorted(folder.glob("ambient_*"))
-    small = {one.path: one for one in read_small([*ambient, *flash, folder / "odd.png"], "linear")[0]}
-    notes = (
-        "the diameter of the chrome balls is not known: give --chrome MM for positions in mm.",
-        "left out: x.",
-    )
-    frames = frames_of([small[path] for path in flash], [small[path] for path in ambient])
-    draft = Draft(
-        folder, {"flash": flash, "ambient": ambient}, 80, 60, frames, 1, linear=True, balls=BALLS,
-        scan=folder / "jug.ply", unit="unknown", notes=notes,
-    )  # fmt: skip
-    return FoundCapture(files, draft, small, (Exif(),), SCAN, 30.0, frames.read().mean(0))
 
 
 @pytest.fixture
@@ -91,113 +44,6 @@ def begun(folder, found, nobody, no_preview, furnish, settle, monkeypatch):
         return window
 
     return furnished
-
-
-def written(capture, outlines):
-    """Return the balls as session.toml gives them: kind, circle or None, diameter."""
-    balls = capture.described(outlines).balls
-    return [
-        (ball.kind, (*ball.center_px, ball.radius_px) if ball.by_hand else None, ball.diameter_mm) for ball in balls
-    ]
-
-
-def test_a_circle_is_written_where_a_hand_has_placed_it_and_nowhere_else(found):
-    capture, balls = EditedCapture.of(found), as_found(found)
-    assert written(capture, balls) == [("chrome", None, None), ("chrome", None, None), ("white", None, None)]
-    nudged = moved(balls, 0, (22.0, 16.0), SIZE)
-    assert written(capture, nudged)[0] == ("chrome", (22.0, 16.0, 8.0), None)
-    assert [circle for _, circle, _ in written(capture, nudged)[1:]] == [None, None]
-    larger = resized(balls, 2, 9.0, SIZE)
-    assert [circle for _, circle, _ in written(capture, larger)] == [None, None, (20.0, 45.0, 9.0)]
-    more = added(balls, "white", (40.0, 30.0), SIZE)
-    assert [circle for _, circle, _ in written(capture, more)] == [None, None, None, (40.0, 30.0, 7.5)]
-
-
-@pytest.mark.parametrize(
-    ("edit", "kinds"),
-    [
-        (lambda balls: removed(balls, 0), ["chrome"]),
-        (lambda balls: removed(balls, 2), []),
-        (lambda balls: moved(balls, 1, (40.0, 30.0), SIZE), ["chrome", "chrome"]),
-        (lambda balls: of_kind(balls, 1, "white"), ["chrome", "white"]),
-        (lambda balls: removed(added(balls, "white", (40.0, 30.0), SIZE), 2), ["white"]),
-    ],
-    ids=["removed", "the only one removed", "moved away", "turned", "another in its place"],
-)
-def test_what_was_given_up_is_not_found_again_in_place_of_a_kept_one(found, edit, kinds):
-    """As many of a kind are looked for as are listed: the others of the kind that lost one get their circles."""
-    rows = written(EditedCapture.of(found), edit(as_found(found)))
-    assert [kind for kind, circle, _ in rows if circle] == kinds
-
-
-def test_a_diameter_stays_with_its_ball(found):
-    capture = replace(EditedCapture.of(found), diameters_mm={"chrome": 76.0, "white": 50.0})
-    balls = as_found(found)
-    assert written(capture, balls) == [("chrome", None, 76.0), ("chrome", None, 76.0), ("white", None, 50.0)]
-    own = (balls[0], replace(balls[1], diameter_mm=60.0), balls[2])
-    assert written(capture, own) == [
-        ("chrome", (20.0, 15.0, 8.0), 76.0), ("chrome", (60.0, 15.0, 7.5), 60.0), ("white", None, 50.0)
-    ]  # fmt: skip
-
-
-def test_the_scans_unit_is_told_by_the_balls_or_by_a_person(found):
-    """The object is 30 px across and a ball of 16 px is 40 mm: 75 mm, as the scan's 70.7 units are in millimetres."""
-    capture, balls = EditedCapture.of(found), as_found(found)
-    assert capture.described(balls).unit == "unknown"
-    sized = replace(capture, diameters_mm={"chrome": 40.0})
-    assert (sized.described(balls).unit, sized.draft.unit) == ("mm", "unknown")
-    assert "77 mm large" in sized.described(balls).unit_told
-    said = replace(sized, unit="cm")
-    assert said.described(balls).unit == "cm"
-    assert any("as with unit mm" in note for note in said.described(balls).notes)
-    assert not any("as with unit" in note for note in replace(sized, unit="mm").described(balls).notes)
-
-
-def test_notes_are_of_the_capture_as_it_is_now(found):
-    capture, balls = EditedCapture.of(found), as_found(found)
-    notes = capture.described(balls).notes
-    assert sum("diameter of the chrome balls" in note for note in notes) == 1
-    assert not any("--chrome" in note for note in notes), "nobody stands at a command line"
-    known = replace(capture, diameters_mm={"chrome": 40.0, "white": 40.0}).described(balls).notes
-    assert known == ("left out: x.",)
-    assert any("no ball and no light file" in note for note in capture.described(()).notes)
-
-
-def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
-    capture = EditedCapture.of(found)
-    flash = folder / "flash_3.png"
-    without = capture.with_role(flash, "not used")
-    assert without.role_of(flash) == "not used"
-    assert flash not in without.draft.photographs["flash"]
-    assert without.with_role(flash, "flash").draft.photographs == capture.draft.photographs
-    assert "ambient" not in capture.with_role(folder / "ambient_0.png", "dark").draft.photographs
-    with pytest.raises(SceneError, match="40 x 30 px"):
-        capture.with_role(folder / "odd.png", "dark")
-    with pytest.raises(SceneError, match="no ChArUco board or chessboard"):
-        capture.with_role(folder / "odd.png", "board")
-    fewer = without.with_role(folder / "flash_0.png", "not used")
-    with pytest.raises(SceneError, match="3 flash frames are the fewest"):
-        fewer.with_role(folder / "flash_1.png", "not used")
-
-
-def test_a_ball_that_was_shot_apart_keeps_its_lights(found, folder):
-    """One photograph a flash frame: with a frame, the ball's photograph of the same light is left out."""
-    own = tuple(folder / f"ball_{n}.png" for n in range(5))
-    capture = EditedCapture.of(replace(found, draft=replace(found.draft, balls=(DraftBall("chrome", files=own),))))
-    without = capture.with_role(folder / "flash_1.png", "not used")
-    (ball,) = without.described(()).balls
-    assert ball.files == (own[0], *own[2:])
-    with pytest.raises(SceneError, match="no photograph of its light"):
-        without.with_role(folder / "flash_1.png", "flash")
-
-
-def test_half_a_lens_is_said_to_be_half(found):
-    capture = EditedCapture.of(found).with_lens(focal_mm=50.0)
-    assert "not known yet" in capture.draft.camera_told
-    whole = capture.with_lens(sensor_mm=36.0)
-    assert whole.draft.lens == Lens(focal_mm=50.0, sensor_mm=36.0)
-    assert whole.camera.fx == pytest.approx(50 / 36 * 80, rel=0.06)
-    assert EditedCapture.of(found).camera.width == 80, "one as most are"
 
 
 def test_the_panels_write_what_they_show(begun, folder, settle):
