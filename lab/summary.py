@@ -8,7 +8,6 @@ from formats.csv_text import csv_text
 from lab.job import Job
 from scene.current import libraries
 from scene.files import remove, write_json, write_text
-from scene.light_text import light_rows
 from scene.store import Store
 
 LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
@@ -56,7 +55,7 @@ def write_tables(store: Store, folder: Path, compared: dict[str, Any]) -> list[P
     """
     from compare.statistics.statistics import statistics_rows
 
-    lights = light_rows(store.load_lights()) if store.path("lights.json").exists() else []
+    lights = store.load_lights().rows() if store.path("lights.json").exists() else []
     written = []
     for name, rows in ((LIGHTS_TABLE, lights), (ERRORS_TABLE, statistics_rows(compared))):
         if rows:

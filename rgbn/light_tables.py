@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from rgbn.text_tables import number_table
-from scene.light_text import light_rows
 from scene.spheres import Sphere, table_under
 from scene.store import Store
 
@@ -20,7 +19,7 @@ def light_tables(store: Store, *, moved: bool) -> Iterator[Any]:
     moved: The lights are as the object sees them, no longer as from amid the balls.
     """
     lights = store.load_lights()
-    rows: list[dict[str, Any]] = list(light_rows(lights))
+    rows: list[dict[str, Any]] = list(lights.rows())
     spheres = _spheres(store)
     table = table_under(spheres, store.load_camera()) if spheres else None
     if table is not None and lights.positions_mm is not None:

@@ -56,11 +56,6 @@ def lights_json(lights: Lights) -> dict[str, Any]:
     }
 
 
-def light_rows(lights: Lights) -> list[dict[str, str | float | None]]:
-    """Return `Lights.rows`."""
-    return lights.rows()
-
-
 def lights_of_json(data: dict[str, Any]) -> Lights:
     """Return the lights of what a lights.json holds; what is null or missing of a light is NaN."""
     rows = data["frames"]

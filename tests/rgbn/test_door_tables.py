@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from compare.statistics.statistics import angular_statistics, statistics_rows
-from scene.light_text import light_rows
 from scene.lights import Lights
 
 NAN = np.nan
@@ -25,7 +24,7 @@ def test_a_row_says_where_its_light_is():
     offsets = np.array([[300.0, 0, 0], [0, 200.0, 0], [0, 0, 1000.0], [-3.0, -3.0, 3 * np.sqrt(2)]])
     sigma = np.array([0.2, NAN, 0.3, 0.4])
     lights = lights_at(at + offsets, at, direction_sigma_deg=sigma, flags=((), ("dim", "blurred"), (), ()))
-    rows = light_rows(lights)
+    rows = lights.rows()
     assert [row["azimuth_deg"] for row in rows][:2] == pytest.approx([0, 90])
     assert rows[3]["azimuth_deg"] == pytest.approx(225)
     assert [row["elevation_deg"] for row in rows] == pytest.approx([0, 0, 90, 45])
@@ -44,7 +43,7 @@ def test_a_row_says_where_its_light_is():
 
 def test_a_distant_light_has_no_position():
     lights = Lights(("a",), np.array([[0.0, 0.6, 0.8]]), np.ones((1, 3)))
-    row = light_rows(lights)[0]
+    row = lights.rows()[0]
     assert [row[name] for name in ("x_mm", "y_mm", "z_mm", "distance_mm", "intensity_sigma")] == [None] * 5
     assert row["elevation_deg"] == pytest.approx(np.degrees(np.arcsin(0.8)))
 
