@@ -57,6 +57,12 @@ class Looking:
             threading.Thread(target=self._look, args=(files, future), daemon=True).start()
         future.add_done_callback(done)
 
+    def forget(self, folder: Path) -> None:
+        """Let go of what was found in a folder: its photographs are hundreds of megabytes."""
+        with self._lock:
+            if folder in self._found and self._found[folder].done():
+                del self._found[folder], self._told[folder]
+
     def _look(self, files: FolderFiles, future: "Future[FoundCapture]") -> None:
         def progress(done: int, total: int) -> None:
             for told in list(self._told[files.folder]):

@@ -174,4 +174,5 @@ class NewSessionWindow(PhotographWindow):
 
     def open_review(self) -> None:
         """Show what was made of the session, in this browser."""
+        self.looking.forget(self.files.folder)
         self._review(self.out, self.files.folder)

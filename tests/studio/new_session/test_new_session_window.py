@@ -186,7 +186,7 @@ def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, set
 
 
 def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
-    answers = [SceneError("no photograph can be read"), found]
+    answers = [SceneError("no photograph can be read"), found, replace(found, across_px=None)]
 
     def look(files, progress):
         answer = answers.pop(0)
@@ -202,6 +202,10 @@ def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
         told.append(done.result(60))
     assert isinstance(told[0].exception(), SceneError)
     assert told[1].result() is told[2].result() is found
+    looking.forget(folder)
+    done = Future()
+    looking.ask(looking.folders[0], lambda *share: None, done.set_result)
+    assert done.result(60).result().across_px is None, "it is looked at again"
 
 
 def test_no_name_breaks_out_of_the_shown_file():
