@@ -59,11 +59,10 @@ class Asking:
     def diameters(self, kind: Kind, places: Sequence[tuple[float, float]], balls: int) -> tuple[float, ...]:
         """Return the diameters of balls that stand at `places`, mm; empty where they are not known."""
         if kind not in self.answers.diameters_mm:
-            what = f"Diameter of the {balls} {kind} balls" if balls > 1 else f"Diameter of the {kind} ball"
-            listed = ", ".join(f"({u:.0f}, {v:.0f})" for u, v in places)
-            what += f" found at {listed} px," if listed else ""
-            more = ", or one for each with commas, the largest in the picture first" if balls > 1 else ""
-            found = self._ask(f"{what} in mm{more} (Enter: not known)", _lengths, ())
+            what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
+            what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
+            more = "; where they differ, one for each, in this order" if balls > 1 else ""
+            found = self._ask(f"{what}{more} (Enter: not known)", _lengths, ())
             known = {**self.answers.diameters_mm, kind: found}
             self.answers = replace(self.answers, diameters_mm=known)
         given = self.answers.diameters_mm[kind]

@@ -8,6 +8,7 @@ from capture.session.globs import frame_names
 from capture.survey.folder_files import FolderFiles
 from lab.init.answers import Asking
 from lab.init.draft import Draft, DraftBall
+from lab.progress import say
 from scene.camera import Camera
 from scene.errors import CalibrationError, SceneError
 from scene.spheres import Kind, Sphere
@@ -24,6 +25,8 @@ def with_balls(draft: Draft, files: FolderFiles, asking: Asking, camera: Camera 
         draft = draft.noting(f"{path.name} is not used: {fault}")
     if apart and files.lights:
         notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
+    if not apart:
+        say("looking for balls ...")
     balls = apart or found_balls(draft, camera)
     draft = replace(draft.noting(*notes), balls=tuple(balls))
     if not balls:

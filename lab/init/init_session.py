@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
@@ -73,8 +74,17 @@ def init_sessions(
 
 
 def draft_of(files: FolderFiles, asking: Asking) -> Draft:
-    """Return what a folder's files are, with a progress bar for the photographs."""
-    with progress_bar(f"look at {files.folder.name}") as progress:
+    """Return what a folder's files are, with a progress bar for the photographs; it is gone before a question comes."""
+    with ExitStack() as open_bar:
+        bars: list[Callable[[int, int], None]] = []
+
+        def progress(done: int, total: int) -> None:
+            if not bars:
+                bars.append(open_bar.enter_context(progress_bar(f"look at {files.folder.name}")))
+            bars[0](done, total)
+            if done == total:
+                open_bar.close()
+
         return prepare(files, asking, progress)
 
 

@@ -32,7 +32,7 @@ def test_what_is_asked_once_holds_for_all_objects(monkeypatch, capsys):
     assert asked.diameters("chrome", [], 1) == (76.0,)
     assert asked.unit("b.ply", None) == "cm"
     assert asked.count == 3
-    assert "2 chrome balls found at (1, 2), (3, 4) px" in capsys.readouterr().err
+    assert "2 chrome balls at (1, 2), (3, 4) px; where they differ" in capsys.readouterr().err
 
 
 def test_nonsense_is_asked_again_and_silence_is_no_answer(monkeypatch, capsys):
