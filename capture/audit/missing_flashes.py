@@ -32,7 +32,8 @@ def misfires(names: tuple[str, ...], light: NDArray, ambient: NDArray | None) ->
             f"{names[i]}: the flash did not fire (its light is {max(share[i], 0):.1%} of the other frames')."
             for i in dead
         ]
-        raise CaptureError("\n".join([*lines, "Reshoot, or list it under frames.skip."]))
+        do = "Reshoot, or list it under frames.skip; one that was shot without flash belongs under frames.ambient."
+        raise CaptureError(f"{lines[0]} {do}" if len(lines) == 1 else "\n".join([*lines, do]))
     warnings = []
     least = light.min(axis=0)
     for i in np.flatnonzero(share < 0.5):

@@ -22,6 +22,8 @@ STEP_SIGMA_MM = 0.5 / np.sqrt(3)
 """Of a number rounded to whole millimetres."""
 CENTER_SIGMA = 0.01
 """Principal point against the picture's middle, of its width: lenses and stabilised sensors sit beside it."""
+UNIT = 4.0
+"""Ratio of a length to EXIF's from which it is taken for one in another unit."""
 USUAL_DISTANCE_MM = 1000.0
 """Sensor to object, where EXIF does not tell: the balls and the object fill the picture."""
 
@@ -76,9 +78,9 @@ def camera_from_lens(
             "it lies off the axis, 5 to 15 degrees with usual lenses. Add [camera] with focal_mm and sensor_mm, or "
             "shots of a ChArUco board or a chessboard.",
         )
-    if not 0.1 <= focal.fx / width <= 1000:
+    if not 0.2 <= focal.fx / width <= 1000:
         raise SessionError(
-            f"camera: the focal length is {focal.fx:g} px ({focal.what}) for a picture of {width} px; lenses have 0.1 "
+            f"camera: the focal length is {focal.fx:g} px ({focal.what}) for a picture of {width} px; lenses have 0.2 "
             "to 1000 times the picture. Correct it in [camera]; a focal length in millimetres is focal_mm."
         )
     known = lens.cx is not None and lens.cy is not None
@@ -93,9 +95,11 @@ def camera_from_lens(
     )
     if known and not focal.sigma:
         return camera, ()
+    doubts = _doubts(lens, exif)
     middle = "" if known else f" The principal point is taken as the centre, +- {camera.center_sigma_px:.0f} px."
     by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
+        *doubts,
         f"camera: {by}{focal.what}: {camera.fx:.1f} px, good to {100 * focal.sigma:.0f} %.{middle} Shots of a ChArUco "
         "board or a chessboard would measure all of it, and the distortion.",
     )
@@ -138,6 +142,28 @@ def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Foc
     focal = stated_mm * diagonal / DIAGONAL_35MM * longer
     what = f"{stated_mm:g} mm on 35 mm film, by the diagonal; rounded to whole millimetres"
     return _Focal(focal, focal, *_doubt(stated_mm, float(np.hypot(breathing, convention)), what, e.subject_mm))
+
+
+def _doubts(lens: Lens, exif: Sequence[Exif]) -> list[str]:
+    """Say where millimetres contradict the photographs' EXIF by more than an adapted lens or a crop: another unit."""
+    doubts = []
+    focal = next((e.focal_mm for e in exif if e.focal_mm), None)
+    if lens.focal_mm and focal and not 1 / UNIT <= lens.focal_mm / focal <= UNIT:
+        doubts.append(
+            f"camera.focal_mm: found {lens.focal_mm:g}, but the photographs' EXIF says {focal:g} mm. Give millimetres, "
+            "as engraved on the lens (1 cm = 10 mm); or leave focal_mm out."
+        )
+    model = lens.model or next((e.camera for e in exif if e.camera), None)
+    sensor = sensor_width_mm(model) if model else None
+    pitch = next((e for e in exif if e.pixels_per_mm and e.width_px), None)
+    if pitch and pitch.pixels_per_mm and pitch.width_px:
+        sensor = pitch.width_px / pitch.pixels_per_mm[0]
+    if lens.sensor_mm and sensor and not 1 / UNIT <= lens.sensor_mm / sensor <= UNIT:
+        doubts.append(
+            f"camera.sensor_mm: found {lens.sensor_mm:g}, but by the photographs' EXIF the sensor is {sensor:.3g} mm "
+            "wide. Give millimetres (1 cm = 10 mm), 36 for full frame; or leave sensor_mm out."
+        )
+    return doubts
 
 
 def _doubt(stated_mm: float, more: float, what: str, subject_mm: float | None) -> tuple[float, str]:

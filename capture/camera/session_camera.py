@@ -77,7 +77,7 @@ def _off_middle(camera: Camera) -> tuple[str, ...]:
         f"camera.cx, camera.cy: ({camera.cx:g}, {camera.cy:g}) lies {abs(off[0]):.0%} of the width and "
         f"{abs(off[1]):.0%} of the height off the middle of {camera.width} x {camera.height} px; lenses stay within "
         f"{OFF_MIDDLE:.0%}. Right only for photographs that were cropped on one side: each percent turns all lights "
-        "and normals by half a degree or so.",
+        "and normals by half a degree or so. Give pixels of the photographs' size, not mm; or leave cx and cy out.",
     )
 
 
@@ -87,11 +87,11 @@ def fitted(camera: Camera, session: Session, width: int, height: int) -> Camera:
         return camera
     if session.half and (camera.width // 2, camera.height // 2) == (width, height):
         return camera.halved()
-    remedy = (
-        "Give the size that fx, fy, cx and cy refer to; it must be the photographs'."
-        if not session.half
-        else "With frames.half it must be the photographs' full size, or half of it."
-    )
+    remedy = "Give the size that fx, fy, cx and cy refer to; it must be the photographs'."
+    if session.half:
+        remedy = "With frames.half it must be the photographs' full size, or half of it."
+    if (camera.height, camera.width) == (width, height):
+        remedy = "They are exchanged: photographs count as they lie in the file, not turned by EXIF's orientation."
     raise SessionError(
         f"camera.width, camera.height: found {camera.width} x {camera.height}, but the frames are {width} x {height} "
         f"px. {remedy}"

@@ -115,9 +115,10 @@ def read_mask(path: Path, height: int, width: int) -> NDArray[np.bool_]:
     if (mask.shape[0] // 2, mask.shape[1] // 2) == (height, width):
         mask = mask[: 2 * height, : 2 * width].reshape(height, 2, width, 2).all(axis=(1, 3))
     if mask.shape != (height, width):
+        turned = " It is turned: the frames count as they lie in the file, not turned by EXIF's orientation."
         raise SessionError(
             f"{path}: the mask is {mask.shape[1]} x {mask.shape[0]} px, the frames {width} x {height}. "
-            "It must have the frames' size."
+            f"It must have the frames' size.{turned if mask.shape == (width, height) else ''}"
         )
     if not mask.any():
         raise SessionError(f"{path}: the mask is empty (one value everywhere). Paint the object white on black.")
