@@ -11,7 +11,7 @@ from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SessionError
 from scene.files import move_folder, write_json
 from scene.frames import Frames
-from scene.lights import Lights
+from scene.lights import Lights, check_count
 from scene.spheres import Sphere
 from scene.store import Store
 
@@ -59,6 +59,7 @@ def calibrate(job: Job) -> Outcome:
 
     store = job.store
     frames, camera = store.load_frames(), Store(store.path("frames")).load_camera()
+    check_count(len(frames))
     session = job.session
     skipped = tuple(set(range(session.photographed)) - set(session.kept))
     file = session.lights_file

@@ -14,6 +14,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+def check_count(count: int) -> None:
+    """Raise CalibrationError for fewer lights than tell a normal."""
+    if count < 3:
+        raise CalibrationError(f"lights: found {count}, photometric stereo needs at least 3. Shoot more flash frames.")
+
+
 @dataclass(frozen=True)
 class Lights:
     """N lights, one a frame.
@@ -128,10 +134,7 @@ class Lights:
         CalibrationError
             Fewer than three lights, or all in one plane.
         """
-        if len(self) < 3:
-            raise CalibrationError(
-                f"lights: found {len(self)}, photometric stereo needs at least 3. Shoot more flash frames."
-            )
+        check_count(len(self))
         singular = np.linalg.svd(self.directions, compute_uv=False)
         if singular[2] < 0.02 * singular[0]:
             raise CalibrationError(

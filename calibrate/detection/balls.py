@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Found, Rejected, around_hint, detect
-from calibrate.detection.diameters import Diameter, told_diameters
+from calibrate.detection.diameters import Diameter, doubted_diameters, told_diameters
 from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
@@ -78,12 +78,13 @@ def find_balls(
             wanted: dict[Kind, int] | None = Counter(r.kind for r in open_) if group else None
             found, refused = detect(own, camera, coarse, wanted=wanted, taken=tuple(fit.sphere for fit in fits))
             rejected += refused
-            warnings += [] if wanted is None else [_forgotten(one) for one in refused if _is_ball(one)]
             placed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True)]
             for one, diameter in _match(found, open_, placed, refused, warnings):
                 fits.append(one.fit)
                 diameters.append(diameter)
                 warnings += [one.warning] if one.warning else []
+        listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
+        warnings += doubted_diameters(listed)
         blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
             one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
@@ -107,6 +108,19 @@ def _forgotten(one: Rejected) -> str:
         f"a {kind} ball that session.toml does not list stands at ({u:.0f}, {v:.0f}) px, radius {one.radius_px:.0f} px "
         f"(probability {one.probability:.0%}). List it under [[spheres]], with its diameter_mm, to have it used."
     )
+
+
+def _exchanged(one: Rejected, asked: int, there: int) -> str:
+    (u, v) = one.center_px
+    return (
+        f"{_balls(asked, 'white')} asked for, {there} found; and at ({u:.0f}, {v:.0f}) px, radius "
+        f"{one.radius_px:.0f} px, stands a chrome ball that session.toml does not list (probability "
+        f'{one.probability:.0%}). Is kind wrong there? A mirror is "chrome", a matte ball "white".'
+    )
+
+
+def _balls(count: int, kind: Kind) -> str:
+    return f"{count} {kind} ball{'s' * (count > 1)}"
 
 
 def _cut(camera: Camera, sphere: Sphere) -> list[str]:
@@ -214,11 +228,20 @@ def _match(
     kinds: tuple[Kind, ...] = ("chrome", "white")
     balls = {k: sorted((f for f in found if f.sphere.kind == k), key=lambda f: -f.sphere.radius_px) for k in kinds}
     listed: dict[Kind, list[float | None]] = {k: [r.diameter_mm for r in requests if r.kind == k] for k in kinds}
+    count = {kind: (len(listed[kind]), len(balls[kind])) for kind in kinds}
+    # A white ball that is not found, and a mirror that nobody listed: one slip, one message.
+    mirrors = [one for one in rejected if _is_ball(one)]
+    exchanged = max(min(len(mirrors), count["white"][0] - count["white"][1]), 0)
+    warnings += [_exchanged(one, *count["white"]) for one in mirrors[:exchanged]]
+    warnings += [_forgotten(one) for one in mirrors[exchanged:]]
     for kind in kinds:
-        if len(balls[kind]) < len(listed[kind]):
-            near = "; ".join(_said(r) for r in rejected[:2])
-            refused = f" (refused: {near})." if near else "."
-            warnings.append(f"{len(listed[kind])} {kind} balls were asked for, {len(balls[kind])} found{refused}")
+        asked, there = count[kind]
+        if there < asked and not (kind == "white" and exchanged):
+            near = "; ".join(_said(r) for r in rejected if r.kind == kind)
+            warnings.append(
+                f"{_balls(asked, kind)} asked for, {there} found{f' (refused: {near})' if near else ''}. Give "
+                "center_px and radius_px of the one that is missing under [[spheres]], correct its kind, or drop it."
+            )
     told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in kinds}, listed, given, warnings)
     return [pair for kind in kinds for pair in zip(balls[kind], told[kind], strict=True)]
 

@@ -15,6 +15,7 @@ from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
 SAME_SCALE = 0.06  # standard deviation of log (mm / px) over the balls on one table (0.045 in path-traced scenes)
+AS_FAR = 1.8  # ratio of the distances of two balls that nobody puts on one table
 SURE = 0.95  # probability from which a diameter is taken as it is listed
 MOST_LISTED = 5  # of one kind, up to which every order is tried
 
@@ -44,12 +45,30 @@ def told_diameters(
     scales = np.concatenate([tried / radii, np.tile(known, (len(trials), 1))], 1)
     weight = _probabilities(np.log(scales))
     told = [_told(column, weight) for column in tried.T]
+    likeliest = scales[int(np.argmax(weight))]
+    agree = np.nanmax(likeliest) < AS_FAR * np.nanmin(likeliest) if np.isfinite(likeliest).any() else True
     out: dict[Kind, list[Diameter]] = {}
     for kind in kinds:
         out[kind], told = told[: len(found[kind])], told[len(found[kind]) :]
         if len({*listed[kind]}) > 1:
-            _say(kind, found[kind], out[kind], listed[kind], warnings)
+            _say(kind, found[kind], out[kind], listed[kind], warnings, bool(agree))
     return out
+
+
+def doubted_diameters(spheres: Sequence[Sphere]) -> list[str]:
+    """Name the ball whose diameter puts it nowhere near the others: in another unit, or the radius."""
+    logs = np.log([(s.diameter_mm or np.nan) / s.radius_px for s in spheres])
+    if len(logs) < 2 or np.ptp(logs) < np.log(AS_FAR):
+        return []
+    order = np.argsort(np.abs(logs - np.median(logs)), kind="stable")
+    odd, usual = spheres[order[-1]], spheres[order[0]]
+    (u, v), farther = odd.center_px, np.exp(logs[order[-1]] - logs[order[0]])
+    return [
+        f"the {odd.kind} ball at ({u:.0f}, {v:.0f}) px: with a diameter of {odd.diameter_mm:g} mm it would stand "
+        f"{farther:.2g} times as far from the camera as the {usual.kind} ball of {usual.diameter_mm:g} mm (they are "
+        f"{2 * odd.radius_px:.0f} and {2 * usual.radius_px:.0f} px wide). Check diameter_mm of both: millimetres "
+        "(1 cm = 10 mm, 1 inch = 25.4 mm), and not the radius."
+    ]
 
 
 def _ways(listed: list[float | None], count: int) -> list[tuple[float | None, ...]]:
@@ -83,13 +102,20 @@ def _told(tried: Array, weight: Array) -> Diameter:
 
 
 def _say(
-    kind: Kind, found: list[Sphere], told: list[Diameter], listed: list[float | None], warnings: list[str]
+    kind: Kind, found: list[Sphere], told: list[Diameter], listed: list[float | None], warnings: list[str], agree: bool
 ) -> None:
-    """Say what the balls' size in the picture decided, and what it left open."""
+    """Say what the balls' size in the picture decided, if all agree on the scale, and what it left open."""
     sure = [f"{one.mm:g}" for one in told if one.mm and not one.sigma]
-    if sure:
+    if sure and agree:
         warnings.append(f"{kind} balls of {', '.join(sure)} mm were told apart by their size in the picture.")
     names = ", ".join(f"{d:g}" for d in listed if d)
+    if None in listed and not sure:
+        places = ", ".join("({:.0f}, {:.0f})".format(*sphere.center_px) for sphere in found)
+        warnings.append(
+            f"{kind} balls at {places} px: diameter_mm is listed for {len(listed) - listed.count(None)} of "
+            f"{len(listed)} ({names}), and whose it is cannot be told; no diameter is used. Give each its diameter_mm."
+        )
+        return
     for sphere, one in zip(found, told, strict=True):
         u, v = sphere.center_px
         taken = f"taken as {one.mm:.1f} mm, to {one.sigma:.0%}" if one.mm else "no diameter is used"

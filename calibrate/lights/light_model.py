@@ -191,7 +191,7 @@ def _judged(fit: LightFit, notes: Notes) -> LightFit:
     if fit.misfit > SUSPICIOUS and miss_deg > DISAGREE_DEG:
         hint = (
             "check their diameters and the camera's focal length"
-            if fit.positions_mm is not None
+            if fit.positions_mm is not None or all(s.diameter_mm for s in fit.spheres)
             else "near lights? Give diameter_mm and a camera"
         )
         notes.warnings.append(

@@ -257,6 +257,7 @@ def compare_with_chrome(names: tuple[str, ...], aim: Aim, sphere: Sphere, shaded
     if positions is None and angle > APART_DEG:
         notes.warnings.append(
             f"the white ball's shading and the chrome balls' highlights point {angle:.0f} degrees apart (median): is "
-            "the white ball matte, and are the frames linear?"
+            "the white ball matte, are the frames linear, and has each ball its diameter_mm? Near flashes are seen "
+            "elsewhere by each ball."
         )
     return angle
