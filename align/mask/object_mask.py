@@ -18,6 +18,8 @@ WORK_SIZE = 640
 BALL_MARGIN_PX = 4.0
 FAINT = 0.25
 """What stands out from the backdrop by less than this share of the object's median (in square roots) is not of it."""
+INVERTED = 0.5
+"""Share of the picture's border that a given mask may hold without a word."""
 LEAST_SHARE = 0.001
 """An object smaller than this share of the image is taken for dirt."""
 
@@ -134,16 +136,20 @@ def _checked(mask: NDArray[np.bool_], balls: NDArray[np.bool_], size: tuple[int,
         raise AlignError("mask: it is empty. White marks the object.")
     if mask.mean() > 0.98:
         raise AlignError(f"mask: {100 * mask.mean():.1f} % of it is white. White marks the object, black the rest.")
+    border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]]).mean()
+    told = f"mask: {border:.0%} of the picture's border is white. White marks the object: is the mask inverted?"
+    doubts = (told,) if border > INVERTED else ()
     overlap = mask & balls
     if not overlap.any():
-        return ObjectMask(mask, "given")
+        return ObjectMask(mask, "given", doubts)
     rest = mask & ~balls
     if not rest.any():
         raise AlignError("mask: it lies on the calibration balls alone. White marks the object.")
     # A ball's margin may touch the object beside it: only a real overlap is worth a word.
     if overlap.sum() < 0.01 * mask.sum():
-        return ObjectMask(mask, "given")
-    return ObjectMask(rest, "given", (f"mask: {overlap.sum()} of its pixels lie on calibration balls; left out.",))
+        return ObjectMask(mask, "given", doubts)
+    left_out = f"mask: {overlap.sum()} of its pixels lie on calibration balls; left out."
+    return ObjectMask(rest, "given", (*doubts, left_out))
 
 
 def _choose(contradiction: Contradiction, balls: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], list[str]]:

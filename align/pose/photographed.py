@@ -54,7 +54,8 @@ class Photographs:
         if border.sum() > max(4, 0.15 * math.sqrt(mask.sum())):
             raise AlignError(
                 f"mask: {border.sum()} of its pixels lie on the image's border: the object leaves the frame, and its "
-                "outline cannot be matched with the scan's. Reshoot with the whole object in view."
+                "outline cannot be matched with the scan's. Reshoot with the whole object in view; a mask of your own "
+                "has the object white and the rest black."
             )
 
 

@@ -27,6 +27,10 @@ POOR_MISFIT = 0.7
 """Above it the pose is doubted. Gloss and folds alone turned a real cat's normals to 0.6."""
 SURE = 4.0
 """A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
+DOUBTED = 1.5
+"""Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
+UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
+"""Between two units of length: the ratio of each pair that people exchange."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +109,8 @@ def register(
     caster = RayCaster(mesh, smooth_normals(mesh)[0] if at_vertices is None else at_vertices)
     found = search(caster, photographs, normals, start=start, executor=executor, progress=progress)
     evidence, pose = found.evidence, found.evidence.pose
-    _check_distance(photographs, -float(pose.apply(mesh.center_mm)[2]))
+    distance = -float(pose.apply(mesh.center_mm)[2])
+    _check_distance(photographs, distance)
     fit = evidence.fit
     facts = {
         "overlap": fit.overlap,
@@ -123,7 +128,7 @@ def register(
     if fit.misfit > WORST_MISFIT:
         raise AlignError(
             f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
-            "side that the camera sees, and is the mask on the object?"
+            f"side that the camera sees, and is the mask on the object?{_doubted_lengths(photographs, distance)}"
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
@@ -173,12 +178,25 @@ def register(
 def _check_distance(photographs: Photographs, distance: float) -> None:
     expected = -float(photographs.lights.reference_point_mm[2])
     if not photographs.camera.is_orthographic and expected > 0 and not 0.4 < distance / expected < 2.5:
+        large, small = ("large", "small") if distance > expected else ("small", "large")
+        times = max(distance / expected, expected / distance)
+        meant = next((f" ({pair} exchanged?)" for factor, pair in UNITS.items() if 0.9 < times / factor < 1.1), "")
         raise AlignError(
-            f"scan: it would have to stand {distance:.4g} mm from the camera to look as large as the object, but "
-            f"the lights were calibrated about a point {expected:.4g} mm away: the scan is about "
-            f"{distance / expected:.3g} times too large, or diameter_mm of the balls so much too small. Check "
-            "scan_unit under [object], and [[spheres]]."
+            f"scan: about {times:,.1f} times too {large}{meant}, or diameter_mm of the balls so much too {small}: "
+            f"it would have to stand {distance:,.1f} mm from the camera to look as large as the object, but the lights "
+            f"were calibrated about a point {expected:,.1f} mm away. Check scan_unit under [object], and [[spheres]]."
         )
+
+
+def _doubted_lengths(photographs: Photographs, distance: float) -> str:
+    """Say where a scan that does not fit stands much nearer or farther than the balls."""
+    expected = -float(photographs.lights.reference_point_mm[2])
+    if photographs.camera.is_orthographic or expected <= 0 or 1 / DOUBTED < distance / expected < DOUBTED:
+        return ""
+    return (
+        f" It stands {distance / expected:.2g} times as far from the camera as the balls do by diameter_mm: check "
+        "scan_unit, and that diameter_mm is the diameter in millimetres, not the radius."
+    )
 
 
 def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaster], Found]) -> None:
