@@ -70,7 +70,8 @@ def strengths_from_object(
     )
     notes.warnings.append(
         "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "
-        f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object."
+        f"{np.median(sigma):.1%}, and errors that bend all normals alike. Put a white ball beside the object, or list "
+        "the one that is there under [[spheres]]."
     )
     return intensities, sigma
 

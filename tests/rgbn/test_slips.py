@@ -177,3 +177,11 @@ def test_a_light_file(session):
     )
     assert "'0,1' is not a number. Write a point" in told([f"{name}.dng 0,1 0,2 0,9" for name in names])
     assert "light 3 has no direction" in told([*sound[:2], "flash_002.dng 0 0 0", *sound[3:]])
+
+
+def test_the_tests_that_the_guide_names_are_there():
+    tests = Path(__file__).parents[1]
+    rows = re.findall(r"^\|.*\| ([^|]*) \|$", (tests.parent / "docs" / "guide" / "repair.md").read_text(), re.MULTILINE)
+    named = {name for cell in rows for name in re.findall(r"`(\w+(?:/\w+)*/test_\w+)`", cell)}
+    assert len(named) > 15
+    assert [name for name in named if not (tests / f"{name}.py").is_file()] == []

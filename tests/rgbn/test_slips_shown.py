@@ -192,6 +192,18 @@ def test_the_white_balls_diameter_in_centimetres_in_a_real_session(run):
     assert not [w for w in warnings if "near lights?" in w or "told apart" in w]
 
 
+@pytest.mark.full
+def test_diameters_of_chrome_and_white_exchanged_in_a_real_session(run):
+    changes = ("= 100.0", "= 9x.0"), ("= 90.0", "= 100.0"), ("= 9x.0", "= 90.0")
+    code, _, (text,) = run("calibrate", *changes)
+    assert code == 0
+    # 90 mm, seen by lights of nine tenths of their distances.
+    found = re.search(r"the white ball contradicts .* unless it is ([\d.]+) mm across, not 100", text)
+    assert found
+    assert float(found[1]) == pytest.approx(90 * 0.9, rel=0.01)
+    assert "Check diameter_mm of every ball" in text
+
+
 # The mask and the scan.
 
 
