@@ -7,14 +7,12 @@ import numpy as np
 
 from calibrate.calibration import Calibration
 from scene.camera import Camera
-from scene.errors import CalibrationError
 
 ROUNDS = 4
 STILL = 0.02
 """Change of the focal length, relative, after which it is taken."""
-KNOWN = 0.15
-"""Relative sigma of a focal length that is worth having: above it directions are no better than an orthographic
-camera's."""
+KNOWN = 0.1
+"""Relative sigma of a focal length that is worth having; EXIF's is 0.06."""
 
 
 def with_unknown_focal(run: Callable[[Camera], Calibration], camera: Camera) -> Calibration:
@@ -46,11 +44,8 @@ def with_unknown_focal(run: Callable[[Camera], Calibration], camera: Camera) -> 
         answers.append(found.camera.fx)
         if abs(np.log(answers[-1] / guess)) < max(STILL, found.camera.focal_sigma):
             return _told(found, found.camera)
-    raise CalibrationError(
-        f"camera: unknown, and the balls tell no one focal length: taken as {_listed(guesses)} px they ask for "
-        f"{_listed(answers)} px. Add [camera] with focal_mm and sensor_mm to session.toml, and check the balls' "
-        "diameters."
-    )
+    # Each guess is answered by another: the balls contradict each other.
+    return _orthographic(run, camera)
 
 
 def _next(guesses: list[float], answers: list[float], first: float) -> float:
@@ -62,10 +57,6 @@ def _next(guesses: list[float], answers: list[float], first: float) -> float:
     x, y = np.log(guesses[-2:]), np.log(answers[-2:])
     slope = float((y[1] - y[0]) / (x[1] - x[0])) if x[1] != x[0] else 0.0
     return float(np.exp(x[1] + (y[1] - x[1]) / (1 - min(slope, 0.5))))
-
-
-def _listed(lengths: list[float]) -> str:
-    return ", ".join(f"{length:.0f}" for length in lengths)
 
 
 def _told(found: Calibration, camera: Camera) -> Calibration:
