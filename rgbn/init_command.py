@@ -20,13 +20,13 @@ def init(
         bool, Parameter(name=["--yes", "-y"], help="Ask nothing: what is not known is assumed, and said.", negative="")
     ] = False,
     chrome: Annotated[
-        tuple[float, ...],
+        tuple[str, ...],
         Parameter(
             help="Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first.",
             negative="",
         ),
     ] = (),
-    white: Annotated[tuple[float, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = (),
+    white: Annotated[tuple[str, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = (),
     unit: Annotated[
         Literal["mm", "cm", "m", "inch", "unknown"] | None,
         Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
@@ -44,27 +44,29 @@ def init(
 ) -> None:
     """Look at a folder of photographs, show what it holds, ask what no file tells, and write its session.toml."""
     from capture.session.session_types import Lens
-    from lab.init.answers import Answers
+    from lab.init.answers import Answers, lengths_of
     from lab.init.init_session import init_sessions
 
     said = {"focal_mm": focal_mm, "sensor_mm": sensor_mm, "pixel_um": pixel_um, "crop_factor": crop_factor}
     sensors = [
         f"--{key.replace('_', '-')}" for key in ("sensor_mm", "pixel_um", "crop_factor") if said[key] is not None
     ]
-    lengths = {"--chrome": chrome, "--white": white, "--distance-mm": (distance_mm,)}
-    lengths |= {f"--{key.replace('_', '-')}": (value,) for key, value in said.items()}
-    for option, values in lengths.items():
-        for value in values:
-            if value is not None and not 0 < value < 1e5:
-                raise SceneError(f"{option} {value:g}: expected a length above 0.")
+    for key, value in {**said, "distance_mm": distance_mm}.items():
+        if value is not None and not 0 < value < 1e5:
+            raise SceneError(f"--{key.replace('_', '-')} {value:g}: expected a length above 0.")
     if len(sensors) > 1:
         raise SceneError(f"{', '.join(sensors)}: each tells the size of the sensor. Give one of them.")
     if distance_mm is not None and focal_mm is not None:
         raise SceneError("--focal-mm, --distance-mm: each tells the focal length. Give one of them.")
-    diameters: dict[Kind, tuple[float, ...]] = {"chrome": chrome, "white": white}
-    known: dict[Kind, tuple[float, ...]] = {kind: values for kind, values in diameters.items() if values}
+    words: dict[Kind, tuple[str, ...]] = {"chrome": chrome, "white": white}
+    diameters: dict[Kind, tuple[float, ...]] = {}
+    for kind, some in words.items():
+        try:
+            diameters |= {kind: lengths_of(" ".join(some))} if some else {}
+        except ValueError as error:
+            raise SceneError(f"--{kind} {error}.") from None
     answers = Answers(
-        known,
+        diameters,
         unit,
         Lens(focal_mm=focal_mm, sensor_mm=sensor_mm, pixel_um=pixel_um, crop_factor=crop_factor),
         distance_mm,

@@ -62,7 +62,7 @@ class Asking:
             what = f"Diameter in mm of the {balls} {kind} balls" if balls > 1 else f"Diameter in mm of the {kind} ball"
             what += f" at {', '.join(f'({u:.0f}, {v:.0f})' for u, v in places)} px" if places else ""
             more = "; where they differ, one for each, in this order" if balls > 1 else ""
-            found = self._ask(f"{what}{more} (Enter: not known)", _lengths, ())
+            found = self._ask(f"{what}{more} (Enter: not known)", lengths_of, ())
             known = {**self.answers.diameters_mm, kind: found}
             self.answers = replace(self.answers, diameters_mm=known)
         given = self.answers.diameters_mm[kind]
@@ -107,7 +107,8 @@ class Asking:
                 print(f"  {error}", file=sys.stderr)
 
 
-def _lengths(text: str) -> tuple[float, ...]:
+def lengths_of(text: str) -> tuple[float, ...]:
+    """Return lengths in mm, with commas or blanks between; ValueError for another text."""
     try:
         found = tuple(float(part) for part in text.replace(",", " ").replace("mm", " ").split())
     except ValueError:

@@ -35,6 +35,7 @@ def with_balls(draft: Draft, files: FolderFiles, asking: Asking, camera: Camera 
             "picture, and balls can be marked there; or add [[spheres]] with center_px and radius_px."
         )
     kinds: tuple[Kind, ...] = ("chrome", "white")
+    usual = usual_camera(draft.small.width, draft.small.height)
     known: list[DraftBall] = []
     for kind in kinds:
         own = [ball for ball in draft.balls if ball.kind == kind]
@@ -47,7 +48,24 @@ def with_balls(draft: Draft, files: FolderFiles, asking: Asking, camera: Camera 
             draft = draft.noting(
                 f"the diameter of the {kind} balls is not known: give --{kind} MM for positions in mm."
             )
-    return replace(draft, balls=tuple(known))
+    return replace(draft, balls=tuple(known)).noting(*_doubted(known, camera or usual, draft.step))
+
+
+def _doubted(balls: list[DraftBall], camera: Camera, step: int) -> list[str]:
+    """Name diameters that put balls where no lab has them: in centimetres or inches."""
+    from calibrate.calibrate import LAB_M
+
+    notes = []
+    for ball in balls:
+        if not ball.diameter_mm or not ball.radius_px:
+            continue
+        away_m = camera.fx * step * ball.diameter_mm / (2000 * ball.radius_px)
+        if not LAB_M[0] < away_m < LAB_M[1]:
+            notes.append(
+                f"a {ball.kind} ball of {ball.diameter_mm:g} mm would stand {away_m:.2g} m from the camera; expected "
+                f"{LAB_M[0]:g} to {LAB_M[1]:g} m. Is the diameter in millimetres (1 cm = 10 mm, 1 inch = 25.4 mm)?"
+            )
+    return list(dict.fromkeys(notes))[:1]
 
 
 def _unreadable_lights(path: Path, draft: Draft, camera: Camera | None) -> str:

@@ -3,6 +3,7 @@
 import io
 import shutil
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,12 @@ import pytest
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from lab.init.answers import Answers
+from lab.init.draft import DraftBall
+from lab.init.draft_balls import _doubted
 from lab.init.init_session import init_sessions
 from lab.run import run_session
+from rgbn import cli
+from scene.camera import Camera
 from scene.errors import SessionError
 from scene.normals import angular_error_deg
 from scene.rooms import ROOT
@@ -92,6 +97,35 @@ def test_a_tape_tells_the_focal_length(folder):
     lens = load_session(folder).camera
     assert isinstance(lens, Lens)
     assert lens.fx == pytest.approx(truth["fx"], rel=0.03)
+
+
+def test_a_ball_where_no_lab_has_it(tmp_path):
+    """10 cm given as 10 mm: an eighth of a metre from the camera."""
+    camera = Camera(900, 600, 1200.0, 1200.0, 449.5, 299.5)
+    balls = [DraftBall("chrome", (100.0, 100.0), 48.0, mm) for mm in (100.0, 10.0, 76.0)]
+    (note,) = _doubted(balls, camera, 1)
+    assert note.startswith("a chrome ball of 10 mm would stand 0.12 m from the camera")
+    assert _doubted(balls[:1], camera, 1) == []
+    # In a picture of half the size, the same ball by the same camera.
+    assert _doubted(balls, replace(camera, fx=600.0), 2) == [note]
+
+
+@pytest.mark.parametrize(
+    ("words", "cure"),
+    [
+        (["--chrome", "100;90"], "--chrome 100;90: expected millimetres, as in 76"),
+        (["--white", "0"], "expected millimetres from 0.1"),
+        (["--sensor-mm", "36", "--pixel-um", "4"], "--sensor-mm, --pixel-um: each tells the size of the sensor"),
+        (["--focal-mm", "-5"], "--focal-mm -5: expected a length above 0"),
+        (["--focal-mm", "50", "--distance-mm", "900"], "each tells the focal length"),
+    ],
+)
+def test_answers_that_cannot_be_meant(tmp_path, capsys, monkeypatch, words, cure):
+    monkeypatch.setattr(sys, "argv", ["rgbn", "init", str(tmp_path), *words])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    assert cure in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
