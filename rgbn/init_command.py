@@ -28,7 +28,7 @@ def init(
     ] = (),
     white: Annotated[tuple[str, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = (),
     unit: Annotated[
-        Literal["mm", "cm", "m", "inch", "unknown"] | None,
+        Literal["m", "cm", "mm", "inch", "unknown"] | None,
         Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
     ] = None,
     focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None,

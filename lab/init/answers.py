@@ -11,7 +11,7 @@ from scene.spheres import Kind
 
 T = TypeVar("T")
 Unit = Literal["m", "cm", "mm", "inch", "unknown"]
-UNITS: tuple[Unit, ...] = ("mm", "cm", "m", "inch", "unknown")
+UNITS: tuple[Unit, ...] = ("m", "cm", "mm", "inch", "unknown")
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,7 @@ class Asking:
         if self.answers.unit is None and likely is not None:
             return likely
         if self.answers.unit is None:
-            found = self._ask(f"Unit of {scan}: mm, cm, m, inch or unknown (Enter: unknown)", _unit, "unknown")
+            found = self._ask(f"Unit of {scan}: m, cm, mm, inch or unknown (Enter: unknown)", _unit, "unknown")
             self.answers = replace(self.answers, unit=found)
         return self.answers.unit or "unknown"
 
