@@ -197,7 +197,7 @@ def shots(tmp_path):
     return shoot(tmp_path, CHARUCO)
 
 
-@pytest.mark.parametrize("plain", [False, True])
+@pytest.mark.parametrize("plain", [False, pytest.param(True, marks=pytest.mark.full)])
 def test_a_board_gives_the_camera(session, tmp_path, plain):
     shots = shoot(tmp_path, CHESS if plain else CHARUCO, 6)
     board = Board(shots, (9, 6), 20.0) if plain else Board(shots, (9, 6), 20.0, 14.0, "DICT_4X4_100")

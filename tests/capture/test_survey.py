@@ -209,9 +209,9 @@ def shown(art, seed, tmp_path, name):
     ("squares", "dictionary", "share"),
     [
         ((9, 6), "DICT_4X4_100", 0.7),
-        ((11, 8), "DICT_5X5_100", 0.75),
-        ((5, 7), "DICT_6X6_250", 0.5),
-        ((7, 7), "DICT_4X4_50", 0.6),
+        pytest.param((11, 8), "DICT_5X5_100", 0.75, marks=pytest.mark.full),
+        pytest.param((5, 7), "DICT_6X6_250", 0.5, marks=pytest.mark.full),
+        pytest.param((7, 7), "DICT_4X4_50", 0.6, marks=pytest.mark.full),
     ],
 )
 def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
@@ -228,6 +228,7 @@ def test_a_charuco_board_is_read_off(tmp_path, squares, dictionary, share):
     assert [one.path.name for one in shots] == ["0", "1", "2"]
 
 
+@pytest.mark.full
 def test_a_chessboard_is_read_off(tmp_path):
     art = 255 * np.kron(np.indices((6, 9)).sum(0) % 2, np.ones((60, 60))).astype(np.uint8)
     art = cv2.copyMakeBorder(art, 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255)

@@ -146,6 +146,7 @@ def test_an_environment_map_shines_from_where_it_is_said_to(row, column, rotate_
     assert means[brighter] > 2 * means[opposite]
 
 
+@pytest.mark.full
 def test_the_eight_materials_are_rendered_and_no_two_alike():
     rng = np.random.default_rng(10002)
     texture = Texture(rng.uniform(0.1, 0.9, (8, 16, 3)).astype(np.float32))
