@@ -23,7 +23,7 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
     path : Path
         A session's folder, its session.toml, or an output folder: then its own session.
     out : Path or None
-        Output folder as it was given. Default: that of `path`, or out/NAME here by the session's name.
+        Output folder as it was given. Default: that of `path`, or `default_out`.
 
     Returns
     -------
@@ -41,7 +41,8 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
         if out is None:
             from capture.session.session import load_session
 
-            out = Path("out") / load_session(path).name
+            session = load_session(path)
+            out = default_out(session.folder, session.name)
         return path.resolve(), Path(out)
     if out is not None and Path(out).resolve() != path.resolve():
         raise SceneError(
@@ -49,6 +50,13 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
             "the session in its place to write elsewhere."
         )
     return session_of(path), path
+
+
+def default_out(folder: Path, name: str) -> Path:
+    """Return out/NAME here; beside the session's folder for a session that is worked on from inside of it."""
+    folder = folder.resolve()
+    above = folder.parent if Path.cwd().resolve().is_relative_to(folder) else Path()
+    return above / "out" / name
 
 
 def is_output(path: Path) -> bool:

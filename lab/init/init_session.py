@@ -13,7 +13,7 @@ from lab.init.draft import Draft
 from lab.init.prepare import prepare
 from lab.init.session_text import session_text
 from lab.progress import progress_bar, say
-from lab.session_place import MANIFEST
+from lab.session_place import MANIFEST, default_out
 from scene.errors import SessionError
 from scene.files import write_text
 from scene.light_text import FILENAMES
@@ -89,14 +89,15 @@ def draft_of(files: FolderFiles, asking: Asking) -> Draft:
 
 
 def write_session(draft: Draft) -> Made:
-    """Write session.toml into the folder, and the contact sheet into its output folder, out/NAME."""
+    """Write session.toml into the folder, and the contact sheet into its output folder."""
     manifest = draft.folder / MANIFEST
-    write_text(manifest, session_text(draft))
-    out = Path("out") / draft.name
+    out = default_out(draft.folder, draft.name)
     with open_record(out, input_folders=[draft.folder]) as record:
         record.forget([PART])
         with record.part_of(PART):
             write_sheet(out / SHEET, draft)
+    # Last, and outside of the output folder's record: from here on it is the user's.
+    write_text(manifest, session_text(draft))
     return Made(draft, manifest, out / SHEET)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from capture.survey.folder_files import FolderFiles
-from lab.session_place import MANIFEST
+from lab.session_place import MANIFEST, default_out
 from scene.errors import SceneError
 from studio.new_session.found_capture import FoundCapture, look
 
@@ -30,7 +30,7 @@ class Looking:
 
     def out_of(self, folder: Path) -> Path:
         """Return the output folder of a session."""
-        return (self._out or Path("out") / folder.name).resolve()
+        return (self._out or default_out(folder, folder.name)).resolve()
 
     @property
     def only_session(self) -> tuple[Path, Path] | None:

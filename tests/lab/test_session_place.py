@@ -37,7 +37,9 @@ def test_an_output_folder_leads_to_its_session_from_everywhere(lab, monkeypatch,
             session_and_out(path, Path("other"))
     for path in (session, session / "session.toml"):
         assert session_and_out(path, given) == (path, given)
-        assert session_and_out(path) == (path, Path("out/pear"))
+        # From inside the session its output lies beside it, not in it.
+        beside = session.parent / "out" / "pear" if inside == "captures/pear" else Path("out/pear")
+        assert session_and_out(path) == (path, beside)
     if inside == "out/pear":
         assert session_and_out(Path(".")) == (session, Path("."))
 

@@ -4,6 +4,7 @@ import io
 import shutil
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ from lab.init.init_session import init_sessions
 from lab.run import run_session
 from rgbn import cli
 from scene.camera import Camera
-from scene.errors import SessionError
+from scene.errors import SceneError, SessionError
+from scene.files import write_png
 from scene.normals import angular_error_deg
 from scene.rooms import ROOT
 from scene.store import Store
@@ -97,6 +99,33 @@ def test_a_tape_tells_the_focal_length(folder):
     lens = load_session(folder).camera
     assert isinstance(lens, Lens)
     assert lens.fx == pytest.approx(truth["fx"], rel=0.03)
+
+
+def test_from_inside_the_folder_the_sheet_lies_beside_it(tmp_path, monkeypatch):
+    """`rgbn init .`: session.toml was written, and then its output refused, since it lay among what is read."""
+    folder = tmp_path / "mine"
+    folder.mkdir()
+    for n in range(4):
+        write_png(folder / f"{n}.png", np.random.default_rng(n).integers(2000, 60000, (40, 60, 3)).astype(np.uint16))
+    monkeypatch.chdir(folder)
+    (made,), _ = init_sessions(Path("."), Answers(), silent=True)
+    assert made.sheet == tmp_path / "out" / "mine" / "contact-sheet.png"
+    assert made.sheet.is_file()
+    assert sorted(path.name for path in folder.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
+
+
+def test_nothing_is_written_where_the_output_is_anothers(tmp_path, monkeypatch):
+    folder, other = tmp_path / "mine", tmp_path / "out" / "mine"
+    folder.mkdir()
+    other.mkdir(parents=True)
+    (other / "thesis.txt").write_text("years of work")
+    for n in range(4):
+        write_png(folder / f"{n}.png", np.random.default_rng(n).integers(2000, 60000, (40, 60, 3)).astype(np.uint16))
+    before = lay_out(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SceneError, match=r"is not empty \(thesis.txt\)"):
+        init_sessions(folder, Answers(), silent=True)
+    assert lay_out(tmp_path) == before
 
 
 def test_a_ball_where_no_lab_has_it(tmp_path):
