@@ -28,7 +28,7 @@ def calibrate_board(board: Board, session: Session) -> tuple[Camera, str]:
     corners_of = _chessboard(board) if board.dictionary is None else _charuco(board, board.dictionary)
     matched, size, missed = [], None, []
     for file in board.files:
-        picture = board_picture(file, session)
+        picture = _board_picture(file, session)
         size = size or picture.shape
         if picture.shape != size:
             raise SessionError(
@@ -117,8 +117,12 @@ def _camera_of_corners(
     return camera, note
 
 
-def board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
-    """Return an 8-bit gray picture for the marker detector, full size, gamma-encoded, bright."""
-    linear = decode(read_photograph(file, Recipe(session.encoding, False, file)).codes).mean(axis=-1)
+def _board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
+    """Return a photograph for a detector, full size."""
+    return detector_gray(decode(read_photograph(file, Recipe(session.encoding, False, file)).codes).mean(axis=-1))
+
+
+def detector_gray(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return a linear gray picture in 8 bits, gamma-encoded, bright."""
     white = max(float(np.quantile(linear, 0.99)), 1e-6)
     return (255 * np.clip(linear / white, 0, 1) ** (1 / 2.2)).astype(np.uint8)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.camera.board import detector_gray
 from capture.survey.small_pictures import Small
 
 DICTIONARIES = ("DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_1000", "DICT_ARUCO_ORIGINAL")
@@ -28,7 +29,7 @@ class Layout:
 
 def find_board(pictures: Sequence[Small]) -> tuple[Layout | None, list[Small]]:
     """Return the board's layout, and the pictures that show a board; None and none for too few of them."""
-    grays = [_gray(one) for one in pictures]
+    grays = [detector_gray(one.light) for one in pictures]
     for name in DICTIONARIES:
         seen = [_markers(gray, name) for gray in grays]
         shown = [n for n, markers in enumerate(seen) if len(markers) >= FEWEST]
@@ -41,12 +42,6 @@ def find_board(pictures: Sequence[Small]) -> tuple[Layout | None, list[Small]]:
     if shapes.count(shape) < FEWEST_SHOTS:
         return None, []
     return Layout((shape[0] + 1, shape[1] + 1)), [pictures[n] for n, one in found.items() if one == shape]
-
-
-def _gray(one: Small) -> NDArray[np.uint8]:
-    light = one.light
-    white = max(float(np.quantile(light, 0.99)), 1e-6)
-    return (255 * np.clip(light / white, 0, 1) ** (1 / 2.2)).astype(np.uint8)
 
 
 def _markers(gray: NDArray[np.uint8], name: str) -> dict[int, NDArray]:

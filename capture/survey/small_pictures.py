@@ -65,7 +65,12 @@ def read_small(
     first = _read(files[0], encoding, half=False)
     # Superpixels are faster, and enough where there are many.
     half = isinstance(first, Small) and max(first.width, first.height) > 2 * LONGEST_PX
-    found = fan_out(partial(_read, encoding=encoding, half=half), files, done=done, threads=4)
+    again = files if half else files[1:]
+    found = fan_out(partial(_read, encoding=encoding, half=half), again, done=done, threads=4)
+    if not half:
+        found = [first, *found]
+        if done:
+            done()
     return [one for one in found if isinstance(one, Small)], [one for one in found if isinstance(one, str)]
 
 

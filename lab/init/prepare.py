@@ -150,15 +150,9 @@ def with_camera(draft: Draft, lens: Lens, exif: Sequence[Exif]) -> tuple[Draft, 
         text = "not known: no EXIF, no board. It is sought by the balls; or give focal_mm and sensor_mm."
         return replace(draft, lens=lens, camera_told=text), None
     words = told[0].removeprefix("camera: ").partition(". ")[0] if told else f"focal length {camera.fx:.0f} px"
-    return replace(draft, lens=lens, camera_told=words), _reduced(camera, draft)
-
-
-def _reduced(camera: Camera, draft: Draft) -> Camera:
-    """Return a camera of the small frames."""
-    height, width = draft.small.height, draft.small.width
-    fx, fy = camera.fx / draft.step, camera.fy / draft.step
-    cx, cy = ((c + 0.5) / draft.step - 0.5 for c in (camera.cx, camera.cy))
-    return replace(camera, width=width, height=height, fx=fx, fy=fy, cx=cx, cy=cy)
+    return replace(draft, lens=lens, camera_told=words), camera.scaled(
+        draft.small.width, draft.small.height, 1 / draft.step, 1 / draft.step
+    )
 
 
 def _given(draft: Draft, files: FolderFiles, camera: Camera | None, asking: Asking) -> Draft:
