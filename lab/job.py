@@ -116,6 +116,12 @@ class Job:
         for text in outcome.warnings:
             log(f"warning ({wanted}): {text}")
 
+    def is_current(self, steps: dict[str, Step], wanted: str) -> bool:
+        """Whether a step, and all that it needs, is done and current."""
+        step = steps[wanted]
+        needed = all(self.is_current(steps, need) for need in step.needs)
+        return needed and self.record.is_current(wanted, self.fingerprint(step))
+
     def fingerprint(self, step: Step) -> str:
         """Return the hash of all that goes into a step."""
         before = [self.done[need]["fingerprint"] for need in step.needs]

@@ -83,12 +83,7 @@ class SessionSteps:
         with open_record(self.out, input_folders=[session.folder]) as record:
             settings = (how.profile, programs, self._twin, self._refine)
             job = Job(session, record, (*how.methods(), *programs), None, self._truth, *settings)
-
-            def current(name: str) -> bool:
-                step = STEPS[name]
-                return all(map(current, step.needs)) and record.is_current(name, job.fingerprint(step))
-
-            return current(wanted)
+            return job.is_current(STEPS, wanted)
 
     def name_of(self, method: str) -> str:
         """Return a method's name as its files have it."""
