@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.calibration import Aim, Calibration, Notes
-from calibrate.detection.balls import Ball, find_balls
+from calibrate.detection.balls import Ball, NoProbeError, find_balls
 from calibrate.detection.coarse import Progress
+from calibrate.flags import flag_warnings
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
 from calibrate.lights.from_chrome import lights_from_chrome
@@ -24,7 +25,6 @@ from calibrate.photometry.matte_shading import (
 from calibrate.photometry.patches import Meter
 from calibrate.without_balls.from_object import strengths_from_object
 from scene.camera import Camera
-from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -108,6 +108,7 @@ def calibrate(
     _flag_same(frames.names, aim, notes)
     white_value = np.ones(3) if surfaces else None
     flags = tuple(tuple(flag) for flag in notes.flags)
+    notes.warnings.extend(flag_warnings(frames.names, flags))
     where = (aim.positions_mm, aim.reference_mm, aim.sigma_deg)
     lights = Lights(frames.names, aim.directions, intensities, *where, sigma, ambient, white_value, flags).normalised()
     lights.check()
@@ -151,7 +152,7 @@ def _shading(camera: Camera, white: list[tuple[Ball, Sphere]], surfaces: list[Su
 def _aim_from_shading(camera: Camera, white: list[Sphere], shading: Shading, reference: Array, notes: Notes) -> Aim:
     """Return the directions by the first white ball's shading."""
     if not white or not np.isfinite(shading.directions[0]).all():
-        raise CalibrationError(
+        raise NoProbeError(
             "spheres: the white ball shows too little lit, unclipped skin to tell the lights from. Add a chrome ball, "
             "or expose so that the white ball stays below white."
         )
@@ -243,7 +244,7 @@ def _reference(camera: Camera, spheres: list[Sphere]) -> Array:
 
 
 def _flag_same(names: tuple[str, ...], aim: Aim, notes: Notes) -> None:
-    """Name frames whose lights are the same: they add no information, and often a flash that was not moved."""
+    """Flag frames whose light is that of an earlier one: they add no information, and often the flash was not moved."""
     directions, positions = aim.directions, aim.positions_mm
     for i in range(len(names)):
         for j in range(i):
@@ -252,4 +253,4 @@ def _flag_same(names: tuple[str, ...], aim: Aim, notes: Notes) -> None:
                 same = np.linalg.norm(positions[i] - positions[j]) < SAME_PLACE * np.linalg.norm(positions[i])
             if same:
                 notes.flags[i].append(f"same light as {names[j]}")
-                notes.warnings.append(f"{names[j]} and {names[i]} have the same light.")
+                break

@@ -129,15 +129,21 @@ def table_in(path: Path, error: type[SceneError] = SceneError) -> Array:
 def write_diligent(
     folder: Path, frames: Frames, lights: Lights, mask: NDArray[np.bool_], box: tuple[slice, slice] = np.s_[:, :]
 ) -> None:
-    """Write a window of the frames, ambient light subtracted, all by one factor. No truth."""
-    factor = 65535 / max(float(frames.gain.max()), 1e-12)
-    files = [f"{index + 1:03d}.png" for index in range(len(frames))]
-    for index, file in enumerate(files):
-        image = frames.read(box[0], [index], columns=box[1])[0]
-        write_png(folder / file, np.clip(np.round(image * factor), 0, 65535).astype(np.uint16))
+    """Write a window of the frames, ambient light subtracted, all by one factor. No truth, and no unknown lights."""
+    files = {f"{index + 1:03d}.png": index for index in range(len(frames))}
+    write_photographs(folder, frames, files, box)
     write_png(folder / MASK, mask[box])
-    for name, text in light_tables(files, lights).items():
-        write_text(folder / name, text)
+    for name, text in light_tables(list(files), lights).items():
+        if not lights.is_unknown or name == FILENAMES:
+            write_text(folder / name, text)
+
+
+def write_photographs(folder: Path, frames: Frames, files: dict[str, int], box: tuple[slice, slice]) -> None:
+    """Write some frames' window, {file name: frame}: 16-bit linear RGB, ambient subtracted, all by one factor."""
+    factor = 65535 / max(float(frames.gain.max()), 1e-12)
+    for file, index in files.items():
+        image = np.round(frames.read(box[0], [index], columns=box[1])[0] * factor)
+        write_png(folder / file, np.clip(image, 0, 65535).astype(np.uint16))
 
 
 def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
@@ -152,8 +158,7 @@ def write_normal_mat(path: Path, normals: NDArray[np.float32]) -> None:
 
 
 def _read_names(found: Layout) -> None:
-    path = found.folder / FILENAMES
-    if not path.is_file():
+    if not (found.folder / FILENAMES).is_file():
         pictures = sorted(one.name for one in found.folder.glob("[0-9]*.png"))
         there = f"the folder has {len(pictures)} numbered PNGs" if pictures else "the folder has no numbered PNG"
         found.faults.append(f"{FILENAMES}: missing; {there}. List the photographs there, one a line.")
@@ -233,8 +238,7 @@ def _read_mask(found: Layout) -> None:
         return
     import cv2
 
-    image = found.read(read_pixels, MASK, cv2.IMREAD_UNCHANGED)
-    if image is None:
+    if (image := found.read(read_pixels, MASK, cv2.IMREAD_UNCHANGED)) is None:
         return
     values = image.reshape(*image.shape[:2], -1)[..., :3].max(-1)
     low, high = int(values.min()), int(values.max())

@@ -12,10 +12,12 @@ from lab.options import AS_GIVEN, TwinSettings
 from lab.progress import say
 from lab.run_log import log
 from scene.current import code_fingerprint, fingerprint
+from scene.errors import SceneError
 from scene.files import plain
 from scene.mesh import Mesh
 from scene.record import Record
 from scene.store import Store
+from solve.method_names import UNCALIBRATED
 
 LOG = logging.getLogger("rgbn")
 
@@ -57,20 +59,50 @@ class Step:
 class Job:
     """A session, its output folder's record, and how to run.
 
-    `session` is capture's Session; `methods` the solvers asked for, `profile` that of their settings, `externals` those
-    of them that are other programs, by name; `executor` what fans out the work, None for threads here; `twin` how the
-    twin is rendered; `refine_lights` lets the scan correct the lights.
+    `session` is capture's Session; `asked` the solvers asked for, or where `are_named` is false the usual ones;
+    `profile` that of their settings, `externals` those of them that are other programs, by name; `executor` what fans
+    out the work, None for threads here; `twin` how the twin is rendered; `refine_lights` lets the scan correct the
+    lights; `trust` asks for the methods' predicted errors (None: where there is no truth).
     """
 
     session: Any
     record: Record
-    methods: tuple[str, ...]
+    asked: tuple[str, ...]
     executor: Any = None
     truth: Path | None = None
     profile: str = "default"
     externals: dict[str, Any] = field(default_factory=dict)
     twin: TwinSettings = AS_GIVEN
     refine_lights: bool = False
+    are_named: bool = True
+    trust: bool | None = None
+
+    @property
+    def methods(self) -> tuple[str, ...]:
+        """The solvers: those asked for; where none was named and the lights are unknown, those that need none.
+
+        Raises
+        ------
+        SceneError
+            The lights are unknown, and a solver was named that needs them.
+        """
+        model = self.done.get("calibrate", {}).get("result", {}).get("model")
+        if model != "unknown":
+            return self.asked
+        calibrated = [name for name in self.asked if name not in UNCALIBRATED and name not in self.externals]
+        if calibrated and self.are_named:
+            raise SceneError(
+                f"--method {','.join(calibrated)}: the lights are unknown (no ball was found, and no file gives them), "
+                f"and {'these need' if len(calibrated) > 1 else 'it needs'} them. Take --method "
+                f"{','.join(UNCALIBRATED)}; or list the balls under [[spheres]], or give lights.file."
+            )
+        return (*UNCALIBRATED, *self.externals) if calibrated else self.asked
+
+    def wanted(self, last: str) -> tuple[str, ...]:
+        """Return the steps to run, with what they need, for a verb: the last one, and before it what was asked for."""
+        has_truth = self.session.normals or self.session.scan
+        asked = last == "compare" and not has_truth if self.trust is None else self.trust
+        return ("trust", last) if asked and last in ("solve", "twin", "compare") else (last,)
 
     @cached_property
     def store(self) -> Store:

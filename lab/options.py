@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, get_args
 from cyclopts import Parameter
 
 from scene.errors import SceneError
-from solve.method_names import METHODS
+from solve.method_names import METHODS, UNCALIBRATED
 
 if TYPE_CHECKING:
     from solve.external import External
@@ -54,8 +54,8 @@ class Solving:
         str | None,
         Parameter(
             alias="-m",
-            help=f"Photometric-stereo methods, with commas: {', '.join(METHODS)}. Default: {DEFAULT_METHODS}; of two "
-            "folders compared, all.",
+            help=f"Photometric-stereo methods, with commas: {', '.join(METHODS)}. Default: {DEFAULT_METHODS}; where "
+            f"the lights are unknown {','.join(UNCALIBRATED)}; of two folders compared, all.",
         ),
     ] = None
     profile: Annotated[
@@ -67,13 +67,22 @@ class Solving:
     external: Annotated[
         tuple[str, ...],
         Parameter(
-            help="Another program as a method, NAME=COMMAND: it reads {data}, the photographs in the DiLiGenT layout, "
-            "and writes a normal map into {out}. May be given again. See docs/guide/learned-methods.md.",
+            help="Another program as a method. A published one that you downloaded: NAME=PRESET:FOLDER, PRESET one of "
+            "lino-unips, sdm-unips, uni-ms-ps. Any other: NAME=COMMAND; it reads {data}, the photographs in the "
+            "DiLiGenT layout, and writes a normal map into {out}. May be given again. See "
+            "docs/guide/learned-methods.md.",
             negative="",
             consume_multiple=False,
         ),
     ] = ()
     external_timeout_s: Annotated[float, Parameter(help="Seconds after which such a program is ended.")] = 3600.0
+    trust: Annotated[
+        bool | None,
+        Parameter(
+            help="Predict each method's error from the photographs, and join all answers to one, best. Of all methods, "
+            "where none is named. Default: of process without a scan and without given normals."
+        ),
+    ] = None
 
     def methods(self) -> tuple[str, ...]:
         """Return the names of the methods of ours.
@@ -85,7 +94,8 @@ class Solving:
         """
         from solve.methods import method_of
 
-        names = named("--method", DEFAULT_METHODS if self.method is None else self.method, METHODS)
+        usual = ",".join(METHODS) if self.trust else DEFAULT_METHODS
+        names = named("--method", usual if self.method is None else self.method, METHODS)
         for name in names:
             method_of(name).settings(self.profile)
         return names
@@ -96,7 +106,7 @@ class Solving:
         Raises
         ------
         SceneError
-            A text is no NAME=COMMAND, or a name is given twice.
+            A text is no NAME=COMMAND, a preset's program is not there, or a name is given twice.
         """
         from solve.external import External
 

@@ -5,6 +5,7 @@ from typing import Any
 from lab import steps
 from lab.job import Job, Step
 from lab.self_test import self_test
+from lab.trust_step import trust
 from lab.twin_step import twin
 from scene.light_text import FILENAMES, INTENSITIES
 
@@ -54,6 +55,7 @@ STEPS = {
         Step("self_test", self_test, ("calibrate",), lambda job: []),
         Step("align", steps.align, ("calibrate",), _object_inputs, (EXPORTED,)),
         Step("solve", steps.solve, ("align",), _methods),
+        Step("trust", trust, ("solve",), lambda job: []),
         Step("twin", twin, ("solve",), lambda job: [*_methods(job), job.twin]),
         Step("compare", steps.compare, ("twin",), _judged_by, (REPORTED,)),
     )

@@ -9,6 +9,7 @@ from lab.job import Job
 from lab.progress import progress_bar
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.length_units import UNITS_MM
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.pose import Pose
@@ -23,7 +24,6 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.pose.scan_outline import outline_strokes
     from align.pose.scan_view import View
     from align.pose.shading import scan_shading
-    from align.scan.mended_scan import UNITS_MM
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from compare.report.registration_pictures import write_pictures

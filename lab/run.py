@@ -75,7 +75,7 @@ def open_job(
         note_session(record, place)
         if is_output(session_path):
             say(f"session: {place}")
-        settings = (solving.profile, externals, twin, refine_lights)
+        settings = (solving.profile, externals, twin, refine_lights, solving.method is not None, solving.trust)
         yield Job(session, record, (*methods, *externals), executor, truth, *settings)
 
 
@@ -104,6 +104,9 @@ def run_session(
     from lab.summary import write_summary
 
     with open_job(session_path, **how) as job:
+        with around(job) if around else nullcontext():
+            for step in job.wanted(wanted):
+                job.run(STEPS, step)
         arguments = {
             "up_to": wanted,
             "session": str(job.session.folder),
@@ -112,10 +115,9 @@ def run_session(
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(job.twin),
             "refine_lights": job.refine_lights,
+            "trust": job.trust,
             "truth": None if job.truth is None else str(job.truth.resolve()),
         }
-        with around(job) if around else nullcontext():
-            job.run(STEPS, wanted)
         summary = write_summary(job, arguments)
         if wanted == "compare":
             from compare.report.report import write_report

@@ -53,8 +53,10 @@ def calibrate(job: Job) -> Outcome:
     """Find the balls and the lights."""
     from calibrate.calibrate import calibrate as find_lights
     from calibrate.calibration import Calibration
+    from calibrate.detection.balls import NoProbeError
     from calibrate.known_lights.read_known import read_lights
     from calibrate.unknown_focal import with_unknown_focal
+    from calibrate.without_balls.unknown_lights import unknown_lights
     from capture.session.requests import sphere_requests
 
     store = job.store
@@ -75,9 +77,12 @@ def calibrate(job: Job) -> Outcome:
             found = with_unknown_focal(run, camera) if is_unknown else run(camera)
     except CalibrationError as error:
         # The next best probe is an object whose normals are given; balls that were asked for must be there.
-        if requests or known or not session.normals:
+        if not (requests or known) and session.normals:
+            found = _lights_from_normals(job, frames, camera, str(error))
+        elif not (requests or known or session.scan) and isinstance(error, NoProbeError):
+            found = unknown_lights(frames, str(error))
+        else:
             raise
-        found = _lights_from_normals(job, frames, camera, str(error))
     camera = found.camera or camera
     _check_scale(job, camera)
     store.save_camera(camera)
@@ -181,12 +186,13 @@ def solve(job: Job) -> Outcome:
 
 def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
     """Run every method on a store's frames, and save what it finds there."""
+    from solve.frame_intensities import corrected
     from solve.given_normals import solve_external
     from solve.solve import solve as run
 
-    frames, camera = store.load_frames(), job.store.load_camera()
-    lights, mask = job.store.load_lights(), job.store.load_mask()
-    table, warnings = {}, []
+    frames, camera, mask = store.load_frames(), job.store.load_camera(), job.store.load_mask()
+    lights, warnings = corrected(frames, job.store.load_lights(), camera, mask)
+    table = {}
     megapixels = int(mask.sum()) / 1e6
     for method in job.methods:
         with progress_bar(f"{label}: {method}") as progress:

@@ -38,6 +38,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "self_test": result("self_test") or None,
         "align": result("align").get("truth"),
         "solve": {"methods": methods},
+        "trust": result("trust") or None,
         "twin": {key: value for key, value in twin.items() if key != "twin_seconds"} if twin.get("rendered") else None,
         "compare": compared,
     }

@@ -148,8 +148,7 @@ def _check_values(stack: NDArray, inside: NDArray[np.bool_]) -> None:
 def _lights(lights: ArrayLike | Lights | None, count: int) -> Lights:
     names = tuple(f"image_{index}" for index in range(count))
     if lights is None:
-        # The uncalibrated methods are not told them.
-        return Lights(names, np.full((count, 3), np.nan), np.ones((count, 3)))
+        return Lights.unknown(names)
     if isinstance(lights, Lights):
         if len(lights) != count:
             raise SceneError(f"lights: found {len(lights)}, but there are {count} images. Give one light an image.")

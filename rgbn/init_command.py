@@ -1,11 +1,12 @@
 """`rgbn init` as the command line has it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from scene.errors import SceneError
+from scene.length_units import Unit
 
 if TYPE_CHECKING:
     from lab.init.draft import Draft
@@ -28,7 +29,7 @@ def init(
     ] = (),
     white: Annotated[tuple[str, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = (),
     unit: Annotated[
-        Literal["m", "cm", "mm", "inch", "unknown"] | None,
+        Unit | None,
         Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
     ] = None,
     focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None,
@@ -85,6 +86,8 @@ def _show(draft: "Draft") -> None:
     from rich.table import Table
     from rich.text import Text
 
+    from lab.init.draft_notes import notes_of
+
     table = Table(title=Text(f"{draft.folder}"), show_header=False, title_justify="left", box=None)
     table.add_column(style="bold")
     table.add_column()
@@ -92,7 +95,7 @@ def _show(draft: "Draft") -> None:
         table.add_row(label, Text(text))
     console = Console()
     console.print(table)
-    for note in draft.notes:
+    for note in notes_of(draft):
         console.print(Text("note ", style="yellow") + Text(note))
 
 
@@ -106,7 +109,7 @@ def _rows(draft: "Draft") -> list[tuple[str, str]]:
     told = f": {draft.unit_told}" if draft.unit_told else ""
     for number, ball in enumerate(draft.balls, 1):
         (u, v), diameter = ball.center_px, ball.diameter_mm
-        known = f"{diameter:.4g} mm" if diameter else "diameter not known"
+        known = f"{diameter:.4g} mm" if diameter else f"diameter not known: --{ball.kind} MM"
         place = f"at ({u:.0f}, {v:.0f}) px, radius {ball.radius_px:.0f} px, " if ball.radius_px else ""
         place = f"{len(ball.files)} photographs of its own, " if ball.files else place
         rows.append((f"ball {number}", f"{ball.kind}, {place}{known}"))

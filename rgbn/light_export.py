@@ -72,6 +72,8 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
                     compared = job.done.get("compare", {}).get("result", {})
                     made, more = write_tables(store, folder, compared), []
                 else:
+                    if lights.is_unknown:
+                        lights.check()
                     made, more = export_lights(folder, name, lights, camera, files=files, sfm=sfm)
             except SceneError as error:
                 if not left_out:

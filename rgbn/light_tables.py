@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from rgbn.text_tables import number_table
+from rgbn.text_tables import fact_table, number_table
 from scene.spheres import Sphere, table_under
 from scene.store import Store
 
@@ -14,11 +14,16 @@ MOST, WORST = 24, 12
 
 
 def light_tables(store: Store, *, moved: bool) -> Iterator[Any]:
-    """Yield the table of the lights, and that of the balls where there are any.
+    """Yield the table of the lights, and that of the balls where there are any; of unknown lights that they are it.
 
     moved: The lights are as the object sees them, no longer as from amid the balls.
     """
     lights = store.load_lights()
+    if lights.is_unknown:
+        yield fact_table(
+            "calibrate", [("lights", f"{len(lights)}, unknown: no ball was found, and no file gives them")]
+        )
+        return
     rows: list[dict[str, Any]] = list(lights.rows())
     spheres = _spheres(store)
     table = table_under(spheres, store.load_camera()) if spheres else None

@@ -81,7 +81,7 @@ class SessionSteps:
         how, session = self._solving(solving), self.session
         programs = how.programs()
         with open_record(self.out, input_folders=[session.folder]) as record:
-            settings = (how.profile, programs, self._twin, self._refine)
+            settings = (how.profile, programs, self._twin, self._refine, how.method is not None)
             job = Job(session, record, (*how.methods(), *programs), None, self._truth, *settings)
             return job.is_current(STEPS, wanted)
 
@@ -98,8 +98,7 @@ class SessionSteps:
         asked = given if isinstance(given, Solving) else Solving(None if given in self._external else given)
         rows = (self.told.get("solve") or {}).get("methods") or {}
         names = [name for name in rows if name not in self._external and not name[:1].isupper()]
-        if asked.method is not None or not names:
-            names += asked.methods()
+        names += [] if asked.method is None else asked.methods()
         profile = self._profile or next((row["profile"] for row in rows.values()), asked.profile)
         known = {"profile": profile, "external": tuple(self._external.values())}
-        return replace(asked, method=",".join(dict.fromkeys(names)), **known)
+        return replace(asked, method=",".join(dict.fromkeys(names)) or None, **known)

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from compare.report.trust_section import trust_sentence
 from lab.job import Job
 from rgbn.light_tables import light_tables
 from rgbn.text_tables import fact_table, number_table
@@ -113,6 +114,23 @@ def solve_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
     yield number_table("solve", ("method", "seconds", "sigma of a normal, deg (median)"), rows, words=1)
 
 
+def trust_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
+    """Yield the methods' predicted errors, beside the true ones where they are known, and what to take."""
+    found = summary["trust"]
+    if not found:
+        return
+    rows = []
+    for name, row in sorted(found["methods"].items(), key=lambda pair: pair[1]["mean_deg"]):
+        explains = "–" if row["explains"] is None else f"{row['explains']:.1f}"
+        true = [f"{row['true']['mean_deg']:.1f}"] if "true" in row else []
+        rows.append((name, *(f"{row[key]:.1f}" for key in ("median_deg", "mean_deg", "p90_deg")), *true, explains))
+    heads = ["method", "median", "mean", "90 %", "true mean", "unexplained, times the least"]
+    if not any("true" in row for row in found["methods"].values()):
+        heads.remove("true mean")
+    yield number_table("trust: predicted angular error, degrees", tuple(heads), rows, words=1)
+    yield fact_table("", [("take", trust_sentence(found))])
+
+
 def twin_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
     """Yield the rendering, or that there is none."""
     twin = summary["twin"]
@@ -158,6 +176,7 @@ TABLES: dict[str, Callable[[Job, dict[str, Any]], Iterator[Any]]] = {
     "self_test": self_test_tables,
     "align": align_tables,
     "solve": solve_tables,
+    "trust": trust_tables,
     "twin": twin_tables,
     "compare": compare_tables,
 }

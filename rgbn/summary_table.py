@@ -20,13 +20,13 @@ OWN = {
     "calibrate": ("calibrate",),
     "self_test": ("calibrate", "self_test"),
     "align": ("align",),
-    "solve": ("solve",),
+    "solve": ("solve", "trust"),
     "twin": ("twin",),
     "compare": ("compare",),
 }
 """Of each verb, the steps whose findings it shows."""
 SOUGHT = (
-    "report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals/", "albedo/", "twin/",
+    "report.html", "lights.json", "lights.csv", "spheres.json", "pose.json", "normals/", "albedo/", "trust/", "twin/",
     "statistics.csv", "summary.json", "camera.json", "mask.png",
 )  # fmt: skip
 """What people look for first."""
@@ -59,7 +59,7 @@ def tell(job: Job, summary: dict[str, Any], *, verb: str, as_json: bool = False,
         return
     if not is_quiet():
         _print(tables)
-    before = _before(verb)
+    before = {*_before(verb), *steps}
     for warning in summary["warnings"]:
         if warning["step"] in before:
             say(f"warning ({warning['step']}): {warning['text']}", always=True)

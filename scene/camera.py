@@ -155,6 +155,18 @@ class Camera:
             center_sigma_px=self.center_sigma_px * float(np.sqrt(across * down)),
         )
 
+    def every(self, step: int) -> "Camera":
+        """Return the camera whose pixels are every n-th one, from the first on: pixel u becomes u / n."""
+        return replace(
+            self,
+            width=-(-self.width // step),
+            height=-(-self.height // step),
+            fx=self.fx / step,
+            fy=self.fy / step,
+            cx=self.cx / step,
+            cy=self.cy / step,
+        )
+
     def _distort(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Apply Brown's model as OpenCV writes it, on normalised coordinates with y down."""
         if not any(self.distortion):

@@ -91,6 +91,11 @@ class Frames:
         every = slice(None, None, max(1, round(len(self) / count)))
         return replace(self, names=self.names[every], codes=self.codes[every], gain=self.gain[every])
 
+    def every(self, step: int) -> "Frames":
+        """Return every n-th pixel of each frame, copied: pixel u becomes u / n."""
+        ambient = None if self.ambient is None else np.ascontiguousarray(self.ambient[::step, ::step])
+        return replace(self, codes=np.ascontiguousarray(self.codes[:, ::step, ::step]), ambient=ambient)
+
     def read(
         self,
         rows: slice = slice(None),

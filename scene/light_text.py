@@ -35,10 +35,10 @@ def lp_file(files: Sequence[str], lights: Lights) -> dict[str, str]:
 
 
 def lights_json(lights: Lights) -> dict[str, Any]:
-    """Return what lights.json holds: see `scene.store.Store.save_lights`, which writes it."""
+    """Return what lights.json holds: see `scene.store.Store.save_lights`, which writes it; unknown directions null."""
     rows = zip(
         lights.names,
-        lights.directions,
+        [None] * len(lights) if lights.is_unknown else lights.directions,
         [None] * len(lights) if lights.positions_mm is None else lights.positions_mm,
         lights.intensities,
         lights.direction_sigma_deg,
@@ -71,7 +71,7 @@ def lights_of_json(data: dict[str, Any]) -> Lights:
         positions = numbers([row["position_mm"] for row in rows], -1, 3, what="position_mm")
     return Lights(
         tuple(str(row["name"]) for row in rows),
-        np.array([row["direction"] for row in rows], np.float64).reshape(-1, 3),
+        np.array([row["direction"] or [np.nan] * 3 for row in rows], np.float64).reshape(-1, 3),
         np.array([row["intensity"] for row in rows], np.float64).reshape(-1, 3),
         positions,
         np.zeros(3) if reference is None else reference,

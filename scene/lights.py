@@ -29,7 +29,7 @@ class Lights:
     names : tuple of N str
         The frames' names.
     directions : (N, 3) float64
-        Unit vectors from `reference_point_mm` toward the light, camera frame.
+        Unit vectors from `reference_point_mm` toward the light, camera frame; all NaN where nothing tells them.
     intensities : (N, 3) float64
         Irradiance at the reference point, RGB, relative: each channel's mean over frames is 1.
     positions_mm : (N, 3) float64 or None
@@ -71,11 +71,24 @@ class Lights:
                 f"intensities {self.intensities.shape}; expected ({count}, 3) each."
             )
 
+    @classmethod
+    def unknown(cls, names: tuple[str, ...]) -> "Lights":
+        """Return lights of which nothing is known: directions NaN, intensities 1."""
+        return cls(names, np.full((len(names), 3), np.nan), np.ones((len(names), 3)))
+
     def __len__(self) -> int:
         return len(self.names)
 
     @property
+    def is_unknown(self) -> bool:
+        """Whether nothing tells the directions: for methods that find them themselves."""
+        return bool(np.isnan(self.directions).all()) and len(self) > 0
+
+    @property
     def model(self) -> str:
+        """`distant`, `near`, or `unknown`: no directions."""
+        if self.is_unknown:
+            return "unknown"
         return "distant" if self.positions_mm is None else "near"
 
     def normalised(self) -> "Lights":
@@ -132,9 +145,14 @@ class Lights:
         Raises
         ------
         CalibrationError
-            Fewer than three lights, or all in one plane.
+            Fewer than three lights, of unknown directions, or all in one plane.
         """
         check_count(len(self))
+        if self.is_unknown:
+            raise CalibrationError(
+                "lights: their directions are unknown: no ball was found, and no file gives them. Take methods that "
+                "need none (--method ldr,entropy,tv), list the balls under [[spheres]], or give lights.file."
+            )
         singular = np.linalg.svd(self.directions, compute_uv=False)
         if singular[2] < 0.02 * singular[0]:
             raise CalibrationError(
@@ -159,8 +177,8 @@ class Lights:
             rows.append(
                 {
                     "name": name,
-                    "zenith_deg": float(zenith[i]),
-                    "azimuth_deg": float(azimuth[i]),
+                    "zenith_deg": _finite(zenith[i]),
+                    "azimuth_deg": _finite(azimuth[i]),
                     "intensity": self.intensities[i].tolist(),
                     "intensity_mean": float(self.intensities[i].mean()),
                     "direction_sigma_deg": _finite(self.direction_sigma_deg[i]),
@@ -176,7 +194,7 @@ class Lights:
             "reference_point_mm": self.reference_point_mm.tolist(),
             "direction_sigma_deg_median": _median(self.direction_sigma_deg),
             "intensity_sigma_median": _median(self.intensity_sigma),
-            "zenith_max_deg": max((row["zenith_deg"] for row in rows), default=None),
+            "zenith_max_deg": max((row["zenith_deg"] for row in rows if not self.is_unknown), default=None),
             "frames": rows,
         }
 
@@ -195,12 +213,10 @@ class Lights:
         """
         rows = []
         for fact, direction in zip(self.facts()["frames"], self.directions.tolist(), strict=True):
-            place = fact["position_mm"] or (None, None, None)
-            row = {
-                "name": fact["name"],
-                **dict(zip(("direction_x", "direction_y", "direction_z"), direction, strict=True)),
-            }
-            row |= {"elevation_deg": 90 - fact["zenith_deg"], "azimuth_deg": fact["azimuth_deg"]}
+            place, tilt = fact["position_mm"] or (None, None, None), fact["zenith_deg"]
+            toward = zip(("direction_x", "direction_y", "direction_z"), map(_finite, direction), strict=True)
+            row = {"name": fact["name"], **dict(toward)}
+            row |= {"elevation_deg": None if tilt is None else 90 - tilt, "azimuth_deg": fact["azimuth_deg"]}
             row |= {**dict(zip(("x_mm", "y_mm", "z_mm"), place, strict=True)), "distance_mm": fact["distance_mm"]}
             row |= zip(("intensity_r", "intensity_g", "intensity_b"), fact["intensity"], strict=True)
             row |= {name: fact[name] for name in ("direction_sigma_deg", "intensity_sigma")}
@@ -225,7 +241,7 @@ class Lights:
         Raises
         ------
         SceneError
-            Positions of distant lights, or another word.
+            Positions of distant lights, directions of unknown ones, or another word.
         """
         from scene import figures
 
@@ -237,6 +253,8 @@ class Lights:
         }
         if what not in drawn:
             raise SceneError(f"lights.plot({what!r}): there are {', '.join(drawn)}.")
+        if what == "directions" and self.is_unknown:
+            raise SceneError('lights.plot("directions"): they are unknown: no ball was found, and no file gives them.')
         if what == "positions" and self.positions_mm is None:
             raise SceneError(
                 'lights.plot("positions"): the lights are distant: they have directions only. Positions come from '
@@ -245,6 +263,8 @@ class Lights:
         return drawn[what](self.facts())
 
     def __repr__(self) -> str:
+        if self.is_unknown:
+            return f"{len(self)} lights of unknown direction"
         facts = self.facts()
         away, tilt, sigma = _span(facts, "distance_mm"), _span(facts, "zenith_deg"), facts["direction_sigma_deg_median"]
         place = f"{away} mm away" if away else f"{tilt} degrees from the camera's axis"

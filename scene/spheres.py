@@ -1,7 +1,7 @@
 """Calibration balls: what was asked for, and what was found."""
 
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 
 Kind = Literal["chrome", "white"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 SURE, IN_A_ROW = 0.01, 0.2
 """Balls that tell the table: sigma of their outlines, in radii; how far they stand off one line, of their spread."""
 

@@ -143,7 +143,7 @@ class Store:
             ]
 
     def save_lights(self, lights: Lights, *, files: tuple[str, ...] | None = None) -> None:
-        """Write lights.json, and the same as DiLiGenT text and .lp.
+        """Write lights.json, and the same as DiLiGenT text and .lp, which cannot hold lights of unknown direction.
 
         Parameters
         ----------
@@ -152,8 +152,9 @@ class Store:
             The photographs' file names, for the formats that name files. Default: the frames' names.
         """
         files = lights.names if files is None else files
-        for name, text in (light_tables(files, lights) | lp_file(files, lights)).items():
-            write_text(self.path(name), text)
+        if not lights.is_unknown:
+            for name, text in (light_tables(files, lights) | lp_file(files, lights)).items():
+                write_text(self.path(name), text)
         self.save_lights_json(lights)
 
     def save_lights_json(self, lights: Lights) -> None:
@@ -166,7 +167,7 @@ class Store:
             lights, shape = lights_of_json(data), self._stack_shape()
             if shape is not None and len(lights) != shape[0]:
                 raise ValueError(f"{len(lights)} lights for {shape[0]} frames")
-            for what in ("directions", "intensities"):
+            for what in ("directions", "intensities")[lights.is_unknown :]:
                 numbers(getattr(lights, what), -1, 3, what=what)
             return lights
 

@@ -2,6 +2,7 @@
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from solve.codes import tile_at
 from solve.pixelwise.kernels import adjugate, light_vector
@@ -136,3 +137,25 @@ def assess(band, samples, b, intensities, dark):  # pragma: no cover
                 for channel in range(3):
                     albedo[i, channel] = top[channel] / bottom
     return normals, albedo, count, condition, sigma, is_dark
+
+
+def shared_sigma_deg(normals: NDArray, directions: NDArray, covariance: NDArray) -> NDArray[np.float32]:
+    """Return what errors of the intensities do to normals (..., 3): standard deviation along one tangent axis, degrees.
+
+    `directions` (F, 3) and `covariance` (F, F) of the relative errors; every light is taken to be lit.
+
+    Notes
+    -----
+    db = L+ diag(d) L b for errors d, to first order; the mean square of its part across the normal.
+    """
+    inverse = np.linalg.pinv(directions)
+    change = (inverse[:, None] * directions.T).reshape(9, -1)
+    squares = (change @ covariance @ change.T).reshape(3, 3, 3, 3)
+    whole = np.einsum("ijil->jl", squares)
+    found = np.full(normals.shape[:-1], np.nan, np.float32)
+    for row, n in enumerate(normals):
+        twice = (n[..., None] * n[..., None, :]).reshape(*n.shape[:-1], 9)
+        along = np.sum(twice @ squares.reshape(9, 9) * twice, -1)
+        across = np.maximum(twice @ whole.reshape(9) - along, 0)
+        found[row] = np.degrees(np.sqrt(0.5 * across))
+    return found

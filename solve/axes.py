@@ -20,13 +20,15 @@ AXES = tuple(
     for signs in product((1, -1), repeat=3)
 )
 """The 48 ways to swap and flip three axes; the first changes nothing."""
+INVERTED = np.diag([-1.0, -1.0, 1.0])
+"""Convex for concave."""
 _PIXELS = 4000
 _EXPLAINED = 0.75
 """Share of what least squares explains of the photographs, beyond normals at random, under which a map is refused.
 
 True normals of glossy objects explain 0.96 and more, right normals in wrong axes 0.64 at most, a shifted map 0.7."""
 _CAUTIOUS = 0.9
-_TELLING = 0.1
+TELLING = 0.1
 """Share of the misfit of normals at random that least squares must remove, or the object tells nothing of axes."""
 _ALIKE = 0.05
 """Axes whose misfit lies within this share of the best's gain count as equally good."""
@@ -72,7 +74,7 @@ def find_axes(normals: Array, samples: "Samples", *, name: str) -> Axes:
     shuffled = normals[np.random.default_rng(0).permutation(len(normals))] @ AXES[best].T
     by_chance = _misfit(shuffled, weights, valid, toward)
     least = min(misfit[best], _least_squares(weights, valid, toward))
-    if by_chance - least < _TELLING * by_chance:
+    if by_chance - least < TELLING * by_chance:
         said = "the object is too flat to tell the axes of its normals from the photographs: taken as x, y, z."
         return Axes(AXES[0], (said,))
     explained = (by_chance - misfit[best]) / (by_chance - least)
@@ -88,6 +90,8 @@ def find_axes(normals: Array, samples: "Samples", *, name: str) -> Axes:
         cautions = (f"its normals explain {explained:.0%} only of what least squares does of the photographs.",)
     if alike[0]:
         return Axes(AXES[0], cautions)
+    if np.array_equal(AXES[best], INVERTED):
+        cautions += ("its relief is inverted, convex for concave: the lights say so, and x and y are negated.",)
     if alike.sum() > 1:
         other = Axes(AXES[next(k for k in np.argsort(misfit) if k != best)])
         cautions += (f"its axes may be {Axes(AXES[best])} or {other}: both explain the photographs.",)
@@ -100,11 +104,20 @@ def some_pixels(known: NDArray[np.bool_]) -> NDArray[np.intp]:
     return places[np.unique(np.linspace(0, len(places) - 1, min(_PIXELS, len(places))).astype(int))]
 
 
-def _misfit(normals: Array, samples: Array, valid: NDArray[np.bool_], toward: Array) -> float:
+def misfits(normals: Array, samples: Array, valid: NDArray[np.bool_], toward: Array) -> Array:
+    """Return each pixel's misfit (P,) under unit normals (P, 3): see `find_axes`; NaN where all is dark.
+
+    samples (P, F), zero where not `valid`; toward (P, F, 3), the light vectors.
+    """
     shade = np.maximum(np.einsum("pfi,pi->pf", toward, normals), 0) * valid
     square, power = (shade**2).sum(1), (samples**2).sum(1)
     explained = np.divide((samples * shade).sum(1) ** 2, square, out=np.zeros_like(square), where=square > 0)
-    return float(np.median(1 - explained[power > 0] / power[power > 0])) if (power > 0).any() else 1.0
+    return 1 - np.divide(explained, power, out=np.full_like(power, np.nan), where=power > 0)
+
+
+def _misfit(normals: Array, samples: Array, valid: NDArray[np.bool_], toward: Array) -> float:
+    each = misfits(normals, samples, valid, toward)
+    return float(np.nanmedian(each)) if np.isfinite(each).any() else 1.0
 
 
 def _least_squares(samples: Array, valid: NDArray[np.bool_], toward: Array) -> float:

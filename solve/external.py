@@ -22,10 +22,13 @@ from formats.normal_maps import read_normal_map
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from solve.presets import PRESETS, Installed
 
 RESULTS = (".npy", ".mat", ".png")
 _MARGIN = 0.05
 """Of the object's picture, around it: such programs cut out a square, and shrink the whole frame where they cannot."""
+_MARGIN_PX = 10
+"""At least: the object's own margin of 8 pixels in such programs."""
 _LAST_LINES = 6
 
 
@@ -38,17 +41,27 @@ class External:
     name : str
         Begins with a capital, as their names do: ours are in small letters.
     command : str
-        As in a shell, but without one; {data} becomes the folder to read, {out} the folder to write to.
+        As in a shell, but without one; {data} becomes the folder to read, {out} the folder to write to. Of a preset
+        PRESET:FOLDER PYTHON.
     timeout_s : float
+    installed : Installed or None
+        The preset's program: how it wants its photographs, and what its command is.
     """
 
     name: str
     command: str
     timeout_s: float = 3600.0
+    installed: Installed | None = None
 
     @classmethod
     def parse(cls, text: str, timeout_s: float) -> "External":
-        """Return what NAME=COMMAND says; a SceneError without a name, or a place to read from or write to."""
+        """Return what NAME=COMMAND or NAME=PRESET:FOLDER [PYTHON] says.
+
+        Raises
+        ------
+        SceneError
+            No name, no place to read from or write to, or a preset's program is not there.
+        """
         name, _, command = (part.strip() for part in text.partition("="))
         where = f"--external {text}"
         if not re.fullmatch(r"[A-Z][A-Za-z0-9_-]*", name):
@@ -56,30 +69,40 @@ class External:
                 f"{where}: found the name {name!r}, expected NAME=COMMAND with a name that begins with a capital and "
                 "goes on with letters, digits, - and _."
             )
+        if timeout_s <= 0:
+            raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0.")
+        if re.match(r"['\"]?[A-Za-z-]+:", command) and "{data}" not in command:
+            installed = Installed.parse(_split(command, name), where)
+            return cls(name, str(installed), timeout_s, installed)
         missing = [place for place in ("{data}", "{out}") if place not in command]
         if missing:
             raise SceneError(
                 f"{where}: {' and '.join(missing)} missing. The command is told with {{data}} the folder to read, with "
-                "{out} the folder to write normals to."
+                "{out} the folder to write normals to. Without a command of your own: PRESET:FOLDER, the presets are "
+                f"{', '.join(PRESETS)}."
             )
-        if timeout_s <= 0:
-            raise SceneError(f"--external-timeout-s {timeout_s:g}: expected seconds above 0.")
         return cls(name, command, timeout_s)
 
     @property
     def files(self) -> tuple[Path, ...]:
         """Files that the command names: the program itself, its weights."""
+        if self.installed:
+            return self.installed.files
         return tuple(path for path in map(Path, self.words(Path("{data}"), Path("{out}"))) if path.is_file())
 
-    def words(self, data: Path, out: Path) -> list[str]:
-        """Return the command's words, the folders in their places."""
-        try:
-            words = shlex.split(self.command)
-        except ValueError as error:
-            raise SceneError(
-                f"--external {self.name}: {self.command!r} cannot be read as a command ({error})."
-            ) from None
+    def words(self, data: Path, out: Path, side_px: int = 0) -> list[str]:
+        """Return the command's words, the folders in their places; `side_px`: the pictures' longer side."""
+        if self.installed:
+            return self.installed.words(data, out, side_px)
+        words = _split(self.command, self.name)
         return [word.replace("{data}", str(data)).replace("{out}", str(out)) for word in words]
+
+
+def _split(command: str, name: str) -> list[str]:
+    try:
+        return shlex.split(command)
+    except ValueError as error:
+        raise SceneError(f"--external {name}: {command!r} cannot be read as a command ({error}).") from None
 
 
 def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray[np.bool_], folder: Path) -> NDArray:
@@ -101,11 +124,14 @@ def normals_by(external: External, frames: Frames, lights: Lights, mask: NDArray
     shutil.rmtree(folder, ignore_errors=True)
     data, out = folder.resolve() / "data", folder.resolve() / "out"
     box = _square(mask)
-    write_diligent(data, frames, lights, mask, box)
-    out.mkdir(parents=True)
-    _run(external, data, out, folder)
-    path = _result(external, out)
     inside = mask[box]
+    if external.installed:
+        external.installed.preset.write(data, frames, mask, box)
+    else:
+        write_diligent(data, frames, lights, mask, box)
+    out.mkdir(parents=True)
+    _run(external, external.words(data, out, max(inside.shape)), folder)
+    path = _result(external, out)
     found = read_normal_map(path, *inside.shape).astype(np.float64)
     length = np.linalg.norm(found, axis=-1, keepdims=True)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -125,7 +151,7 @@ def _square(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
     """Return the square about the object, with a margin, as far as the frame has room."""
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     tall, wide = rows[-1] + 1 - rows[0], columns[-1] + 1 - columns[0]
-    side = int(np.ceil((1 + 2 * _MARGIN) * max(tall, wide))) + 2
+    side = int(max(tall, wide) + 2 * max(np.ceil(_MARGIN * max(tall, wide)) + 1, _MARGIN_PX))
 
     def centred(first: int, extent: int, room: int) -> slice:
         start = min(max(first - (side - extent) // 2, 0), max(room - side, 0))
@@ -134,13 +160,13 @@ def _square(mask: NDArray[np.bool_]) -> tuple[slice, slice]:
     return centred(int(rows[0]), int(tall), mask.shape[0]), centred(int(columns[0]), int(wide), mask.shape[1])
 
 
-def _run(external: External, data: Path, out: Path, folder: Path) -> None:
+def _run(external: External, words: list[str], folder: Path) -> None:
     """Run the command to its end, and whatever it started; its words are kept in files, which never fill a pipe."""
-    words = external.words(data, out)
+    data, where = folder.resolve() / "data", external.installed.program if external.installed else None
     with open(folder / "stdout.txt", "wb") as said, open(folder / "stderr.txt", "wb") as complained:
         try:
             process = subprocess.Popen(
-                words, stdin=subprocess.DEVNULL, stdout=said, stderr=complained, start_new_session=True
+                words, stdin=subprocess.DEVNULL, stdout=said, stderr=complained, start_new_session=True, cwd=where
             )
         except OSError as error:
             raise SceneError(
@@ -162,8 +188,8 @@ def _run(external: External, data: Path, out: Path, folder: Path) -> None:
     if code:
         what = f"was killed by signal {-code}" if code < 0 else f"ended with exit code {code}"
         raise SceneError(
-            f"--external {external.name}: the command {what}. Run it by hand, {data} is kept: "
-            f"{shlex.join(words)}{_last_words(folder)}"
+            f"--external {external.name}: the command {what}. Run it by hand{f' in {where}' if where else ''}, {data} "
+            f"is kept: {shlex.join(words)}{_last_words(folder)}"
         )
 
 
@@ -177,7 +203,11 @@ def _last_words(folder: Path) -> str:
 
 
 def _result(external: External, out: Path) -> Path:
-    """Return the one normal map in a folder."""
+    """Return the one normal map in a folder, or that of a preset."""
+    if external.installed:
+        path = out / external.installed.preset.result
+        if path.is_file():
+            return path
     found = sorted(path for path in out.rglob("*") if path.suffix.lower() in RESULTS and path.is_file())
     named = [path for path in found if path.stem.lower() in ("normal", "normals", "normal_est")]
     found = named if len(named) == 1 else found

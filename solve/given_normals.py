@@ -14,12 +14,14 @@ from scene.camera import Camera
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
-from solve.axes import Axes, find_axes, some_pixels
+from solve.axes import AXES, Axes, find_axes, some_pixels
+from solve.axes_test import axes_by_themselves
 from solve.external import External, normals_by
+from solve.inverted_relief import relief_cautions
 from solve.medians import row_medians
 from solve.methods import Method, Whole
 from solve.problem import Problem
-from solve.samples import Samples
+from solve.samples import Geometry, Samples
 from solve.solve import solve
 
 _FACING = 0.1
@@ -28,6 +30,7 @@ _DARK = 0.02
 _SIGMAS = 2.5
 _FLOOR = 0.004
 _BLOCK = 1 << 14
+_ROUNDS = 10
 
 
 def solve_external(
@@ -49,7 +52,8 @@ def solve_external(
     -------
     Estimate
         In the camera frame: the axes in which the program writes are found by the photographs, and named in the
-        settings. Albedo and sigma are those of Lambert's law under its normals.
+        settings; under unknown lights by the map itself. Albedo and sigma are those of Lambert's law under its normals,
+        and under unknown lights these are found with them.
 
     Raises
     ------
@@ -57,38 +61,82 @@ def solve_external(
         The program fails, or no axes explain the photographs.
     """
     start = time.perf_counter()
-    lights.check()
-    found = normals_by(external, frames, lights, mask, folder)[mask]
+    if not lights.is_unknown:
+        lights.check()
+    found = normals_by(external, frames, lights, mask, folder)
     name = f"--external {external.name}"
     used_axes: list[Axes] = []
 
     def fit(_problem: Problem, samples: Samples, _settings: tuple) -> Whole:
-        whole, axes = _judge_given(found, samples, name)
+        given = found[mask]
+        if lights.is_unknown:
+            axes = _axes_of_itself(found, mask)
+            whole = _with_lights_of_its_own(given @ axes.matrix.T, samples, axes.cautions)
+        else:
+            some = some_pixels(np.isfinite(given[:, 0]))
+            axes = find_axes(given[some], samples.some(some), name=name)
+            whole = with_lambertian_albedo(given @ axes.matrix.T, samples, axes.cautions)
         used_axes.append(axes)
         return whole
 
-    method = Method(external.name, {"default": NoSettings()}, fit_whole=fit)
+    method = Method(external.name, {"default": NoSettings()}, fit_whole=fit, is_calibrated=not lights.is_unknown)
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
+    cautions = (*estimate.warnings, *relief_cautions(estimate.normals, frames, lights, camera, mask))
     settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": str(used_axes[0])}
-    return replace(estimate, seconds=time.perf_counter() - start, settings=settings)
+    return replace(estimate, seconds=time.perf_counter() - start, settings=settings, warnings=cautions)
 
 
 class NoSettings(NamedTuple):
     """A method without any."""
 
 
-def _judge_given(normals: NDArray[np.float64], samples: Samples, name: str) -> tuple[Whole, Axes]:
-    """Return normals (P, 3), known already, with their albedo; and the axes that they turned out to be in."""
-    known = np.isfinite(normals[:, 0])
-    axes = find_axes(normals[some := some_pixels(known)], samples.some(some), name=name)
-    normals = np.where(known[:, None], normals, 0) @ axes.matrix.T
+def with_lambertian_albedo(normals: NDArray[np.float64], samples: Samples, cautions: tuple[str, ...]) -> Whole:
+    """Return normals (P, 3), known already, camera frame, with their albedo."""
+    normals = np.where(np.isfinite(normals[:, :1]), normals, 0)
     scale = samples.scale()
     b, used = np.zeros(normals.shape), np.zeros(samples.gray.shape, bool)
     for first in range(0, len(b), _BLOCK):
         part = slice(first, first + _BLOCK)
         albedo, used[part] = _albedo(samples.some(part), normals[part], scale)
         b[part] = albedo[:, None] * normals[part]
-    return Whole(b, used, axes.cautions), axes
+    return Whole(b, used, cautions)
+
+
+def _axes_of_itself(normals: NDArray[np.float64], mask: NDArray[np.bool_]) -> Axes:
+    """Return the axes in which a map (H, W, 3) is a surface that faces the camera; no light tells better."""
+    by_itself = axes_by_themselves(normals, mask, AXES)
+    matrix = AXES[by_itself.by_rim]
+    said = (
+        f"its axes are taken as {Axes(matrix)}, in which it is a surface that faces the camera: the lights are unknown "
+        "and do not tell. It may be inverted, convex for concave."
+    )
+    return Axes(matrix, (said,))
+
+
+def _with_lights_of_its_own(normals: NDArray[np.float64], samples: Samples, cautions: tuple[str, ...]) -> Whole:
+    """Return normals (P, 3), camera frame, with albedo and the lights that explain the photographs under them.
+
+    Notes
+    -----
+    value = albedo * max(0, l . n): least squares for each l over pixels that it lights, and each pixel's median ratio
+    for its albedo, in turn.
+    """
+    some = some_pixels(np.isfinite(normals[:, 0]))
+    few, n, scale = samples.some(some), normals[some], samples.scale()
+    lit = few.valid & (few.gray > _DARK * scale)
+    albedo = np.maximum(np.quantile(np.where(lit, few.gray, 0), 0.9, axis=1), 1e-9 * scale)
+    lights = np.zeros((few.gray.shape[1], 3))
+    for _ in range(_ROUNDS):
+        for frame in range(len(lights)):
+            use = lit[:, frame]
+            shaded = albedo[use, None] * n[use]
+            lights[frame] = np.linalg.lstsq(shaded, few.gray[use, frame], rcond=None)[0] if use.sum() > 3 else 0
+        shade = n @ lights.T
+        lit = few.valid & (shade > _FACING * np.linalg.norm(lights, axis=1)) & (few.gray > _DARK * scale)
+        albedo = np.maximum(row_medians(few.gray / np.where(lit, shade, 1), lit), 1e-9 * scale)
+    lights /= max(float(np.mean(np.linalg.norm(lights, axis=1))), 1e-12)
+    whole = with_lambertian_albedo(normals, samples._replace(lights=Geometry.distant(lights)), cautions)
+    return replace(whole, lights=lights)
 
 
 def _albedo(samples: Samples, normals: NDArray, scale: float) -> tuple[NDArray, NDArray[np.bool_]]:

@@ -66,6 +66,8 @@ class Method:
         marks the pixels that are left to `fit`. None: not under these lights or settings.
     is_calibrated : bool
         Needs the lights' directions. Otherwise they are hidden from it.
+    is_linear : bool
+        `fit` is least squares on samples that it does not choose by their residuals: these tell sigma as they are.
     """
 
     name: str
@@ -75,6 +77,7 @@ class Method:
     prepare: Callable[[Problem, Settings], Problem] | None = None
     stream: Callable[["Band", Lights, float, Settings], tuple | None] | None = None
     is_calibrated: bool = True
+    is_linear: bool = False
 
     def settings(self, profile: str) -> Settings:
         """Return the settings of a profile.

@@ -27,6 +27,8 @@ class Problem:
         Each pixel's depth. None: near lights are evaluated at the depth of `lights.reference_point_mm`.
     own_lights : Lights or None
         The lights that the method itself has found, once it has; `lights` are then the same.
+    intensity_covariance : (F, F) float64 or None
+        Of the relative errors of `lights`' intensities, where the method has found these.
     cautions : tuple of str
         Why the result should not be believed.
     """
@@ -38,6 +40,7 @@ class Problem:
     rows: slice
     z_mm: NDArray[np.float64] | None = None
     own_lights: Lights | None = None
+    intensity_covariance: NDArray[np.float64] | None = None
     cautions: tuple[str, ...] = ()
 
     def part(self, rows: slice) -> "Problem":

@@ -105,8 +105,21 @@ def solve(
             if progress:
                 progress(done, parts)
     normals, albedo, samples, condition, sigma_deg = maps
+    if what.fit and not what.is_linear:
+        from solve.bootstrap import sigma_factors
+
+        sigma_deg *= sigma_factors(problem, what.fit, settings)[samples]
+    if problem.intensity_covariance is not None:
+        from solve.assess import shared_sigma_deg
+
+        shared = shared_sigma_deg(normals, problem.lights.directions, problem.intensity_covariance)
+        sigma_deg = np.hypot(sigma_deg, shared)
     seconds = time.perf_counter() - start
     cautions = (*problem.cautions, *cautions_of(mask, normals, samples, condition, dark))
+    if not what.is_calibrated:
+        from solve.inverted_relief import relief_cautions
+
+        cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
         what.name, normals, albedo, samples, seconds, as_dict(settings), cautions, condition, sigma_deg,
         problem.own_lights, problem.z_mm,

@@ -1,6 +1,7 @@
-"""What `make test` may cost: a test that is not marked `full` has 5 processor seconds."""
+"""What a test of `make test` may cost: 5 processor seconds, unless marked `full`; the command line run by a test."""
 
 import os
+import sys
 
 import pytest
 from numba.core.event import install_timer
@@ -25,3 +26,21 @@ def pytest_runtest_call(item):
     if spent > LIMIT_S and not item.get_closest_marker("full"):
         pytest.fail(f"{spent:.1f} processor seconds, more than {LIMIT_S:g}: make it smaller, or mark it full")
     return result
+
+
+@pytest.fixture
+def run_rgbn(monkeypatch, capsys):
+    """Run the command line in this process; give exit code, standard output and error."""
+    from rgbn import cli
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["rgbn", *map(str, words)])
+        capsys.readouterr()
+        code = 0
+        try:
+            cli.main()
+        except SystemExit as ended:
+            code = ended.code
+        return code, *capsys.readouterr()
+
+    return run

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.motion import nudge
-from align.scan.mended_scan import LARGEST, UNITS_MM
+from align.scan.mended_scan import LARGEST
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import AlignError
+from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from scene.pose import Pose
 from scene.rays import RayCaster

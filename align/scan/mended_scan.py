@@ -11,12 +11,11 @@ from align.scan.scan_surface import Surface, connected
 from align.scan.weld import weld
 from formats.meshes.scan_files import SUFFIXES, read_scan
 from scene.errors import AlignError
+from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 
-__all__ = ["SUFFIXES", "UNITS_MM", "load_scan"]
+__all__ = ["SUFFIXES", "load_scan"]
 
-# A scan of unknown unit keeps its file's numbers.
-UNITS_MM = {"m": 1000.0, "cm": 10.0, "mm": 1.0, "inch": 25.4, "unknown": 1.0}
 LARGEST = 1e9
 """Units of the file: no scan reaches further from its origin, and squares of it keep their precision."""
 USUAL_MM = (2.0, 3000.0)

@@ -15,7 +15,7 @@ from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
-from scene.spheres import Kind, Sphere, SphereRequest
+from scene.spheres import KINDS, Kind, Sphere, SphereRequest
 
 Array = NDArray[np.float64]
 HINT_REACH, HINT_REACH_PX = 0.2, 3.0
@@ -28,6 +28,10 @@ GIVEN_SIGMA = 0.05
 FORGOTTEN = 0.95  # probability from which a ball that nobody asked for is named
 WHOLE = 0.97  # share of its outline in the picture under which a ball is cut by the border
 LEAST_MASK_PX, MASK_ROUND = 200, 0.05  # pixels of a mask, and how far, in radii, its border may scatter about a ball's
+
+
+class NoProbeError(CalibrationError):
+    """The photographs show no ball, or none that tells the lights."""
 
 
 @dataclass(frozen=True)
@@ -50,8 +54,10 @@ def find_balls(
 
     Raises
     ------
+    NoProbeError
+        No ball was found.
     CalibrationError
-        No ball was found, or a request cannot be met by its own photographs.
+        A request cannot be met by its own photographs.
     """
     # Grouped by identity: frames hold arrays, which have no hash.
     groups: dict[int, tuple[Frames, list[SphereRequest]]] = {}
@@ -93,7 +99,7 @@ def find_balls(
             warnings += _cut(camera, sphere)
             balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:
-        raise CalibrationError(_nothing(requests, rejected))
+        raise NoProbeError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)
 
 
@@ -225,16 +231,15 @@ def _match(
     """Give each found ball the diameter of a request of its kind; balls of a kind by their size in the picture."""
     if not requests:
         return [(one, Diameter(None, 0.0)) for one in found]
-    kinds: tuple[Kind, ...] = ("chrome", "white")
-    balls = {k: sorted((f for f in found if f.sphere.kind == k), key=lambda f: -f.sphere.radius_px) for k in kinds}
-    listed: dict[Kind, list[float | None]] = {k: [r.diameter_mm for r in requests if r.kind == k] for k in kinds}
-    count = {kind: (len(listed[kind]), len(balls[kind])) for kind in kinds}
+    balls = {k: sorted((f for f in found if f.sphere.kind == k), key=lambda f: -f.sphere.radius_px) for k in KINDS}
+    listed: dict[Kind, list[float | None]] = {k: [r.diameter_mm for r in requests if r.kind == k] for k in KINDS}
+    count = {kind: (len(listed[kind]), len(balls[kind])) for kind in KINDS}
     # A white ball that is not found, and a mirror that nobody listed: one slip, one message.
     mirrors = [one for one in rejected if _is_ball(one)]
     exchanged = max(min(len(mirrors), count["white"][0] - count["white"][1]), 0)
     warnings += [_exchanged(one, *count["white"]) for one in mirrors[:exchanged]]
     warnings += [_forgotten(one) for one in mirrors[exchanged:]]
-    for kind in kinds:
+    for kind in KINDS:
         asked, there = count[kind]
         if there < asked and not (kind == "white" and exchanged):
             near = "; ".join(_said(r) for r in rejected if r.kind == kind)
@@ -242,8 +247,8 @@ def _match(
                 f"{_balls(asked, kind)} asked for, {there} found{f' (refused: {near})' if near else ''}. Give "
                 "center_px and radius_px of the one that is missing under [[spheres]], correct its kind, or drop it."
             )
-    told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in kinds}, listed, given, warnings)
-    return [pair for kind in kinds for pair in zip(balls[kind], told[kind], strict=True)]
+    told = told_diameters({kind: [one.sphere for one in balls[kind]] for kind in KINDS}, listed, given, warnings)
+    return [pair for kind in KINDS for pair in zip(balls[kind], told[kind], strict=True)]
 
 
 def _said(one: Rejected) -> str:

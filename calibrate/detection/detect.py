@@ -33,6 +33,9 @@ AS_STILL = 0.9  # of the same, from which on it is open which of two circles is 
 KNOWN_BY = 2  # mirrors that must have shown the table before one that shows another is none
 OTHERS, ALIKE = 3, 2  # more circles of static slopes, and of static edges, that may be a mirror's outline
 LEAST_SHADING = 0.8  # share of its brightness that shading must explain for a circle to be looked at as a matte ball
+LEAST_BRIGHT = (
+    0.01  # share of the picture's bright parts at which a matte ball begins: below is a dark backdrop's noise
+)
 LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
 """Limits of features: what shading leaves, what of the outline is not seen; what another body's shading explains."""
 LEAST_MIRRORED, LEAST_AREA, USUAL_PX, LARGEST_PX = 0.9, 2e-3, 30.0, 90.0  # of others: where they begin, or end
@@ -174,7 +177,12 @@ def find_suspects(frames: Frames, camera: Camera, coarse: Coarse, taken: Sequenc
 def _matte(coarse: Coarse, circles: list[tuple[Sphere, Points | None]]) -> list[Suspect]:
     """Return the circles that shade about as matte balls do."""
     suspects: list[Suspect] = []
+    mean = coarse.images.mean(0)
+    least = LEAST_BRIGHT * np.quantile(mean, 0.99)
     for circle, points in circles:
+        there = mean[coarse.box(circle)]
+        if not there.size or np.median(there) < least:
+            continue
         seen = shaded(coarse, circle, least=LEAST_SHADING)
         if seen is not None:
             beyond = [float(np.clip(gain, -MOST_GAIN, MOST_GAIN)) for gain in (seen.flatter, seen.taller)]

@@ -9,6 +9,7 @@ from calibrate.calibration import Array, Calibration, Notes
 from calibrate.detection.balls import Ball, find_balls
 from calibrate.detection.coarse import Progress
 from calibrate.detection.detect import Rejected
+from calibrate.flags import flag_warnings
 from calibrate.known_lights.contradictions import contradiction, wrong_order
 from calibrate.known_lights.read_known import NO_INTENSITIES, lacks_intensities, without_flag
 from calibrate.lights.directions import mirrored_rays
@@ -81,6 +82,7 @@ def with_known_lights(
             if not contradictions:
                 raise
             raise CalibrationError("\n".join(contradictions)) from error
+    notes.warnings.extend(flag_warnings(lights.names, lights.flags))
     return Calibration([b.sphere for b in balls], lights, shown, rejected, tuple(notes.evidence), tuple(notes.warnings))
 
 

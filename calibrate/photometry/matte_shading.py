@@ -107,6 +107,9 @@ def shading_directions(surface: Surface, beside: NDArray | None = None) -> tuple
             normal = np.linalg.pinv(design.T @ (weight[:, None] * design))
             b = normal @ (design.T @ (weight * values[use]))
             length = np.linalg.norm(b[:3])
+            if not length > 0:
+                directions[f] = sigma[f] = np.nan
+                break
             directions[f] = b[:3] / length
             residual = values[use] - design @ b
             sums = cluster_sums((weight * residual)[:, None] * design, surface.block[use])

@@ -95,7 +95,7 @@ def camera_from_lens(
     )
     if known and not focal.sigma:
         return camera, ()
-    doubts = _doubts(lens, exif)
+    doubts = _doubts(lens, exif, width, height)
     middle = "" if known else f" The principal point is taken as the centre, +- {camera.center_sigma_px:.0f} px."
     by = "focal length from EXIF, " if source == "EXIF" else "focal length "
     return camera, (
@@ -144,7 +144,7 @@ def _focal_of(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> _Foc
     return _Focal(focal, focal, *_doubt(stated_mm, float(np.hypot(breathing, convention)), what, e.subject_mm))
 
 
-def _doubts(lens: Lens, exif: Sequence[Exif]) -> list[str]:
+def _doubts(lens: Lens, exif: Sequence[Exif], width: int, height: int) -> list[str]:
     """Say where millimetres contradict the photographs' EXIF by more than an adapted lens or a crop: another unit."""
     doubts = []
     focal = next((e.focal_mm for e in exif if e.focal_mm), None)
@@ -153,11 +153,8 @@ def _doubts(lens: Lens, exif: Sequence[Exif]) -> list[str]:
             f"camera.focal_mm: found {lens.focal_mm:g}, but the photographs' EXIF says {focal:g} mm. Give millimetres, "
             "as engraved on the lens (1 cm = 10 mm); or leave focal_mm out."
         )
-    model = lens.model or next((e.camera for e in exif if e.camera), None)
-    sensor = sensor_width_mm(model) if model else None
-    pitch = next((e for e in exif if e.pixels_per_mm and e.width_px), None)
-    if pitch and pitch.pixels_per_mm and pitch.width_px:
-        sensor = pitch.width_px / pitch.pixels_per_mm[0]
+    known = _sensor_of(Lens(model=lens.model), exif, width, height) if lens.sensor_mm else None
+    sensor = max(width, height) / known[0][0] if known else None
     if lens.sensor_mm and sensor and not 1 / UNIT <= lens.sensor_mm / sensor <= UNIT:
         doubts.append(
             f"camera.sensor_mm: found {lens.sensor_mm:g}, but by the photographs' EXIF the sensor is {sensor:.3g} mm "

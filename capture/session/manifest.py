@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from scene.length_units import Unit
+
 
 def _as_list(value: Any) -> Any:
     return [value] if isinstance(value, str) else value
@@ -201,7 +203,7 @@ class ObjectTable(Table):
     ] = None
     scan: Annotated[str | None, _key("The laser scan, a mesh: PLY, OBJ, STL, OFF or GLB.", "scan/object.ply")] = None
     scan_unit: Annotated[
-        Literal["m", "cm", "mm", "inch", "unknown"],
+        Unit,
         _key("Unit of the scan's coordinates; unknown: found by registering. GLB: m when absent.", "mm"),
     ] = "mm"
     scan_ball_diameter_mm: Annotated[

@@ -13,6 +13,7 @@ from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
 from formats.meshes.scan_files import SUFFIXES as SCAN_SUFFIXES
 from formats.normal_maps import SUFFIXES as NORMALS_SUFFIXES
 from scene.errors import SessionError
+from scene.spheres import KINDS
 
 WORDS = {
     "ambient": ("ambient", "amb", "noflash", "flashoff", "off"),
@@ -26,7 +27,6 @@ WORDS = {
     "white": ("white", "gray", "grey", "matte", "diffuse"),
 }
 """Words in a file's name or folder, and what they say of it."""
-BALLS = ("chrome", "white")
 BETTER = ("raw", "exr", ".tif", ".tiff", ".png")
 """Of two photographs of one name, the kind or ending that is kept; others come after these."""
 FEWEST = 3
@@ -177,7 +177,7 @@ def _sort(files: Iterable[Path], found: FolderFiles) -> None:
         elif kind_of(path):
             roles = [role for role in ("board", "dark", "flat", "ambient") if _told(path, folder, role)]
             # A ball that was shot apart has a folder of its own; "white_vase_001" is no ball.
-            roles += [role for role in BALLS if set(words_of(path.parent, folder)) & set(WORDS[role])]
+            roles += [role for role in KINDS if set(words_of(path.parent, folder)) & set(WORDS[role])]
             found.photographs.setdefault(roles[0] if roles else "flash", []).append(path)
 
 

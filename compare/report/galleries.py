@@ -106,6 +106,9 @@ def lights_section(material: Material) -> str:
     lights = material.lights
     if not lights or not lights.get("frames"):
         return page.section("lights", "The lights", page.absent("No lights were calibrated or given."))
+    if lights.get("model") == "unknown":
+        absent = page.absent("Nothing tells where they stood, nor how bright they were.")
+        return page.section("lights", "The lights", absent)
     body = f'<div class="pair">{charts.light_directions(lights)}{charts.light_intensities(lights)}</div>'
     if any(page.is_number(row.get("direction_sigma_deg")) for row in lights["frames"]):
         body += charts.light_sigmas(lights)

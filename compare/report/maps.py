@@ -20,7 +20,7 @@ MAPS_PIXELS = 2_400_000
 def normals_section(material: Material) -> str:
     """Return the truth's and every method's normals as colours, with the ball to read them by."""
     names = material.methods
-    box, width = _map_box(material)
+    box, width = map_box(material)
 
     def maps(place: str, words: dict[str, str]) -> str:
         there = {name: normals for name in words if (normals := material.map_of(place, name)) is not None}
@@ -53,7 +53,7 @@ def normals_section(material: Material) -> str:
     return section("normals", "Normals", body, lead)
 
 
-def _map_box(material: Material) -> tuple[Box, int]:
+def map_box(material: Material) -> tuple[Box, int]:
     """Return the part of the maps that shows the object, and how wide it is shown."""
     shape = material.mask
     if shape is None:
@@ -72,7 +72,7 @@ def errors_section(material: Material, summary: Summary) -> str:
         return section("errors", title, absent(say("maps", "no error" if compared.get("has_truth") else "no truth")))
     methods, names, rows = compared["methods"], by_error(compared), []
     any_twin = any(row.get("twin") for row in methods.values())
-    box, width = _map_box(material)
+    box, width = map_box(material)
     for name in names:
         row, cells = methods[name], ""
         for kind, words in {"real": "photographs", "twin": "twin"}.items() if any_twin else [("real", "photographs")]:

@@ -91,6 +91,11 @@ class Exposure:
         white = float(np.quantile(peaks, 0.95, method="higher")) if peaks else 1.0
         return cls(max(white, 1e-6), balance)
 
+    @classmethod
+    def for_picture(cls, linear: NDArray) -> "Exposure":
+        """Take each channel's own white in a picture (h, w, 3): RAW colours are the sensor's, greenish."""
+        return cls(1.0, np.maximum(np.quantile(linear, 0.995, axis=(0, 1)), 1e-6).astype(np.float64))
+
     def develop(self, linear: NDArray) -> Image:
         """Return 8-bit sRGB of linear pixels (h, w, 3)."""
         value = np.nan_to_num(linear / self.balance / self.white)

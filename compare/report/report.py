@@ -10,6 +10,7 @@ from compare.report.galleries import balls_section, frames_section, lights_secti
 from compare.report.maps import errors_section, normals_section
 from compare.report.registration_section import registration_section
 from compare.report.statistics_section import statistics_section, time_section
+from compare.report.trust_section import trust_section
 from compare.report.twin_section import twin_section
 from compare.report.verdict import verdict_box
 from scene.files import write_text
@@ -43,6 +44,7 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
         "Lights": lights_section(material),
         "Registration": registration_section(material, summary),
         "Normals": normals_section(material),
+        "Which normals": trust_section(material, summary),
         "Twin": twin_section(material, summary),
         "Errors": errors_section(material, summary),
         "Statistics": statistics_section(compared),

@@ -1,11 +1,13 @@
 """What was found and how far it can be trusted, in sentences made from the summary's numbers."""
 
 from dataclasses import dataclass
+from html import escape
 from statistics import median
 from typing import Any
 
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
 from compare.report.page import badge, is_number, plain, say, table_of, verdict_section
+from compare.report.trust_section import trust_sentence
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
 TRUTH_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -76,6 +78,9 @@ def _normals(summary: Summary, compared: Summary) -> Statement:
     text = say("normals", found if compared.get("methods") else "none")
     if compared.get("methods") and not compared.get("has_truth") and (pairs := compared.get("between_methods")):
         text += say("normals", "apart", **max(pairs, key=lambda row: row["median_deg"]))
+    if trust := summary.get("trust"):
+        # Predicted errors are no measured ones: no result is called good by them alone.
+        text += say("normals", "predicted") + escape(trust_sentence(trust))
     return Statement("Normals", "unknown", text)
 
 
@@ -143,6 +148,8 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
     )
     model, count = str(calibrate.get("model") or lights.get("model") or "unknown"), lights.get("count")
     known = "unknown" if not is_number(sigma) else "directions and intensities" if is_number(relative) else "directions"
+    if model == "unknown" and is_number(count):
+        return Statement("Lights", "bad", say("lights", "no probe", count=count))
     parts = [say("lights", "count", count=count, model=model)] if is_number(count) else []
     parts.append(say("lights", known, sigma=sigma, relative=relative))
     level = level_of(sigma, DIRECTION_SIGMA_BARS_DEG)

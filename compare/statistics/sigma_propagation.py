@@ -48,17 +48,8 @@ class Processed:
 
     def thinned(self, step: int) -> "Processed":
         """Return every n-th pixel: pixel u becomes u / n."""
-        camera, frames = self.camera, self.frames
-        width, height = -(-camera.width // step), -(-camera.height // step)
-        near = {"fx": camera.fx / step, "fy": camera.fy / step, "cx": camera.cx / step, "cy": camera.cy / step}
-        thin = replace(
-            frames,
-            codes=np.ascontiguousarray(frames.codes[:, ::step, ::step]),
-            ambient=None if frames.ambient is None else np.ascontiguousarray(frames.ambient[::step, ::step]),
-        )
-        small = replace(camera, width=width, height=height, **near)
         mask, truth = self.mask[::step, ::step], self.truth[::step, ::step]
-        return replace(self, frames=thin, camera=small, mask=mask, truth=truth)
+        return replace(self, frames=self.frames.every(step), camera=self.camera.every(step), mask=mask, truth=truth)
 
 
 def propagated_shifts(

@@ -88,7 +88,7 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
             try:
                 job.run(STEPS, "align")
                 while left:
-                    one = replace(job, methods=(left[0],))
+                    one = replace(job, asked=(left[0],))
                     row = _row(left[0], "" if left[0] in job.externals else solving.profile, one, entry.name)
                     yield left.pop(0), row
             finally:

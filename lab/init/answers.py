@@ -3,15 +3,14 @@
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal, TypeVar
+from typing import TypeVar, get_args
 
 from capture.session.session_types import Lens
 from scene.errors import SessionError
+from scene.length_units import Unit
 from scene.spheres import Kind
 
 T = TypeVar("T")
-Unit = Literal["m", "cm", "mm", "inch", "unknown"]
-UNITS: tuple[Unit, ...] = ("m", "cm", "mm", "inch", "unknown")
 
 
 @dataclass(frozen=True)
@@ -119,9 +118,9 @@ def lengths_of(text: str) -> tuple[float, ...]:
 
 
 def _unit(text: str) -> Unit:
-    names: dict[str, Unit] = {**{unit: unit for unit in UNITS}, "in": "inch", "inches": "inch"}
+    names: dict[str, Unit] = {**{unit: unit for unit in get_args(Unit)}, "in": "inch", "inches": "inch"}
     if text.lower() not in names:
-        raise ValueError(f"{text}: expected one of {', '.join(UNITS)}")
+        raise ValueError(f"{text}: expected one of {', '.join(get_args(Unit))}")
     return names[text.lower()]
 
 

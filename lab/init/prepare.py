@@ -1,28 +1,26 @@
 """A folder looked at: roles of the photographs, camera, balls, scan; what is not sure is noted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from capture.camera.exif import Exif, read_exif
+from capture.camera.exif import read_exif
 from capture.camera.focal_length import camera_from_lens
-from capture.camera.session_camera import usual_camera
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding, Lens
 from capture.survey.board_layout import find_board
-from capture.survey.folder_files import BALLS, FEWEST, FolderFiles
+from capture.survey.folder_files import FEWEST, FolderFiles
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, read_small
 from lab.init.answers import Asking
 from lab.init.draft import Draft
 from lab.init.draft_balls import with_balls
-from lab.init.scan_unit import object_size_mm, read_scan, unit_by_size
-from scene.camera import Camera
+from lab.init.scan_unit import object_across_px, read_scan
 from scene.errors import SceneError, SessionError
 from scene.image_files import read_pixels
+from scene.spheres import KINDS
 
-EIGHT_BITS = (".png", ".tif", ".tiff", ".tga", ".bmp", ".pgm", ".ppm", ".pnm")
 Progress = Callable[[int, int], None]
 
 
@@ -34,17 +32,16 @@ def prepare(files: FolderFiles, asking: Asking, progress: Progress | None = None
     SessionError
         Too few photographs can be read or are of one size; answers do not fit what was found.
     """
-    draft, exif = _look(files, asking, progress)
-    camera = None
+    draft = _look(files, asking, progress)
     lens = asking.answers.lens
     if draft.board is not None or lens != Lens() or not asking.answers.distance_mm:
-        draft, camera = with_camera(draft, lens, exif)
-    draft = with_balls(draft, files, asking, camera)
-    draft = _given(draft, files, camera, asking)
+        draft = with_camera(draft, lens)
+    draft = with_balls(draft, files, asking)
+    draft = _given(draft, files, asking)
     return _by_distance(draft, asking)
 
 
-def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> tuple[Draft, list[Exif]]:
+def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> Draft:
     """Decode small; give the photographs whose names tell nothing their roles."""
     flash, notes = files.photographs["flash"], list(files.left_out)
     linear, encoding = _encoding(flash[0], asking)
@@ -81,8 +78,6 @@ def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> tupl
         shots, ambient, dark = (sorted_.get(role, []) for role in ("flash", "ambient", "dark"))
         if ambient:
             notes.append(f"assumed: {', '.join(o.path.name for o in ambient)} is without flash, by its light.")
-        else:
-            notes.append("there is no ambient frame (flash off, same exposure): the room must have been dark.")
     if len(shots) < FEWEST:
         raise SessionError(f"{files.folder}: {len(shots)} photographs show the flash; {FEWEST} or more are needed.")
     photographs = {
@@ -93,15 +88,12 @@ def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> tupl
         "board": [one.path for one in shown],
     }
     first = shots[0]
-    if linear is False:
-        notes.append(f"assumed: {first.path.suffix} values are sRGB-encoded, as cameras write them.")
-    frames = frames_of(shots, ambient)
-    draft = Draft(
+    return Draft(
         files.folder, {role: paths for role, paths in photographs.items() if paths},
-        first.width, first.height, frames, first.step,
+        first.width, first.height, frames_of(shots, ambient), first.step,
+        exif=tuple(map(read_exif, photographs["flash"])),
         board=layout if shown else None, linear=linear, notes=tuple(notes),
     )  # fmt: skip
-    return draft, [read_exif(path) for path in photographs["flash"]]
 
 
 def _encoding(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
@@ -135,52 +127,42 @@ def _unlike(shots: list[Small]) -> list[Small]:
     return [one for one, share in zip(shots, alike, strict=True) if share < 0.3]
 
 
-def with_camera(draft: Draft, lens: Lens, exif: Sequence[Exif]) -> tuple[Draft, Camera | None]:
-    """Return the draft with its camera told, and the camera of the small frames; None where nothing tells it.
+def with_camera(draft: Draft, lens: Lens) -> Draft:
+    """Return the draft with its camera, as a lens, EXIF or shots of a board tell it.
 
-    exif: The flash frames'. Raises SessionError: the lens is known in a part that does not tell the camera.
+    Raises SessionError: the lens is known in a part that does not tell the camera.
     """
     if draft.board is not None:
         shots = draft.photographs["board"]
         kind = "chessboard" if draft.board.dictionary is None else "ChArUco board"
         across = " x ".join(map(str, draft.board.squares))
-        return replace(draft, camera_told=f"{len(shots)} shots of a {kind} of {across} squares"), None
-    camera, told = camera_from_lens(lens, exif, draft.width, draft.height)
+        return replace(draft, camera=None, camera_told=f"{len(shots)} shots of a {kind} of {across} squares")
+    camera, told = camera_from_lens(lens, draft.exif, draft.width, draft.height)
     if camera.is_orthographic:
         text = "not known: no EXIF, no board. It is sought by the balls; or give focal_mm and sensor_mm."
-        return replace(draft, lens=lens, camera_told=text), None
+        return replace(draft, lens=lens, camera=None, camera_told=text)
     words = told[0].removeprefix("camera: ").partition(". ")[0] if told else f"focal length {camera.fx:.0f} px"
-    return replace(draft, lens=lens, camera_told=words), camera.scaled(
-        draft.small.width, draft.small.height, 1 / draft.step, 1 / draft.step
-    )
+    return replace(draft, lens=lens, camera=camera, camera_told=words)
 
 
-def _given(draft: Draft, files: FolderFiles, camera: Camera | None, asking: Asking) -> Draft:
+def _given(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
     """Take the mask, the normals and the scan, with its unit."""
-    apart = {word for kind in BALLS for word in (kind, "gray", "grey")}
+    apart = {word for kind in KINDS for word in (kind, "gray", "grey")}
     masks = [path for path in files.masks if not apart & set(path.stem.lower().replace(".", "_").split("_"))]
     draft = replace(draft, mask=masks[0] if masks else None, normals=files.normals[0] if files.normals else None)
     for what, paths in (("mask", masks), ("normal map", files.normals)):
         if len(paths) > 1:
             draft = draft.noting(f"{len(paths)} files may be the {what}: {paths[0].name} is taken.")
     if not files.scans:
-        return draft.noting("there is no scan: no ground truth, no twin.") if not files.normals else draft
+        return draft
     scans = sorted(files.scans, key=lambda path: -path.stat().st_size)
     if len(scans) > 1:
         draft = draft.noting(f"{len(scans)} meshes: the largest, {scans[0].name}, is taken for the scan.")
-    mesh = read_scan(scans[0])
-    size = object_size_mm(draft, camera or usual_camera(draft.small.width, draft.small.height))
-    likely = unit_by_size(mesh.diagonal, size)
-    unit = asking.unit(scans[0].name, likely)
-    told = ""
-    if asking.answers.unit is None and likely is not None:
-        told = f"the object looks {size:.0f} mm large in the picture"
-    elif likely not in (None, unit):
-        draft = draft.noting(
-            f"the scan is {mesh.told(unit)} with unit {unit}, but the object looks {size:.0f} mm large in the picture, "
-            f"as with unit {likely}. Check --unit, and the balls' diameters."
-        )
-    return replace(draft, scan=scans[0], unit=unit, scan_told=mesh.told(unit), unit_told=told)
+    circles = [ball.sphere(draft.step) for ball in draft.balls if ball.radius_px]
+    across = object_across_px(draft.small, draft.small_camera, circles) if circles else None
+    across_px = across and across * draft.step
+    draft = replace(draft, scan=scans[0], scan_size=read_scan(scans[0]), across_px=across_px)
+    return replace(draft, unit=asking.unit(scans[0].name, draft.likely_unit))
 
 
 def _by_distance(draft: Draft, asking: Asking) -> Draft:
@@ -188,9 +170,7 @@ def _by_distance(draft: Draft, asking: Asking) -> Draft:
     distance = asking.answers.distance_mm
     if not distance or asking.answers.lens != Lens():
         return draft
-    focal = [
-        2 * ball.radius_px * distance / ball.diameter_mm for ball in draft.balls if ball.diameter_mm and ball.radius_px
-    ]
+    focal = [distance / ball.mm_per_px for ball in draft.balls if ball.mm_per_px]
     if not focal:
         raise SessionError(
             "--distance-mm: needs balls that are found and whose diameter is given: --chrome or --white."

@@ -1,14 +1,15 @@
 """The unit of a scan, by the size that the object has in the picture beside balls of known diameter."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from lab.init.answers import Unit
-from lab.init.draft import Draft
 from scene.camera import Camera
 from scene.errors import AlignError
+from scene.frames import Frames
+from scene.length_units import UNITS_MM, Unit
 from scene.spheres import Sphere
 
 CANDIDATES: tuple[Unit, ...] = ("mm", "cm", "m", "inch")
@@ -28,8 +29,6 @@ class ScanSize(NamedTuple):
 
     def told(self, unit: Unit) -> str:
         """Return the size in words."""
-        from align.scan.mended_scan import UNITS_MM
-
         millimetres = " x ".join(f"{UNITS_MM[unit] * side:.0f}" for side in self.sides)
         sides = " x ".join(f"{side:.3g}" for side in self.sides)
         return f"{self.vertices:,} vertices, " + (f"{millimetres} mm" if unit != "unknown" else f"{sides} of its unit")
@@ -43,24 +42,16 @@ def read_scan(path: Path) -> ScanSize:
     return ScanSize(len(vertices), tuple(map(float, np.ptp(vertices, axis=0))))
 
 
-def object_size_mm(draft: Draft, camera: Camera) -> float | None:
-    """Return the object's diagonal in the picture, mm at the balls' distance; None where no ball tells the scale."""
+def object_across_px(frames: Frames, camera: Camera, balls: Sequence[Sphere]) -> float | None:
+    """Return the object's diagonal in the picture, pixels of the frames; None where it is not found."""
     from align.mask.object_mask import find_object
 
-    known = [ball for ball in draft.balls if ball.diameter_mm and ball.radius_px]
-    if not known:
-        return None
-    mm_per_px = float(np.median([ball.diameter_mm / (2 * ball.radius_px) for ball in known if ball.diameter_mm]))
-    step = draft.step
-    spheres = [
-        Sphere(ball.kind, (np.array(ball.center_px) + 0.5) / step - 0.5, ball.radius_px / step) for ball in draft.balls
-    ]
     try:
-        mask = find_object(draft.small, camera, spheres).mask
+        mask = find_object(frames, camera, list(balls)).mask
     except AlignError:
         return None
     rows, columns = np.nonzero(mask)
-    return mm_per_px * step * float(np.hypot(np.ptp(rows), np.ptp(columns)))
+    return float(np.hypot(np.ptp(rows), np.ptp(columns)))
 
 
 def unit_by_size(diagonal: float, size_mm: float | None) -> Unit | None:
@@ -68,8 +59,6 @@ def unit_by_size(diagonal: float, size_mm: float | None) -> Unit | None:
 
     A picture shows two of the scan's three sides, so the scan's diagonal is 1 to 1.2 times the picture's.
     """
-    from align.scan.mended_scan import UNITS_MM
-
     if size_mm is None:
         return None
     off = {unit: abs(float(np.log(UNITS_MM[unit] * diagonal / (1.1 * size_mm)))) for unit in CANDIDATES}

@@ -84,4 +84,5 @@ METHOD = Method(
     },
     fit=fit,
     stream=_stream,
+    is_linear=True,
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_COARSEST = 300
+_COARSEST = 250
 """Unknowns that are solved for directly."""
 _WEIGHTS = (0.562, 1.390)
 """Of Jacobi's steps: one over the roots of Chebyshev's polynomial on the rough part, 0.5 to 2, of the spectrum. What

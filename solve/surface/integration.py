@@ -10,7 +10,7 @@ from scipy.special import expit
 from scene.camera import Camera
 from scene.errors import SceneError
 from solve.surface.grid_laplacian import solve_grid
-from solve.surface.tangent_planes import Edges, edges_of, every_nth, finer
+from solve.surface.tangent_planes import Edges, edges_of, finer
 
 Array = NDArray[np.float64]
 
@@ -140,7 +140,7 @@ def integrate(
             # Tears that creep from pixel to pixel creep twice as fast on every second one. Edges of that grid weigh the
             # same, and a pixel of it stands for four.
             coarse = integrate(
-                normals[some], inside[some], every_nth(camera, 2), z_mm=z_mm, sharpness=sharpness, rounds=rounds,
+                normals[some], inside[some], camera.every(2), z_mm=z_mm, sharpness=sharpness, rounds=rounds,
                 tolerance=tolerance, hint=None if hint is None else (hint[0][some], 4 * hint[1][some]),
             )  # fmt: skip
             start = finer(coarse.z_mm, normals, camera)

@@ -1,6 +1,6 @@
 """What the normals say of each pixel's neighbours: the steps of depth from one to the next by their tangent planes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,19 +94,6 @@ def edges_of(normals: Array, inside: NDArray[np.bool_], camera: Camera, box: tup
         weight = np.where(pair, np.minimum(cosine, shifted(cosine)) ** 2, 0.0)
         axes.append(Axis(step, pair, top, bottom, weight, float(focal), camera.is_orthographic))
     return Edges(inside, cosine, (axes[0], axes[1]))
-
-
-def every_nth(camera: Camera, step: int) -> Camera:
-    """Return the camera whose pixels are every n-th one of a camera's, from the first on."""
-    return replace(
-        camera,
-        width=-(-camera.width // step),
-        height=-(-camera.height // step),
-        fx=camera.fx / step,
-        fy=camera.fy / step,
-        cx=camera.cx / step,
-        cy=camera.cy / step,
-    )
 
 
 def finer(z_mm: Array, normals: NDArray, camera: Camera) -> Array:

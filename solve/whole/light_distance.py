@@ -12,7 +12,6 @@ from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
-from solve.surface.tangent_planes import every_nth
 from solve.whole.near_depth import Settings, find_depth
 
 Array = NDArray[np.float64]
@@ -29,6 +28,8 @@ GAIN = 0.15
 """By how much the residuals' logarithm must fall before lights are taken for near ones: gloss alone gives a tenth."""
 FARTHEST = 70.0
 """Object sizes: lights beyond are distant. What they would tell, other reflection than Lambert's tells as well."""
+FEWEST = 5
+"""Lights whose distances can be told."""
 FINER = 1.4
 """Ratio of the mean distances that are tried then, each with its own relief."""
 TRIALS = 7
@@ -60,6 +61,9 @@ def find_positions(problem: Problem) -> Problem:
     small = _Small(problem)
     if small.count < ENOUGH:
         return problem.warned("too few pixels to tell how far the lights are: they are taken as distant.")
+    if len(lights) < FEWEST:
+        # A pixel's own three numbers leave one sample or none.
+        return problem
     small.raise_relief(lights)
     center, size = small.center(), small.size()
     distant = small.spread(lights)
@@ -67,10 +71,11 @@ def find_positions(problem: Problem) -> Problem:
     found = _by_trials(small, lights, center, size, NEARNESS[int(np.argmin(rough))])
     if found is None or not found[0] < distant - GAIN:
         return problem
-    far = size / found[1]
+    nearness = found[1]
+    far = size / nearness
     return problem.under(_placed(lights, center, far)).warned(
-        f"the lights came without positions; by how the object is lit, they are {far.min():.1f} to {far.max():.1f} "
-        "times its size away."
+        f"the lights came without positions; by how the object is lit, they are {1 / nearness.max():.1f} to "
+        f"{1 / nearness.min():.1f} times its size away."
     )
 
 
@@ -115,7 +120,7 @@ class _Small:
         frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
         step = max(1, round(np.sqrt(mask.sum() / PIXELS)))
         self.mask = np.ascontiguousarray(mask[::step, ::step])
-        self.camera = every_nth(camera, step)
+        self.camera = camera.every(step)
         ambient = None if frames.ambient is None else frames.ambient[::step, ::step]
         codes = np.ascontiguousarray(frames.codes[:, ::step, ::step])
         # What lay beside a clipped sample does not lie beside it here.

@@ -1,4 +1,4 @@
-"""One reflectance for the whole object: a table over half and difference angle, fitted together with every normal.
+"""One reflectance for the whole object, fitted together with every normal: a table, a curve, light from itself.
 
 Least squares throws away what is not matte; gloss and retroreflection tell of the normal, too, once it is known how the
 object reflects. All pixels share that, but for their albedo; the pixels teach it to each other.
@@ -9,20 +9,41 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from scene.lights import Lights
 from solve.methods import Method, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem
-from solve.samples import Samples
+from solve.samples import GRAY, Samples
 from solve.whole import near_depth
+from solve.whole.interreflection import Relief, Thrown
 from solve.whole.light_distance import find_positions
-from solve.whole.reflectance_kernels import DIFFERENCE, HALF, SIZE, Given, Pixels, accumulate, back_substitute, refine
+from solve.whole.reflectance_equations import accumulate, back_substitute, refine
+from solve.whole.reflectance_kernels import DIFFERENCE, HALF, SIZE, TABLE, Given, Pixels
 
 RIDGE = 1e-8
-"""Pull of the table to 1 where nothing is seen, per sample; it also settles what is albedo and what is table."""
+"""Pull of all that is shared to matte where nothing is seen, per sample."""
+PULL, PULL_CURVE = 0.01, 0.1
+"""Pull of the table and of the curve to matte, per sample, in units of the residuals' variance: normals a little
+steeper or flatter and another reflection explain the samples almost as well. It also settles what is albedo.
+"""
+FAR = 0.3
+"""How far from matte the pull is half as strong: highlights are not held back."""
+HALF_WHITE = 0.5
+"""Reflectance that the brightest parts are pulled to."""
+MATTE_OBJECT = np.repeat([1.0, 0.0, HALF_WHITE], [TABLE, SIZE - TABLE - 1, 1])
+WHITE_BALL_ALBEDO = 0.8
+"""Reflectance that a session's white balls are taken to have."""
 CHUNK = 1024
 WORSE = 1.02
 """Where the table leaves more than this times what the matte model leaves unexplained, it has gone astray."""
+WORSE_WITH_WHITE = 2.0
+"""The same where a white ball tells the reflectance: a matte hollow that lights itself looks like a shallower one that
+does not, and to the noise; the light that it throws is known less well than that.
+"""
+LOBE, GLOSSY = 5, 1.05
+"""Half angles of the table from 0 on, and what it is there (median) of a glossy object."""
 
 
 class Settings(NamedTuple):
@@ -34,6 +55,8 @@ class Settings(NamedTuple):
         How many pixels, evenly spread, the table is learnt from; the others are fitted to it.
     rounds, steps : int
         Of the joint fit, and of each pixel's own afterwards.
+    turns : int
+        How often the object's light upon itself is found anew, with half as many rounds after it.
     shadow_threshold : float
         Samples under this share of the stack's 99th percentile are shadowed.
     noise_floor : float
@@ -44,17 +67,18 @@ class Settings(NamedTuple):
         Residuals beyond this times their pixel's own robust sigma count ever less.
     """
 
-    pixels: int = 8000
+    pixels: int = 4000
     rounds: int = 12
     steps: int = 12
+    turns: int = 2
     shadow_threshold: float = 0.02
     noise_floor: float = 0.004
     smoothness: float = 1e-4
     sigmas: float = 2.0
 
 
-def _prepare(problem: Problem, settings: Settings) -> Problem:
-    """Near lights are taken as each pixel's own place sees them."""
+def prepare(problem: Problem, settings: Settings) -> Problem:
+    """Return the problem with near lights as each pixel's own place sees them."""
     problem = find_positions(problem)
     is_near = problem.lights.positions_mm is not None
     return near_depth.find_depth(problem, near_depth.Settings()) if is_near else problem
@@ -62,91 +86,145 @@ def _prepare(problem: Problem, settings: Settings) -> Problem:
 
 def _fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
     row, column = np.nonzero(problem.mask)
-    return fit_to_views(samples, -problem.camera.rays(np.stack([column, row], -1))[1], settings)
+    views, (_, relief) = -problem.camera.rays(np.stack([column, row], -1))[1], relief_of(problem, settings)
+    return fit_to_views(samples, views, settings, relief, white_gray(problem.lights))[0]
 
 
-def fit_to_views(samples: Samples, views, settings: Settings) -> Whole:
-    """Fit normals, albedos and one table of reflectance.
+def relief_of(problem: Problem, settings: Settings) -> tuple[float, Relief]:
+    """Return z of the surface's middle, and the patches of a prepared problem's surface."""
+    camera, depth = problem.camera, float(problem.lights.reference_point_mm[2])
+    if not camera.is_orthographic and depth >= 0:
+        depth = -1000.0
+    if problem.z_mm is not None:
+        depth = float(np.nanmedian(problem.z_mm[problem.mask]))
+    return depth, Relief(problem.mask, camera, depth, settings.pixels)
 
-    `views` (P, 3) are the unit vectors from the pixels' points to the camera.
+
+def white_gray(lights: Lights) -> float | None:
+    """Return the gray value of a surface of reflectance 1 that faces a light of intensity 1; None where unknown."""
+    return None if lights.white_value is None else float(GRAY @ lights.white_value) / WHITE_BALL_ALBEDO
+
+
+def is_matte(shared: NDArray) -> bool:
+    """Whether the object shows no gloss."""
+    return bool(np.median(shared[: LOBE * len(DIFFERENCE)]) < GLOSSY)
+
+
+def fit_to_views(
+    samples: Samples, views, settings: Settings, relief: Relief | None = None, white: float | None = None
+) -> tuple[Whole, NDArray]:
+    """Fit normals, albedos and one reflectance; return also what all pixels share (SIZE,).
+
+    `views` (P, 3) are the unit vectors from the pixels' points to the camera; without `relief`, the object throws no
+    light upon itself; `white`: see `white_gray`.
 
     Notes
     -----
-    m = albedo (n . l) f(theta_h, theta_d), f bilinear between knots, theta_h the angle between normal and half vector
-    and theta_d that between half vector and light: many materials are that nearly [Rusinkiewicz1998], whatever turns
-    with the normal about the view left out [Romeiro2008]. Minimised is
-    sum w (m / albedo - (n . l) f)^2 + smoothness |D f|^2 over all normals, albedos and f at once: the normals are
-    eliminated pixel by pixel (Schur complement), as points are in bundle adjustment [Triggs2000], since taking turns
-    creeps. Weights fall off beyond `sigmas` (shadows, bounced light) and where f is far from 1 (highlights are steep).
-    Starts from `iterative`; where the table goes astray, that is what is returned. One table serves one material: of
-    an object of several, the best is a compromise.
+    m = albedo (c f + r t), f = T(theta_h, theta_d) + C(c), c = n . l. T is bilinear between knots, theta_h the angle
+    between normal and half vector and theta_d that between half vector and light: many materials are that nearly
+    [Rusinkiewicz1998], whatever turns with the normal about the view left out [Romeiro2008]. C is what T cannot hold:
+    light that enters a glossy surface and comes out matte has passed it the more weakly the lower the light stands
+    [Wolff1994]; without C, plastic looks two degrees too steep. t is the light thrown by the object's other parts, see
+    `interreflection`, r the reflectance of the brightest.
+
+    Minimised is sum w (m / albedo - c f - r t)^2 + smoothness |D f|^2 + the pull to matte, over all normals, albedos,
+    T, C and r at once: the normals are eliminated pixel by pixel (Schur complement), as points are in bundle adjustment
+    [Triggs2000], since taking turns creeps. Weights fall off beyond `sigmas` (shadows) and where f is far from 1
+    (highlights are steep). Starts from `iterative`; where it goes astray, that is what is returned. One reflectance
+    serves one material: of an object of several, the best is a compromise.
     """
     scale = samples.scale()
     b, used = iterative.fit(samples, scale, iterative.Settings())
-    known = np.flatnonzero((b != 0).any(1))
+    is_known = (b != 0).any(1)
+    known = np.flatnonzero(is_known)
     if len(known) < SIZE:
-        return Whole(b, used, ("reflectance: too few pixels to learn from; the normals are those of `iterative`.",))
+        said = "reflectance: too few pixels to learn from; the normals are those of `iterative`."
+        return Whole(b, used, (said,)), MATTE_OBJECT
     albedo = np.linalg.norm(b[known], axis=1)
     normals = b[known] / albedo[:, None]
-    given = Given(samples, views, settings.shadow_threshold * scale, settings.noise_floor * scale, settings.sigmas)
-    place = np.unique(np.linspace(0, len(known) - 1, min(settings.pixels, len(known))).astype(int))
-    table, before, after = _learn(given, Pixels(known, normals, albedo).some(place), settings)
-    if not after <= WORSE * before:
+    limits = settings.shadow_threshold * scale, settings.noise_floor * scale, settings.sigmas
+    given = Given(samples, views, *limits, Thrown.none(*samples.gray.shape))
+    chosen = known[np.unique(np.linspace(0, len(known) - 1, min(settings.pixels, len(known))).astype(int))]
+    if relief is not None:
+        chosen = relief.patches(is_known)
+    learnt = Pixels(known, normals, albedo).some(np.searchsorted(known, chosen))
+    alone, before, after = _learn(given, learnt, settings.rounds, settings.smoothness)
+    shared = alone
+    if relief is not None:
+        # Of a glossy object nobody knows how much of its brightness it throws upon itself: the samples tell.
+        white = white if is_matte(shared) else None
+        for _ in range(settings.turns):
+            brightest = np.percentile(learnt.albedo, 95)
+            thrown = relief.throw(chosen, samples.gray[chosen] / np.float32(brightest), learnt.normals)
+            given, known_white = given._replace(thrown=thrown), None if white is None else brightest / white
+            shared, _, after = _learn(given, learnt, settings.rounds // 2, settings.smoothness, shared, known_white)
+    if not after <= (WORSE if white is None else WORSE_WITH_WHITE) * before:
         said = "reflectance: no one table explains the object better than matte; the normals are those of `iterative`."
-        return Whole(b, used, (said,))
+        return Whole(b, used, (said,)), MATTE_OBJECT if is_matte(alone) else alone
 
     def run(first: int) -> None:
-        refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), table, settings.steps, used)
+        refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), shared, settings.steps, used)
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         list(pool.map(run, range(0, len(known), CHUNK)))
     b[known] = normals * albedo[:, None]
-    return Whole(b, used, ())
+    return Whole(b, used, ()), shared
 
 
-def _learn(given: Given, chosen: Pixels, settings: Settings):
-    """Return the table (SIZE,), and the residuals' middle sigma with the matte table and with it.
+def _learn(
+    given: Given, chosen: Pixels, rounds: int, smoothness: float, start: NDArray | None = None,
+    brightest: float | None = None,
+):  # fmt: skip
+    """Return what is shared (SIZE,), and the residuals' middle sigma with the start and with it.
 
-    Moves the normals and albedos of the pixels that are chosen, in place.
+    Moves the normals and albedos of the pixels that are chosen, in place. Without a start: from a matte object.
+    `brightest`: the reflectance of the brightest parts, where it is known.
     """
-    smoothness = settings.smoothness
-    table = np.ones(SIZE)
+    shared = MATTE_OBJECT if start is None else start
     bend = _second_differences()
+    pull = np.repeat([PULL, PULL_CURVE, PULL], [TABLE, SIZE - TABLE - 1, 1])
     before = sigma = 0.0
     parts = [chosen.some(slice(first, first + CHUNK)) for first in range(0, len(chosen.index), CHUNK)]
-    for turn in range(settings.rounds + 1):
-        # At first the table alone: highlights must not look like outliers only because no table knows them yet.
-        joint = turn > 0
+    for turn in range(rounds + 1):
+        # At first what is shared alone: highlights must not look like outliers only because no table knows them yet.
+        joint = turn > 0 or start is not None
 
-        def work(part: Pixels, joint=joint, table=table):
-            return accumulate(given, part, table, joint)
+        def work(part: Pixels, joint=joint, shared=shared):
+            return accumulate(given, part, shared, joint)
 
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             found = list(pool.map(work, parts))
         hessian, slope, samples = (sum(part[k] for part in found) for k in range(3))
-        sigma = float(np.median(np.concatenate([part[3] for part in found])))
+        spread, albedo = np.concatenate([part[3] for part in found]), np.concatenate([part.albedo for part in parts])
+        sigma = float(np.median(spread * albedo))
         before = before or sigma
-        hessian = hessian + samples * (smoothness * bend + RIDGE * np.eye(SIZE))
-        slope = slope - samples * (smoothness * bend @ table + RIDGE * (table - 1))
+        towards = RIDGE + pull * np.median(spread) ** 2 / (1 + ((shared - MATTE_OBJECT) / FAR) ** 2)
+        hessian = hessian + np.triu(hessian, 1).T + samples * (smoothness * bend + np.diag(towards))
+        slope = slope - samples * (smoothness * bend @ shared + towards * (shared - MATTE_OBJECT))
         step = np.linalg.solve(hessian, slope)
-        table = np.maximum(table + step, 0.05)
+        shared = shared + step
+        shared[:TABLE] = np.maximum(shared[:TABLE], 0.05)
+        # Nothing throws more light than falls on it.
+        shared[-1] = np.clip(shared[-1] if brightest is None else brightest, 0, 1)
         if joint:
             for part, (*_, inverse, own, coupling) in zip(parts, found, strict=True):
                 back_substitute(part, inverse, own, coupling, step)
-    return table, before, sigma
+    return shared, before, sigma
 
 
 def _second_differences():
     """Return (SIZE, SIZE), the matrix of the table's summed squared second differences; along half angles a tenth."""
-    grid = np.arange(SIZE).reshape(len(HALF), len(DIFFERENCE))
+    grid = np.arange(TABLE).reshape(len(HALF), len(DIFFERENCE))
+    curve = np.arange(TABLE, SIZE - 1)
     out = np.zeros((SIZE, SIZE))
     for rows, weight in (
         (np.stack([grid[:, :-2], grid[:, 1:-1], grid[:, 2:]], -1), 1.0),
         (np.stack([grid[:-2], grid[1:-1], grid[2:]], -1), 0.1),
+        (np.stack([curve[:-2], curve[1:-1], curve[2:]], -1), 1.0),
     ):
         for triple in rows.reshape(-1, 3):
             out[np.ix_(triple, triple)] += weight * np.outer([1, -2, 1], [1, -2, 1])
     return out
 
 
-METHOD = Method("reflectance", {"default": Settings(), "seed": Settings()}, fit_whole=_fit_whole, prepare=_prepare)
+METHOD = Method("reflectance", {"default": Settings(), "seed": Settings()}, fit_whole=_fit_whole, prepare=prepare)

@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.frames import Frames
-from scene.intensities import Intensities, evidence, solve_intensities
+from scene.intensities import Evidence, evidence, solve_intensities
 from scene.lights import Lights
 from solve.medians import row_medians
 from solve.methods import Method
 from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import GRAY, Geometry, Samples
+from solve.whole.intensity_prior import nearest_to_given
 
 
 class Settings(NamedTuple):
@@ -56,11 +57,37 @@ def _fit(samples: Samples, scale: float, settings: Settings):
 def find_lights(problem: Problem, settings: Settings) -> Problem:
     """Return the problem under lights with the intensities that the object itself tells, and cautions.
 
-    Directions (and positions) are taken as they are; intensities only where the object tells none.
+    Directions (and positions) are taken as they are; intensities where the object tells none, and as far as it tells
+    them badly; see `intensity_prior`.
 
     Intensities are on the scale of the given ones, at the reference point; of near lights that is moved to the depth of
-    the visible surface that leaves the least misfit. `intensity_sigma`: the scatter between ten parts of the object,
-    and what that depth's own error does.
+    the visible surface that leaves the least misfit. `intensity_sigma`: what is left uncertain, and what that
+    depth's own error does.
+
+    From a plane, or with three lights, they are undetermined: then the given ones stay, and a caution says so. Nor can
+    that of a light be told without which the rest lie in one plane: it keeps what was given.
+    """
+    lights = problem.lights
+    found, parts, points = told_by_object(problem, settings)
+    own, cautions = _believed(lights, found, parts)
+    if own is lights:
+        return problem.under(lights).warned(*cautions)
+    given = lights.seen_from(found.reference_point_mm).intensities
+    held, covariance = nearest_to_given(np.log(own.intensities / given), parts, found.directions)
+    intensities = given * np.exp(held)
+    # The scale is a gauge: albedo stays comparable with the other methods'.
+    intensities *= np.exp(np.mean(np.log(lights.intensities / intensities), axis=0))
+    shared = _fall_off(found, points)
+    covariance += np.outer(shared, shared)
+    sigma = np.where(np.isfinite(own.intensity_sigma), np.sqrt(np.diag(covariance)), np.nan)
+    own = replace(own, intensities=intensities, intensity_sigma=sigma)
+    return replace(problem.under(own), intensity_covariance=covariance).warned(*cautions)
+
+
+def told_by_object(problem: Problem, settings: Settings) -> tuple[Lights, list[Evidence], NDArray]:
+    """Return the lights with intensities by the object alone, what it says of each channel, and its points (P, 3), mm.
+
+    Near lights are seen from the depth of the visible surface.
 
     Notes
     -----
@@ -68,10 +95,6 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
     then which samples these are, by `iterative` on these intensities. There each frame's own median ratio of
     sample to shading is divided out first: a flash whose intensity is still wrong would be an outlier
     everywhere, and be believed never again.
-
-    The intensities that are given play no part in those that are found. From a plane, or with three lights, they
-    are undetermined: then the given ones stay, and a caution says so. Nor can that of a light without which the rest
-    lie in one plane: it keeps what was given.
     """
     lights, camera, how = problem.lights, problem.camera, settings.pixelwise
     color, valid, pixel = _samples(problem.frames, problem.mask, settings.pixels)
@@ -92,7 +115,6 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
         if min(part.relative.min() for part in solved) <= 0:
             continue  # the next round believes other samples
         now = found * np.stack([part.relative for part in solved], 1)
-        # The scale is a gauge: albedo stays comparable with the other methods'.
         now /= np.exp(np.mean(np.log(now / lights.intensities), axis=0))
         change, found = np.abs(now / found - 1).max(), now
         there = here
@@ -101,10 +123,7 @@ def find_lights(problem: Problem, settings: Settings) -> Problem:
         if change < _STANDS_STILL and there is here:
             break
         here = there
-    solved = [solve_intensities(part, with_sigma=True) for part in parts]
-    points, _ = _seen(here, camera, pixel)
-    own, cautions = _believed(lights, replace(here, intensities=found), solved, _fall_off(here, points))
-    return problem.under(own).warned(*cautions)
+    return replace(here, intensities=found), parts, _seen(here, camera, pixel)[0]
 
 
 def _at_better_depth(lights: Lights, camera: Camera, pixel, step: float, samples: tuple, solved) -> Lights:
@@ -148,10 +167,9 @@ def _fall_off(lights: Lights, points: NDArray) -> NDArray:
     return change - change.mean()
 
 
-def _believed(
-    given: Lights, lights: Lights, solved: list[Intensities], shared: NDArray
-) -> tuple[Lights, tuple[str, ...]]:
+def _believed(given: Lights, lights: Lights, parts: list[Evidence]) -> tuple[Lights, tuple[str, ...]]:
     """Return the found lights, or the given ones, and why."""
+    solved = [solve_intensities(part, with_sigma=True) for part in parts]
     sigma = np.sqrt(np.mean([part.sigma**2 for part in solved], axis=0))
     silent = ~np.isfinite(sigma)
     if min(part.contrast for part in solved) < CONTRAST or not np.median(sigma[~silent]) < SIGMA:
@@ -170,7 +188,7 @@ def _believed(
         cautions.append(
             f"the intensity of {_named(given, vague)} is known to {np.nanmax(sigma):.0%} only: too few pixels tell it."
         )
-    return replace(lights, intensities=found, intensity_sigma=np.hypot(sigma, shared)), tuple(cautions)
+    return replace(lights, intensities=found, intensity_sigma=sigma), tuple(cautions)
 
 
 def _named(lights: Lights, which: NDArray[np.bool_]) -> str:

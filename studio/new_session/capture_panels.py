@@ -5,10 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lab.init.answers import UNITS
-from scene.spheres import Kind
+from scene.length_units import UNITS_MM
+from scene.spheres import KINDS, Kind
 from studio.new_session.edited_capture import UNUSED
-from studio.new_session.found_capture import KINDS, ROLES
+from studio.new_session.found_capture import ROLES
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.photograph.outline_inputs import OutlineInputs
 from studio.widgets import Inputs, code, plain
@@ -161,7 +161,7 @@ class ObjectPanel:
         self._window, gui = window, window.client.gui
         self._files, self._paths = Inputs(window, self._take), dict[str, dict[str, Path]]()
         self._files.add("scan", "dropdown", "scan", (NONE,))
-        self._unit = gui.add_dropdown("its unit", (BY_SIZE, *UNITS))
+        self._unit = gui.add_dropdown("its unit", (BY_SIZE, *UNITS_MM))
         self._told = gui.add_markdown("")
         for name, label in (("mask", "mask"), ("lights", "light file"), ("normals", "true normals")):
             self._files.add(name, "dropdown", label, (NONE,))

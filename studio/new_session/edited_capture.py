@@ -1,45 +1,38 @@
-"""A capture as it was found and as a person has put it right: what is to be written, and what is still assumed."""
+"""A capture as it was found and as a person has put it right: what is to be written."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from capture.camera.session_camera import usual_camera
 from capture.session.globs import natural_key
 from capture.session.session_types import Lens
 from capture.survey.board_layout import FEWEST_SHOTS, find_board
 from capture.survey.folder_files import FEWEST
-from lab.init.answers import Unit
 from lab.init.draft import Draft, DraftBall
 from lab.init.prepare import with_camera
-from lab.init.scan_unit import ScanSize, read_scan, unit_by_size
-from scene.camera import Camera
+from lab.init.scan_unit import read_scan
 from scene.errors import SceneError, SessionError
-from scene.spheres import Kind
-from studio.new_session.found_capture import KINDS, ROLES, FoundCapture
+from scene.length_units import Unit
+from scene.spheres import KINDS, Kind
+from studio.new_session.found_capture import ROLES, FoundCapture
 from studio.photograph.outlines import Outline, Outlines
 
 UNUSED = "not used"
-STALE = ("no ball was found", "no chrome ball", "no white ball", "the diameter of the", "there is no ambient frame",
-         "there is no scan", "assumed: .", "lights are read from", "the scan is ")  # fmt: skip
-"""How notes begin that are told of the capture as it is now instead."""
 
 
 @dataclass(frozen=True, eq=False)
 class EditedCapture:
     """What is written of a capture, but for the balls' outlines.
 
-    draft: As edited; its balls are those that were shot apart, its notes those of the folder as it was found.
+    draft: As edited; its balls are those that were shot apart.
     diameters_mm: Of a kind's balls, None where not known; an outline may have its own.
     unit: The scan's as a person said it; None: as the object's size in the picture tells.
     """
 
     found: FoundCapture
     draft: Draft
-    scan: ScanSize | None
     diameters_mm: dict[Kind, float | None] = field(default_factory=dict)
     unit: Unit | None = None
 
@@ -47,7 +40,7 @@ class EditedCapture:
     def of(cls, found: FoundCapture) -> "EditedCapture":
         """Return a capture as it was found."""
         apart = tuple(ball for ball in found.draft.balls if ball.files)
-        return cls(found, replace(found.draft, balls=apart), found.scan)
+        return cls(found, replace(found.draft, balls=apart))
 
     def with_draft(self, **changes: Any) -> "EditedCapture":
         """Return the capture with other parts of its draft."""
@@ -96,32 +89,22 @@ class EditedCapture:
 
     def _with_camera(self, draft: Draft, lens: Lens) -> "EditedCapture":
         try:
-            draft, _ = with_camera(draft, lens, self.found.exif)
+            draft = with_camera(draft, lens)
         except SessionError as error:
             # One of two numbers is typed before the other.
-            draft = replace(draft, lens=lens, camera_told=f"not known yet: {error}")
+            draft = replace(draft, lens=lens, camera=None, camera_told=f"not known yet: {error}")
         return replace(self, draft=draft)
 
     def with_scan(self, path: Path | None) -> "EditedCapture":
         """Return the capture with another scan. Raises SceneError: it cannot be read."""
-        return replace(self.with_draft(scan=path), scan=None if path is None else read_scan(path))
-
-    @property
-    def camera(self) -> Camera:
-        """Of the photographs, full size; one as most are where nothing tells it."""
-        draft = self.draft
-        try:
-            _, camera = with_camera(draft, draft.lens, self.found.exif)
-        except SessionError:
-            camera = None
-        if camera is None:
-            return usual_camera(draft.width, draft.height)
-        return camera.scaled(draft.width, draft.height, draft.step, draft.step)
+        return self.with_draft(scan=path, scan_size=None if path is None else read_scan(path))
 
     def described(self, outlines: Outlines) -> Draft:
-        """Return what session.toml is to say, with all that is still assumed as notes."""
+        """Return what session.toml is to say."""
         apart = tuple(replace(ball, diameter_mm=self.diameters_mm.get(ball.kind)) for ball in self.draft.balls)
-        placed = tuple(_ball(self, ball) for ball in outlines)
+        placed = tuple(
+            replace(ball, diameter_mm=ball.diameter_mm or self.diameters_mm.get(ball.kind)) for ball in outlines
+        )
         by_hand = _needs_circles(as_found(self.found), placed)
         balls = tuple(
             DraftBall(
@@ -131,40 +114,13 @@ class EditedCapture:
             for ball in placed
             if ball.kind == kind
         )
-        draft = replace(self.draft, balls=(*apart, *balls), notes=())
-        if self.scan is not None:
-            draft = self._with_unit(draft, placed)
-        return replace(draft, notes=(*_missing(draft), *draft.notes, *self._standing()))
-
-    def _with_unit(self, draft: Draft, balls: Outlines) -> Draft:
-        """Tell the scan's unit by the object's size in the picture; or say where that contradicts it."""
-        assert self.scan is not None
-        scales = [ball.diameter_mm / (2 * ball.radius_px) for ball in balls if ball.diameter_mm]
-        size = self.found.across_px * float(np.median(scales)) if scales and self.found.across_px else None
-        likely = unit_by_size(self.scan.diagonal, size)
-        unit: Unit = self.unit or likely or "unknown"
-        told = f"the object looks {size:.0f} mm large in the picture" if likely and not self.unit else ""
-        if unit == "unknown":
-            draft = draft.noting("the scan's unit is not known: choose it under Object, or give a ball's diameter.")
-        elif likely not in (None, unit):
-            draft = draft.noting(
-                f"the scan is {self.scan.told(unit)} with unit {unit}, but the object looks {size:.0f} mm large in the "
-                f"picture, as with unit {likely}. Check the unit, and the balls' diameters."
-            )
-        return replace(draft, unit=unit, scan_told=self.scan.told(unit), unit_told=told)
-
-    def _standing(self) -> Iterator[str]:
-        """Yield what was assumed when the folder was looked at, and still is."""
-        yield from (note for note in self.draft.notes if not note.startswith(STALE))
+        draft = replace(self.draft, balls=(*apart, *balls))
+        return replace(draft, unit=self.unit or draft.likely_unit or "unknown")
 
 
 def as_found(found: FoundCapture) -> Outlines:
     """Return the balls that were found in the frames."""
     return tuple(Outline(ball.kind, ball.center_px, ball.radius_px) for ball in found.draft.balls if not ball.files)
-
-
-def _ball(capture: EditedCapture, ball: Outline) -> Outline:
-    return replace(ball, diameter_mm=ball.diameter_mm or capture.diameters_mm.get(ball.kind))
 
 
 def _needs_circles(found: Outlines, balls: Outlines) -> set[Kind]:
@@ -193,29 +149,3 @@ def _same_lights(draft: Draft, path: Path, role: str) -> tuple[DraftBall, ...]:
         raise SceneError(f"{path.name}: the balls that were shot apart have no photograph of its light.")
     index = flash.index(path)
     return tuple(replace(ball, files=(*ball.files[:index], *ball.files[index + 1 :])) for ball in draft.balls)
-
-
-def _missing(draft: Draft) -> Iterator[str]:
-    """Yield what a person may still tell, and what is done without it."""
-    counts = {kind: sum(ball.kind == kind for ball in draft.balls) for kind in KINDS}
-    if not draft.lights and not draft.normals and not draft.balls:
-        yield "there is no ball and no light file: there are no lights. Add the balls under Balls."
-    for kind, count in counts.items():
-        if draft.balls and not draft.lights and not count:
-            yield f"no {kind} ball" + ("; so lights have no positions." if kind == "chrome" else ".")
-        if any(ball.diameter_mm is None for ball in draft.balls if ball.kind == kind):
-            balls = f"{kind} ball{'s' * (count > 1)}"
-            yield f"the diameter of the {balls} is not known: lights get directions, but no positions."
-    if draft.board is None and (boards := draft.photographs.get("board")):
-        yield (
-            f"{len(boards)} photographs of a board are not used: {FEWEST_SHOTS} must show the same ChArUco board or "
-            "chessboard."
-        )
-    if draft.lights:
-        yield f"lights are read from {draft.lights.name}; balls are not needed."
-    if "ambient" not in draft.photographs:
-        yield "there is no ambient frame (flash off, same exposure): the room must have been dark."
-    if draft.linear is False:
-        yield f"{draft.photographs['flash'][0].suffix} values are taken as sRGB-encoded, as cameras write them."
-    if draft.scan is None and draft.normals is None:
-        yield "there is no scan: no ground truth, no twin."

@@ -1,10 +1,12 @@
 """What was found, in a few lines above all tabs; and which of several objects it is about."""
 
+import os
 from pathlib import Path
 
 from lab.init.draft import Draft
+from lab.init.draft_notes import notes_of
 from lab.session_place import MANIFEST
-from studio.new_session.found_capture import KINDS
+from scene.spheres import KINDS
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.widgets import code, plain
 
@@ -38,14 +40,11 @@ class FoundPanel:
 
 
 def _name(folder: Path, window: NewSessionWindow) -> str:
+    if len(window.looking.folders) == 1:
+        return folder.name
     there = " (has a session.toml)" if (folder / MANIFEST).exists() else ""
-    return f"{folder.relative_to(_top(window))}{there}" if len(window.looking.folders) > 1 else folder.name
-
-
-def _top(window: NewSessionWindow) -> Path:
-    """Return the folder that holds all objects'."""
-    first, *others = (files.folder for files in window.looking.folders)
-    return next(place for place in first.parents if all(one.is_relative_to(place) for one in others))
+    top = os.path.commonpath([files.folder.parent for files in window.looking.folders])
+    return f"{folder.relative_to(top)}{there}"
 
 
 def found_text(draft: Draft) -> str:
@@ -59,7 +58,7 @@ def found_text(draft: Draft) -> str:
              (("mask", draft.mask), ("lights", draft.lights), ("normals", draft.normals)) if path]  # fmt: skip
     lines = [f"{code(str(draft.folder))}", "", "| | |", "|---|---|"]
     lines += [f"| **{what}** | {plain(text)} |" for what, text in rows]
-    count = len(draft.notes)
+    count = len(notes_of(draft))
     notes = f"⚠ {count} missing or assumed: see **Write**." if count else "Nothing is missing, nothing assumed."
     return "\n".join([*lines, "", notes])
 

@@ -43,8 +43,6 @@ class NewSessionWindow(PhotographWindow):
         self.capture: EditedCapture | None = None
         self.photograph: Path | None = None
         """The one that is shown; None: the mean of the flash frames."""
-        self.looks = 0
-        """How often the whole was asked for again."""
         self.state, self.share, self.is_looking = "", 0.0, False
         """What is being looked at and how much of it is done; or why nothing could be made of the folder."""
         self.written: set[Path] = set()
@@ -61,7 +59,7 @@ class NewSessionWindow(PhotographWindow):
     @property
     def camera(self) -> Camera | None:
         """By which the outlines are drawn."""
-        return None if self.capture is None else self.capture.camera
+        return None if self.capture is None else self.capture.draft.assumed_camera
 
     @property
     def draft(self) -> Draft:
@@ -157,7 +155,7 @@ class NewSessionWindow(PhotographWindow):
         draft, manifest, text = self.draft, self.manifest, self.text
         if self.is_written:
             raise SceneError(f"{manifest}: is written already.")
-        with_camera(draft, draft.lens, self.need().found.exif)
+        with_camera(draft, draft.lens)
         check_free(self.files)
         write_text(manifest, text)
         try:

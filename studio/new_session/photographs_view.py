@@ -2,13 +2,14 @@
 
 from typing import Any
 
+from compare.report.picture_strip import INK, PictureStrip
 from lab.init.contact_sheet import COLOURS
 from studio.new_session.edited_capture import UNUSED, EditedCapture
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.photograph.ball_crop import add_crop
 from studio.photograph.outline_marks import OutlineMarks
-from studio.photograph.picture_strip import INK, PictureStrip, look_at_photograph
-from studio.photograph.plane import ROOT, WIDE, Plane, add_picture
+from studio.photograph.plane import ROOT, Plane
+from studio.photograph.shown_photograph import add_photograph, add_strip, look_at_photograph
 from studio.widgets import Layers
 
 LEFT_OUT, OTHER = (255, 120, 110), (255, 210, 90)
@@ -29,16 +30,14 @@ class PhotographsView:
         if capture is None or plane is None:
             self._layers.keep_only(set())
             return
-        roles = tuple(map(capture.role_of, capture.found.photographs))
+        roles, shown = tuple(map(capture.role_of, capture.found.photographs)), window.photograph
+        now = (window.reading, window.ball)
         draw("small pictures", (window.reading, roles), lambda: self._make_strip(capture, roles))
-        draw("strip", (window.reading, roles, window.photograph), lambda: self._add_strip(capture, plane))
-        draw("picture", (window.reading, window.photograph), lambda: self._add_picture(capture, plane))
-        draw("crop", (window.reading, window.ball, window.photograph), lambda: self._add_crop(capture, plane))
-        draw("face", (window.reading, window.ball, window.looks), lambda: self._face(plane))
+        draw("strip", (window.reading, roles, shown), lambda: self._add_strip(capture, plane))
+        draw("picture", (window.reading, shown), lambda: add_photograph(window, plane, capture.found.picture(shown)))
+        draw("crop", (now, shown), lambda: self._add_crop(capture, plane))
+        draw("face", (now, window.looks), lambda: look_at_photograph(window, plane, self._strip))
         self._marks.refresh(plane)
-
-    def _face(self, plane: Plane) -> None:
-        look_at_photograph(self._window, plane, self._strip)
 
     def _make_strip(self, capture: EditedCapture, roles: tuple[str, ...]) -> None:
         paths = capture.found.photographs
@@ -64,15 +63,7 @@ class PhotographsView:
             again = window.photograph == paths[index]
             window.choose(photograph=None if again else paths[index], ball=None, looks=window.looks + 1)
 
-        return strip.add_to(window, plane, chosen, use)
-
-    def _add_picture(self, capture: EditedCapture, plane: Plane) -> list[Any]:
-        image, size = capture.found.picture(self._window.photograph), (WIDE, plane.high)
-
-        def clicked(across: float, down: float) -> None:
-            self._window.click((across * plane.width - 0.5, down * plane.height - 0.5))
-
-        return [add_picture(self._window, f"{ROOT}/picture", image, size, (0.0, 0.0, 0.0), clicked)]
+        return add_strip(window, plane, strip, chosen, use)
 
     def _add_crop(self, capture: EditedCapture, plane: Plane) -> list[Any]:
         """Show the chosen ball by all frames together, unless one of them is looked at."""

@@ -2,10 +2,11 @@
 
 import re
 
+from lab.init.draft_notes import notes_of
 from studio.background_process import WorkButtons
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.review.run_panel import process_arguments
-from studio.widgets import code, plain
+from studio.widgets import code, fenced, plain
 
 
 class WritePanel:
@@ -30,10 +31,10 @@ class WritePanel:
         self._open.disabled = not window.is_written or self._work.is_busy
         if not is_ready:
             return
-        notes = [f"- ⚠ {plain(note)}" for note in window.draft.notes]
+        notes = [f"- ⚠ {plain(note)}" for note in notes_of(window.draft)]
         self._notes.content = "\n".join(["**What is missing or assumed**", "", *notes] if notes else [])
         # The columns of comments would be cut off here.
-        self._text.content = fenced(re.sub(r" {2,}#", "  #", window.text))
+        self._text.content = fenced(re.sub(r" {2,}#", "  #", window.text), "toml")
         state = "Is written to" if window.is_written else "Will be written to"
         out = window.workspace.name(window.out)
         self._where.content = (
@@ -47,9 +48,3 @@ class WritePanel:
         if not window.is_written:
             window.write()
         return process_arguments(window.files.folder, out, verb=verb)
-
-
-def fenced(text: str) -> str:
-    """Return a text as a block of code of Markdown, in more backticks than it holds in a row."""
-    fence = "`" * max(3, 1 + max((len(run) for run in re.findall("`+", text)), default=0))
-    return f"{fence}toml\n{text}\n{fence}"

@@ -4,12 +4,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from scene.spheres import Kind
+from scene.spheres import KINDS, Kind
 from studio.photograph.outlines import added, moved, of_kind, removed, resized
 from studio.photograph.photograph_window import PhotographWindow
 
 ALL = "(all)"
-KINDS: tuple[Kind, ...] = ("chrome", "white")
 
 
 class OutlineInputs:
@@ -80,10 +79,6 @@ class OutlineInputs:
         window, plane = self._window, self._window.plane
         if window.ball is not None and plane is not None:
             window.correct(edit(window.outlines, window.ball, value, plane))
-
-    def _turn_into(self, kind: Kind) -> None:
-        if self._window.ball is not None:
-            self._window.correct(of_kind(self._window.outlines, self._window.ball, kind))
 
     def _begin_adding(self, kind: Kind) -> None:
         self._window.on_photograph = partial(self._add, kind)

@@ -18,6 +18,8 @@ class PhotographWindow(BrowserWindow):
         super().__init__(client, workspace, preview)
         self.reading = 0
         """How often what is shown was read again: whatever is drawn of it is older than that, or as old."""
+        self.looks = 0
+        """How often the whole was asked for again."""
         self.ball: int | None = None
         self.outlines: Outlines = ()
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None

@@ -101,7 +101,7 @@ class Review:
             session,
             why,
             material,
-            _readable(store.load_lights),
+            _readable(lambda: _known_lights(store)),
             spheres,
             _array(calibration.get("highlights_px"), (len(spheres), len(names), 2)),
             _array(calibration.get("position_covariance_mm2"), (len(names), 3, 3)),
@@ -116,12 +116,14 @@ class Review:
     def _parts(self) -> dict[str, tuple[Any, str, str]]:
         """What is there by its name, the step that leaves it, and why that may leave none."""
         material, has_scan = self.material, self.session is None or self.session.scan is not None
+        # Lights that are there and of no use are unknown ones.
+        unknown = "no ball was found, and no file gives them: they are unknown." if material.lights else ""
         no_scan = "the session names no scan ([object] scan), so nothing was registered."
         return {
             "frames": (material.frames, "check", ""),
             "camera": (material.camera, "check", ""),
             "balls": (self.spheres or None, "calibrate", "no ball was found or asked for."),
-            "lights": (self.lights, "calibrate", ""),
+            "lights": (self.lights, "calibrate", unknown),
             "mask": (material.mask, "align", ""),
             "scan": (self.truth, "align", "" if has_scan else no_scan),
             "twin": (self.twin, "twin", "there is no registered scan to render."),
@@ -172,6 +174,11 @@ def _readable(read: Callable[[], Any]) -> Any:
     """Return what can be read, else None."""
     with suppress(*UNREADABLE):
         return read()
+
+
+def _known_lights(store: Store) -> Lights | None:
+    lights = store.load_lights()
+    return None if lights.is_unknown else lights
 
 
 def found_at(source: Path, out: Path | None) -> tuple[Path, Path | None]:

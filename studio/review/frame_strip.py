@@ -1,7 +1,7 @@
 """The frames as a strip of small pictures, with what is clipped and what was warned of."""
 
+from compare.report.picture_strip import CELL_PX, INK, Label, PictureStrip
 from compare.report.pictures import thumbnail
-from studio.photograph.picture_strip import CELL_PX, INK, Label, PictureStrip
 from studio.review.folder import Review
 
 MUCH_CLIPPED = 0.002

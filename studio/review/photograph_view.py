@@ -2,9 +2,10 @@
 
 from typing import Any
 
+from compare.report.picture_strip import PictureStrip
 from scene.errors import SceneError
-from studio.photograph.picture_strip import GAP, PictureStrip, look_at_photograph
 from studio.photograph.plane import ROOT, WIDE, Plane, add_picture
+from studio.photograph.shown_photograph import GAP, add_photograph, add_strip, look_at_photograph
 from studio.review.ball_marks import BallMarks
 from studio.review.frame_strip import frame_strip
 from studio.review.photograph_picture import Look, photograph
@@ -50,12 +51,7 @@ class PhotographView:
             # What was to lie over it is not there: the frame as it is.
             window.show_fault(str(error))
             image = photograph(window.review, window.frame, Look(brightness=window.shown.brightness))
-        size, middle = (WIDE, plane.high), (0.0, 0.0, 0.0)
-
-        def clicked(across: float, down: float) -> None:
-            self._window.click((across * plane.width - 0.5, down * plane.height - 0.5))
-
-        return [add_picture(window, f"{ROOT}/picture", image, size, middle, clicked)]
+        return add_photograph(window, plane, image)
 
     def _add_beside(self, plane: Plane) -> list[Any]:
         """Show another picture of the same view to the right, as large."""
@@ -72,4 +68,4 @@ class PhotographView:
         window, strip = self._window, self._strip
         if strip is None:
             return []
-        return strip.add_to(window, plane, window.frame, lambda frame: window.choose(frame=frame))
+        return add_strip(window, plane, strip, window.frame, lambda frame: window.choose(frame=frame))

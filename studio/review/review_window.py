@@ -50,8 +50,7 @@ class ReviewWindow(PhotographWindow):
     ) -> None:
         super().__init__(client, workspace, preview)
         self.folder, self.session_path = folder, session_path
-        self.frame, self.shown, self.looks = 0, Look(), 0
-        """The last: how often the whole was asked for again."""
+        self.frame, self.shown = 0, Look()
         self.view: View = "Photograph"
         self.beside: Beside | None = None
         self.refitted: tuple[Sphere, ...] = ()

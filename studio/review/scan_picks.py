@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from scene.errors import SceneError
 from scene.files import write_text
+from scene.length_units import UNITS_MM
 from scene.mesh import Mesh
 from studio.own_files import put_own
 from studio.review.corrected_session import PICKS
@@ -67,7 +68,6 @@ def write_picks(review: Review, picks: Picks) -> Path:
 
 
 def _table(review: Review, picks: Picks) -> str:
-    from align.scan.mended_scan import UNITS_MM
     from capture.session.requests import hint_scale
 
     session, camera = review.need("session", "camera")

@@ -112,3 +112,19 @@ def test_bunny_session(captures, tmp_path):
     # What needs no truth: the chrome's lights explain the white ball.
     white = next(sphere for sphere in b.found.spheres if sphere.kind == "white")
     assert captures.explain(b.frames, b.camera, white, b.found.lights).median_deg < 1.2
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("name", ["cat", "owl", "rock"])
+def test_uw_psm_objects_alone_are_no_balls(name):
+    """What an 8-bit camera makes of a dark backdrop, one code or none, "shades" perfectly: balls were found in it."""
+    from calibrate.detection.balls import NoProbeError, find_balls
+    from capture.photographs.images import read_image
+    from scene.camera import Camera
+    from scene.frames import Frames
+
+    paths = sorted(path for path in (SHARED / "real/uw_psm/png" / name).glob("*.png") if "mask" not in path.name)
+    images = np.stack([read_image(path, "linear").codes for path in paths])
+    frames = Frames(tuple(path.stem for path in paths), images, np.ones(len(images)))
+    with pytest.raises(NoProbeError, match="no ball found"):
+        find_balls(frames, Camera.orthographic(frames.width, frames.height), [])

@@ -269,3 +269,21 @@ def test_diligent_with_its_lights_withheld(name, angle_deg, strength):
     found = intensities_from_object(probe, toward, np.full(len(files), np.nan))
     assert np.sqrt(np.mean(_relative(found, powers) ** 2)) < strength
     assert np.mean(np.abs(_relative(found, powers).mean(1)) < 1.96 * found.sigma) > 0.85
+
+
+def test_a_ball_that_is_black_all_over_tells_no_direction():
+    """Nothing is divided by its shading of none."""
+    from calibrate.photometry.matte_shading import Surface, shading_directions
+
+    rng = np.random.default_rng(5)
+    normals = rng.normal(size=(900, 3))
+    normals = np.abs(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    values = np.zeros((2, 900, 3), np.float32)
+    values[1] = np.maximum(normals @ [0.6, 0.0, 0.8], 0)[:, None]
+    empty = np.zeros((900, 3), np.float32)
+    blocks = np.arange(900) // 30
+    surface = Surface(normals, normals, normals, values, np.zeros((2, 900), bool), blocks, np.zeros(3), 1.0, empty)
+    directions, sigma = shading_directions(surface)
+    assert np.isnan(directions[0]).all()
+    assert np.isnan(sigma[0])
+    np.testing.assert_allclose(directions[1], [0.6, 0, 0.8], atol=1e-3)

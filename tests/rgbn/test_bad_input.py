@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rgbn import cli
 from scene import files as files_module
 from scene.files import write_png
 from scene.output_folder import open_record
@@ -35,20 +34,8 @@ def session(tmp_path):
     return folder
 
 
-def run(capsys, monkeypatch, *words):
-    """Run the command line in this process; return exit code and standard error."""
-    monkeypatch.setattr(sys, "argv", ["rgbn", *map(str, words)])
-    capsys.readouterr()
-    code = 0
-    try:
-        cli.main()
-    except SystemExit as error:
-        code = error.code
-    return code, capsys.readouterr().err
-
-
 def refused(result, *parts):
-    code, message = result
+    code, _, message = result
     assert code == 2, message
     assert "Traceback" not in message
     faults = message[message.index("rgbn: ") :]
@@ -68,40 +55,38 @@ def edit(session, old, new):
     path.write_text(text.replace(old, new))
 
 
-def test_manifest_faults_are_told_all_at_once(session, capsys, monkeypatch):
+def test_manifest_faults_are_told_all_at_once(run_rgbn, session):
     """A missing key, an unknown key and a glob that matches nothing, in one message with key paths."""
     edit(session, "raw/ambient_*.dng", "raw/dusk_*.dng")
     edit(session, 'kind = "white"', 'kynd = "white"')
-    faults = refused(
-        run(capsys, monkeypatch, "process", session, "--out", session.parent / "out"), "dusk_", "kynd", "spheres"
-    )
+    faults = refused(run_rgbn("process", session, "--out", session.parent / "out"), "dusk_", "kynd", "spheres")
     assert "3 faults" in faults
     assert not (session.parent / "out").exists()
 
 
-def test_no_frames_table(session, capsys, monkeypatch):
+def test_no_frames_table(run_rgbn, session):
     (session / "session.toml").write_text('name = "x"\n')
-    refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "frames")
+    refused(run_rgbn("check", session, "--out", session.parent / "out"), "frames")
 
 
-def test_one_corrupt_raw(session, capsys, monkeypatch):
+def test_one_corrupt_raw(run_rgbn, session):
     victim = session / "raw" / "flash_003.dng"
     data = victim.read_bytes()
     victim.unlink()
     victim.write_bytes(data[: len(data) // 3])
-    refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "flash_003")
+    refused(run_rgbn("check", session, "--out", session.parent / "out"), "flash_003")
     assert not half_written(session.parent)
     assert not (session.parent / "out" / "frames" / "frames.json").exists()
 
 
-def test_a_frame_of_another_size(session, capsys, monkeypatch):
+def test_a_frame_of_another_size(run_rgbn, session):
     from twin.camera.virtual_camera import Sensor, write_dng
 
     victim = session / "raw" / "flash_004.dng"
     victim.unlink()
     shot = {"exposure_s": 0.01, "iso": 100, "aperture": 8.0, "focal_mm": 50.0, "time": datetime(2026, 1, 1, 12)}
     write_dng(victim, np.full((240, 320), 1000, np.uint16), Sensor(), **shot)
-    refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "flash_004", "320", "640")
+    refused(run_rgbn("check", session, "--out", session.parent / "out"), "flash_004", "320", "640")
     assert not half_written(session.parent)
 
 
@@ -119,17 +104,17 @@ def textures(count=6):
     return rng.uniform(0.2, 0.6, (120, 160, 3)) * rng.uniform(0.7, 1.0, (count, 1, 1, 1))
 
 
-def test_jpeg_of_unknown_coding(tmp_path, capsys, monkeypatch):
+def test_jpeg_of_unknown_coding(run_rgbn, tmp_path):
     """Taken as linear without a word they bent normals by 10 degrees."""
     cv2 = pytest.importorskip("cv2")
     (tmp_path / "s").mkdir()
     for index in range(4):
         cv2.imwrite(str(tmp_path / "s" / f"flash_{index}.jpg"), np.full((40, 60, 3), 90 + index, np.uint8))
     (tmp_path / "s" / "session.toml").write_text('[frames]\nflash = "*.jpg"\n')
-    refused(run(capsys, monkeypatch, "check", tmp_path / "s", "--out", tmp_path / "out"), "frames.linear", "JPEG")
+    refused(run_rgbn("check", tmp_path / "s", "--out", tmp_path / "out"), "frames.linear", "JPEG")
 
 
-def test_a_scan_without_a_camera(session, capsys, monkeypatch):
+def test_a_scan_without_a_camera(run_rgbn, session):
     """One pixel is not one millimetre: said at once, where no ball of known diameter may tell the focal length."""
     text = (session / "session.toml").read_text()
     head, rest = text.split("[camera]")
@@ -141,20 +126,20 @@ def test_a_scan_without_a_camera(session, capsys, monkeypatch):
         write_png(session / "raw" / f"{path.stem}.png", picture)
     edit(session, "flash_*.dng", "flash_*.png")
     edit(session, 'ambient = "raw/ambient_*.dng"', "linear = true")
-    refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "object.ply", "[camera]")
+    refused(run_rgbn("check", session, "--out", session.parent / "out"), "object.ply", "[camera]")
 
 
-def test_output_over_the_session_itself(session, capsys, monkeypatch):
+def test_output_over_the_session_itself(run_rgbn, session):
     """A DiLiGenT folder has files of the output's names: they were overwritten."""
     before = {path: path.stat().st_size for path in session.rglob("*") if path.is_file()}
     for place in (session, session / "raw", session / "scan"):
-        refused(run(capsys, monkeypatch, "check", session, "--out", place), "--out")
+        refused(run_rgbn("check", session, "--out", place), "--out")
     assert {path: path.stat().st_size for path in session.rglob("*") if path.is_file()} == before
 
 
-def test_no_ball_found(tmp_path, capsys, monkeypatch):
-    session = picture_session(tmp_path / "s", textures())
-    refused(run(capsys, monkeypatch, "calibrate", session, "--out", tmp_path / "out"), "ball")
+def test_no_ball_found(run_rgbn, tmp_path):
+    session = picture_session(tmp_path / "s", textures(), '[[spheres]]\nkind = "chrome"\n')
+    refused(run_rgbn("calibrate", session, "--out", tmp_path / "out"), "no ball found (asked for: 1 chrome)")
     assert not (tmp_path / "out" / "lights.json").exists()
 
 
@@ -166,15 +151,15 @@ LIGHTS = '[lights]\nfile = "lights.lp"\n'
     [([(0.1, 0, 1), (0.5, 0.5, 0.7)], "at least 3"), ([(0.0, 0, 1), (0.6, 0, 0.8), (-0.6, 0, 0.8)], "one plane")],
     ids=["two lights", "coplanar lights"],
 )
-def test_lights_that_cannot_do(tmp_path, capsys, monkeypatch, directions, part):
+def test_lights_that_cannot_do(run_rgbn, tmp_path, directions, part):
     session = picture_session(tmp_path / "s", textures(len(directions)), LIGHTS)
     rows = "".join(f"flash_{i:03d}.png {x} {y} {z}\n" for i, (x, y, z) in enumerate(directions))
     (session / "lights.lp").write_text(f"{len(directions)}\n{rows}")
-    refused(run(capsys, monkeypatch, "solve", session, "--out", tmp_path / "out"), part)
+    refused(run_rgbn("solve", session, "--out", tmp_path / "out"), part)
 
 
 @pytest.mark.full
-def test_scans_that_cannot_do(session, capsys, monkeypatch):
+def test_scans_that_cannot_do(run_rgbn, session):
     head = "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n"
     points = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 1 1\n"
     index, faces = "property list uchar int vertex_indices\nend_header\n", "3 0 1 2\n3 0 1 3\n3 0 1 4\n"
@@ -185,16 +170,16 @@ def test_scans_that_cannot_do(session, capsys, monkeypatch):
     }
     for kind, text in scans.items():
         (session / "scan" / "object.ply").write_text(text)
-        refused(run(capsys, monkeypatch, "align", session, "--out", session.parent / "out"), "object.ply")
+        refused(run_rgbn("align", session, "--out", session.parent / "out"), "object.ply")
         assert not (session.parent / "out" / "pose.json").exists(), kind
 
 
-def test_a_full_disk(session, capsys, monkeypatch):
+def test_a_full_disk(run_rgbn, session, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(files_module.os, "posix_fallocate", full)
-    refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "disk is full", "codes.npy")
+    refused(run_rgbn("check", session, "--out", session.parent / "out"), "disk is full", "codes.npy")
     assert not half_written(session.parent)
 
 
@@ -207,27 +192,27 @@ def test_a_disk_that_is_really_full(session, tmp_path):
         pytest.skip("mounting a small file system is not allowed here")
     try:
         result = subprocess.run([*COMMAND, "check", session, "--out", small / "out"], capture_output=True, text=True)
-        refused((result.returncode, result.stderr), "disk is full")
+        refused((result.returncode, result.stdout, result.stderr), "disk is full")
         assert not half_written(small)
     finally:
         subprocess.run(["umount", str(small)], check=True)
 
 
-def test_an_output_folder_that_is_a_file(session, capsys, monkeypatch):
+def test_an_output_folder_that_is_a_file(run_rgbn, session):
     (session.parent / "out").write_text("")
-    refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "--out")
+    refused(run_rgbn("check", session, "--out", session.parent / "out"), "--out")
 
 
-def test_two_runs_in_one_folder(session, capsys, monkeypatch):
+def test_two_runs_in_one_folder(run_rgbn, session):
     with open_record(session.parent / "out"):
-        refused(run(capsys, monkeypatch, "check", session, "--out", session.parent / "out"), "another run")
+        refused(run_rgbn("check", session, "--out", session.parent / "out"), "another run")
 
 
 @pytest.mark.parametrize(
     "words", [["proces", "x"], ["process"], ["solve", "x", "--method", "magic"], ["check", "x", "--ot", "y"]]
 )
-def test_a_slip_of_the_tongue(capsys, monkeypatch, words):
-    code, _ = run(capsys, monkeypatch, *words)
+def test_a_slip_of_the_tongue(run_rgbn, words):
+    code, _, _ = run_rgbn(*words)
     assert code == 2
 
 
@@ -287,7 +272,7 @@ def test_ctrl_c_while_a_compiled_module_loads():
 
 
 @pytest.mark.full
-def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(session, capsys, monkeypatch):
+def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(run_rgbn, session):
     out = session.parent / "out"
     process = start(session, out)
     wait_for(process, "calibrate ...")
@@ -296,7 +281,7 @@ def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(session, capsys, 
     decoded = (out / "frames" / "codes.npy").stat().st_mtime_ns
     (out / ".rgbn" / "tmp").mkdir(exist_ok=True)
     (out / ".rgbn" / "tmp" / ".99.1.tmp.lights.json").write_text("left by a killed run")
-    code, message = run(capsys, monkeypatch, "calibrate", session, "--out", out)
+    code, _, message = run_rgbn("calibrate", session, "--out", out)
     assert code == 0, message
     assert "check ..." not in message, "what was done is done"
     assert (out / "frames" / "codes.npy").stat().st_mtime_ns == decoded

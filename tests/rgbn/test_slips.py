@@ -5,14 +5,12 @@ What only the photographs tell is in test_slips_shown.py; docs/guide/repair.md l
 
 import re
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
 
 from calibrate.known_lights.read_known import read_lights
 from capture.session.session import load_session
-from rgbn import cli
 from scene.errors import CalibrationError
 
 FIXTURE = Path(__file__).parents[2] / "fixtures" / "bumpy"
@@ -34,18 +32,15 @@ def session(tmp_path):
 
 
 @pytest.fixture
-def refused(capsys, monkeypatch, tmp_path):
+def refused(run_rgbn, monkeypatch, tmp_path):
     """Run the command line; it ends with exit code 2 and one message, which is returned in one line."""
 
     def run(*words):
-        monkeypatch.setattr(sys, "argv", ["rgbn", *map(str, words)])
         monkeypatch.chdir(tmp_path)
-        with pytest.raises(SystemExit) as ended:
-            cli.main()
-        said = capsys.readouterr()
-        message = said.err[said.err.index("rgbn: ") :]
-        assert (ended.value.code, said.out, message.count("rgbn: ")) == (2, "", 1), message
-        assert "Traceback" not in said.err
+        code, out, err = run_rgbn(*words)
+        message = err[err.index("rgbn: ") :]
+        assert (code, out, message.count("rgbn: ")) == (2, "", 1), message
+        assert "Traceback" not in err
         assert not list(tmp_path.glob("**/summary.json"))
         return " ".join(message.split())
 

@@ -3,7 +3,6 @@
 import json
 import re
 import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,7 +23,6 @@ from capture.camera.session_camera import camera_of, fitted
 from capture.session.requests import read_mask
 from capture.session.session import load_session
 from capture.session.session_types import Lens
-from rgbn import cli
 from scene.camera import Camera
 from scene.errors import AlignError, SessionError
 from scene.files import write_png
@@ -44,7 +42,7 @@ def session(tmp_path):
 
 
 @pytest.fixture
-def run(session, tmp_path, capsys, monkeypatch):
+def run(run_rgbn, session, tmp_path):
     """Change texts of session.toml, run a verb, and return exit code, messages, and the summary's warnings."""
 
     def changed(verb, *changes):
@@ -53,15 +51,10 @@ def run(session, tmp_path, capsys, monkeypatch):
             assert old in text
             text = text.replace(old, new)
         (session / "session.toml").write_text(text)
-        monkeypatch.setattr(sys, "argv", ["rgbn", verb, str(session), "--out", str(tmp_path / "out")])
-        code = 0
-        try:
-            cli.main()
-        except SystemExit as ended:
-            code = ended.code
+        code, _, said = run_rgbn(verb, session, "--out", tmp_path / "out")
         summary = tmp_path / "out" / "summary.json"
         warnings = [] if code else [one["text"] for one in json.loads(summary.read_text())["warnings"]]
-        return code, capsys.readouterr().err, warnings
+        return code, said, warnings
 
     return changed
 

@@ -56,6 +56,12 @@ if manner == "nothing":
     sys.exit(0)
 if manner == "opencv":
     normals = normals * [1, -1, -1]
+if manner == "inverted":
+    normals = normals * [-1, -1, 1]
+if manner == "part inverted":
+    rows, columns = np.nonzero(mask)
+    some = np.s_[rows.min() + 4 : rows.min() + 18, columns.max() - 16 : columns.max() - 2]
+    normals[some] *= [-1, -1, 1]
 if manner == "swapped":
     normals = normals[..., [2, 0, 1]] * [-1, 1, 1]
 if manner == "mat":
@@ -124,6 +130,22 @@ def test_normals_come_back_in_the_camera_frame_whatever_the_programs_axes(manner
     shade = np.einsum("hwi,fi->fhw", normals, lights.directions)[..., None] * lights.intensities[:, None, None]
     np.testing.assert_allclose((estimate.albedo * shade[0])[mask], frames.frame(0)[mask], rtol=0.01)
     assert not (tmp_path / "external" / "StandIn" / "data").exists()
+
+
+def test_a_map_that_is_convex_for_concave_is_put_right_and_told(run, scene):
+    *_, mask, normals = scene
+    estimate = run("inverted")
+    assert estimate.settings["axes"] == "(-x, -y, z)"
+    assert angular_error_deg(estimate.normals, normals)[mask].max() < 0.05
+    assert [text for text in estimate.warnings if "convex for concave" in text] == list(estimate.warnings)
+
+
+def test_a_part_that_is_convex_for_concave_is_told_and_left_as_it_is(run, scene):
+    *_, mask, normals = scene
+    estimate = run("part inverted")
+    assert estimate.settings["axes"] == "(x, y, z)"
+    assert 0.05 < np.mean(angular_error_deg(estimate.normals, normals)[mask] > 10) < 0.2
+    assert any("% of the object, about row" in text and "convex for concave" in text for text in estimate.warnings)
 
 
 def test_a_missing_half_is_unknown_and_said(run, scene):

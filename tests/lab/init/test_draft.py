@@ -3,6 +3,7 @@
 import io
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from capture.survey.board_layout import Layout
 from lab.init.answers import Answers, Asking
 from lab.init.contact_sheet import contact_sheet
 from lab.init.draft import Draft, DraftBall
-from lab.init.scan_unit import unit_by_size
+from lab.init.draft_notes import notes_of
+from lab.init.scan_unit import ScanSize, unit_by_size
 from lab.init.session_text import session_text
+from scene.camera import Camera
 from scene.errors import SessionError
 from scene.frames import Frames
 
@@ -97,7 +100,7 @@ def draft(tmp_path):
     )
     return Draft(
         tmp_path, {"flash": paths[:3], "ambient": paths[3:4]}, 270, 180, frames, 3, linear=False, balls=balls,
-        mask=paths[6], scan=paths[7], unit="cm", scan_told="3 vertices", unit_told="looked at",
+        mask=paths[6], scan=paths[7], unit="cm", scan_size=ScanSize(3, (30.0, 20.0, 10.0)), notes=("left out: x.",),
     )  # fmt: skip
 
 
@@ -116,6 +119,46 @@ def test_what_was_found_is_what_the_session_says(draft):
     # A circle that was found is found again; one that a person placed is believed.
     assert (chrome.kind, chrome.diameter_mm, chrome.center_px) == ("chrome", 76.0, None)
     assert (white.kind, white.diameter_mm, white.center_px, white.radius_px) == ("white", None, (200.0, 90.5), 20.2)
+
+
+@pytest.mark.parametrize(
+    ("lacking", "said"),
+    [
+        ({"balls": ()}, "no ball and no light file"),
+        ({"balls": (DraftBall("white", (9.0, 9.0), 5.0, 70.0),)}, "no chrome ball; so lights have no positions"),
+        ({"photographs": {"flash": [Path("a.png")]}}, "no ambient frame"),
+        ({"linear": False}, "sRGB-encoded"),
+        ({"scan": None}, "no ground truth, no twin"),
+        ({"unit": "unknown"}, "unit is not known"),
+        ({"unit": "m"}, "36000 x 24000 x 12000 mm with unit m, but the object looks 38 mm large"),
+        ({"lights": Path("a.lp")}, "lights are read from a.lp"),
+    ],
+)
+def test_what_is_missing_is_said_until_it_is_there(draft, lacking, said):
+    """The balls are 1 mm a pixel: the object of 38 px, of which 45 mm were scanned."""
+    pairs = [DraftBall("chrome", (100.0, 50.0), 38.0, 76.0), DraftBall("white", (200.0, 90.5), 35.0, 70.0)]
+    whole = replace(
+        draft, balls=tuple(pairs), linear=True, unit="mm", across_px=38.0, scan_size=ScanSize(3, (36.0, 24.0, 12.0))
+    )
+    assert notes_of(whole) == ("left out: x.",)
+    first, *others = notes_of(replace(whole, **lacking))
+    assert said in first
+    assert others == ["left out: x."]
+
+
+def test_a_ball_where_no_lab_has_it(draft):
+    """10 cm given as 10 mm: an eighth of a metre from the camera."""
+    camera = Camera(900, 600, 1200.0, 1200.0, 449.5, 299.5)
+
+    def doubts(camera, radius_px, *diameters_mm):
+        balls = tuple(DraftBall("chrome", (100.0, 100.0), radius_px, mm) for mm in diameters_mm)
+        return [note for note in notes_of(replace(draft, camera=camera, balls=balls)) if "from the camera" in note]
+
+    (note,) = doubts(camera, 48.0, 100.0, 10.0, 76.0)
+    assert note.startswith("a chrome ball of 10 mm would stand 0.12 m from the camera")
+    assert doubts(camera, 48.0, 100.0) == []
+    # In a picture of half the size, the same ball by the same camera.
+    assert doubts(camera.scaled(450, 300, 0.5, 0.5), 24.0, 100.0, 10.0, 76.0) == [note]
 
 
 @pytest.mark.parametrize(

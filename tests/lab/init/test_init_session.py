@@ -3,7 +3,6 @@
 import io
 import shutil
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +11,8 @@ import pytest
 from capture.session.session import load_session
 from capture.session.session_types import Lens
 from lab.init.answers import Answers
-from lab.init.draft import DraftBall
-from lab.init.draft_balls import _doubted
 from lab.init.init_session import init_sessions
 from lab.run import run_session
-from rgbn import cli
-from scene.camera import Camera
 from scene.errors import SceneError, SessionError
 from scene.files import write_png
 from scene.normals import angular_error_deg
@@ -39,6 +34,12 @@ def folder(tmp_path, monkeypatch):
         (place / "DCIM" / f"IMG_{4321 + n}.JPG").write_bytes(b"a preview")
     shutil.copytree(FIXTURE / "scan", place / "scan")
     return place
+
+
+def take_photographs(folder):
+    """Four of noise."""
+    for n in range(4):
+        write_png(folder / f"{n}.png", np.random.default_rng(n).integers(2000, 60000, (40, 60, 3)).astype(np.uint16))
 
 
 def lay_out(folder):
@@ -105,8 +106,7 @@ def test_from_inside_the_folder_the_sheet_lies_beside_it(tmp_path, monkeypatch):
     """`rgbn init .`: session.toml was written, and then its output refused, since it lay among what is read."""
     folder = tmp_path / "mine"
     folder.mkdir()
-    for n in range(4):
-        write_png(folder / f"{n}.png", np.random.default_rng(n).integers(2000, 60000, (40, 60, 3)).astype(np.uint16))
+    take_photographs(folder)
     monkeypatch.chdir(folder)
     (made,), _ = init_sessions(Path("."), Answers(), silent=True)
     assert made.sheet == tmp_path / "out" / "mine" / "contact-sheet.png"
@@ -119,24 +119,12 @@ def test_nothing_is_written_where_the_output_is_anothers(tmp_path, monkeypatch):
     folder.mkdir()
     other.mkdir(parents=True)
     (other / "thesis.txt").write_text("years of work")
-    for n in range(4):
-        write_png(folder / f"{n}.png", np.random.default_rng(n).integers(2000, 60000, (40, 60, 3)).astype(np.uint16))
+    take_photographs(folder)
     before = lay_out(tmp_path)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SceneError, match=r"is not empty \(thesis.txt\)"):
         init_sessions(folder, Answers(), silent=True)
     assert lay_out(tmp_path) == before
-
-
-def test_a_ball_where_no_lab_has_it(tmp_path):
-    """10 cm given as 10 mm: an eighth of a metre from the camera."""
-    camera = Camera(900, 600, 1200.0, 1200.0, 449.5, 299.5)
-    balls = [DraftBall("chrome", (100.0, 100.0), 48.0, mm) for mm in (100.0, 10.0, 76.0)]
-    (note,) = _doubted(balls, camera, 1)
-    assert note.startswith("a chrome ball of 10 mm would stand 0.12 m from the camera")
-    assert _doubted(balls[:1], camera, 1) == []
-    # In a picture of half the size, the same ball by the same camera.
-    assert _doubted(balls, replace(camera, fx=600.0), 2) == [note]
 
 
 @pytest.mark.parametrize(
@@ -149,12 +137,10 @@ def test_a_ball_where_no_lab_has_it(tmp_path):
         (["--focal-mm", "50", "--distance-mm", "900"], "each tells the focal length"),
     ],
 )
-def test_answers_that_cannot_be_meant(tmp_path, capsys, monkeypatch, words, cure):
-    monkeypatch.setattr(sys, "argv", ["rgbn", "init", str(tmp_path), *words])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    assert cure in capsys.readouterr().err
+def test_answers_that_cannot_be_meant(run_rgbn, tmp_path, words, cure):
+    code, _, said = run_rgbn("init", tmp_path, *words)
+    assert code == 2
+    assert cure in said
 
 
 @pytest.mark.parametrize(

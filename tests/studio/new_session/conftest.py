@@ -39,13 +39,9 @@ def found(folder):
     (files,) = survey(folder)
     flash, ambient = sorted(folder.glob("flash_*")), sorted(folder.glob("ambient_*"))
     small = {one.path: one for one in read_small([*ambient, *flash, folder / "odd.png"], "linear")[0]}
-    notes = (
-        "the diameter of the chrome balls is not known: give --chrome MM for positions in mm.",
-        "left out: x.",
-    )
     frames = frames_of([small[path] for path in flash], [small[path] for path in ambient])
     draft = Draft(
-        folder, {"flash": flash, "ambient": ambient}, 80, 60, frames, 1, linear=True, balls=BALLS,
-        scan=folder / "jug.ply", unit="unknown", notes=notes,
+        folder, {"flash": flash, "ambient": ambient}, 80, 60, frames, 1, exif=(Exif(),), linear=True, balls=BALLS,
+        scan=folder / "jug.ply", scan_size=SCAN, unit="unknown", across_px=30.0, notes=("left out: x.",),
     )  # fmt: skip
-    return FoundCapture(files, draft, small, (Exif(),), SCAN, 30.0, frames.read().mean(0))
+    return FoundCapture(files, draft, small, frames.read().mean(0))

@@ -9,6 +9,7 @@ import pytest
 from capture.session.session_types import Lens
 from capture.survey.small_pictures import Small
 from lab.init.draft import DraftBall
+from lab.init.draft_notes import notes_of
 from scene.errors import SceneError
 from scene.frames import encode
 from studio.new_session.edited_capture import EditedCapture, as_found
@@ -74,18 +75,18 @@ def test_the_scans_unit_is_told_by_the_balls_or_by_a_person(found):
     assert "77 mm large" in sized.described(balls).unit_told
     said = replace(sized, unit="cm")
     assert said.described(balls).unit == "cm"
-    assert any("as with unit mm" in note for note in said.described(balls).notes)
-    assert not any("as with unit" in note for note in replace(sized, unit="mm").described(balls).notes)
+    assert any("as with unit mm" in note for note in notes_of(said.described(balls)))
+    assert not any("as with unit" in note for note in notes_of(replace(sized, unit="mm").described(balls)))
 
 
 def test_notes_are_of_the_capture_as_it_is_now(found):
     capture, balls = EditedCapture.of(found), as_found(found)
-    notes = capture.described(balls).notes
+    notes = notes_of(capture.described(balls))
     assert sum("diameter of the chrome balls" in note for note in notes) == 1
     assert not any("--chrome" in note for note in notes), "nobody stands at a command line"
-    known = replace(capture, diameters_mm={"chrome": 40.0, "white": 40.0}).described(balls).notes
-    assert known == ("left out: x.",)
-    assert any("no ball and no light file" in note for note in capture.described(()).notes)
+    known = replace(capture, diameters_mm={"chrome": 40.0, "white": 40.0}).described(balls)
+    assert notes_of(known) == ("left out: x.",)
+    assert any("no ball and no light file" in note for note in notes_of(capture.described(())))
 
 
 def test_a_photograph_gets_another_use_where_it_can_have_it(found, folder):
@@ -119,8 +120,8 @@ def test_half_a_lens_is_said_to_be_half(found):
     assert "not known yet" in capture.draft.camera_told
     whole = capture.with_lens(sensor_mm=36.0)
     assert whole.draft.lens == Lens(focal_mm=50.0, sensor_mm=36.0)
-    assert whole.camera.fx == pytest.approx(50 / 36 * 80, rel=0.06)
-    assert EditedCapture.of(found).camera.width == 80, "one as most are"
+    assert whole.draft.camera.fx == pytest.approx(50 / 36 * 80, rel=0.06)
+    assert EditedCapture.of(found).draft.assumed_camera.width == 80, "one as most are"
 
 
 @pytest.mark.full
@@ -138,11 +139,11 @@ def test_three_shots_of_a_board_are_the_camera(found, folder):
     first, second, third, blank = shots
     two = capture.with_role(first, "board").with_role(second, "board")
     assert two.draft.board is None
-    assert any("2 photographs of a board are not used" in note for note in two.described(()).notes)
+    assert any("2 photographs of a board are not used" in note for note in notes_of(two.described(())))
     three = two.with_role(third, "board")
     assert three.draft.board.squares == (9, 6)
     assert three.draft.camera_told.startswith("3 shots of a chessboard")
-    assert not any("board" in note for note in three.described(()).notes)
+    assert not any("board" in note for note in notes_of(three.described(())))
     with pytest.raises(SceneError, match="is not seen in it"):
         three.with_role(blank, "board")
     assert three.with_role(first, "not used").draft.board is None
@@ -150,5 +151,5 @@ def test_three_shots_of_a_board_are_the_camera(found, folder):
 
 def test_how_values_are_coded_is_said_as_it_is_now(found):
     capture = EditedCapture.of(found).with_draft(linear=False)
-    assert sum("sRGB" in note for note in capture.described(()).notes) == 1
-    assert not any("sRGB" in note for note in capture.with_draft(linear=True).described(()).notes)
+    assert sum("sRGB" in note for note in notes_of(capture.described(()))) == 1
+    assert not any("sRGB" in note for note in notes_of(capture.with_draft(linear=True).described(())))

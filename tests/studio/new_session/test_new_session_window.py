@@ -16,9 +16,10 @@ from studio.new_session.found_panel import FoundPanel
 from studio.new_session.looking import Looking
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
-from studio.new_session.write_panel import WritePanel, fenced
+from studio.new_session.write_panel import WritePanel
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
+from studio.widgets import fenced
 from studio.workspace import Workspace
 
 SIZE = Plane(80, 60)
@@ -186,7 +187,11 @@ def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, set
 
 
 def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
-    answers = [SceneError("no photograph can be read"), found, replace(found, across_px=None)]
+    answers = [
+        SceneError("no photograph can be read"),
+        found,
+        replace(found, draft=replace(found.draft, across_px=None)),
+    ]
 
     def look(files, progress):
         answer = answers.pop(0)
@@ -205,11 +210,11 @@ def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
     looking.forget(folder)
     done = Future()
     looking.ask(looking.folders[0], lambda *share: None, done.set_result)
-    assert done.result(60).result().across_px is None, "it is looked at again"
+    assert done.result(60).result().draft.across_px is None, "it is looked at again"
 
 
 def test_no_name_breaks_out_of_the_shown_file():
-    shown = fenced('flash = "a```b.png"')
+    shown = fenced('flash = "a```b.png"', "toml")
     assert shown.startswith("````toml\n")
     assert shown.endswith("\n````")
 

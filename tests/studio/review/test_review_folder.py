@@ -10,11 +10,11 @@ import pytest
 
 from capture.session.requests import sphere_requests
 from capture.session.session import load_session
+from compare.report.picture_strip import CHOSEN
 from scene.errors import SceneError
 from scene.output_folder import open_record
 from scene.rays import RayCaster
 from studio.photograph.outlines import Outline, added, moved, removed, resized
-from studio.photograph.picture_strip import CHOSEN
 from studio.photograph.plane import Plane
 from studio.review.corrected_session import forget_kept, write_amended
 from studio.review.corrections import outlines_of, specs_of

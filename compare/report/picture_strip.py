@@ -1,14 +1,11 @@
-"""Photographs as a strip of small pictures below the large one, and which of them a place on it is."""
+"""Photographs as a strip of small pictures with their names, and which of them a place on it is."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from compare.report.pictures import Image
-from studio.browser_window import BrowserWindow
-from studio.photograph.plane import ROOT, WIDE, Plane, add_picture
+from scene.map_pictures import Image
 
 CELL_PX = 200
 """Width of a small picture."""
@@ -16,8 +13,6 @@ GAP_PX = 6
 LABEL_PX = 24
 PAPER, INK = (38, 38, 40), (225, 225, 225)
 CHOSEN = (60, 170, 255)
-GAP = 0.25
-"""Between the photograph, the strip and what stands beside, in the view's units."""
 Label = tuple[str, tuple[int, int, int]]
 """Its words and their colour."""
 
@@ -56,11 +51,6 @@ class PictureStrip:
         rows, columns, high, wide, _ = self.cells.shape
         return self.cells.swapaxes(1, 2).reshape(rows * high, columns * wide, 3)
 
-    @property
-    def high(self) -> float:
-        """Height in the view's units, where it is as wide as the photograph."""
-        return WIDE * self.image.shape[0] / self.image.shape[1]
-
     def frame_at(self, across: float, down: float) -> int | None:
         """Return the picture at a place, in shares of the strip's width and height; None beside the pictures."""
         rows, columns = self.cells.shape[:2]
@@ -77,28 +67,3 @@ class PictureStrip:
         high, wide = cells.shape[2:4]
         cv2.rectangle(cells[divmod(index, cells.shape[1])], (gap - 1, gap - 1), (wide - gap, high - gap), CHOSEN, 3)
         return PictureStrip(cells, self.count).image
-
-    def add_to(self, window: BrowserWindow, plane: Plane, chosen: int | None, use: Callable[[int], Any]) -> list[Any]:
-        """Show it below the photograph; `use` is called with the picture that is clicked. Return the handles."""
-
-        def clicked(across: float, down: float) -> None:
-            index = self.frame_at(across, down)
-            if index is not None:
-                use(index)
-
-        middle = (0.0, -plane.high / 2 - GAP - self.high / 2, 0.0)
-        return [add_picture(window, f"{ROOT}/strip", self.with_chosen(chosen), (WIDE, self.high), middle, clicked)]
-
-
-def look_at_photograph(window: Any, plane: Plane, strip: PictureStrip | None, *, aside: float = 0.0) -> None:
-    """Look straight at the photograph with its strip, or at the ball that is chosen.
-
-    window: A `PhotographWindow`. aside: Width of what stands beside the photograph.
-    """
-    if window.ball is not None:
-        ball = window.outlines[window.ball]
-        size = 3.2 * ball.radius_px * plane.per_px
-        window.look_straight(plane.place(ball.center_px), size, size)
-        return
-    below = 0.0 if strip is None else GAP + strip.high
-    window.look_straight([aside / 2, -below / 2, 0.0], WIDE + aside, plane.high + below)

@@ -1,0 +1,1 @@
+"""What each answer is worth where no truth is known."""
