@@ -19,8 +19,9 @@ from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
 from scene.pose import Pose, rotation_from_vector
+from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
-from twin.description.description import WHITE_BALL_ALBEDO, TwinObject, TwinScene
+from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh
 from twin.engines.direct import Direct

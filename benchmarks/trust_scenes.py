@@ -10,8 +10,8 @@ from experiments.recipe import Dataset, Recipe
 from experiments.scenes import dataset_scene
 from scene.lights import Lights
 from scene.normals import unit
+from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import NO_FILTER, Sensor
-from twin.description.description import WHITE_BALL_ALBEDO
 from twin.ground_truth import ground_truth
 
 SHAPES = {"pear": (1, 1), "blob": (1, 1), "knot": (1, 1), "cone": (0.3, 1.0), "bowl": (0.2, 0.8), "waves": (0.4, 1.2),

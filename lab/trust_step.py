@@ -52,7 +52,7 @@ def trust(job: Job) -> Outcome:
         "world_relative_rmse": judged.world_rms,
         "methods": methods,
     }
-    return Outcome(result, list(judged.warnings))
+    return Outcome(result, [])
 
 
 def _true(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_], predicted_deg: NDArray) -> dict[str, Any]:

@@ -13,6 +13,8 @@ Kind = Literal["chrome", "white"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
 SURE, IN_A_ROW = 0.01, 0.2
 """Balls that tell the table: sigma of their outlines, in radii; how far they stand off one line, of their spread."""
+WHITE_BALL_ALBEDO = 0.8
+"""Reflectance that a session's white balls are taken to have."""
 
 
 @dataclass(frozen=True)

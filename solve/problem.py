@@ -47,6 +47,11 @@ class Problem:
         """Return some rows of a problem that covers the whole frames."""
         return replace(self, mask=self.mask[rows], rows=rows, z_mm=None if self.z_mm is None else self.z_mm[rows])
 
+    def views(self) -> NDArray[np.float64]:
+        """Return the unit vectors (P, 3) from the mask's pixels to the camera."""
+        row, column = np.nonzero(self.mask)
+        return -self.camera.rays(np.stack([column, row + self.rows.start], -1))[1]
+
     def under(self, lights: Lights) -> "Problem":
         """Return the problem under the lights that the method has found."""
         return replace(self, lights=lights, own_lights=lights)

@@ -16,8 +16,8 @@ def _missing(draft: Draft) -> Iterator[str]:
     """Yield what a person may still tell, and what is done without it."""
     if not draft.lights and not draft.normals and not draft.balls:
         yield (
-            "there is no ball and no light file: there are no lights. Mark the balls in the picture, in rgbn studio; "
-            "or add [[spheres]] with center_px and radius_px."
+            "there is no ball and no light file: there are no lights, and only ldr, entropy and tv can solve. Mark the "
+            "balls in the picture, in rgbn studio; or add [[spheres]] with center_px and radius_px."
         )
     for kind in KINDS:
         own = [ball for ball in draft.balls if ball.kind == kind]

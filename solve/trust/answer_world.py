@@ -24,6 +24,8 @@ BY_WHITE, GUESSED = 0.1, 0.5
 """Relative standard deviation of the light thrown, where a white ball tells the reflectance, and `reflectance` found no
 fault with it; and where not.
 """
+LARGEST_CODE = 1.05
+"""Linear value that 16-bit codes still hold."""
 LIFT = 0.5
 """Of a pixel's width: how far shadow rays start from the surface."""
 
@@ -58,9 +60,8 @@ class Material:
         settings = reflectance.METHOD.settings("default")
         problem = reflectance.prepare(problem, settings)
         depth, relief = reflectance.relief_of(problem, settings)
-        views = views_of(problem)
         white = reflectance.white_gray(problem.lights)
-        whole, shared = reflectance.fit_to_views(all_samples(problem), views, settings, relief, white)
+        whole, shared = reflectance.fit_to_views(all_samples(problem), problem.views(), settings, relief, white)
         white = white if reflectance.is_matte(shared) else None
         return cls(problem, depth, shared, white, GUESSED if white is None or whole.cautions else BY_WHITE)
 
@@ -118,10 +119,6 @@ class World:
         return Frames(frames.names, codes, frames.gain, None, min(frames.saturation, LARGEST_CODE))
 
 
-LARGEST_CODE = 1.05
-"""Linear value that 16-bit codes still hold."""
-
-
 def world_of(normals: NDArray, material: Material) -> World:
     """Return the world of normals (H, W, 3), NaN where unknown: such pixels are not part of it.
 
@@ -141,7 +138,7 @@ def world_of(normals: NDArray, material: Material) -> World:
     truth = drawn.normals
     samples = all_samples(problem)
     gray, toward = samples.gray.astype(np.float64), np.array(samples.toward())
-    geometry = Geometry.of(truth, views_of(problem), toward)
+    geometry = Geometry.of(truth, problem.views(), toward)
     clear = (geometry.cosine > 0) & ~_shadowed(Mesh(drawn.vertices, drawn.faces), truth, toward, lights, camera)
     lit = clear & samples.valid
     direct = geometry._replace(cosine=np.where(clear, geometry.cosine, 0.0))
@@ -155,12 +152,6 @@ def world_of(normals: NDArray, material: Material) -> World:
     albedo = albedo_of(direct, gray, lit, shared, thrown)
     predicted = albedo[:, None] * (direct.cosine * direct.reflectance(shared) + thrown)
     return World(problem, truth, toward, lit, albedo, thrown, gray, predicted, material.doubt)
-
-
-def views_of(problem: Problem) -> NDArray:
-    """Return the unit vectors (P, 3) from a problem's pixels to the camera."""
-    row, column = np.nonzero(problem.mask)
-    return -problem.camera.rays(np.stack([column, row], -1))[1]
 
 
 def _shadowed(mesh: Mesh, normals: NDArray, toward: NDArray, lights: Lights, camera: Camera) -> NDArray[np.bool_]:

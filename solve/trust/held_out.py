@@ -10,7 +10,7 @@ from scene.frames import Frames
 from scene.lights import Lights
 from solve.problem import Problem
 from solve.samples import all_samples
-from solve.trust.answer_world import Material, views_of
+from solve.trust.answer_world import Material
 from solve.trust.shading import Geometry, albedo_of
 
 FOLDS = 3
@@ -42,7 +42,7 @@ def unexplained(given: Problem, material: Material, methods: Sequence[str], solv
     if count - -(-count // FOLDS) < FEWEST:
         return {}
     samples = all_samples(material.problem)
-    gray, toward, views = samples.gray.astype(np.float64), samples.toward(), views_of(material.problem)
+    gray, toward, views = samples.gray.astype(np.float64), samples.toward(), material.problem.views()
     dark = DARK * samples.scale()
     gaps: dict[str, list[NDArray]] = {name: [] for name in methods}
     for fold in range(FOLDS):

@@ -76,7 +76,6 @@ class Trust:
     margin_deg: float
     doubt_deg: float
     world_rms: float
-    warnings: tuple[str, ...] = ()
 
     def predicted_deg(self, normals: NDArray) -> NDArray[np.float32]:
         """Return the predicted error (H, W) of normals (H, W, 3), rms of the angle, bias included."""

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+from scene.spheres import WHITE_BALL_ALBEDO
 from solve.methods import Method, Whole
 from solve.pixelwise import iterative
 from solve.problem import Problem
@@ -33,8 +34,6 @@ FAR = 0.3
 HALF_WHITE = 0.5
 """Reflectance that the brightest parts are pulled to."""
 MATTE_OBJECT = np.repeat([1.0, 0.0, HALF_WHITE], [TABLE, SIZE - TABLE - 1, 1])
-WHITE_BALL_ALBEDO = 0.8
-"""Reflectance that a session's white balls are taken to have."""
 CHUNK = 1024
 WORSE = 1.02
 """Where the table leaves more than this times what the matte model leaves unexplained, it has gone astray."""
@@ -85,9 +84,8 @@ def prepare(problem: Problem, settings: Settings) -> Problem:
 
 
 def _fit_whole(problem: Problem, samples: Samples, settings: Settings) -> Whole:
-    row, column = np.nonzero(problem.mask)
-    views, (_, relief) = -problem.camera.rays(np.stack([column, row], -1))[1], relief_of(problem, settings)
-    return fit_to_views(samples, views, settings, relief, white_gray(problem.lights))[0]
+    _, relief = relief_of(problem, settings)
+    return fit_to_views(samples, problem.views(), settings, relief, white_gray(problem.lights))[0]
 
 
 def relief_of(problem: Problem, settings: Settings) -> tuple[float, Relief]:

@@ -20,6 +20,7 @@ from lab.steps import compare, solve
 from lab.twin_step import twin
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.record import Record
 from scene.store import Store
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -47,7 +48,7 @@ def registered(folder, times):
     store.save_pose(scene.pose, residual_px=0.0, sigma_mm=0.0, sigma_deg=0.0)
     trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).export(folder / "scan.ply")
     session = SimpleNamespace(scan=folder / "scan.ply", scan_unit="mm", scan_ball_diameter_mm=None)
-    return Job(session, store, ("ls", "iterative"), twin=TwinSettings(engine="direct", error=0.3))
+    return Job(session, Record(folder), ("ls", "iterative"), twin=TwinSettings(engine="direct", error=0.3))
 
 
 def print_peaks(folder, times):

@@ -23,7 +23,7 @@ ARGUMENTS = [
     "--disable-sync",
     "--no-first-run",
 ]
-PATIENCE_S = 240
+PATIENCE_S, PRESS_AGAIN_S = 240, 10
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
@@ -204,10 +204,17 @@ class Visitor:
         return drawn
 
     def send(self, button, path):
-        """Send a file by a button."""
-        with self.page.expect_file_chooser() as chooser:
+        """Send a file by a button. Pressed again where the page was still being laid out under the first press."""
+        choosers = []
+        self.page.once("filechooser", choosers.append)
+        for _ in range(PATIENCE_S // PRESS_AGAIN_S):
             self.press(button)
-        chooser.value.set_files(path)
+            for _ in range(20 * PRESS_AGAIN_S):
+                if choosers:
+                    choosers[0].set_files(path)
+                    return
+                self.page.wait_for_timeout(50)
+        pytest.fail(f"{button}: no file chooser within {PATIENCE_S} s")
 
     def until(self, condition, what):
         """Wait until something is so; the browser goes on meanwhile."""

@@ -14,6 +14,7 @@ from pydantic import Field, Strict
 
 from scene.camera import Camera
 from scene.lights import Lights
+from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 from twin.camera.virtual_photograph import Files
 from twin.description.checked_values import Count, NotNegative, Number, Rgb, checked, named
@@ -22,8 +23,6 @@ from twin.description.object_mesh import ObjectMesh
 from twin.engines.film import Film, film_for
 
 Array = NDArray[np.float64]
-WHITE_BALL_ALBEDO = 0.8
-"""Reflectance that the white ball of a session is taken to have."""
 
 
 def white_of(lights: Lights) -> Array:

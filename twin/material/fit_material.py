@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.description.description import WHITE_BALL_ALBEDO
+from scene.spheres import WHITE_BALL_ALBEDO
 from twin.material.coat_search import ROUGHEST, SMOOTHEST, CoatSearch, Fit
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, student_weights

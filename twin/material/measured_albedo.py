@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.mesh import Mesh
-from twin.description.description import WHITE_BALL_ALBEDO
+from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.materials import Texture
 from twin.description.object_mesh import ObjectMesh
 from twin.visibility import Sight
