@@ -62,6 +62,8 @@ def _specularity(value: Any, info: ValidationInfo[Any]) -> Any:
 
 Reflectance = Annotated[Rgb | Texture | Literal["vertex"], PlainValidator(_reflectance)]
 """Of each channel, 0 to 1, linear."""
+Distribution = Literal["ggx", "beckmann"]
+"""Of the slopes of a rough surface's facets."""
 
 
 @checked
@@ -110,7 +112,7 @@ class RoughPlastic:
     reflectance : Reflectance
         Of the body.
     roughness : float
-        alpha of the coat's facets, above 0. Everywhere in a scene description alpha of the GGX distribution.
+        alpha of the coat's facets, above 0; everywhere in a scene description alpha as Mitsuba has it.
     specularity : float or Texture
         Factor on the coat's reflectance; 1: what its index of refraction gives, 0: only the body.
     index : float
@@ -119,6 +121,9 @@ class RoughPlastic:
         Share of the body's light that the coat dims on its way in and out, most where seen or lit aslant; the rest
         leaves as from a matte surface. The specularity itself: a full coat over so much of the surface, the rest bare.
         0: a lobe upon a matte body, as many renderers have it, which may give back more light than it gets.
+    distribution : {"ggx", "beckmann"}
+        Of the facets' slopes: GGX has the longer tail, so that highlights have a halo [Walter2007]; Beckmann's is a
+        Gaussian [Beckmann1963].
     """
 
     reflectance: Reflectance
@@ -127,6 +132,7 @@ class RoughPlastic:
     index: Annotated[float, Strict(), Field(gt=1)] = 1.49
     subsurface: Subsurface | None = None
     covered: Share = 1.0
+    distribution: Distribution = "ggx"
 
 
 @checked
@@ -136,6 +142,7 @@ class Conductor:
 
     metal: Annotated[str, Strict()]
     roughness: Share = 0.1
+    distribution: Distribution = "ggx"
 
 
 @checked

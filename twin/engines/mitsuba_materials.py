@@ -74,8 +74,8 @@ def _one_side(material: Material) -> dict[str, Any]:
         case Conductor(roughness=0):
             return {"type": "conductor", "material": material.metal}
         case Conductor():
-            alpha = float(material.roughness)
-            return {"type": "roughconductor", "distribution": "ggx", "material": material.metal, "alpha": alpha}
+            kind, alpha = material.distribution, float(material.roughness)
+            return {"type": "roughconductor", "distribution": kind, "material": material.metal, "alpha": alpha}
         case Principled():
             return {
                 "type": "principled",
@@ -91,7 +91,7 @@ def _one_side(material: Material) -> dict[str, Any]:
 def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:
     return {
         "type": "roughplastic",
-        "distribution": "ggx",
+        "distribution": material.distribution,
         "alpha": float(material.roughness),
         "int_ior": float(material.index),
         "ext_ior": 1.0,
