@@ -1,9 +1,9 @@
-"""All nine experiments whole, beside the benchmark's own numbers; into docs/evidence/sweeps.md.
+"""All nine experiments in both stagings, beside the benchmark's own numbers; into docs/evidence/sweeps.md, findings.md.
 
-    .venv/bin/python -m benchmarks.bench_sweep_all [--write] [--out out/sweeps]
+    .venv/bin/python -m benchmarks.bench_sweep_all [--write] [--only benchmark] [--out out/sweeps]
 
-Goes on where it was stopped. The charts are copied to docs/evidence/sweeps-EXPERIMENT.svg, atlas and the chart of speed
-against accuracy to sweeps-atlas.svg and sweeps-speed.svg beside them. With --quick it is the first look, printed only.
+Goes on where it was stopped. The charts of the plain readings are copied beside the pages; of the staging one-factor
+the atlas, too, and the chart of speed against accuracy.
 """
 
 import argparse
@@ -16,35 +16,60 @@ from pathlib import Path
 from pyarrow import parquet
 
 from benchmarks.pages import put
-from experiments.catalogue import EXPERIMENTS, SOLVERS
+from experiments.stagings import ONE_FACTOR, SOLVERS
+from experiments.sweeps.findings import Answer, answers, verdict_of
 from experiments.sweeps.sweep import sweep
-from experiments.sweeps.sweep_statistics import benchmark_statistics
+from experiments.sweeps.sweep_statistics import MEASURES, benchmark_statistics
+from lab.options import Staging
 
 ROOT = Path(__file__).resolve().parents[1]
+STAGINGS: tuple[Staging, ...] = ("benchmark", "one-factor")
 
 
-def means(statistics: list[dict]) -> list[str]:
-    """Return the table of mean errors: as they are, plain readings, the benchmark's."""
-    ours = {(row["experiment"], row["solver"], row["profile"]): row for row in statistics}
+def means(found: list[dict]) -> list[str]:
+    """Return the table of mean errors, each over three sets of pixels, and the benchmark's own."""
+    ours = {(row["experiment"], row["solver"], row["profile"], row["measure"]): row for row in found}
     theirs = benchmark_statistics()
     rows = ["| mean error, degrees | " + " | ".join(SOLVERS.values()) + " |", "|---" * (len(SOLVERS) + 1) + "|"]
-    for one in EXPERIMENTS.values():
-        fields = []
-        for solver in SOLVERS:
-            found = [ours[one.name, solver, profile] for profile in ("default", "seed")]
-            shown = " / ".join(f"{row['mean']:.1f}" if "mean" in row else "–" for row in found)
-            counts = {key.replace("_", " "): sum(row[key] for row in found) for key in ("no_answer", "failed")}
-            told = ", ".join(f"{count} {what}" for what, count in counts.items() if count)
-            note = f" ({told})" if told else ""
-            fields.append(f"{shown} / {theirs[one.name, solver]['mean']:.1f}{note}")
-        rows.append(f"| {one.label} | " + " | ".join(fields) + " |")
+    for one in ONE_FACTOR.values():
+        for profile in ("default", "seed"):
+            fields = [_field([ours[one.name, solver, profile, measure] for measure in MEASURES]) for solver in SOLVERS]
+            rows.append(f"| {one.label}, {profile} | " + " | ".join(fields) + " |")
+        rows.append("| *the benchmark* | " + " | ".join(f"*{theirs[one.name, s]['mean']:.1f}*" for s in SOLVERS) + " |")
     return rows
 
 
-def correlations(found: dict) -> list[str]:
-    """Return the table of rank correlations."""
-    rows = ["| shapes, profile | rank correlation with the benchmark's means | pairs |", "|---|---|---|"]
-    return rows + [f"| {what} | {one['spearman']:.2f} | {one['pairs']} |" for what, one in found.items()]
+def _field(three: list[dict]) -> str:
+    shown = " / ".join(f"{row['mean']:.1f}" if "mean" in row else "–" for row in three)
+    share = f"; {100 * (1 - three[0]['unanswered']):.0f} %" if "unanswered" in three[0] else ""
+    told = ", ".join(f"{three[0][key]} {key.replace('_', ' ')}" for key in ("no_answer", "failed") if three[0][key])
+    return f"{shown}{share}" + (f" ({told})" if told else "")
+
+
+def agreements(found: dict[str, dict]) -> list[str]:
+    """Return the table of rank correlations, of each staging's statistics.json."""
+    rows = ["| staging, profile | means over | all means | methods within an experiment | between experiments |"]
+    rows.append("|---|---|---|---|---|")
+    for staging, numbers in found.items():
+        for one in numbers["agreement"]:
+            shown = (f"{one[k][0]:.2f} ({one[k][1]:.2f} to {one[k][2]:.2f})" for k in ("overall", "within", "between"))
+            rows.append(f"| {staging}, {one['profile']} | {MEASURES[one['measure']]} | " + " | ".join(shown) + " |")
+    return rows
+
+
+def findings(found: dict[str, list[Answer]]) -> list[str]:
+    """Return the table of the benchmark's statements, and what the stagings' sweeps say to each."""
+    rows = ["| section | the benchmark says | counts as so if | " + " | ".join(found) + " | verdict |"]
+    rows.append("|---" * (len(found) + 4) + "|")
+    for place in zip(*found.values(), strict=True):
+        one = place[0].finding
+        fields = [
+            "<br>".join(f"{p}: **{'yes' if each.holds[p] else 'no'}**, {words}" for p, words in each.numbers.items())
+            for each in place
+        ]
+        verdict = verdict_of(is_so for each in place for is_so in each.holds.values())
+        rows.append(f"| {one.section} | {one.claim} | {one.rule} | " + " | ".join(fields) + f" | **{verdict}** |")
+    return rows
 
 
 def tolerances(found: dict) -> list[str]:
@@ -81,43 +106,57 @@ def candour(found: dict) -> list[str]:
     return rows
 
 
+def _write_limits(page: Path, folder: Path) -> None:
+    """Write what breaks whom, and the chart of speed against accuracy."""
+    marks, pictures = json.loads((folder / "stability.json").read_text()), []
+    for name, title in (("atlas", "What breaks whom"), ("speed", "Speed against accuracy")):
+        shutil.copy(folder / f"{name}.svg", page.parent / f"sweeps-{name}.svg")
+        pictures += [f"![{title}](sweeps-{name}.svg)", ""]
+    put(page, "stability", "\n".join([*pictures, *tolerances(marks), "", *candour(marks), ""]))
+
+
 def main() -> None:
     """Run what is missing, print the tables, and write them into the documentation if asked."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--write", action="store_true")
+    parser.add_argument("--only", choices=STAGINGS)
     parser.add_argument("--out", type=Path, default=Path("out") / "sweeps")
-    parser.add_argument("--quick", action="store_true")
     options = parser.parse_args()
-    start = time.perf_counter()
-    folder = sweep("all", out=options.out, quick=options.quick)
-    wall_s = time.perf_counter() - start
-    found = json.loads((folder / "statistics.json").read_text())
-    seconds = [value or 0 for value in parquet.read_table(folder / "seconds.parquet").column("seconds").to_pylist()]
-    lines = [
-        *means(found["statistics"]),
-        "",
-        "In each field: the methods as they are / their plain readings / the benchmark's own number.",
-        "",
-        *correlations(found["rank_correlation"]),
-        "",
-        f"This run: {wall_s / 60:.1f} minutes for the cells that were missing; all cells together took one core "
-        f"{sum(seconds) / 60:.0f} minutes. Measured on {os.cpu_count()} cores by `benchmarks/bench_sweep_all.py`.",
-    ]
-    text = "\n".join(lines) + "\n"
-    marks = json.loads((folder / "stability.json").read_text())
-    limits = "\n".join([*tolerances(marks), "", *candour(marks)]) + "\n"
-    print(text, limits, sep="\n")
-    if options.write and not options.quick:
-        charts = []
-        for name in EXPERIMENTS:
-            shutil.copy(folder / f"{name}-normals.svg", ROOT / "docs" / "evidence" / f"sweeps-{name}.svg")
-            charts.append(f"![{name}: angular error against level](sweeps-{name}.svg)\n")
-        for name in ("atlas", "speed"):
-            shutil.copy(folder / f"{name}.svg", ROOT / "docs" / "evidence" / f"sweeps-{name}.svg")
-        path = ROOT / "docs" / "evidence" / "sweeps.md"
-        put(path, "all", text + "\n" + "".join(charts))
-        pictures = "![What breaks whom](sweeps-atlas.svg)\n\n![Speed against accuracy](sweeps-speed.svg)\n\n"
-        put(path, "stability", pictures + limits)
+    numbers, answered, texts, folders = {}, {}, {}, {}
+    for staging in [options.only] if options.only else STAGINGS:
+        start = time.perf_counter()
+        folder = folders[staging] = sweep("all", out=options.out, staging=staging)
+        wall_s = time.perf_counter() - start
+        numbers[staging] = json.loads((folder / "statistics.json").read_text())
+        answered[staging] = answers(parquet.read_table(folder / "results.parquet").to_pylist())
+        seconds = [value or 0 for value in parquet.read_table(folder / "seconds.parquet").column("seconds").to_pylist()]
+        texts[staging] = "\n".join(
+            [
+                *means(numbers[staging]["statistics"]),
+                "",
+                f"In each field: {' / '.join(MEASURES.values())}; share of the pixels that is answered.",
+                "",
+                f"This run: {wall_s / 60:.1f} minutes for the cells that were missing; all cells together took one "
+                f"core {sum(seconds) / 60:.0f} minutes. Measured on {os.cpu_count()} cores by "
+                "`benchmarks/bench_sweep_all.py`.",
+                "",
+            ]
+        )
+    ranks, said = ("\n".join([*table, ""]) for table in (agreements(numbers), findings(answered)))
+    print(*texts.values(), ranks, said, sep="\n")
+    if options.write:
+        page, pictures = ROOT / "docs" / "evidence" / "sweeps.md", ROOT / "docs" / "evidence"
+        for staging, text in texts.items():
+            charts = []
+            for name in ONE_FACTOR:
+                chart = f"sweeps-{name}.svg" if staging == "one-factor" else f"sweeps-benchmark-{name}.svg"
+                shutil.copy(folders[staging] / f"{name}-normals-seed.svg", pictures / chart)
+                charts.append(f"![{name}: mean angular error against level, plain readings]({chart})\n")
+            put(page, staging, text + "\n" + "".join(charts))
+        put(page, "agreement", ranks)
+        put(pictures / "findings.md", "findings", said)
+        if "one-factor" in folders:
+            _write_limits(page, folders["one-factor"])
 
 
 if __name__ == "__main__":

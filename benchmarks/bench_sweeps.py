@@ -20,8 +20,8 @@ from pathlib import Path
 
 from pyarrow import parquet
 
-from experiments.catalogue import EXPERIMENTS
 from experiments.recipe import Cell
+from experiments.stagings import ONE_FACTOR
 from experiments.sweeps.cell import failed_rows
 from experiments.sweeps.sweep import run_cells
 from experiments.tables import KEY
@@ -31,7 +31,7 @@ ROOT = Path(__file__).resolve().parents[1]
 MARKERS = "<!-- survives -->\n", "<!-- end of survives -->"
 COMMAND = [str(Path(sys.executable).parent / "rgbn"), "sweep"]
 # `material` takes as long as the others together, and dies as they do.
-WANTED = ",".join(name for name in EXPERIMENTS if name != "material")
+WANTED = ",".join(name for name in ONE_FACTOR if name != "material")
 SEED, WAIT_S, WAITING_CELLS = 501, 0.25, 192
 
 
@@ -124,7 +124,7 @@ def scheduling(folder: Path) -> list[str]:
     """Return the rows on workers: seconds for cells that only wait, and the share of the ideal speed-up."""
     from dask.distributed import LocalCluster
 
-    cells = [cell for one in EXPERIMENTS.values() for cell in one.cells()][:WAITING_CELLS]
+    cells = [cell for one in ONE_FACTOR.values() for cell in one.cells()][:WAITING_CELLS]
     seconds = {}
     for workers in (2, 4, 8):
         with LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[attr-defined]

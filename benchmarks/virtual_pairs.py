@@ -28,9 +28,9 @@ from benchmarks.virtual_lab import (
     photograph_lab,
     photograph_object,
 )
-from experiments.catalogue import SOLVERS
 from experiments.compare_folders import NUMBERS, VIRTUAL, compare_folders
 from experiments.photographs import Images
+from experiments.stagings import SOLVERS
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json, write_npy, write_text

@@ -1,102 +1,12 @@
-"""The catalogue: the nine sweeps and the named datasets, each a line."""
+"""The catalogue: the named datasets, each a line."""
 
 import fnmatch
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
 
-from experiments.recipe import Cell, Dataset, Recipe
+from experiments.recipe import Dataset, Recipe
+from experiments.stagings import OBJECTS, ONE_FACTOR
 from scene.errors import SceneError
 from twin.camera.virtual_camera import Sensor
-
-SOLVERS = {
-    "ls": "Lsq", "rpca": "RPCS", "iterative": "Iter Lsq", "hsh": "HSH", "ldr": "LDR", "entropy": "Entropy", "tv": "TV"
-}  # fmt: skip
-"""The benchmark's seven, with its labels."""
-CALIBRATED = ("ls", "rpca", "iterative", "hsh")
-CAMERA_NOISE = 0.005
-"""Of 40 000 electrons at pixel value 1. Without any, three lights or a ring about the lens do as well as a dome."""
-OBJECTS = ("pear", "blob", "knot")
-QUICK_SIDE = 96
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One factor, from easy to hard."""
-
-    name: str  # on the command line
-    label: str  # in the benchmark's table, or the documentation's
-    vary: str  # the field of `base` that the levels are of
-    levels: tuple[Any, ...]
-    axis: str  # what the chart's axis says
-    base: Recipe  # what all levels have in common
-    shapes: tuple[str, ...] = OBJECTS
-    seeds: int = 1  # how often each level is drawn, where chance enters
-
-    def cells(self, *, methods: tuple[str, ...] = tuple(SOLVERS), quick: bool = False) -> Iterator[Cell]:
-        """Yield a sweep's cells, those that share a rendering one after the other.
-
-        quick: a first look, with four levels, one shape, one draw, small pictures.
-        """
-        levels = [(level, value, replace(self.base, **{self.vary: value})) for level, value in enumerate(self.levels)]
-        if quick:
-            levels = [levels[round(i * (len(levels) - 1) / 3)] for i in range(4)]
-        side = QUICK_SIDE if quick else Recipe.side
-        for shape in self.shapes[:1] if quick else self.shapes:
-            for level, value, recipe in levels:
-                for seed in range(1 if quick else self.seeds):
-                    yield Cell(self.name, level, value, replace(recipe, shape=shape, seed=seed, side=side), methods)
-
-
-EXPERIMENTS: dict[str, Experiment] = {
-    one.name: one
-    for one in (
-        Experiment(
-            "ambient", "Ambient", "ambient", (0.0, 0.02, 0.05, 0.1, 0.2, 0.35, 0.6, 1.0),
-            "ambient light left in, share of the flash", Recipe(),
-        ),
-        Experiment(
-            "interreflection", "Interreflection", "relief", (0.2, 0.4, 0.6, 0.8, 1.0, 1.4, 1.8, 2.4),
-            "height of the hollow over its radius",
-            Recipe(reflectance=0.8, polar_deg=15.0, count=24, depth=32), ("cone", "bowl"),
-        ),
-        Experiment(
-            "material", "Material", "material",
-            (
-                "diffuse", "specular", "diffuse_subsurface", "specular_subsurface", "specular_texture_subsurface",
-                "diffuse_texture", "specular_texture", "diffuse_texture_subsurface",
-            ),
-            "material", Recipe(),
-        ),
-        Experiment(
-            "images", "Number of Images", "images", (3, 4, 5, 6, 8, 10, 13, 17, 24), "number of images",
-            Recipe(noise=CAMERA_NOISE), seeds=5,
-        ),
-        Experiment(
-            "noise", "Noise", "noise", (0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.45),
-            "Poisson noise at pixel value 1, share of it", Recipe(), seeds=5,
-        ),
-        Experiment(
-            "ring", "Ring Position", "polar_deg", tuple(5.0 + 10.0 * i for i in range(9)),
-            "ring of 24 lights, degrees from the camera's axis",
-            Recipe(lights="ring", count=24, noise=CAMERA_NOISE), seeds=5,
-        ),
-        Experiment(
-            # A mirror of roughness 0 shows no distant light at all.
-            "roughness", "Roughness", "roughness", (0.01, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0),
-            "roughness (alpha of GGX)", Recipe(material="specular"),
-        ),
-        Experiment(
-            "shadow", "Shadow", "relief", (0.25, 0.5, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0),
-            "k of S = k sin x sin y", Recipe(), ("waves", "ridges"),
-        ),
-        Experiment(
-            "specularity", "Specularity", "specularity", (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 0.9, 1.0),
-            "specularity of rough plastic", Recipe(material="specular"),
-        ),
-    )
-}  # fmt: skip
-"""The nine sweeps in the order of the benchmark's table, by the name on the command line."""
 
 FAMILIES = {
     "ambient": "light from everywhere that nobody subtracted, as a share of the flash",
@@ -135,17 +45,6 @@ SENSORS = {
 """Behind the lens of the camera datasets; 4x and 16x: a quarter and a sixteenth of the light, amplified."""
 
 
-def experiments_of(text: str) -> tuple[Experiment, ...]:
-    """Return the sweeps that a command line names: some, with commas, or all; raise SceneError for an unknown one."""
-    names = list(EXPERIMENTS) if text == "all" else [name.strip() for name in text.split(",") if name.strip()]
-    unknown = [name for name in names if name not in EXPERIMENTS]
-    if unknown or not names:
-        raise SceneError(
-            f"sweep {text}: {', '.join(unknown) or 'nothing'} is unknown; there are {', '.join(EXPERIMENTS)}, and all."
-        )
-    return tuple(EXPERIMENTS[name] for name in dict.fromkeys(names))
-
-
 def catalogue() -> dict[str, Dataset]:
     """Return every dataset by its name: the sweeps' in the benchmark's order, then the others."""
     return {one.name: one for one in (*_of_sweeps(), *_beyond_sweeps())}
@@ -167,7 +66,7 @@ def chosen(patterns: Sequence[str], names: Sequence[str]) -> list[str]:
 
 
 def _of_sweeps() -> Iterator[Dataset]:
-    for one in EXPERIMENTS.values():
+    for one in ONE_FACTOR.values():
         for cell in one.cells(methods=()):
             if cell.recipe.seed:
                 continue

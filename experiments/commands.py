@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import App, Parameter
 
-from lab.options import DEFAULT_METHODS, in_any_case
+from lab.options import DEFAULT_METHODS, Staging, in_any_case
 from lab.progress import say
 from scene.errors import SceneError
 from solve.method_names import METHODS
@@ -23,6 +23,13 @@ def sweep(
     ],
     /,
     *,
+    staging: Annotated[
+        Staging,
+        Parameter(
+            help="one-factor: all else is easy. benchmark: as the RGBN benchmark's text has it: path-traced, "
+            "Beckmann's facets, levels that span its range of errors."
+        ),
+    ] = "one-factor",
     quick: Annotated[bool, Parameter(help="A first look: few levels, one shape, small pictures.", negative="")] = False,
     method: Annotated[
         str, Parameter(alias="-m", help=f"Methods, with commas: {', '.join(METHODS)}.")
@@ -37,7 +44,13 @@ def sweep(
     from experiments.sweeps.sweep import sweep as run_sweep
 
     folder = run_sweep(
-        experiment.casefold(), quick=quick, method=method, out=out, processes=processes, scheduler=scheduler
+        experiment.casefold(),
+        quick=quick,
+        staging=staging,
+        method=method,
+        out=out,
+        processes=processes,
+        scheduler=scheduler,
     )
     print(folder / "index.html")
 

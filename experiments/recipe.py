@@ -5,6 +5,7 @@ from typing import Literal
 
 from scene.current import code_fingerprint, fingerprint, sources
 from twin.camera.virtual_camera import Sensor
+from twin.description.materials import Distribution
 
 RUNNER = "experiments.sweeps.cell"
 """The module that makes a cell's rows: they depend on its code, and on what that imports."""
@@ -18,7 +19,8 @@ class Recipe:
     relief: float = 1.0  # of shapes that have one: height over radius of the hollows, k of the waves
     material: str = "diffuse"  # one of the benchmark's eight, see `twin.description.materials.seed_materials`
     reflectance: float = 0.5  # of the matte part, where it has no texture
-    roughness: float = 0.1  # of the materials with a coat: alpha of GGX
+    roughness: float = 0.1  # of the materials with a coat: alpha of its facets
+    distribution: Distribution = "ggx"  # of those facets' slopes
     specularity: float = 1.0  # factor on the coat's reflectance
     lights: str = "cap"  # "cap": spread evenly over a cap about the camera's axis; "ring": on a ring about it
     count: int = 32  # lights

@@ -65,7 +65,9 @@ def _material(recipe: Recipe) -> Material:
         roughness=recipe.roughness,
         mean_free_path_mm=MEAN_FREE_PATH_MM,
     )[recipe.material]
-    return replace(found, specularity=recipe.specularity) if isinstance(found, RoughPlastic) else found
+    if not isinstance(found, RoughPlastic):
+        return found
+    return replace(found, specularity=recipe.specularity, distribution=recipe.distribution)
 
 
 def _directions_of(recipe: Recipe) -> Array:

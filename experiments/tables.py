@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from scene.files import write_whole
@@ -10,10 +11,12 @@ from scene.files import write_whole
 Row = dict[str, Any]
 Rows = list[Row]
 
+GAP_DEG = 90.0
+"""Error that a pixel without a normal counts as, where it counts."""
 ERRORS = {
     "status": "string", "mean_deg": "float64", "median_deg": "float64", "min_deg": "float64", "max_deg": "float64",
     "std_deg": "float64", "q1_deg": "float64", "q3_deg": "float64", "under_5_deg": "float64",
-    "under_10_deg": "float64", "pixels": "int64",
+    "under_10_deg": "float64", "pixels": "int64", "filled_deg": "float64",
 }  # fmt: skip
 """Columns of every table of results, and their types."""
 KEY = {
@@ -22,6 +25,7 @@ KEY = {
 }  # fmt: skip
 """What names a sweep's row."""
 KINDS = {
+    "common_deg": "float64",
     "flip_deg": "float64", "relief_deg": "float64", "turn_deg": "float64", "tilt_deg": "float64",
     "tilt_spread_deg": "float64", "unanswered": "float64", "frames": "int64", "albedo_error_percent": "float64",
     "doubts": "string",
@@ -68,11 +72,14 @@ def has_failed(row: Row) -> bool:
 def errors_of(normals: NDArray, truth: NDArray, silent: str) -> Row:
     """Return the columns of `ERRORS`, and `unanswered`, of normals (P, 3) judged by the truth (P, 3).
 
-    silent: what the status begins with where no pixel has a normal.
+    silent: what the status begins with where no pixel has a normal. filled_deg: the mean with `GAP_DEG` for a pixel
+    without a normal; the others are over the pixels that have one.
     """
     from compare.statistics.statistics import angular_statistics
     from scene.normals import angular_error_deg
 
-    numbers = angular_statistics(angular_error_deg(normals, truth))
+    error = angular_error_deg(normals, truth)
+    numbers = angular_statistics(error)
     status = "ok" if numbers["pixels"] else f"{silent}: no pixel has a normal"
-    return {"status": status, **numbers, "unanswered": 1 - int(numbers["pixels"]) / max(len(truth), 1)}
+    filled = {"filled_deg": float(np.nan_to_num(error, nan=GAP_DEG).mean()) if len(truth) else GAP_DEG}
+    return {"status": status, **numbers, **filled, "unanswered": 1 - int(numbers["pixels"]) / max(len(truth), 1)}

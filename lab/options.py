@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 DEFAULT_METHODS = "ls,iterative"
 Engine = Literal["auto", "direct", "many", "mitsuba"]
+Staging = Literal["one-factor", "benchmark"]
+"""Of the sweeps, see `experiments.stagings`."""
 
 
 def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:

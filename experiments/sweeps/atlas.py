@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
-from experiments.catalogue import EXPERIMENTS, SOLVERS
+from experiments.stagings import ONE_FACTOR, SOLVERS
 from experiments.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS
 from experiments.sweeps.stability import GOOD_DEG, KINDS, Level, Strip, Tolerance
 
@@ -28,7 +28,7 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
     """
     rows = list(dict.fromkeys((one.solver, one.profile) for one in strips))
     columns, x = [], LEFT
-    for name in EXPERIMENTS:
+    for name in ONE_FACTOR:
         members = {(one.solver, one.profile): one for one in strips if one.experiment == name}
         if members:
             columns.append((x, name, members))
@@ -51,7 +51,7 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
     for left, name, members in columns:
         first = next(iter(members.values())).levels
         ends = f"{first[0].label} … {first[-1].label}" if name != "material" else "kinds"
-        parts += _head(left, EXPERIMENTS[name].label, ends)
+        parts += _head(left, ONE_FACTOR[name].label, ends)
     if numbers:
         parts.append(_text(numbers[0][0], 12, "smallest error that breaks it", fill="#555", size=10))
     for left, name, _ in numbers:

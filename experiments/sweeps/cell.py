@@ -8,11 +8,12 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compare.statistics.ambiguity import error_kinds
 from experiments.recipe import RUNNER, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
-from experiments.tables import errors_of
+from experiments.tables import GAP_DEG, errors_of
 from scene.current import code_fingerprint
 from scene.errors import SceneError
 from solve.methods import UNCALIBRATED
@@ -41,11 +42,17 @@ def run_cell(cell: Cell) -> dict[str, Any]:
         except Exception as error:
             return {"rows": failed_rows(cell, f"no photographs: {_why(error)}"), "seconds": [], "picture": None}
         rows, seconds = [], [{**_key(cell, "", ""), "seconds": time.process_time() - start}]
+        errors: dict[str, list[NDArray]] = {profile: [] for profile in cell.profiles}
         for method in cell.methods:
             for profile in cell.profiles:
-                row, taken = _row(cell, photographs, method, profile, one_core)
+                row, taken, normals = _row(cell, photographs, method, profile, one_core)
                 rows.append(row)
                 seconds.append({**_key(cell, method, profile), "seconds": taken})
+                errors[profile].append(_errors(photographs, normals))
+        for profile, found in errors.items():
+            means = common_means(np.stack(found)) if found else []
+            for row, mean in zip((row for row in rows if row["profile"] == profile), means, strict=True):
+                row["common_deg"] = mean
         return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_fingerprint(RUNNER)}
 
 
@@ -68,11 +75,11 @@ def _key(cell: Cell, method: str, profile: str) -> dict[str, Any]:
 
 def _row(
     cell: Cell, photographs: Any, method: str, profile: str, executor: Executor
-) -> tuple[dict[str, Any], float | None]:
-    """Return the row of one method with one profile, and its processor seconds."""
+) -> tuple[dict[str, Any], float | None, NDArray | None]:
+    """Return the row of one method with one profile, its processor seconds, and its normals (H, W, 3)."""
     p, key = photographs, _key(cell, method, profile)
     if cell.experiment in PERTURBATIONS and not is_told(method, cell.experiment):
-        return {**key, "status": "not told"}, None
+        return {**key, "status": "not told"}, None, None
     _load(p, method, profile, executor)
     start = time.process_time()
     try:
@@ -82,11 +89,34 @@ def _row(
         else:
             estimate = solve(method, p.frames, p.lights, p.camera, p.mask, profile=profile, executor=executor)
             extra = {}
+    except SceneError as error:
+        return {**key, "status": f"no answer: {_why(error)}", "filled_deg": GAP_DEG}, None, None
     except Exception as error:
-        return {**key, "status": f"{'no answer' if isinstance(error, SceneError) else 'failed'}: {_why(error)}"}, None
+        return {**key, "status": f"failed: {_why(error)}"}, None, None
     taken = time.process_time() - start
-    row = {"status": "ok"} if estimate is None else measured(p, method, estimate)
-    return {**key, **row, **extra}, taken
+    if estimate is None:
+        return {**key, "status": "ok", **extra}, taken, None
+    return {**key, **measured(p, method, estimate), **extra}, taken, estimate.normals
+
+
+def _errors(photographs: Any, normals: NDArray | None) -> NDArray:
+    """Return the angular errors (P,) of normals (H, W, 3) on the object, NaN where there is none."""
+    from scene.normals import angular_error_deg
+
+    p = photographs
+    return np.full(p.mask.sum(), np.nan) if normals is None else angular_error_deg(normals[p.mask], p.normals[p.mask])
+
+
+def common_means(errors: NDArray[np.float64]) -> list[float | None]:
+    """Return each method's mean of errors (M, P) over the pixels that all answer; None of one that answers none.
+
+    A method that leaves out what is hard is compared there with the others on what it keeps.
+    """
+    known = np.isfinite(errors)
+    common = known[known.any(1)].all(0)
+    if not common.any():
+        return [None] * len(errors)
+    return [float(row[common].mean()) if np.isfinite(row).any() else None for row in errors]
 
 
 def _load(photographs: Any, method: str, profile: str, executor: Executor) -> None:

@@ -8,13 +8,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.catalogue import EXPERIMENTS, SOLVERS, experiments_of
 from experiments.recipe import RUNNER, Cell, code_times
+from experiments.stagings import ONE_FACTOR, SOLVERS, experiments_of
 from experiments.sweeps.cell import failed_rows, run_cell
 from experiments.sweeps.perturbation import PERTURBATIONS, perturbation_cells
 from experiments.tables import PERTURBED, RESULTS, SECONDS, Row, Rows, write_table
 from experiments.workers import Work, WorkerDied, run_all
-from lab.options import Solving
+from lab.options import Solving, Staging
 from lab.progress import progress_bar, say
 from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
@@ -30,26 +30,29 @@ def sweep(
     *,
     out: Path | None = None,
     quick: bool = False,
+    staging: Staging = "one-factor",
     method: str = ",".join(SOLVERS),
     scheduler: str | None = None,
     processes: int | None = None,
 ) -> Path:
     """Run experiments, as far as their cells are not there yet; return the folder of the tables and the page.
 
-    wanted: names with commas, or all. quick: a first look, with fewer levels, one shape, one draw, small pictures.
-    method: solvers with commas. scheduler: address of a Dask scheduler; default: processes here, one a core.
-    SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
+    wanted: names with commas, or all. staging: see `experiments.stagings`. quick: a first look, with fewer levels, one
+    shape, one draw, small pictures. method: solvers with commas. scheduler: address of a Dask scheduler; default:
+    processes here, one a core. SceneError: unknown experiment or method, no cluster, a full disk, a folder in use.
     """
-    experiments, methods = experiments_of(wanted), Solving(method, "seed").methods()
+    experiments, methods = experiments_of(wanted, staging), Solving(method, "seed").methods()
     cells = [cell for one in experiments for cell in one.cells(methods=methods, quick=quick)]
     names = "-".join(one.name for one in experiments)
-    if len(experiments) == len(EXPERIMENTS):
-        cells += perturbation_cells(methods, quick=quick)
+    if len(experiments) == len(ONE_FACTOR):
         names = "all"
-    folder = (out or Path("out") / "sweeps") / (f"{names}-quick" if quick else names)
+        if staging == "one-factor":
+            cells += perturbation_cells(methods, quick=quick)
+    words = ["benchmark"] * (staging == "benchmark") + [names] + ["quick"] * quick
+    folder = (out or Path("out") / "sweeps") / "-".join(words)
     with open_record(folder.parent) as record, logged(record):
         run_cells(record, cells, scheduler=scheduler, processes=processes)
-        join_cells(record, record.folder / folder.name, cells)
+        join_cells(record, record.folder / folder.name, cells, staging=staging, quick=quick)
     return folder
 
 
@@ -96,7 +99,9 @@ def run_cells(
     say(f"{len(missing)} cells in {time.perf_counter() - start:.0f} s, {failed} with failures")
 
 
-def join_cells(record: Record, folder: Path, cells: Sequence[Cell]) -> None:
+def join_cells(
+    record: Record, folder: Path, cells: Sequence[Cell], *, staging: Staging = "one-factor", quick: bool = False
+) -> None:
     """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
     root, code = record.folder, code_fingerprint(__name__)
     mark = fingerprint([cell.key for cell in cells], [cell_path(root, cell) for cell in cells], code=code)
@@ -106,8 +111,8 @@ def join_cells(record: Record, folder: Path, cells: Sequence[Cell]) -> None:
 
     with record.making(folder.name, mark):
         found = read_cells(root, cells)
-        rows, perturbed, seconds = write_tables(folder, found, [*EXPERIMENTS, *PERTURBATIONS, *cells[0].methods])
-        write_page(folder, rows, found, perturbed=perturbed, seconds=seconds)
+        rows, perturbed, seconds = write_tables(folder, found, [*ONE_FACTOR, *PERTURBATIONS, *cells[0].methods])
+        write_page(folder, rows, found, perturbed=perturbed, seconds=seconds, staging=staging, quick=quick)
 
 
 def write_tables(folder: Path, found: list[dict[str, Any]], order: Sequence[str]) -> tuple[Rows, Rows, Rows]:

@@ -7,25 +7,26 @@ from typing import Any
 from compare.report.line_chart import line_chart
 from compare.report.page import table
 from compare.report.speed_chart import speed_chart
-from experiments.catalogue import EXPERIMENTS, OBJECTS, SOLVERS, Experiment
+from experiments.stagings import SOLVERS, Experiment, experiments
 from experiments.sweeps.atlas import atlas
+from experiments.sweeps.benchmark_section import beside_the_benchmark
+from experiments.sweeps.findings import answers
 from experiments.sweeps.perturbation import PERTURBATIONS
 from experiments.sweeps.stability import stability, strips, tolerances
 from experiments.sweeps.sweep_statistics import (
-    STATISTICS,
-    Statistics,
-    benchmark_statistics,
+    MEASURES,
+    agreement,
     curve,
-    rank_correlation,
     speed_points,
     statistics,
 )
 from experiments.tables import Rows, grouped, has_failed
+from lab.options import Staging
 from scene.files import write_json, write_text
 
 QUANTITIES = {
-    "normals": ("mean_deg", "default", "angular error, °"),
-    "normals-seed": ("mean_deg", "seed", "angular error, plain readings, °"),
+    "normals": ("filled_deg", "default", "mean angular error, °"),
+    "normals-seed": ("filled_deg", "seed", "mean angular error, plain readings, °"),
     "albedo": ("albedo_error_percent", "default", "albedo error, %"),
 }
 """By the chart's name: what, with which profile, and the axis' title."""
@@ -36,21 +37,24 @@ th:first-child{text-align:left}td span{display:block}.seed{color:#005a94}.theirs
 .level{display:inline-block;text-align:center;font-size:12px;margin:0 4px 8px 0}.level img{display:block}
 .charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}
 figure{margin:0;max-width:760px}figcaption{font-size:13px;color:#555}
+.findings td{text-align:left;vertical-align:top}.reproduced{color:#1b7837}.not{color:#b2182b}.depends{color:#8a6d00}
 .atlas{width:min(1500px,96vw);margin-left:calc(50% - min(750px,48vw))}"""
 
 
 def write_page(
-    folder: Path, rows: Rows, found: list[dict[str, Any]], *, perturbed: Rows | None = None, seconds: Rows | None = None
-) -> None:
+    folder: Path, rows: Rows, found: list[dict[str, Any]], *, perturbed: Rows | None = None,
+    seconds: Rows | None = None, staging: Staging = "one-factor", quick: bool = False,
+) -> None:  # fmt: skip
     """Write index.html, a chart EXPERIMENT-QUANTITY.svg each, atlas.svg, speed.svg, statistics.json and stability.json.
 
     rows, perturbed, seconds: of the three tables. found: the cells' files, for their pictures.
     """
     perturbed, seconds = perturbed or [], seconds or []
-    ours = statistics(rows)
-    there = [one for one in EXPERIMENTS.values() if any(row["experiment"] == one.name for row in rows)]
+    ours = {measure: statistics(rows, measure) for measure in MEASURES}
+    there = [one for one in experiments(staging).values() if any(row["experiment"] == one.name for row in rows)]
     solvers = list(dict.fromkeys(row["solver"] for row in rows))
-    correlations = _correlations(rows, ours)
+    # A first look has other levels: its means are not compared.
+    alike = {} if quick else {(p, m): agreement(rows, p, m) for p in ("default", "seed") for m in MEASURES}
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'><title>Sweeps</title>",
         f"<style>{STYLE}</style><h1>Where photometric stereo fails</h1>",
@@ -58,8 +62,7 @@ def write_page(
         f"without an answer, {sum(map(has_failed, rows))} failed.</p>",
         *_stability(folder, rows, perturbed),
         _speed(folder / "speed.svg", rows, seconds, there),
-        _correlation_words(correlations),
-        _table(ours, there, solvers),
+        *beside_the_benchmark(answers(rows), alike, ours, there, solvers),
     ]
     for one in there:
         charts = []
@@ -68,16 +71,18 @@ def write_page(
             write_text(folder / f"{one.name}-{name}.svg", chart)
             charts.append(chart)
         charts.append(_speed(folder / f"{one.name}-speed.svg", rows, seconds, [one]))
-        parts.append(f"<h2>{escape(one.label)}</h2>{_pictures(found, one)}<div class='charts'>{''.join(charts)}</div>")
+        heading = f"<h2 id='{one.name}'>{escape(one.label)}</h2>{_pictures(found, one)}"
+        parts.append(f"{heading}<div class='charts'>{''.join(charts)}</div>")
         parts.append(_without_result(rows, one.name))
     write_text(folder / "index.html", "\n".join(parts))
     write_json(
         folder / "statistics.json",
         {
-            "rank_correlation": correlations,
+            "agreement": [{"profile": p, "measure": m, **one._asdict()} for (p, m), one in alike.items()],
             "statistics": [
-                {"experiment": experiment, "solver": solver, "profile": profile, **numbers}
-                for (experiment, solver, profile), numbers in ours.items()
+                {"experiment": experiment, "solver": solver, "profile": profile, "measure": measure, **numbers}
+                for measure, found in ours.items()
+                for (experiment, solver, profile), numbers in found.items()
             ],
         },
     )
@@ -126,61 +131,6 @@ def _speed(path: Path, rows: Rows, seconds: Rows, experiments: list[Experiment])
     )
     write_text(path, chart)
     return f"<figure><figcaption>{escape(label)}</figcaption>{chart}</figure>"
-
-
-def _correlations(rows: Rows, ours: Statistics) -> dict[str, dict[str, float]]:
-    """Return the rank correlations with the benchmark: of all shapes, and of the benchmark's own, by profile."""
-    own = (OBJECTS[0], *(one.shapes[0] for one in EXPERIMENTS.values()))
-    same = statistics([row for row in rows if row["shape"] in own])
-    found = {}
-    for what, numbers in (("all shapes", ours), ("the benchmark's shapes", same)):
-        for profile in ("default", "seed"):
-            correlation, pairs = rank_correlation(numbers, profile)
-            found[f"{what}, {profile}"] = {"spearman": correlation, "pairs": pairs}
-    return found
-
-
-def _correlation_words(found: dict[str, dict[str, float]]) -> str:
-    rows = [(escape(what), f"{one['spearman']:.2f}", str(one["pairs"])) for what, one in found.items()]
-    return (
-        "<p>Rank correlation of the mean errors with the benchmark's, calibrated methods:</p>"
-        f"{table(('shapes, profile', 'Spearman', 'pairs'), rows)}"
-    )
-
-
-def _table(ours: Statistics, there: list[Experiment], solvers: list[str]) -> str:
-    """Return the table in the benchmark's layout; each field: default, seed profile, the benchmark's own."""
-    theirs, lines = benchmark_statistics(), []
-    for one in there:
-        found = [
-            (
-                ours.get((one.name, solver, "default"), {}),
-                ours.get((one.name, solver, "seed"), {}),
-                theirs.get((one.name, solver), {}),
-            )
-            for solver in solvers
-        ]
-        for name in STATISTICS:
-            fields = [_spans(*(f"{each[name]:.2f}" if name in each else "–" for each in three)) for three in found]
-            lines.append((f"{escape(one.label)}, {name}", *fields))
-        counts = [_spans(_counts(default), _counts(seed)) for default, seed, _ in found]
-        lines.append(("cells / without an answer / failed / pixels without one", *counts))
-    return (
-        "<p>Angular error in degrees, of each cell the mean. In each field: the methods as they are, "
-        "<span class='seed'>their plain readings (profile seed)</span>, <span class='theirs'>the benchmark's own "
-        "number</span>. What has no answer or failed is in no mean.</p>"
-        f"{table(('', *(escape(SOLVERS.get(name, name)) for name in solvers)), lines)}"
-    )
-
-
-def _spans(*values: str) -> str:
-    kinds = ("", "seed", "theirs")[: len(values)]
-    return "".join(f"<span class='{kind}'>{value}</span>" for kind, value in zip(kinds, values, strict=True))
-
-
-def _counts(numbers: dict[str, float]) -> str:
-    cells, silent, failed, share = (numbers.get(name, 0) for name in ("cells", "no_answer", "failed", "unanswered"))
-    return f"{cells} / {silent} / {failed} / {100 * share:.0f} %"
 
 
 def _chart(rows: Rows, experiment: Experiment, solvers: list[str], name: str) -> str:

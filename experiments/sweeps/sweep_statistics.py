@@ -1,35 +1,56 @@
 """What a sweep's rows say: the benchmark's five statistics, its own beside them, how alike the two rank, and speed."""
 
 import csv
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from compare.report.facts import family
 from compare.report.speed_chart import SpeedPoint
-from experiments.catalogue import CALIBRATED, EXPERIMENTS, SOLVERS
+from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS
 from experiments.tables import KEY, Rows, grouped, has_failed
 
 STATISTICS = ("min", "max", "mean", "median", "std")
+MEASURES = {
+    "filled_deg": "a pixel without a normal counts 90°",
+    "common_deg": "pixels that all methods answer",
+    "mean_deg": "pixels that the method answers",
+}
+"""Columns of a cell's mean error, the one that flatters nobody first, and what they are over."""
+DRAWS = 1000
 Statistics = dict[tuple[str, str, str], dict[str, float]]
+Interval = tuple[float, float, float]
+"""A number, and the ends between which it lies in 90 % of the draws."""
 
 
-def statistics(rows: Rows) -> Statistics:
+class Agreement(NamedTuple):
+    """How alike two tables of means rank: Spearman's rank correlations, each with its interval."""
+
+    pairs: int
+    overall: Interval
+    within: Interval
+    between: Interval
+
+
+def statistics(rows: Rows, measure: str = "mean_deg") -> Statistics:
     """Return, by (experiment, solver, profile), the statistics of the cells' mean angular errors, degrees.
 
-    min, max, mean, median and std (of the population) over levels, shapes and seeds, as the benchmark's table has
-    them: of each dataset one mean error. `cells` are those that count, `no_answer` those that a method refused,
-    `failed` those that ended by a fault of ours: neither is in a mean; `unanswered`: the mean share of an object's
-    pixels without a normal, which are in no mean either.
+    measure: a key of `MEASURES`. min, max, mean, median and std (of the population) over levels, shapes and seeds, as
+    the benchmark's table has them: of each dataset one mean error. `cells` are those that count, `no_answer` those that
+    a method refused, `failed` those that ended by a fault of ours, which are in no mean; what was refused counts where
+    gaps do. `unanswered`: the mean share of an object's pixels without a normal.
     """
     found: Statistics = {}
     for (experiment, solver, profile), group in grouped(rows, "experiment", "solver", "profile").items():
-        good = [row for row in group if row["status"] == "ok"]
-        errors, failed = np.array([row["mean_deg"] for row in good], float), sum(map(has_failed, group))
+        good, failed = [row for row in group if row["status"] == "ok"], sum(map(has_failed, group))
         numbers: dict[str, float] = {"cells": len(good), "no_answer": len(group) - len(good) - failed, "failed": failed}
-        if good:
+        errors = np.array([row[measure] for row in group if row.get(measure) is not None], float)
+        if len(errors):
             numbers |= {name: float(getattr(np, name)(errors)) for name in STATISTICS}
+        if good:
             numbers["unanswered"] = float(np.mean([row["unanswered"] for row in good]))
         found[experiment, solver, profile] = numbers
     return found
@@ -37,7 +58,7 @@ def statistics(rows: Rows) -> Statistics:
 
 def benchmark_statistics() -> dict[tuple[str, str], dict[str, float]]:
     """Return the benchmark's own table [Berkiten2016], by (experiment, solver): its five statistics."""
-    names = {one.label: one.name for one in EXPERIMENTS.values()}
+    names = {one.label: one.name for one in ONE_FACTOR.values()}
     found: dict[tuple[str, str], dict[str, float]] = {}
     with open(Path(__file__).parent / "benchmark_figure7.csv", newline="") as file:
         for row in csv.DictReader(file):
@@ -46,21 +67,68 @@ def benchmark_statistics() -> dict[tuple[str, str], dict[str, float]]:
     return found
 
 
-def rank_correlation(
-    ours: Statistics, profile: str, *, solvers: Iterable[str] = CALIBRATED, statistic: str = "mean"
-) -> tuple[float, int]:
-    """Return Spearman's rank correlation [Spearman1904] with the benchmark, NaN under three pairs, and their number.
+def agreement(rows: Rows, profile: str, measure: str, *, solvers: Sequence[str] = CALIBRATED) -> Agreement:
+    """Return how alike our mean errors and the benchmark's rank [Spearman1904].
 
-    A pair: an experiment and one of the solvers.
+    rows: of experiments that the benchmark has; compared are those in which every solver has a mean.
+
+    Notes
+    -----
+    `overall` ranks all means together; `within` is the mean over the experiments of the rank correlation of the
+    solvers, `between` the mean over the solvers of that of the experiments. The intervals are the 5 % and 95 %
+    quantiles when each experiment's cells, its scenes, are drawn anew with replacement [Efron1993].
     """
-    from scipy.stats import spearmanr
+    theirs, errors = benchmark_statistics(), _errors(rows, profile, measure, solvers)
+    there = [name for name, found in errors.items() if np.isfinite(found).any(0).all()]
+    if len(there) < 3:
+        unknown = (np.nan, np.nan, np.nan)
+        return Agreement(len(there) * len(solvers), unknown, unknown, unknown)
+    wanted = np.array([[theirs[name, solver]["mean"] for solver in solvers] for name in there])
+    generator, means = np.random.default_rng(len(there)), np.empty((DRAWS + 1, len(there), len(solvers)))
+    for place, name in enumerate(there):
+        found = errors[name]
+        weights = generator.multinomial(len(found), np.full(len(found), 1 / len(found)), DRAWS)
+        weights = np.concatenate([np.ones((1, len(found))), weights])
+        known = np.isfinite(found)
+        with np.errstate(invalid="ignore"):
+            means[:, place] = weights @ np.where(known, found, 0) / (weights @ known)
+    whole = _spearman(means.reshape(len(means), -1), wanted.reshape(1, -1))
+    within, between = _spearman(means, wanted), _spearman(means.swapaxes(1, 2), wanted.T)
+    return Agreement(wanted.size, _interval(whole[:, None]), _interval(within), _interval(between))
 
-    theirs = benchmark_statistics()
-    keys = [(e, s) for e, s in theirs if s in set(solvers) and statistic in ours.get((e, s, profile), {})]
-    if len(keys) < 3:
-        return float("nan"), len(keys)
-    pairs = np.array([[ours[(*key, profile)][statistic], theirs[key][statistic]] for key in keys])
-    return float(spearmanr(pairs).statistic), len(keys)  # type: ignore[union-attr]
+
+def _interval(found: NDArray[np.float64]) -> Interval:
+    """Return the mean of correlations (1 + draws, N) as they are, and its quantiles over the draws; NaN left out."""
+    known = np.isfinite(found)
+    if not known[0].any():
+        return np.nan, np.nan, np.nan
+    means = np.where(known, found, 0).sum(1)[known.any(1)] / known.sum(1)[known.any(1)]
+    low, high = np.quantile(means, [0.05, 0.95])
+    return float(means[0]), float(low), float(high)
+
+
+def _errors(rows: Rows, profile: str, measure: str, solvers: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return, by experiment, the errors (cells, solvers); NaN where a cell has none."""
+    rows = [row for row in rows if row["profile"] == profile and row["solver"] in solvers]
+    found = {}
+    for (name,), group in grouped(rows, "experiment").items():
+        cells = grouped(group, "level", "shape", "seed")
+        found[name] = np.full((len(cells), len(solvers)), np.nan)
+        for line, cell in zip(found[name], cells.values(), strict=True):
+            for row in cell:
+                if row.get(measure) is not None:
+                    line[solvers.index(row["solver"])] = row[measure]
+    return found
+
+
+def _spearman(ours: NDArray, theirs: NDArray) -> NDArray[np.float64]:
+    """Return the rank correlation along the last axis; NaN where one of the two is constant."""
+    from scipy.stats import rankdata
+
+    a, b = (rankdata(values, axis=-1) for values in (ours, theirs))
+    a, b = a - a.mean(-1, keepdims=True), b - b.mean(-1, keepdims=True)
+    with np.errstate(invalid="ignore"):
+        return np.sum(a * b, -1) / np.sqrt(np.sum(a * a, -1) * np.sum(b * b, -1))
 
 
 def curve(rows: Rows, experiment: str, solver: str, profile: str, quantity: str) -> dict[str, list[float]]:
@@ -68,9 +136,9 @@ def curve(rows: Rows, experiment: str, solver: str, profile: str, quantity: str)
     rows = [row for row in rows if row["experiment"] == experiment]
     levels = sorted({row["level"] for row in rows})
     found: dict[str, list[float]] = {"level": [float(level) for level in levels], "low": [], "middle": [], "high": []}
-    rows = [row for row in rows if (row["solver"], row["profile"], row["status"]) == (solver, profile, "ok")]
+    rows = [row for row in rows if (row["solver"], row["profile"]) == (solver, profile) and not has_failed(row)]
     for level in levels:
-        values = [row[quantity] for row in rows if row["level"] == level and row[quantity] is not None]
+        values = [row[quantity] for row in rows if row["level"] == level and row.get(quantity) is not None]
         quartiles = np.quantile(values, [0.25, 0.5, 0.75]) if values else [np.nan] * 3
         for name, value in zip(("low", "middle", "high"), quartiles, strict=True):
             found[name].append(float(value))

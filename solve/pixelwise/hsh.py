@@ -25,7 +25,7 @@ class Settings(NamedTuple):
     three_lights : bool
         Read the normal off three virtual lights, 45 degrees up.
     cutoff : float
-        Singular values under this share of the largest are left out.
+        Singular values under this share of the largest are left out; 0: none is, as by a plain inverse.
     """
 
     order: int = 2
@@ -33,9 +33,9 @@ class Settings(NamedTuple):
     cutoff: float = 1e-3
 
 
-SEED = Settings(three_lights=True, cutoff=1e-8)
-"""The plain reading: order 2, inverted as it stands, normals by three virtual lights, as relighting viewers do. The
-benchmark names neither the order nor how normals are had."""
+SEED = Settings(three_lights=True, cutoff=0.0)
+"""The plain reading: order 2, inverted as it stands, however singular, normals by three virtual lights, as relighting
+viewers do. The benchmark names neither the order nor how normals are had."""
 
 
 def cautions_of(directions, settings: Settings) -> tuple[str, ...]:
@@ -95,7 +95,7 @@ def _matrix(directions, settings):  # pragma: no cover
     values, vectors = np.linalg.eigh(np.dot(basis.T, basis))
     inverse = np.zeros_like(values)
     for k in range(len(values)):
-        if values[k] > settings.cutoff * settings.cutoff * values[-1]:
+        if abs(values[k]) > settings.cutoff * settings.cutoff * values[-1]:
             inverse[k] = 1.0 / values[k]
     pseudo = np.dot(np.ascontiguousarray(vectors * inverse), np.dot(np.ascontiguousarray(vectors.T), basis.T))
     if settings.three_lights:

@@ -206,7 +206,7 @@ class Visitor:
     def send(self, button, path):
         """Send a file by a button. Pressed again where the page was still being laid out under the first press."""
         choosers = []
-        self.page.once("filechooser", choosers.append)
+        self.page.once("filechooser", lambda chooser: choosers.append(chooser))
         for _ in range(PATIENCE_S // PRESS_AGAIN_S):
             self.press(button)
             for _ in range(20 * PRESS_AGAIN_S):

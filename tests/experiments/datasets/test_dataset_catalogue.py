@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.catalogue import DECIMALS, EXPERIMENTS, FAMILIES, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
+from experiments.catalogue import DECIMALS, FAMILIES, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
 from experiments.scenes import DISTANCES, POWER_SPREAD, dataset_scene
+from experiments.stagings import ONE_FACTOR
 from scene.errors import SceneError
 
 KNOWN = catalogue()
@@ -18,7 +19,7 @@ KNOWN = catalogue()
 
 def test_every_level_of_every_experiment_is_there_once():
     assert len(KNOWN) >= 93
-    for one in EXPERIMENTS.values():
+    for one in ONE_FACTOR.values():
         members = [each for each in KNOWN.values() if each.family == one.name]
         assert {(each.recipe.shape, getattr(each.recipe, one.vary)) for each in members} == {
             (shape, value) for shape in one.shapes for value in one.levels
@@ -32,7 +33,7 @@ def test_names_say_the_level_exactly():
         assert re.fullmatch(r"[a-z]+(-[a-z0-9.]+)+", name)
         if each.family in DECIMALS:
             word = name.split("-", 2)[2]
-            assert float(word) == getattr(each.recipe, EXPERIMENTS[each.family].vary)
+            assert float(word) == getattr(each.recipe, ONE_FACTOR[each.family].vary)
     assert KNOWN["pear-roughness-0.30"].recipe.roughness == 0.3
     assert KNOWN["knot-ring-05"].recipe.polar_deg == 5.0
     assert KNOWN["pear-images-03"].recipe.images == 3

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.catalogue import SOLVERS
 from experiments.recipe import Cell, Recipe
+from experiments.stagings import SOLVERS
 from experiments.sweeps.cell import run_cell
 from twin.engines.variant import FAST, pick_variant
 

@@ -8,15 +8,15 @@ from dataclasses import fields, replace
 import pytest
 
 from experiments import recipe
-from experiments.catalogue import EXPERIMENTS, experiments_of
 from experiments.recipe import Recipe
+from experiments.stagings import ONE_FACTOR, experiments_of
 from scene import current
 from scene.errors import SceneError
 
 
 def test_each_experiment_varies_one_factor_over_eight_levels():
-    assert len(EXPERIMENTS) == 9
-    for one in EXPERIMENTS.values():
+    assert len(ONE_FACTOR) == 9
+    for one in ONE_FACTOR.values():
         cells = list(one.cells())
         assert len(set(one.levels)) == len(one.levels) >= 8
         assert len(one.shapes) > 1
@@ -29,14 +29,14 @@ def test_each_experiment_varies_one_factor_over_eight_levels():
 
 
 def test_names_tell_cells_apart():
-    cells = [cell for one in EXPERIMENTS.values() for cell in one.cells()]
+    cells = [cell for one in ONE_FACTOR.values() for cell in one.cells()]
     keys = [cell.key for cell in cells]
     assert len(set(keys)) == len(keys)
     cell = cells[0]
     others = {
         "shape": "knot", "relief": 2.0, "material": "specular", "reflectance": 0.4, "roughness": 0.3,
         "specularity": 0.5, "lights": "ring", "count": 9, "polar_deg": 50.0, "depth": 4, "ambient": 0.3, "noise": 0.2,
-        "images": 5, "side": 99, "seed": 10003,
+        "images": 5, "side": 99, "seed": 10003, "distribution": "beckmann",
     }  # fmt: skip
     assert set(others) == {f.name for f in fields(Recipe)}
     changed = [replace(cell, recipe=replace(cell.recipe, **{name: value})).key for name, value in others.items()]
@@ -71,15 +71,15 @@ def test_names_change_with_the_code_that_makes_the_rows(tmp_path, monkeypatch):
 
 
 def test_a_quick_look_is_small():
-    cells = [cell for one in EXPERIMENTS.values() for cell in one.cells(quick=True)]
+    cells = [cell for one in ONE_FACTOR.values() for cell in one.cells(quick=True)]
     assert len(cells) == 36
     assert {cell.recipe.side for cell in cells} == {96}
-    ambient = [cell.value for cell in EXPERIMENTS["ambient"].cells(quick=True)]
-    assert (ambient[0], ambient[-1]) == (EXPERIMENTS["ambient"].levels[0], EXPERIMENTS["ambient"].levels[-1])
+    ambient = [cell.value for cell in ONE_FACTOR["ambient"].cells(quick=True)]
+    assert (ambient[0], ambient[-1]) == (ONE_FACTOR["ambient"].levels[0], ONE_FACTOR["ambient"].levels[-1])
 
 
 def test_what_is_asked_for():
-    assert [one.name for one in experiments_of("all")] == list(EXPERIMENTS)
+    assert [one.name for one in experiments_of("all")] == list(ONE_FACTOR)
     assert [one.name for one in experiments_of("ring, noise,ring")] == ["ring", "noise"]
     with pytest.raises(SceneError, match="rings is unknown; there are ambient"):
         experiments_of("rings")

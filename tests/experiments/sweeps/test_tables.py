@@ -7,24 +7,25 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from experiments.catalogue import CALIBRATED, EXPERIMENTS, SOLVERS
-from experiments.sweeps.cell import failed_rows
+from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS
+from experiments.sweeps.cell import common_means, failed_rows
 from experiments.sweeps.sweep import write_tables
 from experiments.sweeps.sweep_page import write_page
-from experiments.sweeps.sweep_statistics import benchmark_statistics, curve, rank_correlation, statistics
+from experiments.sweeps.sweep_statistics import agreement, benchmark_statistics, curve, statistics
 from experiments.tables import KEY, RESULTS
 
 
-def cells_with(error, experiments=EXPERIMENTS):
+def cells_with(error, experiments=ONE_FACTOR):
     """Made-up cells whose mean error is `error(experiment, solver, level)`; None: failed."""
     found = []
     for name in experiments:
-        for cell in EXPERIMENTS[name].cells():
+        for cell in ONE_FACTOR[name].cells():
             rows = failed_rows(cell, "by the test")
             for row in rows:
                 value = error(name, row["solver"], row["level"])
                 if value is not None:
-                    row |= {"status": "ok", "mean_deg": float(value), "median_deg": float(value)}
+                    row |= {"status": "ok", "median_deg": float(value)}
+                    row |= dict.fromkeys(("mean_deg", "common_deg", "filled_deg"), float(value))
                     row |= {"unanswered": 0.25, "albedo_error_percent": 3.0, "pixels": 3000, "frames": 32}
                     row |= dict.fromkeys(("flip_deg", "relief_deg", "turn_deg", "tilt_spread_deg"), float(value))
                     row |= {"tilt_deg": -9.0, "doubts": "by the test"}
@@ -37,7 +38,7 @@ def cells_with(error, experiments=EXPERIMENTS):
 
 def test_tables_are_the_same_bytes_in_any_order(tmp_path):
     found = cells_with(lambda name, solver, level: len(solver) + level, ["ring", "ambient"])
-    order = [*EXPERIMENTS, *SOLVERS]
+    order = [*ONE_FACTOR, *SOLVERS]
     rows = write_tables(tmp_path / "a", found, order)
     shuffled = [found[i] for i in np.random.default_rng(10001).permutation(len(found))]
     assert write_tables(tmp_path / "b", shuffled, order) == rows
@@ -56,9 +57,14 @@ def test_statistics_count_what_failed():
     numbers = statistics(rows)["roughness", "ls", "default"]
     values = np.repeat([1.0, 2.0, 6.0, 3.0, 3.0, 3.0, 3.0, 3.0], 3)
     assert (numbers["cells"], numbers["no_answer"], numbers["failed"], numbers["unanswered"]) == (24, 0, 3, 0.25)
-    rows = [{**row, "status": row["status"].replace("failed", "no answer")} for row in rows]
+    rows = [
+        {**row, "status": "no answer: by the test", "filled_deg": 90.0} if row["status"].startswith("failed") else row
+        for row in rows
+    ]
     numbers = statistics(rows)["roughness", "ls", "default"]
     assert (numbers["cells"], numbers["no_answer"], numbers["failed"]) == (24, 3, 0)
+    filled = statistics(rows, "filled_deg")["roughness", "ls", "default"]
+    assert filled["mean"] == pytest.approx(np.append(values, [90.0] * 3).mean()), "who refuses is not rewarded"
     for name in ("min", "max", "mean", "median", "std"):
         assert numbers[name] == pytest.approx(getattr(np, name)(values))
     middle = curve(rows, "roughness", "ls", "default", "mean_deg")["middle"]
@@ -76,10 +82,50 @@ def test_the_benchmark_s_own_numbers():
 def test_rank_correlation_is_that_of_ranks():
     theirs = benchmark_statistics()
     rows = [row for one in cells_with(lambda n, s, _: theirs[n, s]["mean"] ** 3) for row in one["rows"]]
-    assert rank_correlation(statistics(rows), "seed") == (pytest.approx(1.0), 9 * len(CALIBRATED))
+    found = agreement(rows, "seed", "filled_deg")
+    assert found.pairs == 9 * len(CALIBRATED)
+    for one in found[1:]:
+        assert one == pytest.approx((1.0, 1.0, 1.0), abs=1e-9), "all scenes of an experiment are alike here"
     rows = [row for one in cells_with(lambda n, s, _: 1 / theirs[n, s]["mean"]) for row in one["rows"]]
-    assert rank_correlation(statistics(rows), "default")[0] == pytest.approx(-1.0)
-    assert np.isnan(rank_correlation({}, "seed")[0])
+    assert agreement(rows, "default", "mean_deg").overall[0] == pytest.approx(-1.0)
+    assert np.isnan(agreement([], "seed", "mean_deg").overall[0])
+
+
+def test_agreement_within_and_between_experiments_are_told_apart():
+    """The right order of methods with the experiments' difficulties upside down, and the reverse."""
+    theirs = benchmark_statistics()
+    mean = {name: np.mean([theirs[name, solver]["mean"] for solver in CALIBRATED]) for name in ONE_FACTOR}
+    rank = sorted(mean, key=mean.get)
+    opposite = dict(zip(rank, rank[::-1], strict=True))
+    cells = cells_with(lambda name, solver, _: 1000 * mean[opposite[name]] + theirs[name, solver]["mean"])
+    found = agreement([row for one in cells for row in one["rows"]], "seed", "filled_deg")
+    assert found.within[0] == pytest.approx(1.0)
+    assert found.between[0] < -0.5
+    cells = cells_with(lambda name, solver, _: 1000 * mean[name] - theirs[name, solver]["mean"])
+    found = agreement([row for one in cells for row in one["rows"]], "seed", "filled_deg")
+    assert found.within[0] == pytest.approx(-1.0)
+    assert found.between[0] > 0.5
+
+
+def test_the_interval_is_wide_where_the_scenes_differ():
+    theirs, generator, noise = benchmark_statistics(), np.random.default_rng(10_601), {}
+
+    def scattered(name, solver, level):
+        noise.setdefault((name, solver, level), np.exp(1.5 * generator.standard_normal()))
+        return theirs[name, solver]["mean"] * noise[name, solver, level]
+
+    found = agreement([row for one in cells_with(scattered) for row in one["rows"]], "seed", "filled_deg")
+    for middle, low, high in found[1:]:
+        assert -1 <= low <= middle + 0.05
+        assert middle - 0.05 <= high
+        assert high - low > 0.02
+
+
+def test_who_leaves_out_what_is_hard_is_compared_on_what_all_answer():
+    errors = np.array([[1.0, 2.0, 60.0, 70.0], [1.0, 2.0, np.nan, np.nan], [np.nan, 4.0, 5.0, 6.0], [np.nan] * 4])
+    assert common_means(errors) == [2.0, 2.0, 4.0, None]
+    assert common_means(errors[3:]) == [None]
+    assert common_means(np.array([[1.0, np.nan], [np.nan, 1.0]])) == [None, None], "no pixel that both answer"
 
 
 def test_the_page_shows_failures_and_every_experiment(tmp_path):
@@ -90,11 +136,11 @@ def test_the_page_shows_failures_and_every_experiment(tmp_path):
             {name: row[name] for name in (*KEY,)} | {"seconds": 2.0 ** list(SOLVERS).index(row["solver"])}
             for row in one["rows"]
         ]
-    rows, perturbed, seconds = write_tables(tmp_path, found, [*EXPERIMENTS, *SOLVERS])
+    rows, perturbed, seconds = write_tables(tmp_path, found, [*ONE_FACTOR, *SOLVERS])
     write_page(tmp_path, rows, found, perturbed=perturbed, seconds=seconds)
     page = (tmp_path / "index.html").read_text()
-    for one in EXPERIMENTS.values():
-        assert f"<h2>{one.label}</h2>" in page
+    for one in ONE_FACTOR.values():
+        assert f"<h2 id='{one.name}'>{one.label}</h2>" in page
         chart = (tmp_path / f"{one.name}-normals.svg").read_text()
         assert chart.count("<polyline") == len(SOLVERS)
         assert chart.count("<polygon") == len(SOLVERS)

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from experiments import recipe
-from experiments.catalogue import EXPERIMENTS
 from experiments.recipe import RUNNER
+from experiments.stagings import ONE_FACTOR
 from experiments.sweeps import sweep
 from experiments.sweeps.cell import failed_rows
 from scene.current import code_fingerprint
@@ -24,7 +24,7 @@ from scene.output_folder import open_record
 PROGRAM = """
 import os, signal, sys, time
 from pathlib import Path
-from experiments.catalogue import EXPERIMENTS
+from experiments.stagings import ONE_FACTOR
 from experiments.sweeps.sweep import join_cells, run_cells
 from experiments.sweeps.cell import failed_rows
 from scene.output_folder import open_record
@@ -49,7 +49,7 @@ def work(cell):
     return {"rows": rows, "seconds": seconds, "picture": None}
 
 if __name__ == "__main__":
-    cells = list(EXPERIMENTS["ambient"].cells())
+    cells = list(ONE_FACTOR["ambient"].cells())
     if "full" in sys.argv:
         import errno, scene.files
         calls, replace = [], os.replace
@@ -200,7 +200,7 @@ def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypa
     source.parent.mkdir(parents=True)
     source.write_text("one = 1")
     monkeypatch.setattr(recipe, "sources", lambda _: [source])
-    cells = list(EXPERIMENTS["ambient"].cells())[:6]
+    cells = list(ONE_FACTOR["ambient"].cells())[:6]
     made = {"rows": failed_rows(cells[0], "by the test"), "seconds": [], "picture": None}
 
     def results(*_, **__):
