@@ -1,5 +1,6 @@
 """The nine experiments: what is varied, how often, and under which name a cell is kept."""
 
+import csv
 import shutil
 import subprocess
 import sys
@@ -9,7 +10,8 @@ import pytest
 
 from experiments import recipe
 from experiments.recipe import Recipe
-from experiments.stagings import ONE_FACTOR, experiments_of
+from experiments.stagings import FITTED, NOISE, ONE_FACTOR, benchmark, experiments_of
+from experiments.sweeps.sweep_statistics import benchmark_statistics
 from scene import current
 from scene.errors import SceneError
 
@@ -26,6 +28,43 @@ def test_each_experiment_varies_one_factor_over_eight_levels():
             recipes = [cell.recipe for cell in cells if cell.recipe.shape == shape and cell.recipe.seed == 0]
             differing = {f.name for f in fields(Recipe) if len({getattr(recipe, f.name) for recipe in recipes}) > 1}
             assert differing == {one.vary}
+
+
+def test_the_benchmark_s_staging_is_its_text_and_its_lsq_column():
+    staged, theirs = benchmark(), benchmark_statistics()
+    assert list(staged) == list(ONE_FACTOR)
+    with FITTED.open(newline="") as file:
+        fitted = list(csv.DictReader(file))
+    (noise,) = (float(row["level"]) for row in fitted if row["experiment"] == NOISE)
+    for name, one in staged.items():
+        recipes = [cell.recipe for cell in one.cells() if cell.recipe.seed == 0]
+        differing = {f.name for f in fields(Recipe) if len({getattr(recipe, f.name) for recipe in recipes}) > 1}
+        assert differing == {one.vary}
+        assert {recipe.depth for recipe in recipes} == {32}, "light goes on from surface to surface everywhere"
+        assert one.base.distribution == "beckmann" or one.base.material == "diffuse"
+        assert one.base.noise == noise
+        assert (one.label, one.vary) == (ONE_FACTOR[name].label, ONE_FACTOR[name].vary)
+        assert one.shapes == ONE_FACTOR[name].shapes[:1]
+        rows = [row for row in fitted if row["experiment"] == name]
+        if not rows:
+            assert name in ("material", "roughness"), "the text has their levels"
+            assert one.levels == ONE_FACTOR[name].levels
+            continue
+        assert list(one.levels) == sorted(set(one.levels))
+        assert {(float(row["lsq_min_deg"]), float(row["lsq_max_deg"])) for row in rows} == {
+            (theirs[name, "ls"]["min"], theirs[name, "ls"]["max"])
+        }
+        reached = [float(row["ls_deg"]) for row in rows if row["ls_deg"]]
+        assert reached == sorted(reached, reverse=name == "images")
+        assert max(reached) < theirs[name, "ls"]["max"] + 0.1
+    assert staged["ring"].base.count == 24
+    assert len(staged["ring"].levels) == 9
+
+
+def test_a_first_look_sees_gloss():
+    materials = [cell.value for cell in ONE_FACTOR["material"].cells(quick=True)]
+    assert len(materials) == 4
+    assert {"diffuse", "specular"} < set(materials)
 
 
 def test_names_tell_cells_apart():
