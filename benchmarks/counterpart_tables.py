@@ -10,14 +10,7 @@ import numpy as np
 from benchmarks.virtual_lab import BALLS, CENTRE_MM, Experiment
 from benchmarks.virtual_pairs import METHODS, Pair, level_name
 from compare.report.line_chart import line_chart
-from compare.report.pictures import (
-    Box,
-    Image,
-    colour_scale_end,
-    enlarged,
-    error_picture,
-    with_colour_scale,
-)
+from compare.report.pictures import Box, Image, colour_scale_end, enlarged, error_picture, with_colour_scale
 from experiments.compare_folders import error_maps, open_folder
 
 CHARTED = ("ls", "iterative", "hsh")
@@ -77,8 +70,17 @@ def block(experiment: Experiment, pairs: Sequence[Pair]) -> list[str]:
     return [*lines, f"{spent_min:.1f} processor minutes.", "", f"![{title}](virtual-{experiment.name}.svg)", ""]
 
 
-def numbers(results: Results) -> dict[str, float]:
-    """Return what the verdict says in numbers, over all pairs.
+def distinct(experiments: Sequence[Experiment], results: Results) -> list[Pair]:
+    """Return the pairs of all experiments, each setup's once: the easiest level of three is the same plain sphere."""
+    of = {}
+    for experiment in experiments:
+        for (_, setup), pair in zip(experiment.setups(), results[experiment.name], strict=True):
+            of.setdefault(setup, pair)
+    return list(of.values())
+
+
+def numbers(pairs: Sequence[Pair]) -> dict[str, float]:
+    """Return what the verdict says in numbers.
 
     By answer, `verdict`, `level`, `pattern` and `order` before it with a colon: how many pairs. spearman: median rank
     correlation of the methods. pearson:METHOD, pearson_low:METHOD, pearson_high:METHOD: median and quartiles of the
@@ -86,7 +88,6 @@ def numbers(results: Results) -> dict[str, float]:
     medians: apart_deg, by how much `ls` errs differently on capture and rendering; told_deg, the same where the
     capture's object stands at its true distance; lights_off_deg.
     """
-    pairs = [pair for level in results.values() for pair in level]
     found: dict[str, float] = {"pairs": len(pairs), "spearman": float(np.nanmedian([pair.spearman for pair in pairs]))}
     for question in ("verdict", "level", "pattern", "order"):
         given = [pair.found["verdict"] if question == "verdict" else pair.found["reasons"][question] for pair in pairs]
@@ -106,9 +107,9 @@ def numbers(results: Results) -> dict[str, float]:
     return found
 
 
-def verdict(results: Results, made_at: str) -> str:
+def verdict(pairs: Sequence[Pair], made_at: str) -> str:
     """Return the paragraph that sums all tables up; made_at: of which code they are."""
-    of = numbers(results)
+    of = numbers(pairs)
 
     def counted(question: str, words: Sequence[str] = ANSWERS) -> str:
         return ", ".join(f"{of[f'{question}:{key}']:.0f} {word}" for key, word in zip(ANSWERS, words, strict=True))
@@ -152,8 +153,7 @@ def maps_picture(results: Results) -> Image:
     strips = []
     for name, level in SHOWN:
         pair = next(pair for pair in results[name] if level_name(pair.level) == level)
-        unit = "°" if name == "cardboard" else ""
-        strips.append(_strip(f"{name}, {level}{' degrees' if unit else ''}", *pair.folders))
+        strips.append(_strip(f"{name}: {level}", *pair.folders))
     width = max(strip.shape[1] for strip in strips)
     padded = [
         np.pad(strip, ((0, GAP_PX), (0, width - strip.shape[1]), (0, 0)), constant_values=255) for strip in strips
