@@ -187,3 +187,4 @@ def test_the_page_says_what_its_tables_say():
     assert len(re.findall(r"commit [0-9a-f]{10}\b", text)) == 1
     for one in VIRTUAL_EXPERIMENTS:
         assert f"](virtual-{one.name}.svg)" in text
+    assert (PAGE.parent / "virtual-maps.png").stat().st_size < 300_000
