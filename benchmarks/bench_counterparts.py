@@ -12,7 +12,7 @@ from pathlib import Path
 
 import cv2
 
-from benchmarks.counterpart_tables import block, chart, distinct, maps_picture, tables, verdict
+from benchmarks.counterpart_tables import block, chart, curves, distinct, maps_picture, tables, verdict
 from benchmarks.pages import put
 from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS
 from benchmarks.virtual_pairs import run_experiments
@@ -57,7 +57,9 @@ def main() -> None:
     done, picture = cv2.imencode(".png", maps_picture(results)[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
     assert done
     EVIDENCE.joinpath("virtual-maps.png").write_bytes(picture.tobytes())
-    put(EVIDENCE / "counterparts.md", "verdict", verdict(distinct(wanted, results), f"commit {before}"))
+    put(
+        EVIDENCE / "counterparts.md", "verdict", verdict(distinct(wanted, results), curves(results), f"commit {before}")
+    )
     put(EVIDENCE / "counterparts.md", "tables", tables(wanted, results))
 
 

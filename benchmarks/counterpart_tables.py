@@ -107,8 +107,17 @@ def numbers(pairs: Sequence[Pair]) -> dict[str, float]:
     return found
 
 
-def verdict(pairs: Sequence[Pair], made_at: str) -> str:
-    """Return the paragraph that sums all tables up; made_at: of which code they are."""
+def curves(results: Results) -> dict[str, float]:
+    """Return, by experiment, the correlation of the median errors of `ls`, virtual and rendered, over the levels."""
+    found = {}
+    for name, pairs in results.items():
+        real, twin = ([pair.medians(kind)["ls"] for pair in pairs] for kind in ("real", "twin"))
+        found[name] = float(np.corrcoef(real, twin)[0, 1])
+    return found
+
+
+def verdict(pairs: Sequence[Pair], along: Mapping[str, float], made_at: str) -> str:
+    """Return the paragraph that sums all tables up; along: `curves`; made_at: of which code they are."""
     of = numbers(pairs)
 
     def counted(question: str, words: Sequence[str] = ANSWERS) -> str:
@@ -131,6 +140,8 @@ def verdict(pairs: Sequence[Pair], made_at: str) -> str:
         f"{of['lights_off_deg']:.2f}°, median), the median error of `ls` differs by {of['apart_deg']:.1f}° (median), "
         f"and by {of['told_deg']:.1f}° where the capture is solved with the object at its true distance: without a "
         f"scan it is taken to stand amid the balls, which are {behind_mm:.0f} mm further from the camera.",
+        "Do both sides rise and fall together from level to level: the correlation of the two curves of `ls` is "
+        f"{', '.join(f'{value:.2f} ({name})' for name, value in along.items())}.",
         "The benchmark's text found, on real things, similar error patterns (its Fig. 5), and curves with some "
         "variations (Fig. 6), mainly laid to the uneven positions of a flash held by hand.",
         f"All tables, charts and maps: {made_at}.",

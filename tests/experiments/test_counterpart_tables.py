@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import bench_counterparts
-from benchmarks.counterpart_tables import MAPPED, block, chart, distinct, maps_picture, numbers, rows, verdict
+from benchmarks.counterpart_tables import MAPPED, block, chart, curves, distinct, maps_picture, numbers, rows, verdict
 from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS
 from benchmarks.virtual_pairs import METHODS, Pair
 from compare.report.pictures import error_picture
@@ -63,10 +63,11 @@ def test_the_verdict_counts_pairs_and_takes_medians():
     assert of["apart_deg"] == pytest.approx((0.5 + 2.0) / 2)
     assert of["told_deg"] == pytest.approx((0.1 + 0.3) / 2)
     assert of["lights_off_deg"] == pytest.approx((0.3 + 0.7) / 2)
-    text = verdict(every, "commit 0123456789")
+    text = verdict(every, {"iso": 0.987}, "commit 0123456789")
     assert text.startswith("**Of 4 pairs, virtual capture against rendering, 1 alike, 2 not shown, 1 differ.**")
     assert text.count("\n") == 1
     assert "In the 2 pairs" in text
+    assert "`ls` is 0.99 (iso)." in text
     assert "is 0.75 (`ls`; quartiles 0.55 and 0.82)" in text
     assert text.endswith("commit 0123456789.\n")
 
@@ -77,6 +78,17 @@ def test_a_pair_that_two_experiments_share_counts_once():
     assert len(found) == len({setup for one in VIRTUAL_EXPERIMENTS for _, setup in one.setups()}) == 19
     assert found[0] is results["ambient"][0]
     assert results["iso"][0] not in found[1:]
+
+
+def test_curves_that_run_side_by_side_correlate():
+    steps = [(1.0, 2.0), (2.0, 3.0), (5.0, 6.0)]
+    along = curves(
+        {
+            "apart": [pair(float(i), real=a, twin=b) for i, (a, b) in enumerate(steps)],
+            "against": [pair(float(i), real=a, twin=-b) for i, (a, b) in enumerate(steps)],
+        }
+    )
+    assert along == pytest.approx({"apart": 1.0, "against": -1.0})
 
 
 def test_a_table_has_a_line_a_level_and_each_number_in_its_place():
