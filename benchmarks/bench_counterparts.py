@@ -1,79 +1,66 @@
-"""The seed's experiments on real things: virtual captures against counterparts; into docs/evidence/counterparts.md.
+"""The benchmark's experiments on real things: virtual captures against counterparts; docs/evidence/counterparts.md.
 
-    .venv/bin/python -m benchmarks.bench_counterparts [--only iso] [--write] [--out out/counterparts]
+    .venv/bin/python -m benchmarks.bench_counterparts [--only iso | --write] [--out out/counterparts]
 
-Goes on where it was stopped. Each experiment has a block of its own in the page, and a chart,
-docs/evidence/virtual-EXPERIMENT.svg.
+Goes on where it was stopped; a pair is made again where setup or code has changed. `--write` writes the page, its
+charts (docs/evidence/virtual-EXPERIMENT.svg) and error maps all at once, and names the commit that they are of.
 """
 
 import argparse
-import os
-import time
+import subprocess
 from pathlib import Path
 
+import cv2
+
+from benchmarks.counterpart_tables import block, chart, curves, distinct, maps_picture, tables, verdict
 from benchmarks.pages import put
-from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS, Experiment
-from benchmarks.virtual_pairs import METHODS, Pair, run_experiments
-from compare.report.line_chart import line_chart
+from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS
+from benchmarks.virtual_pairs import run_experiments
+from scene.current import ROOMS
 
 ROOT = Path(__file__).resolve().parents[1]
-SHOWN = ("ls", "iterative", "hsh")
-"""In the charts: each twice, virtual and rendered."""
+EVIDENCE = ROOT / "docs" / "evidence"
 
 
-def chart(experiment: Experiment, pairs: list[Pair]) -> str:
-    """Return the SVG of both sides' errors over the level."""
-    levels = [pair.level for pair in pairs]
-    lines = {
-        f"{name}, {words}": (levels, [pair.medians(kind)[name] for pair in pairs])
-        for name in SHOWN
-        for kind, words in (("real", "virtual"), ("twin", "rendered"))
-    }
-    return line_chart(lines, x_title=experiment.axis, y_title="median angular error, degrees", log_x=experiment.log)
+def commit(root: Path = ROOT) -> str:
+    """Return the commit that all code is of; stop the program where some is changed and not committed."""
 
+    def git(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=True).stdout.strip()
 
-def rows(experiment: Experiment, pairs: list[Pair]) -> list[str]:
-    """Return an experiment's table: medians virtual / rendered, rank correlation, verdict."""
-    head = (experiment.axis, *METHODS, "Spearman of the methods", "tau, 90 %", "size", "place", "order", "verdict")
-    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
-    for pair in pairs:
-        real, twin, order = pair.medians("real"), pair.medians("twin"), pair.found["order"]
-        tau = f"{order['tau']:.2f}, {order['tau_low']:.2f} to {order['tau_high']:.2f}"
-        fields = [f"{pair.level:g}", *(f"{real[name]:.1f} / {twin[name]:.1f}" for name in METHODS)]
-        fields += [f"{pair.spearman:.2f}", tau, *(pair.found["reasons"][key] for key in ("level", "pattern", "order"))]
-        lines.append("| " + " | ".join([*fields, f"**{pair.found['verdict']}**"]) + " |")
-    return lines
-
-
-def block(experiment: Experiment, pairs: list[Pair], spent_min: float) -> str:
-    """Return an experiment's part of the page."""
-    sigma = [pair.found["captures"]["real"]["carried"]["direction_sigma_deg"] for pair in pairs]
-    told = ", ".join("unknown" if one is None else f"{one:.2f}°" for one in sigma)
-    lines = [f"### {experiment.label} (virtual)", "", *rows(experiment, pairs), ""]
-    lines += [
-        f"Stated sigma of the light directions: {told}. 320 x 240 pixels, 16 flashes; {spent_min:.1f} processor "
-        f"minutes, on {os.cpu_count()} cores, for what was missing.",
-        "",
-        f"![{experiment.label}: error over the level, virtual and rendered](virtual-{experiment.name}.svg)",
-    ]
-    return "\n".join(lines) + "\n"
+    changed = git("status", "--porcelain", "--", *(room for room in (*ROOMS, "benchmarks") if (root / room).is_dir()))
+    if changed:
+        raise SystemExit(f"--write: all tables are to be of one commit, and this is not committed:\n{changed}")
+    return git("rev-parse", "--short=10", "HEAD")
 
 
 def main() -> None:
     """Run what is missing, print the tables, and write them into the documentation if asked."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--only", choices=[one.name for one in VIRTUAL_EXPERIMENTS])
-    parser.add_argument("--write", action="store_true")
+    asked = parser.add_mutually_exclusive_group()
+    asked.add_argument("--only", choices=[one.name for one in VIRTUAL_EXPERIMENTS])
+    asked.add_argument("--write", action="store_true", help="of all experiments, for the page is of one commit")
     parser.add_argument("--out", type=Path, default=Path("out") / "counterparts")
     options = parser.parse_args()
+    before = commit() if options.write else ""
     wanted = [one for one in VIRTUAL_EXPERIMENTS if options.only in (None, one.name)]
-    start = time.process_time()
+    results = {}
     for experiment, pairs in run_experiments(options.out, wanted):
-        text, start = block(experiment, pairs, (time.process_time() - start) / 60), time.process_time()
-        print(text, flush=True)
-        if options.write:
-            (ROOT / "docs" / "evidence" / f"virtual-{experiment.name}.svg").write_text(chart(experiment, pairs))
-            put(ROOT / "docs" / "evidence" / "counterparts.md", experiment.name, text)
+        results[experiment.name] = pairs
+        print("\n".join(block(experiment, pairs)), flush=True)
+    if not options.write:
+        return
+    if commit() != before:
+        raise SystemExit(f"--write: the code was at {before} when this began and is at {commit()} now. Run it again.")
+    for experiment in wanted:
+        EVIDENCE.joinpath(f"virtual-{experiment.name}.svg").write_text(chart(experiment, results[experiment.name]))
+    done, picture = cv2.imencode(".png", maps_picture(results)[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    assert done
+    EVIDENCE.joinpath("virtual-maps.png").write_bytes(picture.tobytes())
+    put(
+        EVIDENCE / "counterparts.md", "verdict", verdict(distinct(wanted, results), curves(results), f"commit {before}")
+    )
+    put(EVIDENCE / "counterparts.md", "tables", tables(wanted, results))
 
 
 if __name__ == "__main__":

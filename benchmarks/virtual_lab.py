@@ -1,4 +1,4 @@
-"""The virtual lab: a white object and balls on a table under flashes held by hand, as scenes and as pictures."""
+"""The virtual lab: an object and balls on a table under flashes held by hand, as scenes and as pictures."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -8,13 +8,21 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.photographs import BRIGHTEST_SHARE, PATHS, Images, by_flash, by_surrounding, rendered
-from experiments.scenes import cap, near_lights, placed, ring
+from experiments.photographs import (
+    BRIGHTEST_SHARE,
+    PATHS,
+    Images,
+    by_flash,
+    by_flash_and_medium,
+    by_surrounding,
+    rendered,
+)
+from experiments.scenes import cap, near_lights, patches, placed, ring
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene
-from twin.description.materials import Conductor, Diffuse, Material
+from twin.description.materials import Conductor, Diffuse, Material, RoughPlastic, Subsurface
 from twin.description.object_mesh import ObjectMesh, built_in
 from twin.ground_truth import ground_truth
 
@@ -28,6 +36,8 @@ CARD_MM = (110.0, 85.0)
 """Width of a half, and half of its height."""
 FLASH_MM, FLASH_RADIUS_MM = 900.0, 25.0
 CAP_DEG = 60.0
+UPRIGHT = np.array([[0.0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1]])
+"""Turns a sphere's axis, z, upward, to y: patches meet at its poles."""
 HAND_DEG, HAND_DISTANCE, HAND_INTENSITY = 3.0, 0.05, 0.03
 """Standard deviations of a hand: of each tangent angle, of the distance, of the flash's energy."""
 BALLS = (
@@ -38,25 +48,51 @@ BALLS = (
 """kind, radius in mm, centre in mm."""
 ERROR = 0.005
 """Relative root-mean-square error that the renderings aim at."""
-WHITE, TABLE = Diffuse((0.8, 0.8, 0.8)), Diffuse((0.2, 0.2, 0.2))
-MATERIALS: dict[str, Material] = {"object": WHITE, "white": WHITE, "chrome": Conductor("none", 0.0), "table": TABLE}
+WHITE_REFLECTANCE = (0.8, 0.8, 0.8)
+AROUND: dict[str, Material] = {
+    "white": Diffuse(WHITE_REFLECTANCE),
+    "chrome": Conductor("Cr", 0.0),
+    "table": Diffuse((0.2, 0.2, 0.2)),
+}
+"""Of balls and table."""
+MEAN_FREE_PATH_MM = SPHERE_MM / 25
+"""Of the wax: the sweeps', to the object's size."""
+OBJECT_MATERIALS: dict[str, Material] = {
+    "matte": Diffuse(WHITE_REFLECTANCE),
+    "patches": Diffuse(patches()),
+    "gloss-0.1": RoughPlastic(WHITE_REFLECTANCE, 0.1),
+    "gloss-0.3": RoughPlastic(WHITE_REFLECTANCE, 0.3),
+    "wax": Diffuse(WHITE_REFLECTANCE, Subsurface(MEAN_FREE_PATH_MM)),
+}
+"""By name. The benchmark's Fig. 4 shows five spheres and does not name their materials. Its section 6.3 combines three
+properties, matte or glossy, plain or textured, solid or with light below the surface, and 6.7 varies the roughness:
+each of these is here once beside the plain matte sphere."""
 SAMPLES = 4
 """A pixel and flash, of light straight from the flash; without noise but at edges and in penumbras."""
+MIRROR_SAMPLES = 256
+"""A pixel and flash, on the chrome balls: a flash's image there has a radius of a third of a pixel, and `SAMPLES` would
+find it at the wrong place, or not at all."""
+WAX_PATHS = 36
+"""A pixel and flash, of light that went through the wax: with the sweeps' 9 its grain is seen in the normals."""
 BRIGHTEST = 0.75
 """The exposure: `BRIGHTEST_SHARE` of the object's samples are at most so bright."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What stands on the virtual lab's table, white and matte, and how it is photographed."""
+    """What stands on the virtual lab's table, and how it is photographed."""
 
     shape: str = "sphere"  # or "cardboard"
     fold_deg: float = 180.0  # between the cardboard's two halves; 180: flat
+    material: str = "matte"  # a key of `OBJECT_MATERIALS`
     ring_deg: float | None = None  # flashes on a ring, degrees from the camera's axis; None: over a cap of 60 degrees
     ambient: float = 0.0  # radiance of the room, not subtracted; a flash gives a white surface the radiance 1
     iso: float = 100.0  # at 100 white are 40 000 electrons, at 200 half of them
     frames: int = 16
     seed: int = 0  # of the hand that holds the flash, and of the sensor's noise
+
+
+Level = float | str
 
 
 @dataclass(frozen=True)
@@ -66,12 +102,12 @@ class Experiment:
     name: str
     label: str
     vary: str  # the field of `base` that the levels are of
-    levels: tuple[float, ...]
+    levels: tuple[Level, ...]
     axis: str  # what the chart's axis says
     base: Setup
     log: bool = False  # the chart's axis is logarithmic
 
-    def setups(self) -> Iterator[tuple[float, Setup]]:
+    def setups(self) -> Iterator[tuple[Level, Setup]]:
         """Yield each level with its setup."""
         for level in self.levels:
             yield level, replace(self.base, **{self.vary: level})
@@ -93,8 +129,11 @@ VIRTUAL_EXPERIMENTS: tuple[Experiment, ...] = (
         "ring", "White sphere, flashes held on a ring", "ring_deg", (15.0, 35.0, 55.0, 75.0),
         "degrees of the ring from the camera's axis", Setup(),
     ),
+    Experiment(
+        "spheres", "Five spheres of different materials", "material", tuple(OBJECT_MATERIALS), "material", Setup()
+    ),
 )  # fmt: skip
-"""The seed's four experiments on real things, as virtual captures."""
+"""The benchmark's experiments on real things, as virtual captures."""
 
 
 def object_scene(setup: Setup) -> TwinScene:
@@ -102,7 +141,8 @@ def object_scene(setup: Setup) -> TwinScene:
     lights = _flashes(_nominal(setup), np.full(setup.frames, FLASH_MM), np.ones(setup.frames))
     # A convex body sends nothing to itself; between white halves light goes on until it no longer counts.
     sampling = Sampling(max_depth=2 if setup.shape == "sphere" else 12, error=ERROR)
-    return TwinScene(CAMERA, _objects(setup), MATERIALS, lights, sampling=sampling, name=setup.shape)
+    materials = {"object": OBJECT_MATERIALS[setup.material]}
+    return TwinScene(CAMERA, _objects(setup), materials, lights, sampling=sampling, name=setup.shape)
 
 
 def lab_scene(setup: Setup) -> TwinScene:
@@ -119,8 +159,9 @@ def lab_scene(setup: Setup) -> TwinScene:
         TwinObject(f"ball {number}", built_in("sphere"), kind, placed(radius, center))
         for number, (kind, radius, center) in enumerate(BALLS)
     )
-    radii = np.full(setup.frames, FLASH_RADIUS_MM)
-    return replace(object_scene(setup), objects=(*_objects(setup), *balls, table), lights=lights, radii_mm=radii)
+    alone, radii = object_scene(setup), np.full(setup.frames, FLASH_RADIUS_MM)
+    objects, materials = (*alone.objects, *balls, table), {**alone.materials, **AROUND}
+    return replace(alone, objects=objects, materials=materials, lights=lights, radii_mm=radii)
 
 
 def _nominal(setup: Setup) -> Array:
@@ -136,7 +177,7 @@ def _flashes(directions: Array, distances: Array, power: Array) -> Lights:
 
 def _objects(setup: Setup) -> tuple[TwinObject, ...]:
     if setup.shape == "sphere":
-        return (TwinObject("sphere", built_in("sphere"), "object", placed(SPHERE_MM, CENTRE_MM)),)
+        return (TwinObject("sphere", built_in("sphere"), "object", placed(SPHERE_MM, CENTRE_MM) @ UPRIGHT),)
     tilt = np.radians((180 - setup.fold_deg) / 2)
     wide, high = CARD_MM
     halves = []
@@ -163,14 +204,16 @@ def photograph_lab(setup: Setup) -> Images:
     """Return the lab's pictures (F, H, W, 3), linear, noiseless, exposed for the object."""
     images = _lab_by_flash(replace(setup, ambient=0.0, iso=100.0))
     if setup.ambient:
-        images = np.asarray(images + setup.ambient * _lab_by_room(setup.shape, setup.fold_deg), np.float32)
+        images = np.asarray(
+            images + setup.ambient * _lab_by_room(setup.shape, setup.fold_deg, setup.material), np.float32
+        )
     return _exposed(images, object_maps(setup)[0])
 
 
 def photograph_object(setup: Setup) -> Images:
     """Return pictures (F, H, W, 3) of the lab's object alone, linear, noiseless, exposed for it."""
     scene = object_scene(setup)
-    images = by_flash(scene)
+    images = by_flash_and_medium(scene, ground_truth(scene).mask, WAX_PATHS)
     if setup.ambient:
         images += np.float32(setup.ambient) * _by_room(scene)
     return _exposed(images, object_maps(setup)[0])
@@ -183,22 +226,51 @@ def _exposed(images: Images, mask: NDArray[np.bool_]) -> Images:
 
 @lru_cache(maxsize=1)
 def _lab_by_flash(setup: Setup) -> Images:
-    scene = lab_scene(setup)
+    whole, alone = lab_scene(setup), object_scene(setup)
+    scene = _solid(whole)
     images = rendered(_to_depth(scene, 2), "mitsuba", SAMPLES)
-    # A mirror shows the table in the light. On the table itself one surface more would be a caustic, found one time in
-    # a million, and then as a white speck.
-    mirrors = [number for number, one in enumerate(scene.objects) if one.material == "chrome"]
-    shown = np.isin(ground_truth(scene).object, mirrors)
-    images[:, shown] = rendered(_to_depth(scene, 3), "mitsuba", SAMPLES)[:, shown]
+    for rows, columns, shown, mirrored in _mirrors(scene):
+        images[:, rows, columns][:, shown] = mirrored[:, shown]
     if scene.sampling.max_depth > 2:
         # What the halves send to each other: the object alone, and no speck of a mirror's.
-        images += rendered(replace(object_scene(setup), lights=scene.lights), "many", PATHS, onward=True)
+        images += rendered(replace(alone, lights=scene.lights), "many", PATHS, onward=True)
+    if scene is not whole:
+        # What the medium changes: the object alone, no ball shades it.
+        lit = replace(alone, lights=scene.lights)
+        images += by_flash_and_medium(lit, ground_truth(lit).mask, WAX_PATHS) - by_flash(_solid(lit))
     return images
 
 
+def _mirrors(scene: TwinScene) -> Iterator[tuple[slice, slice, NDArray[np.bool_], Images]]:
+    """Yield the box of each chrome ball, rows and columns, its pixels (h, w) there, and what they show (F, h, w, 3)."""
+    from twin.engines.engine_choice import Choice
+    from twin.engines.film import film_for
+    from twin.engines.layers import render_layers
+
+    black = dict.fromkeys(scene.materials, Diffuse((0.0, 0.0, 0.0)))
+    flashes = replace(_to_depth(scene, 2), materials=black | {"chrome": scene.materials["chrome"]})
+    # Points, which no path meets by chance: beside a mirror that would be a white speck, found one time in a million.
+    lit = replace(_to_depth(scene, 3), radii_mm=np.zeros(len(scene.lights)))
+    seen = ground_truth(scene).object
+    for number, one in enumerate(scene.objects):
+        if one.material == "chrome":
+            film = film_for(CAMERA, one.placed.vertices)
+            images = render_layers(flashes, film, Choice("mitsuba", ERROR, MIRROR_SAMPLES, "the lab's")).frames()
+            images += render_layers(lit, film, Choice("mitsuba", ERROR, 4 * SAMPLES, "the lab's")).frames()
+            yield film.rows, film.columns, seen[film.rows, film.columns] == number, images
+
+
+def _solid(scene: TwinScene) -> TwinScene:
+    """Return a scene whose object has no medium below its surface; the scene itself where it has none."""
+    material = scene.materials["object"]
+    if getattr(material, "subsurface", None) is None:
+        return scene
+    return replace(scene, materials={**scene.materials, "object": replace(material, subsurface=None)})
+
+
 @lru_cache(maxsize=4)
-def _lab_by_room(shape: str, fold_deg: float) -> Images:
-    return _by_room(lab_scene(Setup(shape, fold_deg)))
+def _lab_by_room(shape: str, fold_deg: float, material: str) -> Images:
+    return _by_room(lab_scene(Setup(shape, fold_deg, material)))
 
 
 def _by_room(scene: TwinScene) -> Images:

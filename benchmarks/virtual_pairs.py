@@ -6,6 +6,7 @@ alone, as the setup has it, solved with the true lights.
 """
 
 import json
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime, timedelta
@@ -18,9 +19,11 @@ from benchmarks import virtual_lab
 from benchmarks.virtual_lab import (
     BALLS,
     CAMERA,
+    CENTRE_MM,
     SAMPLES,
     VIRTUAL_EXPERIMENTS,
     Experiment,
+    Level,
     Setup,
     lab_scene,
     object_maps,
@@ -35,6 +38,7 @@ from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json, write_npy, write_text
 from scene.frames import Frames
+from scene.normals import angular_error_deg, unit
 from scene.output_folder import open_record
 from scene.record import Record
 from scene.spheres import Sphere
@@ -135,14 +139,28 @@ REFERENCE = Setup(shape="cardboard", fold_deg=160.0)
 
 @dataclass(frozen=True)
 class Pair:
-    """One level: its value, and what `compare_folders` says of capture and counterpart."""
+    """One level: its value, and what was found of capture and counterpart."""
 
-    level: float
-    found: dict[str, Any]
+    level: Level
+    found: dict[str, Any]  # by `compare_folders`
+    known: dict[str, float]  # by `against_the_lab`
+    processor_s: float
+    folders: tuple[Path, Path]  # of the processed capture, of the rendering
 
     def medians(self, kind: str) -> dict[str, float]:
         """Return each method's median error on `real` or `twin`."""
         return {name: row[kind]["median_deg"] for name, row in self.found["methods"].items()}
+
+    def correlation(self, method: str) -> float:
+        """Return Pearson's correlation of a method's two error maps; NaN where one is constant."""
+        found = self.found["methods"][method]["pattern"]["pearson"]
+        return np.nan if found is None else found
+
+    @property
+    def sigma_deg(self) -> float:
+        """The median stated sigma of the capture's light directions; NaN where none is known."""
+        found = self.found["captures"]["real"]["carried"]["direction_sigma_deg"]
+        return np.nan if found is None else found
 
     @property
     def spearman(self) -> float:
@@ -166,17 +184,47 @@ def run_experiments(
         for experiment in experiments:
             pairs = []
             for level, setup in experiment.setups():
-                label = f"{experiment.name}-{level:g}"
+                label = f"{experiment.name}-{level_name(level)}"
                 place, mark = Store(out / "pairs" / label), _mark(setup)
+                processed, rendering = out / f"processed-{label}", out / f"rendered-{label}"
                 if not (record.is_current(label, mark) and place.path(NUMBERS).exists()):
                     tell(f"{label} ...")
-                    capture, rendering = out / f"virtual-{label}", out / f"rendered-{label}"
-                    with record.making(label, mark):
-                        processed = process_capture(capture, out / f"processed-{label}", setup, balls)
+                    start = time.process_time()
+                    with record.making(label, mark) as kept:
+                        process_capture(out / f"virtual-{label}", processed, setup, balls)
                         write_rendering(Store(rendering), setup, f"rendered {label}")
                         compare_folders(processed, rendering, place.folder, methods=",".join(METHODS))
-                pairs.append(Pair(level, place.read_json(NUMBERS)))
+                        kept["known"] = against_the_lab(setup, Store(processed))
+                        kept["processor_s"] = time.process_time() - start
+                kept = record.done[label]
+                found = place.read_json(NUMBERS)
+                pairs.append(Pair(level, found, kept["known"], kept["processor_s"], (processed, rendering)))
             yield experiment, pairs
+
+
+def level_name(level: Level) -> str:
+    """Return a level as files and tables have it."""
+    return level if isinstance(level, str) else f"{level:g}"
+
+
+def against_the_lab(setup: Setup, processed: Store) -> dict[str, float]:
+    """Return what the lab knows of a processed capture and no step was told.
+
+    lights_off_deg: median angle between the light directions found and those held, at the object's centre.
+    ls_deg: median error of `ls` by the lights found, with the object at its true distance from the camera. Without a
+    scan the chain takes it to stand at the balls' distance.
+    """
+    from solve.solve import solve
+
+    found, held = processed.load_lights(), lab_scene(setup).lights
+    kept = [held.names.index(name) for name in found.names]
+    toward, expected = (unit(one.toward(CENTRE_MM[None])[:, 0]) for one in (found, held))
+    mask, truth = object_maps(setup)
+    told = solve("ls", processed.load_frames(), found.seen_from(CENTRE_MM), CAMERA, mask)
+    return {
+        "lights_off_deg": float(np.median(angular_error_deg(toward, expected[kept]))),
+        "ls_deg": float(np.nanmedian(angular_error_deg(told.normals[mask], truth[mask]))),
+    }
 
 
 def reference_balls(record: Record) -> list[Sphere]:
@@ -216,8 +264,8 @@ def _mark(setup: Setup) -> str:
     return fingerprint(setup, METHODS, Path(__file__), Path(virtual_lab.__file__), code=code_fingerprint())
 
 
-def process_capture(folder: Path, done: Path, setup: Setup, balls: Sequence[Sphere]) -> Path:
-    """Photograph a setup into a session's folder, and process it into another; return that."""
+def process_capture(folder: Path, done: Path, setup: Setup, balls: Sequence[Sphere]) -> None:
+    """Photograph a setup into a session's folder, and process it into another."""
     from lab.options import Solving
     from lab.plan import STEPS
     from lab.run import open_job
@@ -228,5 +276,4 @@ def process_capture(folder: Path, done: Path, setup: Setup, balls: Sequence[Sphe
     with open_job(folder, out=done, solving=Solving(",".join(METHODS))) as job:
         job.run(STEPS, "solve")
         write_summary(job, {"up_to": "solve", "session": folder.name, "methods": list(METHODS)})
-    write_json(done / "virtual.json", store.read_json("virtual.json"))
-    return done
+    write_json(done / VIRTUAL, store.read_json(VIRTUAL))

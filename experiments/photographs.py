@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.recipe import Dataset, Recipe
-from experiments.scenes import DISTANCE_MM, MEAN_FREE_PATH_MM, dataset_scene, recipe_scene
+from experiments.scenes import dataset_scene, recipe_scene
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -96,6 +96,31 @@ def by_flash(scene: TwinScene) -> Images:
     return rendered(scene, engine, PATHS)
 
 
+def by_flash_and_medium(scene: TwinScene, mask: NDArray[np.bool_], paths: int = MEDIUM_PATHS) -> Images:
+    """Return pictures (F, H, W, 3) of a scene of one material, with what comes out of its medium if it has one.
+
+    mask (H, W): where the object is seen. paths: a pixel and light, where there is a medium. The solid share of the
+    surface is rendered as by `by_flash`. What comes out of the medium is everything by stock Mitsuba, less the solid
+    share, smoothed on the object.
+    """
+    import cv2
+
+    ((name, material),) = scene.materials.items()
+    below = getattr(material, "subsurface", None)
+    if below is None:
+        return by_flash(scene)
+    solid = by_flash(replace(scene, materials={name: replace(material, subsurface=None)}))
+    solid *= 1 - below.share
+    light = -solid
+    light += rendered(scene, "mitsuba", paths)
+    sigma_px = MEDIUM_BLUR * below.mean_free_path_mm * scene.camera.fx / -scene.lights.reference_point_mm[2]
+    weight = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), sigma_px)[..., None]
+    for image in light:
+        smooth = cv2.GaussianBlur(image * mask[..., None], (0, 0), sigma_px)
+        image[:] = np.where(mask[..., None], smooth / np.maximum(weight, 1e-6), 0)
+    return solid + light
+
+
 def by_surrounding(scene: TwinScene) -> Images:
     """Return the picture (H, W, 3) of a scene in an even light of radiance 1 from everywhere."""
     from twin.engines.engine_choice import Choice
@@ -154,30 +179,7 @@ class _Rendered(NamedTuple):
 def _render(recipe: Recipe) -> _Rendered:
     scene = recipe_scene(recipe)
     truth = ground_truth(scene)
-    material = scene.materials[recipe.material]
-    below = getattr(material, "subsurface", None)
-    if below is None:
-        return _Rendered(by_flash(scene), scene, truth)
-    solid = by_flash(replace(scene, materials={recipe.material: replace(material, subsurface=None)}))
-    solid *= 1 - below.share
-    return _Rendered(solid + _medium_light(scene, solid, truth.mask), scene, truth)
-
-
-def _medium_light(scene: TwinScene, solid: Images, mask: NDArray[np.bool_]) -> Images:
-    """Return what comes out of the medium: everything by stock Mitsuba, less the solid share, smoothed on the object.
-
-    solid: what the solid share of the surface reflects.
-    """
-    import cv2
-
-    light = -solid
-    light += rendered(scene, "mitsuba", MEDIUM_PATHS)
-    sigma_px = MEDIUM_BLUR * MEAN_FREE_PATH_MM * scene.camera.fx / DISTANCE_MM
-    weight = cv2.GaussianBlur(mask.astype(np.float32), (0, 0), sigma_px)[..., None]
-    for image in light:
-        smooth = cv2.GaussianBlur(image * mask[..., None], (0, 0), sigma_px)
-        image[:] = np.where(mask[..., None], smooth / np.maximum(weight, 1e-6), 0)
-    return light
+    return _Rendered(by_flash_and_medium(scene, truth.mask), scene, truth)
 
 
 @lru_cache(maxsize=2)

@@ -57,10 +57,8 @@ def recipe_scene(recipe: Recipe) -> TwinScene:
 
 
 def _material(recipe: Recipe) -> Material:
-    # Patches of colours, the same in every sweep.
-    patches = np.random.default_rng(7).uniform(0.15, 0.85, (PATCHES, 2 * PATCHES, 3)).astype(np.float32)
     found = seed_materials(
-        Texture(patches),
+        patches(),
         reflectance=(recipe.reflectance, recipe.reflectance, recipe.reflectance),
         roughness=recipe.roughness,
         mean_free_path_mm=MEAN_FREE_PATH_MM,
@@ -68,6 +66,11 @@ def _material(recipe: Recipe) -> Material:
     if not isinstance(found, RoughPlastic):
         return found
     return replace(found, specularity=recipe.specularity, distribution=recipe.distribution)
+
+
+def patches() -> Texture:
+    """Return the patches of colours that textured objects wear: the same in every sweep."""
+    return Texture(np.random.default_rng(7).uniform(0.15, 0.85, (PATCHES, 2 * PATCHES, 3)).astype(np.float32))
 
 
 def _directions_of(recipe: Recipe) -> Array:
