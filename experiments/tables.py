@@ -35,9 +35,9 @@ SECONDS = KEY | {"seconds": "float64"}
 DATASETS = (
     {"dataset": "string", "family": "string", "method": "string", "profile": "string"}
     | ERRORS
-    | {"unanswered": "float64", "seconds": "float64", "doubts": "string"}
+    | {"unanswered": "float64", "gaps_90_deg": "float64", "seconds": "float64", "doubts": "string"}
 )
-"""Columns of the results.parquet of methods on datasets."""
+"""Columns of the results.parquet of methods on datasets; gaps_90_deg: the mean with 90 degrees for each gap."""
 
 
 def write_table(path: Path, rows: Rows, columns: dict[str, str]) -> None:
