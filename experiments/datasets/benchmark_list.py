@@ -31,8 +31,8 @@ def first_names() -> dict[str, str]:
 
 def first_name(name: str) -> str:
     """Return the name under which a dataset's stack is listed, of whatever size; unknown names stay as they are."""
-    base, size = re.fullmatch(r"(.+?)(-\d+px)?", name).groups("")  # pyright: ignore[reportOptionalMemberAccess]
-    return first_names().get(base, base) + size
+    base = re.sub(r"-\d+px$", "", name)
+    return first_names().get(base, base) + name[len(base) :]
 
 
 @cache

@@ -43,6 +43,8 @@ def run(
     """
     programs = solving.programs()
     names = [*solving.methods(), *programs]
+    if twice := sorted(set(programs) & {one.method for one in submissions}):
+        raise SceneError(f"{', '.join(twice)}: a program's name and a submission's. Give the program another.")
     there, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
     with open_record(out) as record, logged(record):
         for number, entry in enumerate(there, 1):
@@ -54,7 +56,10 @@ def run(
             for name, one in given.items():
                 mark = fingerprint(digest, "submission", one.maps[entry.name], code=code)[:24]
                 kept[name] = out / "results" / f"{mark}.json"
-            made, missing = {}, [name for name in kept if not record.is_intact(kept[name])]
+            made, missing = {}, [
+                name for name, path in kept.items()
+                if not (record.is_intact(path) and record.is_intact(path.with_suffix(".png")))
+            ]  # fmt: skip
             if missing:
                 say(f"{number} of {len(there)}: {entry.name}: {', '.join(missing)}")
                 judged = ((name, _submitted(entry, given[name])) for name in missing if name in given)

@@ -42,7 +42,7 @@ class Entry:
 def entries(shelf: Path) -> list[Entry]:
     """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
     known, record, first = catalogue(), read_record(shelf), first_names()
-    found = []
+    found: list[Entry] = []
     for one in known.values():
         name = first[one.name]
         text, same_as = (one.text, "") if name == one.name else (f"the same stack as {name}", name)
@@ -52,7 +52,7 @@ def entries(shelf: Path) -> list[Entry]:
     taken = {*known, *(note["name"] for note in notes)}
     for path in sorted(shelf.glob("*px")):
         sized = re.fullmatch(r"(.+)-(\d+)px", path.name)
-        base = known.get(sized[1]) if sized else None
+        base = known.get(str(sized[1])) if sized else None
         if sized and base and path.name not in taken and record and record.files_of(path.name):
             text, one = f"{base.text}; {sized[2]} px", base.sized(int(sized[2]))
             found.append(Entry(path.name, base.family, text, _state(record, one), path, base.name in benchmark_names()))

@@ -265,7 +265,7 @@ def _tell_axes(found: Submission, turn: tuple[str, int], cases: list[tuple[str, 
     if number:
         wrong.append(axes_words(AXES[number]))
         cure.append(axes_cure(AXES[number], "components"))
-    given, best = (float(np.mean([case[column] for case in cases])) for column in (1, 2))
+    given, best = float(np.mean([case[1] for case in cases])), float(np.mean([case[2] for case in cases]))
     text = (
         f"{listed(case[0] for case in cases)}: {'; '.join(wrong)}; expected x right, y up, z toward the viewer (mean "
         f"error {given:.1f} degrees, put right {best:.1f}). {' '.join(cure)}"
