@@ -190,8 +190,9 @@ def run(
         Path | None, Parameter(help="A submission's folder, or a folder of them: scored beside the methods.")
     ] = None,
     downloads: Annotated[
-        str, Parameter(help="Address under which the shelf is served, for the site's links. Default: where it is here.")
-    ] = "",
+        str | None,
+        Parameter(help="Address under which the shelf is served, for the site's links. Default: where it is here."),
+    ] = None,
     shelf: Shelf = SHELF,
     out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
@@ -206,7 +207,7 @@ def run(
     given = read_submissions(submissions, shelf) if submissions else []
     rows = run_methods(shelf, on or [], solving=solving, submissions=given, out=out)
     print(results_text(rows), end="")
-    say(f"site: {write_site(shelf, out, rows, given, downloads=downloads)}")
+    say(f"site: {write_site(shelf, out, rows, given, downloads=downloads or '')}")
 
 
 @dataset.command(sort_key=6)

@@ -50,7 +50,7 @@ def publish(shelf: Path, found: list[Entry], to: Path) -> list[Path]:
     if known:
         say(
             f"note: {listed(known)}: of the catalogue, whose truth anybody who has rgbn can make. What must stay "
-            "unknown is rendered from a scene of your own (`rgbn twin SCENE.toml`), or photographed, and added."
+            "unknown is a dataset of your own, photographed or rendered elsewhere, and added."
         )
     with open_record(shelf) as shelf_record:
         with open_record(to, input_folders=[shelf, *(one.folder for one in there)]) as record:

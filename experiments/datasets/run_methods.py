@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from experiments.datasets.shelf import Entry, contents_of, entries, select
 from experiments.datasets.submissions import Submission, submitted_normals
 from experiments.tables import DATASETS, Row, Rows, errors_of, has_failed, write_table
+from formats.diligent_layout import NORMALS, read_layout
 from lab.options import BY_DEFAULT, Solving
 from lab.progress import say
 from lab.run_log import logged
@@ -97,6 +98,14 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
             f"dataset {fitting[0].name}: is in the catalogue, but not made yet. Make it: "
             f"rgbn dataset make {patterns[0]!r}."
         )
+    blind = [
+        one.folder for one in there if one.folder.is_dir() and not any((one.folder / f).is_file() for f in NORMALS)
+    ]
+    if blind:
+        raise SceneError(
+            f"{blind[0]}: has no true normals, so nothing can be judged here. Solve it (`rgbn process {blind[0]}`), "
+            "and submit the normals to who keeps the truth (docs/guide/datasets.md)."
+        )
     return there
 
 
@@ -137,8 +146,6 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
 
 
 def _submitted(entry: Entry, submission: Submission) -> Row:
-    from formats.diligent_layout import read_layout
-
     found = read_layout(entry.folder)
     assert found.mask is not None
     assert found.normals is not None

@@ -91,7 +91,8 @@ def _gather(entry: Entry, rows: Rows, site: Path, downloads: str) -> Shown:
         end = colour_scale_end(float(np.quantile(np.concatenate(known), _HIGH))) if known else 1.0
         errors = {name: error_picture(shrink(box.of(error), WIDTH), end) for name, error in found.items()}
     sums = {file: value for file, value in sums_of(public).items() if file != croissant.FILE}
-    return Shown(entry, strip(entry.folder, layout.files), maps, errors, end, f"{base}/", sums, rows)
+    photographs, middle = strip(entry.folder, layout.files), [layout.files[len(layout.files) // 2]]
+    return Shown(entry, photographs, strip(entry.folder, middle), maps, errors, end, f"{base}/", sums, rows)
 
 
 def _true_maps(folder: Path, layout: Layout, box: Box) -> dict[str, Image]:

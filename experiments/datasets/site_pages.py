@@ -44,19 +44,13 @@ class Shown:
 
     entry: Entry
     strip: Image  # some photographs side by side
+    thumbnail: Image  # one of them
     maps: Mapping[str, Image]  # the truth's, by what they are; empty where it is kept back
     errors: Mapping[str, Image]  # of the methods, in `end_deg`'s colours
     end_deg: float
     base: str  # where its files are, ending in /
     sums: Mapping[str, str]  # SHA-256 by file
     rows: Rows
-
-    @property
-    def thumbnail(self) -> Image:
-        """Return the photograph amid the strip."""
-        side = self.strip.shape[1] // max(round(self.strip.shape[1] / self.strip.shape[0]), 1)
-        start = self.strip.shape[1] // (2 * side) * side
-        return self.strip[:, start : start + side]
 
 
 def index_page(

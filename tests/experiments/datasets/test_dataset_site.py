@@ -5,12 +5,14 @@ import hashlib
 import json
 import re
 import shutil
+import tomllib
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote
 
 import numpy as np
 import pytest
+import yaml
 
 from experiments.datasets.run_methods import run
 from experiments.datasets.shelf import add
@@ -153,6 +155,18 @@ def test_croissant_has_what_the_format_asks_for(made, name):
         np.testing.assert_array_equal([[row[f"lights/{axis}"] for axis in "xyz"] for row in data], lights)
         assert [row["lights/file"] for row in data] == (shelf / "second" / "filenames.txt").read_text().split()
         assert {"images", "masks"} <= set(sets)
+
+
+def test_the_citation_file_names_the_benchmark():
+    """The fields that version 1.2.0 of the format requires, and the work that this project follows."""
+    root = Path(__file__).parents[3]
+    found = yaml.safe_load((root / "CITATION.cff").read_text())
+    assert set(found) >= {"cff-version", "message", "title", "authors"}
+    assert found["version"] == tomllib.loads((root / "pyproject.toml").read_text())["project"]["version"]
+    (benchmark,) = (one for one in found["references"] if one["title"] == "An RGBN Benchmark")
+    assert [author["family-names"] for author in benchmark["authors"]] == ["Berkiten", "Rusinkiewicz"]
+    assert benchmark["type"] == "report"
+    assert benchmark["year"] == 2016
 
 
 def test_what_is_no_longer_there_leaves_the_site(made, tmp_path):

@@ -8,12 +8,16 @@ import numpy as np
 import pytest
 from scipy.io import loadmat, savemat
 
+from experiments.catalogue import catalogue
+from experiments.datasets.make import make
 from experiments.datasets.publish import publish
 from experiments.datasets.run_methods import ABSENT, run
 from experiments.datasets.shelf import add, entries, select
 from experiments.datasets.site import write_site
 from experiments.datasets.submissions import check_submission, dataset_folders, read_submissions
 from lab.options import Solving
+from lab.plan import STEPS
+from lab.run import open_job
 from scene.errors import SceneError
 
 TOML = """method = "MyNet"
@@ -208,6 +212,32 @@ def test_a_published_folder_holds_no_truth_in_any_file(shelf, tmp_path):
     assert {str(name) for name in files} == photographs | tables | written
     # Nor has the record beside it.
     assert not any("Normal" in path.read_text() for path in public.rglob(".rgbn/*") if path.is_file())
+
+
+@pytest.mark.render
+def test_a_catalogues_dataset_without_its_truth_is_solved_but_not_judged(tmp_path, run_rgbn):
+    """Its own copy: lights, camera and mask are there, the recipe is not; `run` says what to do instead."""
+    shelf, public, name = tmp_path / "shelf", tmp_path / "public", "pear-images-04-32px"
+    make(shelf, [catalogue()["pear-images-04"].sized(32)], processes=1)
+    code, said, notes = run_rgbn("dataset", "publish", name, "--to", public, "--shelf", shelf)
+    assert (code, said.strip()) == (0, str(public / name))
+    assert f"note: {name}: of the catalogue, whose truth anybody who has rgbn can make" in notes
+    there = {path.name for path in (public / name).iterdir()}
+    assert there >= {"session.toml", "lights.json", "001.png"}
+    assert not there & {"recipe.json", "truth", "Normal_gt.mat", "Normal_gt.png", "lights.lp"}
+    text = "".join(path.read_text() for path in (public / name).glob("*.[tjmc]*") if path.suffix != ".png")
+    assert "normals =" not in text
+    code, _, said = run_rgbn("dataset", "run", "--shelf", public, "--out", tmp_path / "out")
+    assert code == 2
+    assert "has no true normals" in said
+    with open_job(public / name, out=tmp_path / "solved", solving=Solving("ls")) as job:
+        job.run(STEPS, "solve")
+    folder = tmp_path / "answer"
+    folder.mkdir()
+    (folder / "submission.toml").write_text(TOML)
+    np.save(folder / f"{name}.npy", job.store.load_normals("ls"))
+    rows = run(shelf, [], solving=Solving("ls"), submissions=read_submissions(folder, shelf), out=tmp_path / "scored")
+    assert rows[0]["mean_deg"] == pytest.approx(rows[1]["mean_deg"], abs=1e-4)
 
 
 def test_the_site_of_a_dataset_whose_truth_is_kept_back_betrays_nothing(shelf, submit, tmp_path):
