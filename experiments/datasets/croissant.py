@@ -51,7 +51,8 @@ def of_dataset(folder: Path, name: str, text: str, *, base: str = "", url: str =
     files = [file_object(file, value, base + file) for file, value in sums_of(folder).items() if file != FILE]
     photographs = {
         "@type": "cr:FileSet", "@id": "photographs", "encodingFormat": "image/png",
-        "includes": [base + file for file in tables.files],
+        "includes": ["*"],
+        "containedIn": [{"@id": file} for file in tables.files],
         "description": "one light each; linear, 65535 = 1; matte: value = albedo x intensity x cosine",
     }  # fmt: skip
     content = {"fileSet": {"@id": "photographs"}, "extract": {"fileProperty": "content"}}

@@ -131,7 +131,10 @@ def test_croissant_has_what_the_format_asks_for(made, name):
             assert hashlib.sha256((site / one["contentUrl"]).read_bytes()).hexdigest() == one["sha256"]
         else:
             assert one["@type"] == "cr:FileSet"
-            assert all((site / pattern).is_file() for pattern in one["includes"])
+            assert one["includes"] == ["*"]
+            names = (shelf / "second" / "filenames.txt").read_text().split()
+            assert [each["@id"] for each in one["containedIn"]] == names
+            assert set(names) <= set(files)
     fields = {field["@id"] for records in found["recordSet"] for field in records["field"]}
     for records in found["recordSet"]:
         assert records["@type"] == "cr:RecordSet"
