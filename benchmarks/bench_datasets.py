@@ -1,14 +1,16 @@
-"""How far `rgbn dataset check` can be trusted: alarms on right datasets, and what it says of ones made wrong.
+"""How far `rgbn dataset check` can be trusted, on datasets and on submissions, and how long the site takes.
 
-    .venv/bin/python -m benchmarks.bench_datasets [--shelf DIR] [--write]
+    .venv/bin/python -m benchmarks.bench_datasets [check] [site] [--shelf DIR] [--out DIR] [--write]
 
-Makes a few datasets of the catalogue, small, and puts the table into docs/evidence/datasets.md.
+`check` makes a few datasets of the catalogue, small; `site` makes the benchmark's list and runs all methods on it, as
+far as they are not there yet. The tables go into docs/evidence/datasets.md, the families into docs/guide/datasets.md.
 """
 
 import argparse
 import re
 import shutil
 import tempfile
+import time
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +18,15 @@ from scipy.io import loadmat, savemat
 
 from benchmarks.pages import put
 from experiments.catalogue import catalogue
+from experiments.datasets.benchmark_list import benchmark_names
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make
+from experiments.datasets.run_methods import run
+from experiments.datasets.shelf import entries, families_markdown
+from experiments.datasets.site import write_site
+from experiments.datasets.submissions import check_submission, dataset_folders
+from experiments.stagings import SOLVERS
+from lab.options import Solving
 
 SIDE = 56
 HARD = (
@@ -88,31 +97,34 @@ def spoil(folder: Path, name: str, how) -> None:
         np.savetxt(path, how(np.loadtxt(path)), fmt="%.8f")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--shelf", type=Path)
-    parser.add_argument("--write", action="store_true")
-    wanted = parser.parse_args()
+TURNED = {"as they are": (1, 1, 1), "y down": (1, -1, 1), "z away": (1, 1, -1), "y down, z away": (1, -1, -1)}
+"""What is made wrong in all maps of a submission."""
+EVERY = 8
+"""Of the list, so many datasets apart, are in the submissions whose axes are made wrong."""
+TOML = 'method = "Tried"\nauthors = "A"\nsettings = "none"\nhardware = "none"\nseconds = 1\n'
+
+
+def check_table(shelf: Path, temporary: Path) -> str:
+    """Return what the check says of datasets that are made wrong."""
     known = catalogue()
-    with tempfile.TemporaryDirectory() as temporary:
-        made = make(wanted.shelf or Path(temporary) / "shelf", [known[name].sized(SIDE) for name in HARD])
-        verdicts = {folder.name: check_dataset(folder) for folder in made}
-        alarms = {name: verdict.faults for name, verdict in verdicts.items() if verdict.faults}
-        lines = ["| | named rightly | and nothing else said | passed unseen |", "|---|---|---|---|"]
-        for words, (name, how, expected) in WRONG.items():
-            right = alone = unseen = 0
-            for folder in made:
-                place = Path(temporary) / "spoilt"
-                shutil.copytree(folder, place, ignore=shutil.ignore_patterns("truth"))
-                spoil(place, name, how)
-                faults = check_dataset(place).faults
-                shutil.rmtree(place)
-                named = any(re.match(expected, fault) for fault in faults)
-                right, alone, unseen = right + named, alone + (named and len(faults) == 1), unseen + (not faults)
-                if not named:
-                    print(words, folder.name, *faults, sep="\n    ", flush=True)
-            lines.append(f"| {words} | {right} of {len(made)} | {alone} | {unseen} |")
-            print(lines[-1], flush=True)
+    made = make(shelf, [known[name].sized(SIDE) for name in HARD])
+    verdicts = {folder.name: check_dataset(folder) for folder in made}
+    alarms = {name: verdict.faults for name, verdict in verdicts.items() if verdict.faults}
+    lines = ["| | named rightly | and nothing else said | passed unseen |", "|---|---|---|---|"]
+    for words, (name, how, expected) in WRONG.items():
+        right = alone = unseen = 0
+        for folder in made:
+            place = temporary / "spoilt"
+            shutil.copytree(folder, place, ignore=shutil.ignore_patterns("truth"))
+            spoil(place, name, how)
+            faults = check_dataset(place).faults
+            shutil.rmtree(place)
+            named = any(re.match(expected, fault) for fault in faults)
+            right, alone, unseen = right + named, alone + (named and len(faults) == 1), unseen + (not faults)
+            if not named:
+                print(words, folder.name, *faults, sep="\n    ", flush=True)
+        lines.append(f"| {words} | {right} of {len(made)} | {alone} | {unseen} |")
+        print(lines[-1], flush=True)
     least = min(float(verdict.facts["agreement"]) for verdict in verdicts.values())
     lines.append("")
     lines.append(
@@ -122,9 +134,87 @@ def main() -> None:
     )
     for name, faults in alarms.items():
         print("alarm", name, *faults, sep="\n    ")
-    print("\n".join(lines))
+    return "\n".join(lines) + "\n"
+
+
+def site_table(shelf: Path, out: Path) -> str:
+    """Return how long the site of the benchmark's list takes from results that are there, and how large it is."""
+    known = catalogue()
+    there = {one.name for one in entries(shelf) if one.state}
+    make(shelf, [known[name] for name in benchmark_names() if name not in there])
+    rows = run(shelf, ["benchmark"], solving=Solving(",".join(SOLVERS)), out=out)
+    start, computed = time.monotonic(), time.process_time()
+    site = write_site(shelf, out, rows).parent
+    seconds, computed = time.monotonic() - start, time.process_time() - computed
+    sizes = {path.name: path.stat().st_size for path in site.iterdir()}
+    pages = [size for name, size in sizes.items() if name.endswith(".html")]
+    return (
+        "| datasets | methods | seconds from results | processor seconds | pages | largest page, MB | site, MB |\n"
+        "|---|---|---|---|---|---|---|\n"
+        f"| {len({row['dataset'] for row in rows})} | {len(SOLVERS)} | {seconds:.0f} | {computed:.0f} | {len(pages)} | "
+        f"{max(pages) / 1e6:.2f} | {sum(sizes.values()) / 1e6:.0f} |\n\n"
+        "The benchmark's list, 256 x 256 pixels, one process; the bar is 300 s.\n"
+    )
+
+
+def submission_table(shelf: Path, out: Path, temporary: Path) -> str:
+    """Return what the check says of the methods' own results as submissions, as they are and in wrong axes."""
+    names = benchmark_names()[::EVERY]
+    for name in names:
+        no_truth = shutil.ignore_patterns("truth", "Normal_gt.*")
+        shutil.copytree(shelf / name, temporary / "public" / name, ignore=no_truth)
+    places = {"the truth": dataset_folders(shelf), "least squares": dataset_folders(temporary / "public")}
+    lines = ["| maps | held against the truth | held against least squares |", "|---|---|---|"]
+    for words, turn in TURNED.items():
+        cells = []
+        for there in places.values():
+            told = 0
+            for method in SOLVERS:
+                folder = temporary / "submission"
+                folder.mkdir()
+                (folder / "submission.toml").write_text(TOML)
+                for name in names:
+                    # A method may have failed.
+                    if (answer := out / "work" / name / "normals" / f"{method}.npy").is_file():
+                        np.save(folder / f"{name}.npy", np.load(answer) * turn)
+                found = check_submission(folder, {name: there[name] for name in names})
+                told += bool(found.faults)
+                if bool(found.faults) == (turn == (1, 1, 1)):
+                    print(words, method, found.faults, found.notes, flush=True)
+                shutil.rmtree(folder)
+            cells.append(f"{told} of {len(SOLVERS)}")
+        lines.append(f"| {words} | {' | '.join(cells)} |")
+        print(lines[-1], flush=True)
+    said = (
+        f"Submissions at fault: {len(SOLVERS)} methods' results on {len(names)} datasets, every {EVERY}th of the list."
+    )
+    return "\n".join([*lines, "", said]) + "\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("parts", nargs="*", default=["check", "site"])
+    parser.add_argument("--shelf", type=Path)
+    parser.add_argument("--out", type=Path)
+    parser.add_argument("--write", action="store_true")
+    wanted = parser.parse_args()
+    tables = {}
+    with tempfile.TemporaryDirectory() as place:
+        temporary = Path(place)
+        shelf, out = wanted.shelf or temporary / "shelf", wanted.out or temporary / "out"
+        if "check" in wanted.parts:
+            tables["check"] = check_table(shelf, temporary)
+        if "site" in wanted.parts:
+            tables["site"] = site_table(shelf, out)
+            print(tables["site"], flush=True)
+            tables["submissions"] = submission_table(shelf, out, temporary)
+        families = families_markdown(entries(temporary / "none"))
+    print("\n".join(tables.values()))
     if wanted.write:
-        put(Path(__file__).parents[1] / "docs" / "evidence" / "datasets.md", "check", "\n".join(lines) + "\n")
+        docs = Path(__file__).parents[1] / "docs"
+        for name, text in tables.items():
+            put(docs / "evidence" / "datasets.md", name, text)
+        put(docs / "guide" / "datasets.md", "families", families)
 
 
 if __name__ == "__main__":

@@ -70,7 +70,9 @@ Json = Annotated[bool, Parameter(help="Print JSON on standard output.", negative
 
 @dataset.command(name="list", sort_key=1)
 def list_datasets(
-    pattern: Annotated[list[str] | None, Parameter(help="Names, or patterns as 'pear-*'. Default: all.")] = None,
+    pattern: Annotated[
+        list[str] | None, Parameter(help="Names, patterns as 'pear-*', or benchmark: its list of 93. Default: all.")
+    ] = None,
     /,
     *,
     shelf: Shelf = SHELF,
@@ -79,13 +81,12 @@ def list_datasets(
     json: Json = False,
 ) -> None:
     """List the datasets, and which of them are on the shelf."""
-    from experiments.catalogue import chosen
     from experiments.datasets import shelf as on_shelf
 
     found = on_shelf.entries(shelf)
     if pattern:
-        names = set(chosen(pattern, [one.name for one in found]))
-        found = [one for one in found if one.name in names]
+        names = {one.name for one in on_shelf.select(found, pattern)}
+        found = [one for one in found if one.name in names or one.same_as in names]
     if json:
         print(json_module.dumps([{**asdict(one), "folder": str(one.folder)} for one in found], indent=1))
     elif markdown:
@@ -98,7 +99,7 @@ def list_datasets(
 
 @dataset.command(sort_key=2)
 def make(
-    name: Annotated[list[str], Parameter(help="Names, or patterns as 'pear-*'.")],
+    name: Annotated[list[str], Parameter(help="Names, patterns as 'pear-*', or benchmark: its list of 93.")],
     /,
     *,
     shelf: Shelf = SHELF,
@@ -106,38 +107,57 @@ def make(
     processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
 ) -> None:
     """Make datasets: the DiLiGenT layout, true maps, a preview; what is there and current is left."""
-    from experiments.catalogue import catalogue, chosen
+    from experiments.catalogue import catalogue
+    from experiments.datasets.benchmark_list import benchmark_names, first_names, wanted
     from experiments.datasets.make import make as make_datasets
 
     if side < 16:
         raise SceneError(f"--side {side}: expected 16 pixels or more.")
     known = catalogue()
-    wanted = [known[one].sized(side) for one in chosen(name, list(known))]
-    for folder in make_datasets(shelf, wanted, processes=processes):
+    names = wanted(name, known, benchmark_names(), first_names())
+    sized = [one.sized(side) for one in known.values() if one.name in names]
+    for folder in make_datasets(shelf, sized, processes=processes):
         print(folder)
 
 
 @dataset.command(sort_key=3)
-def check(folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")], /, *, json: Json = False) -> None:
-    """Check a dataset: its files, and by its photographs the axes, the intensities and the order of its lights."""
-    from experiments.datasets.check import check_dataset
+def check(
+    folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout; or a submission, with submission.toml.")],
+    /,
+    *,
+    shelf: Shelf = SHELF,
+    json: Json = False,
+) -> None:
+    """Check a dataset by its files and photographs: axes, intensities, order of the lights. Or check a submission."""
+    from scene.reading import told
 
-    verdict = check_dataset(folder)
+    is_submission = (folder / "submission.toml").is_file()
+    if is_submission:
+        from experiments.datasets.submissions import check_submission, dataset_folders
+
+        verdict = check_submission(folder, dataset_folders(shelf))
+        plain, fine = {"method": verdict.method, "maps": list(verdict.maps)}, f"{len(verdict.maps)} maps."
+    else:
+        from experiments.datasets.check import check_dataset
+
+        verdict = check_dataset(folder)
+        plain, fine = {"facts": verdict.facts}, ""
     for note in verdict.notes:
         say(f"note: {note}")
     if json:
-        plain = {**asdict(verdict), "folder": str(verdict.folder), "ok": not verdict.faults}
-        print(json_module.dumps(plain, indent=1))
+        common = {"folder": str(folder), "faults": verdict.faults, "notes": verdict.notes, "ok": not verdict.faults}
+        print(json_module.dumps({**common, **plain}, indent=1))
     if verdict.faults:
-        from scene.reading import told
-
         raise SceneError(told(folder, verdict.faults))
     if not json:
-        facts = verdict.facts
-        print(
-            f"{folder}: fine. {facts['photographs']} photographs of {facts['width']} x {facts['height']} px; their "
-            f"median correlation with Lambert's law is {facts['agreement']:.3f}."
-        )
+        print(f"{folder}: fine. {fine or _dataset_words(plain['facts'])}")
+
+
+def _dataset_words(facts: dict) -> str:
+    return (
+        f"{facts['photographs']} photographs of {facts['width']} x {facts['height']} px; their median correlation with "
+        f"Lambert's law is {facts['agreement']:.3f}."
+    )
 
 
 @dataset.command(sort_key=4)
@@ -169,7 +189,8 @@ def run(
     /,
     *,
     on: Annotated[
-        list[str] | None, Parameter(help="Datasets of the shelf, names or patterns. Default: all.", negative="")
+        list[str] | None,
+        Parameter(help="Datasets of the shelf: names, patterns, or benchmark. Default: all.", negative=""),
     ] = None,
     method: Annotated[
         str, Parameter(alias="-m", help=f"Our methods beside them, with commas: {', '.join(METHODS)}.")
@@ -178,15 +199,41 @@ def run(
         str, Parameter(help="Settings of our methods: default, or seed.", converter=in_any_case)
     ] = "default",
     timeout_s: Annotated[float, Parameter(help="Seconds after which a program is ended.")] = 3600.0,
+    submissions: Annotated[
+        Path | None, Parameter(help="A submission's folder, or a folder of them: scored beside the methods.")
+    ] = None,
+    downloads: Annotated[
+        str | None,
+        Parameter(help="Address under which the shelf is served, for the site's links. Default: where it is here."),
+    ] = None,
     shelf: Shelf = SHELF,
     out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
-    """Solve datasets of the shelf by methods and other programs: a table of angular errors."""
+    """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a site to publish."""
     from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
+    from experiments.datasets.site import write_site
+    from experiments.datasets.submissions import read_submissions
     from lab.options import Solving
 
     solving = Solving(method, profile, tuple(command or ()), timeout_s)
-    rows = run_methods(shelf, on or [], solving=solving, out=out)
+    given = read_submissions(submissions, shelf) if submissions else []
+    rows = run_methods(shelf, on or [], solving=solving, submissions=given, out=out)
     print(results_text(rows), end="")
-    say(f"table: {out / 'index.html'}")
+    say(f"site: {write_site(shelf, out, rows, given, downloads=downloads or '')}")
+
+
+@dataset.command(sort_key=6)
+def publish(
+    name: Annotated[list[str], Parameter(help="Datasets of the shelf: names, patterns, or benchmark.")],
+    /,
+    *,
+    to: Annotated[Path, Parameter(help="Folder that gets the copies: new, empty, or of an earlier publish.")],
+    shelf: Shelf = SHELF,
+) -> None:
+    """Copy datasets without their truth, for others; the truth stays on the shelf, where `run` scores submissions."""
+    from experiments.datasets.publish import publish as publish_datasets
+    from experiments.datasets.shelf import entries, select
+
+    for folder in publish_datasets(shelf, select(entries(shelf), name), to):
+        print(folder)

@@ -163,7 +163,8 @@ def photograph(recipe: Recipe) -> Photographs:
     images = images * exposure
     if recipe.noise:
         photons = 1 / recipe.noise**2
-        images = generator.poisson(images.astype(np.float64) * photons) / photons
+        # What comes out of a medium is a difference of two renderings: below zero by their noise, here and there.
+        images = generator.poisson(np.maximum(images, 0).astype(np.float64) * photons) / photons
     frames = Frames.from_linear(lights.names, images)
     return Photographs(frames, lights, scene.camera, replace(truth, albedo=truth.albedo * exposure))
 

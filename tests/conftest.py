@@ -1,6 +1,7 @@
-"""What a test of `make test` may cost: 5 processor seconds, unless marked `full`; the command line run by a test."""
+"""What a test of `make test` may cost: 5 processor seconds, unless marked `full`; the command line; a browser."""
 
 import os
+import shutil
 import sys
 
 import pytest
@@ -8,6 +9,16 @@ from numba.core.event import install_timer
 
 LIMIT_S = 5.0
 """Of one test's own work, fixtures that it shares and compiling apart."""
+ARGUMENTS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
 
 
 def processor_s():
@@ -44,3 +55,17 @@ def run_rgbn(monkeypatch, capsys):
         return code, *capsys.readouterr()
 
     return run
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """The system's Chromium, driven by Playwright."""
+    path = os.environ.get("RGBN_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+    if path is None:
+        pytest.skip("no Chromium is installed: apt-get install chromium, or name one in RGBN_CHROMIUM")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+        yield browser
+        browser.close()

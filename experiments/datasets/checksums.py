@@ -8,15 +8,25 @@ from scene.files import write_text
 FILE = "SHA256SUMS"
 
 
-def checksums_of(folder: Path) -> str:
-    """Return a line for each file below a folder, but for the checksums themselves and hidden files."""
-    lines = []
+def sums_of(folder: Path) -> dict[str, str]:
+    """Return the SHA-256 of each file below a folder, by name, but for the checksums' own and hidden files."""
+    sums = {}
     for path in sorted(folder.rglob("*")):
         name = path.relative_to(folder).as_posix()
         if path.is_file() and name != FILE and not any(part.startswith(".") for part in name.split("/")):
             with open(path, "rb") as file:
-                lines.append(f"{hashlib.file_digest(file, 'sha256').hexdigest()}  {name}\n")
-    return "".join(lines)
+                sums[name] = hashlib.file_digest(file, "sha256").hexdigest()
+    return sums
+
+
+def sums_in(text: str) -> dict[str, str]:
+    """Return the SHA-256 by file's name of the lines of a SHA256SUMS."""
+    return {name: value for value, name in (line.split("  ", 1) for line in text.splitlines())}
+
+
+def checksums_of(folder: Path) -> str:
+    """Return a line for each file of `sums_of`."""
+    return "".join(f"{value}  {name}\n" for name, value in sums_of(folder).items())
 
 
 def write_checksums(folder: Path) -> None:
@@ -26,10 +36,7 @@ def write_checksums(folder: Path) -> None:
 
 def differences(expected: str, folder: Path) -> list[str]:
     """Return what differs from checksums that were taken before, a sentence a file."""
-    before, now = (
-        {name: value for value, name in (line.split("  ", 1) for line in text.splitlines())}
-        for text in (expected, checksums_of(folder))
-    )
+    before, now = sums_in(expected), sums_of(folder)
     said = [f"{name} is gone" for name in before if name not in now]
     said += [f"{name} has changed" for name in before if name in now and now[name] != before[name]]
     return said + [f"{name} is new" for name in now if name not in before]

@@ -44,6 +44,7 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 | | `attached`, `cast`: shadows, one bit a light, light i in byte i // 8, bit i % 8; as `.png`: white, no light |
 | | `normals`, `z_mm`, `albedo` as `.exr` too (0 outside) |
 | `recipe.json` | what it is made from |
+| `croissant.json` | the same for machine-learning tools (Croissant 1.0) |
 | `SHA256SUMS` | checksums: `sha256sum --check SHA256SUMS` |
 {camera}
 ## Recipe
@@ -119,22 +120,22 @@ def preview(stack: Photographs) -> NDArray[np.uint8]:
     albedo = truth.albedo[window]
     # Not white, or it could not be told from the paper.
     white = 1.3 * max(float(np.nanquantile(albedo, 0.99)), 1e-6)
-    tiles.append(_tile(_gray(albedo / white), "albedo"))
+    tiles.append(_tile(gray(albedo / white), "albedo"))
     tall = truth.height_mm[window]
     top = max(float(np.nanmax(tall)), 1e-6)
-    tiles.append(_tile(_gray(np.repeat((tall / top)[..., None], 3, -1), 1.0), f"height, 0 to {top:.0f} mm"))
+    tiles.append(_tile(gray(np.repeat((tall / top)[..., None], 3, -1), gamma=1.0), f"height, 0 to {top:.0f} mm"))
     for name in ("attached", "cast"):
         lost = lights_of(getattr(truth, name), count).mean(0, dtype=np.float32)
         lost = np.where(truth.mask, lost, np.nan)[window]
-        tiles.append(_tile(_gray(np.repeat(lost[..., None], 3, -1), 1.0), f"{name} shadow"))
+        tiles.append(_tile(gray(np.repeat(lost[..., None], 3, -1), gamma=1.0), f"{name} shadow"))
     tiles += [_blank()] * (-len(tiles) % COLUMNS)
     rows = [np.concatenate(tiles[i : i + COLUMNS], 1) for i in range(0, len(tiles), COLUMNS)]
     return np.concatenate(rows, 0)
 
 
-def _gray(values: NDArray, gamma: float = 1 / 2.2) -> NDArray[np.uint8]:
+def gray(values: NDArray, width: int = TILE, gamma: float = 1 / 2.2) -> NDArray[np.uint8]:
     """Return values 0 to 1 (h, w, 3) as a picture; paper where there is none."""
-    small = shrink(values, TILE)
+    small = shrink(values, width)
     shown = np.clip(np.nan_to_num(small), 0, 1) ** gamma
     return np.where(np.isfinite(small), np.round(255 * shown), PAPER).astype(np.uint8)
 

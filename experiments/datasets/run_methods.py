@@ -1,25 +1,30 @@
-"""`rgbn dataset run`: methods and other programs on datasets of the shelf, in one table; results are kept."""
+"""`rgbn dataset run`: methods, other programs and submissions on datasets of the shelf; results are kept."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from html import escape
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from experiments.datasets.shelf import Entry, contents_of, entries
-from experiments.tables import DATASETS, Row, Rows, errors_of, write_table
+from experiments.datasets.shelf import Entry, contents_of, entries, select
+from experiments.datasets.submissions import Submission, submitted_normals
+from experiments.tables import DATASETS, Row, Rows, errors_of, has_failed, write_table
+from formats.diligent_layout import NORMALS, read_layout
 from lab.options import BY_DEFAULT, Solving
 from lab.progress import say
 from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
-from scene.files import write_json, write_text
+from scene.files import write_json, write_png, write_text
 from scene.output_folder import open_record
 from scene.reading import json_of
 
-FAILED = "failed"
+FAILED, ABSENT = "failed", "not submitted"
+NO_ERROR = 65535
+"""In the kept error maps, which count in hundredths of a degree: no truth, or no answer."""
 
 
 def run(
@@ -27,53 +32,80 @@ def run(
     patterns: Sequence[str],
     *,
     solving: Solving = BY_DEFAULT,
+    submissions: Sequence[Submission] = (),
     out: Path,
 ) -> Rows:
     """Run methods on datasets, as far as their results are not there yet, write the tables, and return the rows.
 
-    patterns: names of datasets that are on the shelf; none: all of them. out gets results.parquet, results.txt,
-    index.html; results/ keeps each result, work/ what programs said. SceneError: no such dataset, method or program; a
+    patterns: names of datasets that are on the shelf, patterns, `benchmark`; none: all of them. out gets
+    results.parquet and results.txt; results/ keeps each result and its error map (16-bit PNG, see `NO_ERROR`), work/
+    what programs said. A row's `map` is the path of its error map. SceneError: no such dataset, method or program; a
     dataset that has changed.
     """
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    wanted, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
+    if twice := sorted(set(programs) & {one.method for one in submissions}):
+        raise SceneError(f"{', '.join(twice)}: a program's name and a submission's. Give the program another.")
+    there, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
     with open_record(out) as record, logged(record):
-        for number, entry in enumerate(wanted, 1):
+        for number, entry in enumerate(there, 1):
             digest, kept = contents_of(shelf, entry), {}
             for name in names:
                 how = (programs[name].command, programs[name].files) if name in programs else solving.profile
                 kept[name] = out / "results" / f"{fingerprint(digest, name, how, code=code)[:24]}.json"
-            made, missing = {}, [name for name in names if not record.is_intact(kept[name])]
+            given = {one.method: one for one in submissions if entry.name in one.maps}
+            for name, one in given.items():
+                mark = fingerprint(digest, "submission", one.maps[entry.name], code=code)[:24]
+                kept[name] = out / "results" / f"{mark}.json"
+            made, missing = {}, [
+                name for name, path in kept.items()
+                if not (record.is_intact(path) and record.is_intact(path.with_suffix(".png")))
+            ]  # fmt: skip
             if missing:
-                say(f"{number} of {len(wanted)}: {entry.name}: {', '.join(missing)}")
-                for name, row in _solve(out, entry, missing, solving):
-                    made[name] = row
-                    if row["status"] == "ok":
+                say(f"{number} of {len(there)}: {entry.name}: {', '.join(missing)}")
+                judged = ((name, _submitted(entry, given[name])) for name in missing if name in given)
+                ours = [name for name in missing if name not in given]
+                for name, row in chain(judged, _solve(out, entry, ours, solving) if ours else ()):
+                    error, made[name] = row.pop("error", None), row
+                    if error is not None:
+                        write_png(kept[name].with_suffix(".png"), error)
                         write_json(kept[name], row)
-            for name in names:
-                rows.append({"dataset": entry.name, "family": entry.family, **(made.get(name) or json_of(kept[name]))})
-        write_results(out, rows)
+            for name in kept:
+                row = made.get(name) or json_of(kept[name])
+                if row["status"] == "ok":
+                    row = {**row, "map": kept[name].with_suffix(".png")}
+                if name in given:
+                    row = {**row, "seconds": given[name].seconds}
+                rows.append({"dataset": entry.name, "family": entry.family, **row})
+            absent = [one.method for one in submissions if one.method not in given]
+            about = {"dataset": entry.name, "family": entry.family, "profile": "submission", "status": ABSENT}
+            rows += [{**about, "method": name} for name in absent]
+        write_table(out / "results.parquet", rows, DATASETS)
+        write_text(out / "results.txt", results_text(rows))
     return rows
 
 
 def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
-    from experiments.catalogue import chosen
-
     known = entries(shelf)
-    there = [one for one in known if one.state]
-    if not there:
+    if not any(one.state for one in known):
         raise SceneError(
             f"{shelf}: there is no dataset yet. Make some (`rgbn dataset make 'pear-*'`), or add your own."
         )
-    if patterns:
-        fitting = set(chosen(patterns, [one.name for one in known]))
-        idle = [one.name for one in known if one.name in fitting and not one.state]
-        if idle and not any(one.name in fitting for one in there):
-            raise SceneError(
-                f"dataset {idle[0]}: is in the catalogue, but not made yet. Make it: rgbn dataset make {patterns[0]!r}."
-            )
-        there = [one for one in there if one.name in fitting]
+    fitting = select(known, patterns) if patterns else [one for one in known if not one.same_as]
+    there = [one for one in fitting if one.state]
+    if not there:
+        raise SceneError(
+            f"dataset {fitting[0].name}: is in the catalogue, but not made yet. Make it: "
+            f"rgbn dataset make {patterns[0]!r}."
+        )
+    blind = [
+        one.folder for one in there if one.folder.is_dir() and not any((one.folder / f).is_file() for f in NORMALS)
+    ]
+    if blind:
+        raise SceneError(
+            f"{blind[0]}: has no true normals, so nothing can be judged here. Solve it (`rgbn process {blind[0]}`), "
+            "and submit the normals to who keeps the truth (docs/guide/datasets.md)."
+        )
     return there
 
 
@@ -107,26 +139,39 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
         table, _ = solve_all(job, store, dataset)
     except SceneError as error:
         return _failed(name, profile, error)
-    mask, truth, facts = store.load_mask(), store.load_normals("truth"), table["methods"][name]
-    judged = mask & np.isfinite(truth[..., 0])
-    errors = errors_of(store.load_normals(name)[judged], truth[judged], "failed")
+    facts = table["methods"][name]
+    judged = _judged(store.load_normals(name), store.load_normals("truth"), store.load_mask())
     more = {"seconds": facts["seconds"], "doubts": " ".join(facts["warnings"])}
-    return {"method": name, "profile": profile, **errors, **more}
+    return {"method": name, "profile": profile, **judged, **more}
+
+
+def _submitted(entry: Entry, submission: Submission) -> Row:
+    found = read_layout(entry.folder)
+    assert found.mask is not None
+    assert found.normals is not None
+    judged = _judged(submitted_normals(submission.maps[entry.name], found.mask), found.normals, found.mask)
+    return {"method": submission.method, "profile": "submission", **judged, "doubts": ""}
+
+
+def _judged(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_]) -> Row:
+    """Return the statistics of normals (H, W, 3) under a truth, and `error`, the map to keep."""
+    from scene.normals import angular_error_deg
+
+    judged = mask & np.isfinite(truth[..., 0])
+    row = errors_of(normals[judged], truth[judged], FAILED)
+    if row["status"] != "ok":
+        return row
+    error = angular_error_deg(np.where(judged[..., None], normals, np.nan), truth)
+    codes = np.where(np.isfinite(error), np.round(100 * np.nan_to_num(error)), NO_ERROR).astype(np.uint16)
+    return {**row, "error": codes}
 
 
 def _failed(name: str, profile: str, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
 
 
-def write_results(folder: Path, rows: Rows) -> None:
-    """Write results.parquet, results.txt and index.html."""
-    write_table(folder / "results.parquet", rows, DATASETS)
-    write_text(folder / "results.txt", results_text(rows))
-    write_text(folder / "index.html", _page(rows))
-
-
 def grid(rows: Rows, quantity: str = "mean_deg") -> tuple[list[str], list[tuple[str, list[float | None]]]]:
-    """Return the methods, and for each dataset its values in their order, None where one failed; last, their means.
+    """Return the methods, and for each dataset its values in their order, None where one has none; last, their means.
 
     A mean is over the datasets that every method solved: else a method gained by failing on what is hard.
     """
@@ -151,41 +196,15 @@ def results_text(rows: Rows) -> str:
     wide = max(len(title), *(len(name) for name, _ in lines))
     widths = [max(len(method), 7) for method in methods]
     head = "".join(f"  {method:>{width}}" for method, width in zip(methods, widths, strict=True))
-    text = [f"{title:{wide}}{head}"]
+    text, absent = (
+        [f"{title:{wide}}{head}"],
+        {(row["dataset"], row["method"]) for row in rows if row["status"] == ABSENT},
+    )
     for name, values in lines:
-        cells = (FAILED if value is None else f"{value:.2f}" for value in values)
+        cells = [
+            f"{value:.2f}" if value is not None else "–" if (name, method) in absent else FAILED
+            for method, value in zip(methods, values, strict=True)
+        ]
         text.append(f"{name:{wide}}" + "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True)))
-    text += [f"{row['dataset']}, {row['method']}: {row['status']}" for row in rows if row["status"] != "ok"]
+    text += [f"{row['dataset']}, {row['method']}: {row['status']}" for row in rows if has_failed(row)]
     return "\n".join(text) + "\n"
-
-
-def _page(rows: Rows) -> str:
-    from compare.report.page import number, table
-    from experiments.sweeps.sweep_page import STYLE
-
-    parts = [
-        "<!doctype html><html lang='en'><meta charset='utf-8'><title>Datasets</title>",
-        f"<style>{STYLE} .best{{font-weight:bold}}</style><h1>Methods on datasets</h1>",
-    ]
-    for quantity, title in (
-        ("mean_deg", "Mean angular error, degrees"),
-        ("median_deg", "Median angular error, degrees"),
-    ):
-        methods, lines = grid(rows, quantity)
-        body = []
-        for name, values in lines:
-            least = min((value for value in values if value is not None), default=None)
-            cells = [
-                FAILED if value is None else f"<span class='{'best' if value == least else ''}'>{number(value)}</span>"
-                for value in values
-            ]
-            body.append([escape(name), *cells])
-        parts.append(f"<h2>{title}</h2>{table(['dataset', *map(escape, methods)], body)}")
-    failures = [row for row in rows if row["status"] != "ok"]
-    if failures:
-        lines = "".join(
-            f"<li>{escape(row['dataset'])}, {escape(row['method'])}: {escape(row['status'])}</li>" for row in failures
-        )
-        parts.append(f"<h2>What failed</h2><ul>{lines}</ul>")
-    parts.append("<p>Bold: the least of a row. More figures, and each method's doubts: results.parquet.</p></html>")
-    return "\n".join(parts)

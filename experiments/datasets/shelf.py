@@ -3,10 +3,11 @@
 import re
 import shutil
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from experiments.catalogue import FAMILIES, catalogue
+from experiments.datasets.benchmark_list import benchmark_names, first_names, wanted
 from experiments.datasets.check import check_dataset
 from experiments.datasets.checksums import FILE, checksums_of, differences
 from experiments.datasets.write import mark_of
@@ -19,6 +20,9 @@ from scene.record import Record
 
 ADDED = ".added"
 """Folder of the shelf: one NAME.json for each dataset that was added, with its checksums."""
+KEPT_BACK = ".kept-back"
+"""Folder of the shelf: one NAME.json for each dataset that was published without its truth."""
+FAMILY_COLUMNS = ("family", "datasets", "of the benchmark's list", "what is varied", "for instance")
 
 
 @dataclass(frozen=True)
@@ -30,22 +34,41 @@ class Entry:
     text: str
     state: str  # "": not made yet; "made"; "outdated": made by another version; "added": of others
     folder: Path  # where it is, or would be
+    benchmark: bool = False  # of the benchmark's list of 93
+    same_as: str = ""  # the dataset that it is another name of; empty: none
+    kept_back: str = ""  # folder of what was given to others without the truth, see `publish`; empty: nothing was
 
 
 def entries(shelf: Path) -> list[Entry]:
     """Return the catalogue, then what else the shelf has: catalogue datasets of other sizes, and those added."""
-    known, record = catalogue(), read_record(shelf)
-    found = [Entry(one.name, one.family, one.text, _state(record, one), shelf / one.name) for one in known.values()]
+    known, record, first = catalogue(), read_record(shelf), first_names()
+    found: list[Entry] = []
+    for one in known.values():
+        name = first[one.name]
+        text, same_as = (one.text, "") if name == one.name else (f"the same stack as {name}", name)
+        more = (name in benchmark_names(), same_as)
+        found.append(Entry(one.name, one.family, text, _state(record, known[name]), shelf / name, *more))
     notes = [json_of(path) for path in sorted((shelf / ADDED).glob("*.json"))]
     taken = {*known, *(note["name"] for note in notes)}
     for path in sorted(shelf.glob("*px")):
         sized = re.fullmatch(r"(.+)-(\d+)px", path.name)
-        base = known.get(sized[1]) if sized else None
+        base = known.get(str(sized[1])) if sized else None
         if sized and base and path.name not in taken and record and record.files_of(path.name):
             text, one = f"{base.text}; {sized[2]} px", base.sized(int(sized[2]))
-            found.append(Entry(path.name, base.family, text, _state(record, one), path))
+            found.append(Entry(path.name, base.family, text, _state(record, one), path, base.name in benchmark_names()))
     found += [Entry(note["name"], "added", note["text"], "added", Path(note["folder"])) for note in notes]
-    return found
+    kept_back = {path.stem: json_of(path)["published"] for path in (shelf / KEPT_BACK).glob("*.json")}
+    return [replace(one, kept_back=kept_back.get(first.get(one.name, one.name), "")) for one in found]
+
+
+def select(found: Sequence[Entry], patterns: Sequence[str]) -> list[Entry]:
+    """Return the entries that names, patterns or the word `benchmark` choose, each stack once, under its own name.
+
+    SceneError: a pattern fits none.
+    """
+    first = {one.name: one.same_as for one in found if one.same_as}
+    names = wanted(patterns, [one.name for one in found], [one.name for one in found if one.benchmark], first)
+    return [one for one in found if one.name in names]
 
 
 def _state(record: Record | None, dataset) -> str:
@@ -106,31 +129,42 @@ def contents_of(shelf: Path, entry: Entry) -> str:
 
 def tell(found: list[Entry]) -> None:
     """Print a line a dataset, and how many there are."""
-    lines = [(one.name, one.state or "-", one.text) for one in found]
-    _tell_table(("name", "on the shelf", "what it is"), lines)
-    print(f"{len(found)} datasets, {sum(bool(one.state) for one in found)} on the shelf")
+    lines = [(one.name, "benchmark" if one.benchmark else "ours", _state_words(one), one.text) for one in found]
+    _tell_table(("name", "list", "on the shelf", "what it is"), lines)
+    own = [one for one in found if not one.same_as]
+    more = f" and {len(found) - len(own)} other names" if len(own) < len(found) else ""
+    marked = sum(one.benchmark for one in own)
+    there = sum(bool(one.state) for one in own)
+    print(f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf")
+
+
+def _state_words(one: Entry) -> str:
+    return f"{one.state}, truth kept back" if one.kept_back else one.state or "-"
 
 
 def tell_families(found: list[Entry]) -> None:
     """Print a line a family."""
-    _tell_table(("family", "datasets", "what is varied", "for instance"), _families(found))
+    _tell_table(FAMILY_COLUMNS, _families(found))
 
 
 def families_markdown(found: list[Entry]) -> str:
     """Return a Markdown table of the families."""
-    lines = ["| family | datasets | what is varied | for instance |", "|---|---|---|---|"]
-    lines += [f"| `{name}` | {count} | {varied} | `{example}` |" for name, count, varied, example in _families(found)]
-    return "\n".join([*lines, f"| all | {len(found)} | | |"]) + "\n"
+    rows = _families(found)
+    lines = [f"| {' | '.join(FAMILY_COLUMNS)} |", "|---|---|---|---|---|"]
+    lines += [f"| `{row[0]}` | {' | '.join(row[1:4])} | `{row[4]}` |" for row in rows]
+    counts = [sum(int(row[column]) for row in rows) for column in (1, 2)]
+    return "\n".join([*lines, f"| all | {counts[0]} | {counts[1]} | | |"]) + "\n"
 
 
-def _families(found: list[Entry]) -> list[tuple[str, str, str, str]]:
-    """Return of each family its name, how many datasets it has, what is varied, and one of them."""
-    names = {family: [one.name for one in found if one.family == family] for family in FAMILIES}
-    return [
-        (one, str(len(names[one])), text, names[one][len(names[one]) // 2])
-        for one, text in FAMILIES.items()
-        if names[one]
-    ]
+def _families(found: list[Entry]) -> list[tuple[str, str, str, str, str]]:
+    """Return of each family the cells of `FAMILY_COLUMNS`; a stack counts once, in the first family that has it."""
+    rows = []
+    for family, text in FAMILIES.items():
+        own = [one for one in found if one.family == family and not one.same_as]
+        if own:
+            marked = sum(one.benchmark for one in own)
+            rows.append((family, str(len(own)), str(marked), text, own[len(own) // 2].name))
+    return rows
 
 
 def _tell_table(head: Sequence[str], lines: Iterable[Sequence[str]]) -> None:

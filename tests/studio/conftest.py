@@ -1,9 +1,7 @@
-"""Chromium for the studio's tests and where things stand on its screen; and a client that nobody sits at."""
+"""Where things stand on the studio's screen in Chromium; and a client that nobody sits at."""
 
 import contextlib
 import io
-import os
-import shutil
 import threading
 from pathlib import Path
 from types import SimpleNamespace
@@ -13,35 +11,11 @@ import pytest
 
 from studio.editor.placement import rotation_of
 
-ARGUMENTS = [
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--no-first-run",
-]
 PATIENCE_S, PRESS_AGAIN_S = 240, 10
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
 VIEW = {"width": 1060, "height": 560}
-
-
-@pytest.fixture(scope="session")
-def chromium():
-    """The system's Chromium, driven by Playwright."""
-    path = os.environ.get("RGBN_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-    if path is None:
-        pytest.skip("no Chromium is installed: apt-get install chromium, or name one in RGBN_CHROMIUM")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
-        yield browser
-        browser.close()
 
 
 @pytest.fixture(scope="session")

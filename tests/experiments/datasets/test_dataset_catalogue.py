@@ -4,12 +4,14 @@ import json
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.catalogue import DECIMALS, FAMILIES, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
+from experiments.datasets.benchmark_list import benchmark_names, first_name, first_names, wanted
 from experiments.scenes import DISTANCES, POWER_SPREAD, dataset_scene
 from experiments.stagings import ONE_FACTOR
 from scene.errors import SceneError
@@ -26,6 +28,35 @@ def test_every_level_of_every_experiment_is_there_once():
         }
         assert len(members) == len(one.shapes) * len(one.levels)
     assert {each.family for each in KNOWN.values()} == set(FAMILIES) - {"added"}
+
+
+def test_the_benchmarks_list_has_93_distinct_stacks():
+    """By all that makes a stack but its names; every level of the nine experiments on their first shape is of it."""
+    names = benchmark_names()
+    stacks = {replace(KNOWN[name], name="", family="", text="") for name in names}
+    assert len(names) == len(set(names)) == len(stacks) == 93
+    for one in ONE_FACTOR.values():
+        for cell in one.cells(methods=()):
+            if cell.recipe.shape == one.shapes[0] and not cell.recipe.seed:
+                assert cell.recipe in {KNOWN[name].recipe for name in names}
+    assert {KNOWN[name].family for name in names} == set(ONE_FACTOR)
+    assert not any(KNOWN[name].near_mm or KNOWN[name].sensor or KNOWN[name].group for name in names)
+
+
+def test_no_stack_has_two_names_unless_said():
+    first = first_names()
+    assert list(first) == list(KNOWN)
+    own = set(first.values())
+    assert len({replace(KNOWN[name], name="", family="", text="") for name in own}) == len(own)
+    assert all(replace(KNOWN[name], name=of, family="", text="") == replace(KNOWN[of], family="", text="")
+               for name, of in first.items())  # fmt: skip
+    assert first["pear-roughness-0.10"] == first["pear-specularity-1.00"] == "pear-material-specular"
+    assert first_name("pear-roughness-0.10-64px") == "pear-material-specular-64px"
+    assert first_name("no-such-name") == "no-such-name"
+    # Asked for by either name it is made once.
+    asked = wanted(["pear-roughness-0.10", "pear-specularity-1.00"], KNOWN, names_of_list := benchmark_names(), first)
+    assert asked == {"pear-material-specular"}
+    assert wanted(["benchmark"], KNOWN, names_of_list, first) == set(names_of_list)
 
 
 def test_names_say_the_level_exactly():
@@ -103,6 +134,9 @@ def test_the_list_at_the_command_line(tmp_path):
     assert {one["state"] for one in found} == {""}
     text = lines("pear-roughness-*")
     assert "pear-roughness-0.30" in text
-    assert text.strip().endswith("9 datasets, 0 on the shelf")
+    assert text.strip().endswith("9 datasets and 2 other names; 9 of the benchmark's list; 0 on the shelf")
+    assert sum(one["benchmark"] and not one["same_as"] for one in found) == 93
+    assert {one["name"] for one in json.loads(lines("--json", "benchmark"))} >= set(benchmark_names())
     table = lines("--markdown")
-    assert sum(int(row.split("|")[2]) for row in table.splitlines()[2:-1]) == len(KNOWN)
+    assert sum(int(row.split("|")[2]) for row in table.splitlines()[2:-1]) == len(set(first_names().values()))
+    assert sum(int(row.split("|")[3]) for row in table.splitlines()[2:-1]) == 93

@@ -168,7 +168,6 @@ def test_programs_join_the_table_and_run_once(dented, tmp_path):
     table = parquet.read_table(out / "results.parquet").to_pylist()
     assert [row["mean_deg"] for row in table] == [row.get("mean_deg") for row in rows]
     assert "Dented: failed" in (out / "results.txt").read_text()
-    assert "no weights here" in (out / "index.html").read_text()
     # The figure itself, by the test's own hand: pinv on the files.
     import cv2
 

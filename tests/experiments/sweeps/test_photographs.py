@@ -91,6 +91,16 @@ def test_wax_keeps_its_light():
     assert np.corrcoef(wax[lit], matte[lit])[0, 1] > 0.9
 
 
+@pytest.mark.full
+def test_what_comes_out_of_a_medium_is_photographed_with_noise():
+    """Its rendering, a difference, lies below zero here and there: no photon is counted for that."""
+    wax = replace(PLAIN, side=48, material="specular_subsurface", depth=4, noise=0.04)
+    noisy, clean = photograph(wax), photograph(replace(wax, noise=0.0))
+    codes = noisy.frames.read()[:, noisy.mask]
+    assert codes.min() >= -1e-4
+    assert codes.mean() == pytest.approx(clean.frames.read()[:, clean.mask].mean(), rel=0.01)
+
+
 @pytest.mark.parametrize("name", SHAPES)
 def test_shapes_stay_within_their_radius_and_face_out(name):
     mesh = SHAPES[name](0.7)
