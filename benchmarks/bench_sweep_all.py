@@ -19,7 +19,7 @@ from benchmarks.pages import put
 from experiments.stagings import ONE_FACTOR, SOLVERS
 from experiments.sweeps.findings import Answer, answers, verdict_of
 from experiments.sweeps.sweep import sweep
-from experiments.sweeps.sweep_statistics import MEASURES, benchmark_statistics
+from experiments.sweeps.sweep_statistics import MEASURES, benchmark_statistics, three_means
 from lab.options import Staging
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -40,10 +40,8 @@ def means(found: list[dict]) -> list[str]:
 
 
 def _field(three: list[dict]) -> str:
-    shown = " / ".join(f"{row['mean']:.1f}" if "mean" in row else "–" for row in three)
-    share = f"; {100 * (1 - three[0]['unanswered']):.0f} %" if "unanswered" in three[0] else ""
     told = ", ".join(f"{three[0][key]} {key.replace('_', ' ')}" for key in ("no_answer", "failed") if three[0][key])
-    return f"{shown}{share}" + (f" ({told})" if told else "")
+    return three_means(three) + (f" ({told})" if told else "")
 
 
 def agreements(found: dict[str, dict]) -> list[str]:
@@ -134,11 +132,11 @@ def main() -> None:
             [
                 *means(numbers[staging]["statistics"]),
                 "",
-                f"In each field: {' / '.join(MEASURES.values())}; share of the pixels that is answered.",
+                f"In each field: {' / '.join(MEASURES.values())}, one number where they are alike; "
+                "share of the pixels that is answered, where it is not all.",
                 "",
-                f"This run: {wall_s / 60:.1f} minutes for the cells that were missing; all cells together took one "
-                f"core {sum(seconds) / 60:.0f} minutes. Measured on {os.cpu_count()} cores by "
-                "`benchmarks/bench_sweep_all.py`.",
+                f"All cells together: {sum(seconds) / 60:.0f} processor minutes. This run: {wall_s / 60:.1f} minutes "
+                f"on {os.cpu_count()} cores, for what was missing.",
                 "",
             ]
         )

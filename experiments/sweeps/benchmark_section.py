@@ -6,7 +6,14 @@ from html import escape
 from compare.report.page import table
 from experiments.stagings import SOLVERS, Experiment
 from experiments.sweeps.findings import Answer
-from experiments.sweeps.sweep_statistics import MEASURES, STATISTICS, Agreement, Statistics, benchmark_statistics
+from experiments.sweeps.sweep_statistics import (
+    MEASURES,
+    STATISTICS,
+    Agreement,
+    Statistics,
+    benchmark_statistics,
+    three_means,
+)
 
 
 def beside_the_benchmark(
@@ -77,17 +84,12 @@ def _three_means(ours: Mapping[str, Statistics], there: list[Experiment], solver
     for one in there:
         for profile in ("default", "seed"):
             keys = [(one.name, solver, profile) for solver in solvers]
-            found = [[ours[measure].get(key, {}) for measure in MEASURES] for key in keys]
-            fields = [
-                " / ".join(f"{each['mean']:.1f}" if "mean" in each else "–" for each in three)
-                + (f"; {100 * (1 - three[0]['unanswered']):.0f} %" if "unanswered" in three[0] else "")
-                for three in found
-            ]
+            fields = [three_means([ours[measure].get(key, {}) for measure in MEASURES]) for key in keys]
             lines.append((f"{escape(one.label)}, {profile}", *fields))
     words = " / ".join(MEASURES.values())
     return (
-        f"<h2>Mean errors, three ways</h2><p>Degrees: {escape(words)}; share of the pixels that is answered. Who gives "
-        "up where it is hard looks good in the third.</p>"
+        f"<h2>Mean errors, three ways</h2><p>Degrees: {escape(words)}, one number where they are alike; share of the "
+        "pixels that is answered, where it is not all. Who gives up where it is hard looks good in the third.</p>"
         f"{table(('', *(escape(SOLVERS.get(name, name)) for name in solvers)), lines)}"
     )
 

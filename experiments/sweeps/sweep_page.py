@@ -37,7 +37,8 @@ th:first-child{text-align:left}td span{display:block}.seed{color:#005a94}.theirs
 .level{display:inline-block;text-align:center;font-size:12px;margin:0 4px 8px 0}.level img{display:block}
 .charts{display:grid;grid-template-columns:1fr 1fr;gap:8px}.charts svg{width:100%}
 figure{margin:0;max-width:760px}figcaption{font-size:13px;color:#555}
-.findings td{text-align:left;vertical-align:top}.reproduced{color:#1b7837}.not{color:#b2182b}.depends{color:#8a6d00}
+.findings th,.findings td{text-align:left;vertical-align:top}
+.reproduced{color:#1b7837}.not{color:#b2182b}.depends{color:#8a6d00}
 .atlas{width:min(1500px,96vw);margin-left:calc(50% - min(750px,48vw))}"""
 
 

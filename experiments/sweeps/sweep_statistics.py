@@ -56,6 +56,14 @@ def statistics(rows: Rows, measure: str = "mean_deg") -> Statistics:
     return found
 
 
+def three_means(three: Sequence[dict[str, float]]) -> str:
+    """Return statistics by the three `MEASURES` in words: the means, once where they are alike; the share answered."""
+    shown = [f"{numbers['mean']:.1f}" if "mean" in numbers else "–" for numbers in three]
+    words = shown[0] if len(set(shown)) == 1 else " / ".join(shown)
+    share = 100 * (1 - three[0].get("unanswered", np.nan))
+    return f"{words}; {share:.0f} %" if np.isfinite(share) and share < 99.5 else words
+
+
 def benchmark_statistics() -> dict[tuple[str, str], dict[str, float]]:
     """Return the benchmark's own table [Berkiten2016], by (experiment, solver): its five statistics."""
     names = {one.label: one.name for one in ONE_FACTOR.values()}
