@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from twin.description.materials import Distribution, RoughPlastic
 from twin.engines.mitsuba_materials import bsdf
@@ -23,6 +24,8 @@ INDEX = 1.49
 """twin.description.materials.RoughPlastic's own. Strength and index are hardly told apart: one is given."""
 NODES = 64
 """Angles at which the coat's transmittance is tabulated, evenly in the cosine."""
+TABLED = np.geomspace(0.01, 1, 17)
+"""Roughnesses of which the renderer tells the transmittance; a smoother coat has that of the smoothest."""
 FARTHEST = 46.0
 """Exponent of Beckmann's distribution beyond which there is nothing: e^-46 is 1e-20, where the renderer ends too."""
 
@@ -50,12 +53,23 @@ class Coat(NamedTuple):
         return "beckmann" if self.beckmann else "ggx"
 
 
-@lru_cache(256)
 def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0, distribution: Distribution = "ggx") -> Coat:
-    """Return the coat of a roughness; its transmittance is the renderer's own.
+    """Return the coat of a roughness."""
+    where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
+    transmittance = np.asarray(_transmittances(index, distribution)(where).real, np.float64)
+    return Coat(roughness, index, transmittance, covered, distribution == "beckmann")
+
+
+@lru_cache(16)
+def _transmittances(index: float, distribution: Distribution) -> CubicSpline:
+    """Return what gives the transmittance (NODES,) of a roughness' logarithm: to 0.03 % the renderer's own, see `Coat`.
 
     The body of reflectance 1, seen from where it is lit, has the value cos T(cos)^2 / (index^2 (1 - R)).
     """
+    return CubicSpline(np.log(TABLED), [_transmittance(float(roughness), index, distribution) for roughness in TABLED])
+
+
+def _transmittance(roughness: float, index: float, distribution: Distribution) -> Array:
     mi = import_mitsuba(slow=True)
     material = RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index, distribution=distribution)
     plastic = mi.load_dict(loadable(mi, bsdf(material)))
@@ -70,7 +84,7 @@ def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0, distri
     else:
         surface.wi = mi.Vector3f(toward)
         values = np.asarray(plastic.eval(context, surface, surface.wi))[0]
-    return Coat(roughness, index, np.sqrt(np.pi * values / cosine), covered, distribution == "beckmann")
+    return np.asarray(np.sqrt(np.pi * values / cosine), np.float64)
 
 
 def matte() -> Coat:
