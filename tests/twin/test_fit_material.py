@@ -119,14 +119,16 @@ def test_what_no_coat_does_is_said() -> None:
 
 
 @pytest.mark.full
-def test_facets_that_cannot_be_told_apart_are_level() -> None:
+def test_facets_that_noise_hides_are_level() -> None:
     lights = dome(12)
-    fit = fit_material(made(0.6, 0.1, lights, noise=0.02), lights)
+    samples = made(0.3, 0.3, lights, noise=0.04, covered=0.0)
+    fit = fit_material(samples, lights)
     assert fit.model == "rough plastic"
     assert "are level, " in str(fit)
-    forced = [fit_material(made(0.6, 0.1, lights, noise=0.02), lights, [name]) for name in NAMES]
-    assert [one.distribution for one in forced] == list(NAMES)
-    assert not any("level" in str(one) or "Beckmann than" in str(one) for one in forced)
+    for name in NAMES:
+        forced = fit_material(samples, lights, [name])
+        assert forced.distribution == name
+        assert "level" not in str(forced)
 
 
 @pytest.mark.full
@@ -225,7 +227,7 @@ def test_too_few_pixels_are_named() -> None:
 
 @pytest.mark.full
 @pytest.mark.render
-@pytest.mark.parametrize("roughness", [0.1, 0.4])
+@pytest.mark.parametrize("roughness", [0.2, 0.4])
 @pytest.mark.parametrize("distribution", NAMES)
 def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(
     distribution: Distribution, roughness: float
@@ -245,7 +247,7 @@ def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(
     assert fit.distribution == distribution
     assert abs(fit.roughness / roughness - 1) < 0.03
     assert abs(fit.specularity / 0.6 - 1) < 0.03
-    albedo = np.where(mask[..., None], np.float32(0.2), np.float32(np.nan))
+    albedo = np.where(mask[..., None], np.full(3, 0.2, np.float32), np.float32(np.nan))
     (made_of,) = material_scene(sight, (fit,), None, albedo, Sampling())[0].materials.values()
     assert isinstance(made_of, RoughPlastic)
     assert (made_of.distribution, made_of.roughness) == (distribution, fit.roughness)
