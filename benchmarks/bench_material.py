@@ -165,8 +165,11 @@ def real() -> list[str]:
     normals = gray.gray_ball.normals(gray.camera, pixels)[0].astype(np.float32)
     lights = gray.found.lights
     distant = Lights(lights.names, lights.directions, lights.intensities).normalised()
-    sphere, middle = built_in("sphere"), gray.gray_ball.center_mm(gray.camera)
-    sight = Sight(Mesh(gray.gray_ball.radius_mm * sphere.vertices + middle, sphere.faces), gray.camera, distant)
+    sphere, ball = built_in("sphere"), gray.gray_ball
+    # The ball's size is unknown: in the orthographic camera's unit it is what it is in pixels.
+    unit = ball.radius_px / (ball.radius_mm * gray.camera.fx)
+    surface = unit * (ball.radius_mm * sphere.vertices + ball.center_mm(gray.camera))
+    sight = Sight(Mesh(surface, sphere.faces), gray.camera, distant)
     samples = samples_of_scan(sight, gray.gray, gray.gray_ball.mask(gray.camera), normals)
     fit = fit_material(samples, distant)
     lines.append(_row("Washington gray ball, 12 lights", (fit,), material_residual(samples, fit, distant)))
