@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from formats.pictures import linear_from_srgb, read_picture, srgb_from_linear
 from studio.editor import edits
@@ -11,7 +11,16 @@ from studio.editor.editor_window import EditorWindow
 from studio.widgets import Inputs, plain
 from twin.description import materials
 from twin.description.description import TwinScene
-from twin.description.materials import VERTEX, Conductor, Material, Measured, Principled, Subsurface, Texture
+from twin.description.materials import (
+    VERTEX,
+    Conductor,
+    Distribution,
+    Material,
+    Measured,
+    Principled,
+    Subsurface,
+    Texture,
+)
 
 KINDS = {
     "matte": materials.Diffuse,
@@ -42,6 +51,7 @@ class MaterialsPanel:
         self._picture = gui.add_dropdown("picture", (COLOUR,), hint="A texture from the workspace")
         window.on_upload(gui.add_upload_button("Send a texture from here"), self._choose_picture)
         add("roughness", "slider", "roughness", min=0.01, max=1.0, step=0.01, initial_value=0.1)
+        add("distribution", "dropdown", "facets", get_args(Distribution), hint="GGX: a halo; Beckmann: a Gaussian")
         add("specularity", "slider", "specularity", min=0.0, max=1.0, step=0.01, initial_value=1.0)
         add("index", "slider", "index of refraction", min=1.01, max=2.5, step=0.01, initial_value=1.49)
         add("metallic", "slider", "metallic", min=0.0, max=1.0, step=0.01, initial_value=0.0)

@@ -101,6 +101,10 @@ def test_an_edit_changes_what_it_says_and_nothing_else(furnished, settle, name):
     window.client.says("roughness", 0.7)
     settle(window)
     assert window.scene.materials["matte"] == replace(was, roughness=0.7)
+    window.client.says("facets", "beckmann")
+    settle(window)
+    was = replace(was, distribution="beckmann")
+    assert window.scene.materials["matte"] == replace(was, roughness=0.7)
     if name == "metal":
         assert window.client.input("metal").value == "Hg", "what it is made of is shown"
         window.client.says("kind", "matte")

@@ -128,6 +128,7 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
         MATTE.replace("diffuse", "velvet")
         + '[[objects]]\nname = "o"\nposition_mm = [0, 0, 0]\n'
         + '[materials.n]\nkind = "rough_plastic"\nreflectance = "red"\nroughness = 0\nruffness = 1\n'
+        + 'distribution = "phong"\n'
     )
     text += (
         '[[lights]]\nkind = "area"\nposition_mm = [0, 0, 0]\n[[lights]]\nkind = "ring"\ncount = 2\npolar_deg = 190\n'
@@ -146,12 +147,13 @@ def test_every_fault_is_told_at_once_with_its_key(tmp_path):
         "materials.m.kind",
         "materials.n.reflectance: found 'red'",
         "materials.n.roughness: found 0",
+        "materials.n.distribution: found 'phong'; expected 'ggx' or 'beckmann'",
         'lights[0]: found a table with kind, position_mm; kind = "area" wants position_mm and radius_mm',
         "lights[1].polar_deg: found 190",
         "sampling.engine: found 'best'",
     ):
         assert line in message, (line, message)
-    assert "13 faults" in message
+    assert "14 faults" in message
 
 
 def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
@@ -235,7 +237,9 @@ def test_what_is_written_is_read_again_as_it_was(tmp_path):
     materials = {
         "a b": Diffuse(texture, Subsurface(1.5, (0.5, 0.6, 0.7), 0.25)),
         "plastic": RoughPlastic((0.1, 0.2, 0.3), 0.05, Texture(rng.random((2, 2, 1)).astype(np.float32)), 1.6),
+        "satin": RoughPlastic((0.1, 0.2, 0.3), 0.3, distribution="beckmann"),
         "copper": Conductor("Cu", 0.0),
+        "brushed": Conductor("Al", 0.2, "beckmann"),
         "disney": Principled("vertex", 0.3, 0.5, 0.25),
         "measured": Measured(tmp_path / "gold.bsdf"),
     }

@@ -108,12 +108,13 @@ def test_a_matte_ball_under_a_distant_light_has_the_closed_form():
         assert images[index][dark].max(initial=0) == 0
 
 
-@pytest.mark.parametrize("near", [False, True], ids=["distant", "near"])
+@pytest.mark.parametrize(("near", "distribution"), [(False, "ggx"), (True, "ggx"), (True, "beckmann")])
 @pytest.mark.parametrize("flat", [False, True], ids=["perspective", "orthographic"])
-def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat):
+def test_the_mean_is_that_of_stock_mitsuba_shadows_gloss_and_all(near, flat, distribution):
     camera = replace(CAMERA, fx=0.5, fy=0.5, projection="orthographic") if flat else CAMERA
     given = lights([120, 60, 200], [-90, 150, 160], near=near, intensities=[[1, 1, 1], [0.5, 0.8, 1.1]])
-    scene = scene_of(*corner(RoughPlastic((0.4, 0.4, 0.6), 0.2)), given, camera=camera, max_depth=2)
+    ball = RoughPlastic((0.4, 0.4, 0.6), 0.2, distribution=distribution)
+    scene = scene_of(*corner(ball), given, camera=camera, max_depth=2)
     ours, theirs = direct(scene).images(), stock(scene, 256)
     assert np.allclose(ours.mean((1, 2)), theirs.mean((1, 2)), rtol=2e-3)
     assert np.sqrt(np.mean((ours - theirs) ** 2)) < 0.006 * theirs.mean()
@@ -135,10 +136,10 @@ def test_light_that_went_on_is_what_stock_mitsuba_has_beyond_direct_light():
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("max_depth", [3, 5])
-def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth):
+@pytest.mark.parametrize(("max_depth", "distribution"), [(3, "ggx"), (5, "ggx"), (3, "beckmann")])
+def test_light_that_a_glossy_ball_throws_on_its_surroundings_is_where_stock_mitsuba_has_it(max_depth, distribution):
     given = lights([120, 60, 200], near=True)
-    scene = scene_of(*corner(Conductor("Al", 0.3)), given, max_depth=max_depth)
+    scene = scene_of(*corner(Conductor("Al", 0.3, distribution)), given, max_depth=max_depth)
     through = indirect(scene, samples=256).images()
     both = stock(scene, 576)
     beyond = both - direct(scene).images()

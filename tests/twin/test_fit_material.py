@@ -11,13 +11,16 @@ from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
-from twin.description.description import TwinObject, TwinScene
-from twin.description.materials import RoughPlastic
+from twin.description.description import Sampling, TwinObject, TwinScene
+from twin.description.materials import Distribution, RoughPlastic
 from twin.description.object_mesh import built_in
 from twin.engines.direct import Direct
+from twin.engines.film import Film
 from twin.engines.mitsuba_scene import mitsuba_scene
+from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import FAST, import_mitsuba, pick_variant
-from twin.material.fit_material import fit_material
+from twin.material.fit_material import NAMES, fit_material
+from twin.material.material_light import material_scene
 from twin.material.material_residual import material_residual
 from twin.material.material_samples import Samples, samples_of_scan
 from twin.material.reflection_models import coat, matte, reflected
@@ -54,14 +57,20 @@ def sight_of_ball(camera: Camera, lights: Lights) -> Sight:
 
 
 def made(
-    roughness: float | None, specularity: float, lights: Lights, *, noise: float = 1e-3, covered: float = 1.0
+    roughness: float | None,
+    specularity: float,
+    lights: Lights,
+    *,
+    noise: float = 1e-3,
+    covered: float = 1.0,
+    distribution: Distribution = "ggx",
 ) -> Samples:
     """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel."""
     camera, mask, normals = ball()
     frames = Frames.from_linear(lights.names, np.zeros((len(lights), SIDE, SIDE, 3), np.float32))
     samples = samples_of_scan(sight_of_ball(camera, lights), frames, mask, normals)
     samples = replace(samples, spread=0 * samples.spread)
-    surface = matte() if roughness is None else coat(roughness, covered=covered)
+    surface = matte() if roughness is None else coat(roughness, covered=covered, distribution=distribution)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
     generator = np.random.default_rng(10_030)
     albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))
@@ -70,11 +79,17 @@ def made(
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("roughness", "specularity"), [(0.1, 1.0), (0.3, 0.4), (0.6, 0.8)])
-def test_roughness_and_specularity_come_back(roughness: float, specularity: float) -> None:
+@pytest.mark.parametrize(
+    ("roughness", "specularity", "distribution"),
+    [(0.1, 1.0, "ggx"), (0.3, 0.4, "ggx"), (0.6, 0.8, "ggx"), (0.1, 1.0, "beckmann"), (0.3, 0.4, "beckmann")],
+)
+def test_roughness_and_specularity_come_back(roughness: float, specularity: float, distribution: Distribution) -> None:
     lights = dome(24)
-    fit = fit_material(made(roughness, specularity, lights), lights)
-    assert fit.model == "rough plastic"
+    fit = fit_material(made(roughness, specularity, lights, distribution=distribution), lights)
+    assert (fit.model, fit.distribution) == ("rough plastic", distribution)
+    name, other = (NAMES[distribution], *(text for key, text in NAMES.items() if key != distribution))
+    assert f"of {name} (" in str(fit)
+    assert f"more with {name} than with {other} (" in str(fit)
     assert abs(fit.roughness / roughness - 1) < 0.005
     assert abs(fit.specularity / specularity - 1) < 0.01
     assert fit.covered == 1
@@ -101,6 +116,19 @@ def test_what_no_coat_does_is_said() -> None:
     assert any("1.40 times those of a full coat" in text for text in brighter.warnings)
     smooth = fit_material(made(0.01, 0.5, lights), lights)
     assert any(text.startswith("The roughness ran to 0.02") for text in smooth.warnings)
+
+
+@pytest.mark.full
+def test_facets_that_noise_hides_are_level() -> None:
+    lights = dome(12)
+    samples = made(0.3, 0.3, lights, noise=0.04, covered=0.0)
+    fit = fit_material(samples, lights)
+    assert fit.model == "rough plastic"
+    assert "are level, " in str(fit)
+    for name in NAMES:
+        forced = fit_material(samples, lights, [name])
+        assert forced.distribution == name
+        assert "level" not in str(forced)
 
 
 @pytest.mark.full
@@ -195,6 +223,34 @@ def test_too_few_pixels_are_named() -> None:
     frames = Frames.from_linear(lights.names, np.zeros((8, SIDE, SIDE, 3), np.float32))
     with pytest.raises(RenderError, match="expected 100 or more"):
         samples_of_scan(sight_of_ball(camera, lights), frames, mask & (np.arange(SIDE) < 12), normals)
+
+
+@pytest.mark.full
+@pytest.mark.render
+@pytest.mark.parametrize("roughness", [0.2, 0.4])
+@pytest.mark.parametrize("distribution", NAMES)
+def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(
+    distribution: Distribution, roughness: float
+) -> None:
+    """And they go along into the twin, whose material is that of the object."""
+    lights, camera = dome(12), Camera(72, 64, 170.0, 170.0, 35.3, 31.8)
+    matrix = np.diag([25.0, 25.0, 25.0, 1.0])
+    matrix[2, 3] = -200
+    ball = TwinObject("ball", built_in("sphere"), "plastic", matrix)
+    true = RoughPlastic((0.5, 0.3, 0.2), roughness, 0.6, distribution=distribution)
+    scene = TwinScene(camera, (ball,), {"plastic": true}, lights, sampling=Sampling("mitsuba", max_depth=2))
+    tracer = PathTracer(scene, Film.of_pinhole(camera, slice(0, camera.height), slice(0, camera.width)))
+    images = np.stack([tracer.image(index, 64, seed=10_032) for index in range(len(lights))])
+    frames, mask = Frames.from_linear(lights.names, images), images.max((0, -1)) > 0
+    sight = Sight(Mesh(ball.placed.vertices, ball.placed.faces), camera, lights)
+    fit = fit_material(samples_of_scan(sight, frames, mask), lights)
+    assert fit.distribution == distribution
+    assert abs(fit.roughness / roughness - 1) < 0.03
+    assert abs(fit.specularity / 0.6 - 1) < 0.03
+    albedo = np.where(mask[..., None], np.full(3, 0.2, np.float32), np.float32(np.nan))
+    (made_of,) = material_scene(sight, (fit,), None, albedo, Sampling())[0].materials.values()
+    assert isinstance(made_of, RoughPlastic)
+    assert (made_of.distribution, made_of.roughness) == (distribution, fit.roughness)
 
 
 @pytest.mark.full

@@ -1,13 +1,18 @@
 """Rough plastic in closed form against the renderer's own."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.special import erf
 
-from twin.description.materials import Diffuse, RoughPlastic, Texture
+from twin.description.materials import Diffuse, Distribution, RoughPlastic, Texture
 from twin.engines.mitsuba_materials import bsdf
 from twin.engines.mitsuba_scene import loadable
 from twin.engines.variant import import_mitsuba
 from twin.material.reflection_models import coat, matte, reflected
+
+DISTRIBUTIONS: tuple[Distribution, ...] = ("ggx", "beckmann")
 
 
 def directions(count: int, seed: int, least: float) -> np.ndarray:
@@ -28,9 +33,10 @@ def in_mitsuba(material, views: np.ndarray, lights: np.ndarray) -> np.ndarray:
     return np.pi * np.asarray(value).reshape(3, -1).T
 
 
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("roughness", [0.05, 0.1, 0.3, 0.6, 1.0])
 @pytest.mark.parametrize("index", [1.3, 1.49, 1.8])
-def test_body_and_coat_are_those_of_mitsuba(roughness: float, index: float) -> None:
+def test_body_and_coat_are_those_of_mitsuba(roughness: float, index: float, distribution: Distribution) -> None:
     views, lights = directions(4000, 1, 0.1), directions(4000, 2, 0.05)
     # Half of them near the mirror direction, where the coat shines.
     near = views[:2000] * [-1, -1, 1] + 0.3 * roughness * directions(2000, 3, -1)
@@ -38,11 +44,13 @@ def test_body_and_coat_are_those_of_mitsuba(roughness: float, index: float) -> N
     lights[:, 2] = np.abs(lights[:, 2]) + 1e-3
     lights /= np.linalg.norm(lights, axis=1, keepdims=True)
     up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
-    body, gloss = (a[:, 0] for a in reflected(coat(roughness, index), up, views, lights[:, None]))
-    both = in_mitsuba(RoughPlastic((0.2, 0.5, 0.9), roughness, 0.7, index), views, lights)
+    surface = coat(roughness, index, distribution=distribution)
+    body, gloss = (a[:, 0] for a in reflected(surface, up, views, lights[:, None]))
+    material = RoughPlastic((0.2, 0.5, 0.9), roughness, 0.7, index, distribution=distribution)
+    both = in_mitsuba(material, views, lights)
     ours = body[:, None] * np.array([0.2, 0.5, 0.9]) + 0.7 * gloss[:, None]
     assert np.max(np.abs(ours / both - 1)) < 0.01
-    only = in_mitsuba(RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index), views, lights)[:, 0]
+    only = in_mitsuba(replace(material, reflectance=(1.0, 1.0, 1.0), specularity=0.0), views, lights)[:, 0]
     assert np.max(np.abs(body / only - 1)) < 0.01
 
 
@@ -67,10 +75,30 @@ def test_matte_is_lambert() -> None:
     assert not gloss.any()
 
 
-def test_light_and_view_change_places() -> None:
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+@pytest.mark.parametrize("roughness", [0.1, 0.4])
+def test_the_facets_cover_the_surface_once(roughness: float, distribution: Distribution) -> None:
+    """The coat seen and lit from where the half angle is, its Fresnel and its G divided off: D cos adds up to 1."""
+    cosine = (np.arange(20_000) + 0.5) / 20_000
+    toward = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine], -1)
+    up = np.broadcast_to([0.0, 0.0, 1.0], toward.shape).copy()
+    gloss = reflected(coat(roughness, distribution=distribution), up, toward, toward[:, None])[1][:, 0]
+    slope = np.sqrt(1 / cosine**2 - 1) * roughness
+    if distribution == "ggx":
+        seen = 2 / (1 + np.sqrt(1 + slope**2))
+    else:
+        # Smith's own, of which the renderer has a rational approximation.
+        a = 1 / slope
+        seen = 2 / (1 + erf(a) + np.exp(-(a**2)) / (a * np.sqrt(np.pi)))
+    facets = gloss * 4 * cosine / (np.pi * (0.49 / 2.49) ** 2 * seen**2)
+    assert abs(np.mean(2 * np.pi * facets * cosine) - 1) < 2e-3
+
+
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_light_and_view_change_places(distribution: Distribution) -> None:
     views, lights = directions(500, 6, 0.05), directions(500, 7, 0.05)
     up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
-    surface = coat(0.25)
+    surface = coat(0.25, distribution=distribution)
     there = reflected(surface, up, views, lights[:, None])
     back = reflected(surface, up, lights, views[:, None])
     for one, other in zip(there, back, strict=True):

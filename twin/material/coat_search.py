@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from twin.description.materials import Distribution
 from twin.material.material_kernels import predicted, reduced
 from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_samples import Samples
@@ -44,20 +45,28 @@ class CoatSearch:
 
     white (3,): Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
     bare: Whether part of the body may lie bare; else the coat covers all.
-    about: Where the search starts; None: everywhere.
+    distribution: Of the coat's facets.
+    about: Where the search starts, its distribution the same; None: everywhere.
     """
 
-    def __init__(self, samples: Samples, white: Array | None, *, bare: bool, about: Fit | None = None) -> None:
-        self._samples, self._white = samples, white
+    def __init__(
+        self, samples: Samples, white: Array | None, *, bare: bool, distribution: Distribution, about: Fit | None = None
+    ) -> None:
+        self._samples, self._white, self._bare = samples, white, bare
         self._parameters = (2 if white is not None else 4) + bare
         self.weights = _start(samples)
-        self.fit = self._anywhere(COVERED if bare else (1.0,)) if about is None else about
+        self.fit = self._anywhere(COVERED if bare else (1.0,), distribution) if about is None else about
         self.noise = self._weigh()
         for _ in range(ROUNDS):
             if bare:
                 self.fit = self._along_covered(self.fit)
             self.fit = self._along_roughness(self.fit)
             self.noise = self._weigh()
+
+    def on(self, samples: Samples) -> "CoatSearch":
+        """Return the search on other samples, about what was found on these."""
+        facets = self.fit.surface.distribution
+        return CoatSearch(samples, self._white, bare=self._bare, distribution=facets, about=self.fit)
 
     def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return what the coat gives back (P, F, 3), and its variance."""
@@ -105,12 +114,13 @@ class CoatSearch:
         strength, left = strengths(self._sums(surface), self._white)
         return left, Fit(surface, strength, self._parameters)
 
-    def _anywhere(self, shares: tuple[float, ...]) -> Fit:
+    def _anywhere(self, shares: tuple[float, ...], distribution: Distribution) -> Fit:
         """Return the best coat of any roughness that is tried, covering any of the shares.
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
         """
-        found = [self._best(coat(float(x), covered=share)) for x in TRIED for share in shares]
+        tried = [coat(float(x), covered=share, distribution=distribution) for x in TRIED for share in shares]
+        found = [self._best(surface) for surface in tried]
         return min(found, key=lambda one: one[0])[1]
 
     def _along_roughness(self, fit: Fit) -> Fit:
@@ -143,7 +153,7 @@ class CoatSearch:
 
 
 def _roughened(surface: Coat, logarithm: float) -> Coat:
-    return coat(float(np.exp(logarithm)), covered=surface.covered)
+    return coat(float(np.exp(logarithm)), covered=surface.covered, distribution=surface.distribution)
 
 
 def _start(samples: Samples) -> Weights:

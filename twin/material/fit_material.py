@@ -1,10 +1,10 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte; rough plastic; or rough plastic whose coat dims only a share of the body: the one whose evidence [Schwarz1978] is
-best.
+Matte; rough plastic, its facets of GGX or of Beckmann; or that with a coat which dims only a share of the body: the one
+whose evidence [Schwarz1978] is best.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
+from twin.description.materials import Distribution
 from twin.material.coat_search import ROUGHEST, SMOOTHEST, CoatSearch, Fit
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, student_weights
@@ -22,7 +23,10 @@ from twin.material.reflection_models import INDEX, Coat, matte
 Array = NDArray[np.float64]
 
 FIRST_LOOK = 2_000
-"""Pixels on which it is decided whether the body lies bare."""
+"""Pixels on which it is decided whether the body lies bare, and of which distribution the facets are."""
+LEVEL = 2.0
+"""Difference of BIC below which two distributions are said to be level."""
+NAMES: dict[Distribution, str] = {"ggx": "GGX", "beckmann": "Beckmann"}
 AT_THE_END = 1.02
 """Factor between a roughness and the end of what is tried, below which it is said that it lies there."""
 
@@ -54,22 +58,29 @@ class MaterialFit:
     evidence: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
+    @property
+    def distribution(self) -> Distribution:
+        """As in `twin.description.materials.RoughPlastic`."""
+        return self.surface.distribution
+
     def __str__(self) -> str:
         """The sentence that is printed."""
         if self.model == "matte":
             return f"matte: {self.evidence[0]}"
         bare = "" if self.covered == 1 else f", dimming {100 * self.covered:.0f} % of the body"
         return (
-            f"rough plastic, roughness {self.roughness:.3f} (± {100 * self.roughness_sigma:.1f} %), specularity "
-            f"{self.specularity:.3f} (± {100 * self.specularity_sigma:.1f} %) at index {self.index:.2f}{bare}: "
+            f"rough plastic, roughness {self.roughness:.3f} of {NAMES[self.distribution]} "
+            f"(± {100 * self.roughness_sigma:.1f} %), specularity {self.specularity:.3f} "
+            f"(± {100 * self.specularity_sigma:.1f} %) at index {self.index:.2f}{bare}: "
             f"{'; '.join(self.evidence)}"
         )
 
 
-def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
+def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distribution] = tuple(NAMES)) -> MaterialFit:
     """Return the material that explains the samples with the fewest numbers.
 
     lights: The same; its white value, if known, ties strength to reflectance, and then the coat's is gray.
+    distributions: Of the coat's facets, that are tried: one or both.
 
     value = irradiance (albedo body(alpha, covered) + k coat(alpha)), see `twin.material.reflection_models.shade`; each
     pixel's alpha^2 is the material's plus its own `spread`. Per pixel and channel the squared residual with the best
@@ -79,19 +90,18 @@ def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     """
     white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
     some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
-    looks = [CoatSearch(some, white, bare=bare) for bare in (False, True)]
-    first, told_bare = _barer(some, *looks)
-    search = CoatSearch(samples, white, bare=first is looks[1], about=first.fit)
+    first, told = _likeliest(some, white, distributions)
+    search = first.on(samples)
     variance = search.predicted()[1]
     factor = search.inflation()
     effective = float(np.count_nonzero(samples.usable)) / factor
     none = Fit(matte(), np.zeros(3), 0)
     falls = _deviance(samples, none, variance) - _deviance(samples, search.fit, variance)
     fall = falls / factor - search.fit.parameters * np.log(effective)
-    told = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
+    worth = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
     fit = search.fit
     if fall <= 0 or fit.strength.mean() <= 0:
-        evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({told})",)
+        evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({worth})",)
         return MaterialFit(
             "matte", 1.0, 0.0, 1.0, 0.0, np.nan, np.nan, np.zeros(3), none.surface, search.noise, effective, evidence
         )
@@ -100,7 +110,7 @@ def fit_material(samples: Samples, lights: Lights) -> MaterialFit:
     return MaterialFit(
         "rough plastic", fit.surface.roughness, specularity, INDEX, fit.surface.covered, float(sigma[0]),
         float(sigma[1]), fit.strength, fit.surface, search.noise, effective,
-        (f"BIC falls by {fall:,.0f} against matte ({told})", told_bare),
+        (f"BIC falls by {fall:,.0f} against matte ({worth})", *told),
         tuple(_doubts(fit.surface.roughness, specularity, float(sigma[1]), known=white is not None)),
     )  # fmt: skip
 
@@ -116,14 +126,39 @@ def robust(samples: Samples, fit: MaterialFit, noise: Noise) -> tuple[NDArray[np
     return values, slope, variance, albedo
 
 
+def _likeliest(
+    samples: Samples, white: Array | None, distributions: Sequence[Distribution]
+) -> tuple[CoatSearch, tuple[str, ...]]:
+    """Return the coat that the evidence favours, and the words for its facets and for what it covers."""
+    (first, bare), *others = (
+        _barer(samples, *(CoatSearch(samples, white, bare=bare, distribution=facets) for bare in (False, True)))
+        for facets in distributions
+    )
+    told: tuple[str, ...] = ()
+    for other, other_bare in others:
+        gain, on, less = _gain(samples, first, other), f"({len(samples):,} pixels)", other
+        if gain > 0:
+            first, bare, less = other, other_bare, first
+        name, lesser = (NAMES[search.fit.surface.distribution] for search in (first, less))
+        told = (f"by {abs(gain):,.0f} more with {name} than with {lesser} {on}",)
+        if abs(gain) < LEVEL:
+            told = (f"{name} and {lesser} are level, {abs(gain):.1f} apart {on}",)
+    return first, (*told, bare)
+
+
 def _barer(samples: Samples, over_all: CoatSearch, part_bare: CoatSearch) -> tuple[CoatSearch, str]:
     """Return the one of two fits to the same samples that the evidence favours, and the words for it."""
-    factor = max(over_all.inflation(), part_bare.inflation())
-    charge = float(np.log(np.count_nonzero(samples.usable) / factor))
-    gain = (over_all.deviance() - part_bare.deviance()) / factor - charge
+    gain = _gain(samples, over_all, part_bare)
     if gain > 0:
         return part_bare, f"by {gain:,.0f} more with part of the body bare ({len(samples):,} pixels)"
     return over_all, f"it rises by {-gain:,.0f} with part of the body bare ({len(samples):,} pixels)"
+
+
+def _gain(samples: Samples, one: CoatSearch, other: CoatSearch) -> float:
+    """Return by how much BIC falls from one fit to another, of the same samples."""
+    factor = max(one.inflation(), other.inflation())
+    charge = float(np.log(np.count_nonzero(samples.usable) / factor))
+    return (one.deviance() - other.deviance()) / factor + charge * (one.fit.parameters - other.fit.parameters)
 
 
 def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) -> Iterator[str]:

@@ -152,7 +152,8 @@ def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float3
     which = np.unique(samples.blocks(BLOCK), return_inverse=True)[1].reshape(-1)
     count = int(which.max()) + 1
     strengths = TIMES[:, None] * whole.strength
-    surfaces = [coat(float(roughness), covered=whole.covered) for roughness in TRIED]
+    facets = whole.distribution
+    surfaces = [coat(float(roughness), covered=whole.covered, distribution=facets) for roughness in TRIED]
     left = []
     for surface in surfaces:
         sums = reduced(samples, weights, surface).reshape(len(samples), 9)

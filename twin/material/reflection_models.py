@@ -11,8 +11,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
-from twin.description.materials import RoughPlastic
+from twin.description.materials import Distribution, RoughPlastic
 from twin.engines.mitsuba_materials import bsdf
 from twin.engines.mitsuba_scene import loadable
 from twin.engines.variant import SLOW, import_mitsuba
@@ -23,32 +24,55 @@ INDEX = 1.49
 """twin.description.materials.RoughPlastic's own. Strength and index are hardly told apart: one is given."""
 NODES = 64
 """Angles at which the coat's transmittance is tabulated, evenly in the cosine."""
+TABLED = np.geomspace(0.01, 1, 17)
+"""Roughnesses of which the renderer tells the transmittance; a smoother coat has that of the smoothest."""
+FARTHEST = 46.0
+"""Exponent of Beckmann's distribution beyond which there is nothing: e^-46 is 1e-20, where the renderer ends too."""
 
 
 class Coat(NamedTuple):
     """A rough dielectric surface over a matte body [Walter2007].
 
-    roughness: alpha of the GGX distribution.
+    roughness: alpha of the facets' distribution.
     index: Of refraction.
     transmittance (NODES,): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
         coat's diffuse reflectance from within.
     covered: Share of the body's light that passes it.
+    beckmann: Whether the distribution is Beckmann's; else GGX.
     """
 
     roughness: float
     index: float
     transmittance: Array
     covered: float = 1.0
+    beckmann: bool = False
+
+    @property
+    def distribution(self) -> Distribution:
+        """As `twin.description.materials.RoughPlastic` has it."""
+        return "beckmann" if self.beckmann else "ggx"
 
 
-@lru_cache(256)
-def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0) -> Coat:
-    """Return the coat of a roughness; its transmittance is the renderer's own.
+def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0, distribution: Distribution = "ggx") -> Coat:
+    """Return the coat of a roughness."""
+    where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
+    transmittance = np.asarray(_transmittances(index, distribution)(where).real, np.float64)
+    return Coat(roughness, index, transmittance, covered, distribution == "beckmann")
+
+
+@lru_cache(16)
+def _transmittances(index: float, distribution: Distribution) -> CubicSpline:
+    """Return what gives the transmittance (NODES,) of a roughness' logarithm: to 0.03 % the renderer's own, see `Coat`.
 
     The body of reflectance 1, seen from where it is lit, has the value cos T(cos)^2 / (index^2 (1 - R)).
     """
+    return CubicSpline(np.log(TABLED), [_transmittance(float(roughness), index, distribution) for roughness in TABLED])
+
+
+def _transmittance(roughness: float, index: float, distribution: Distribution) -> Array:
     mi = import_mitsuba(slow=True)
-    plastic = mi.load_dict(loadable(mi, bsdf(RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index))))
+    material = RoughPlastic((1.0, 1.0, 1.0), roughness, 0.0, index, distribution=distribution)
+    plastic = mi.load_dict(loadable(mi, bsdf(material)))
     cosine = np.maximum(np.linspace(0, 1, NODES), 1e-3)
     toward = np.stack([np.sqrt(1 - cosine**2), 0 * cosine, cosine]).astype(np.float32)
     surface, context = mi.SurfaceInteraction3f(), mi.BSDFContext()
@@ -60,7 +84,7 @@ def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0) -> Coa
     else:
         surface.wi = mi.Vector3f(toward)
         values = np.asarray(plastic.eval(context, surface, surface.wi))[0]
-    return Coat(roughness, index, np.sqrt(np.pi * values / cosine), covered)
+    return np.asarray(np.sqrt(np.pi * values / cosine), np.float64)
 
 
 def matte() -> Coat:
@@ -69,11 +93,29 @@ def matte() -> Coat:
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
+def _beckmann(cosine2, a2):
+    """Return Beckmann's distribution [Beckmann1963] of facets, at a squared cosine to the normal: per solid angle."""
+    if 1 - cosine2 > FARTHEST * a2 * cosine2:
+        return 0.0
+    return np.exp((cosine2 - 1) / (a2 * cosine2)) / (np.pi * a2 * cosine2 * cosine2)
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def _beckmann_unhidden(cosine2, a2):
+    """Return Smith's share of facets that a direction sees, by the rational function of [Walter2007]."""
+    # cot / alpha; 1.6 and more: all are seen.
+    if cosine2 >= 2.56 * a2 * (1 - cosine2):
+        return 1.0
+    a = np.sqrt(cosine2 / (a2 * (1 - cosine2)))
+    return a * (3.535 + 2.181 * a) / (1 + a * (2.276 + 2.577 * a))
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
 def shade(normal, view, light, roughness, surface):
     """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
 
     Body: cos_l (1 - covered + covered T(l) T(v)); coat: pi F D G / (4 cos_v), G by Smith, each
-    direction apart. The matte coat (index 1) has the body cos_l and no coat.
+    direction apart; D and G of GGX or Beckmann [Walter2007]. The matte coat (index 1) has the body cos_l and no coat.
     """
     nx, ny, nz = normal
     vx, vy, vz = view
@@ -99,10 +141,14 @@ def shade(normal, view, light, roughness, surface):
     across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
     fresnel = (across * across + along * along) / 2
     a2 = roughness * roughness
-    bottom = nh * nh * (a2 - 1) + 1
-    facets = a2 / (np.pi * bottom * bottom)
-    g_l = 2 / (1 + np.sqrt(1 + a2 * (1 / (nl * nl) - 1)))
-    g_v = 2 / (1 + np.sqrt(1 + a2 * (1 / (nv * nv) - 1)))
+    if surface.beckmann:
+        facets = _beckmann(nh * nh, a2)
+        g_l, g_v = _beckmann_unhidden(nl * nl, a2), _beckmann_unhidden(nv * nv, a2)
+    else:
+        bottom = nh * nh * (a2 - 1) + 1
+        facets = a2 / (np.pi * bottom * bottom)
+        g_l = 2 / (1 + np.sqrt(1 + a2 * (1 / (nl * nl) - 1)))
+        g_v = 2 / (1 + np.sqrt(1 + a2 * (1 / (nv * nv) - 1)))
     return diffuse, np.pi * fresnel * facets * g_l * g_v / (4 * nv)
 
 

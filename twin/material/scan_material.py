@@ -118,8 +118,8 @@ def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
     return robust(samples, fit, fit.noise)[3]
 
 
-def _numbers(fit: MaterialFit) -> dict[str, float]:
-    names = ("roughness", "roughness_sigma", "specularity", "specularity_sigma", "index", "covered")
+def _numbers(fit: MaterialFit) -> dict[str, Any]:
+    names = ("distribution", "roughness", "roughness_sigma", "specularity", "specularity_sigma", "index", "covered")
     return {} if fit.model == "matte" else {name: getattr(fit, name) for name in names}
 
 
