@@ -4,11 +4,13 @@ import csv
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from experiments.recipe import Cell, Recipe
-from lab.options import Staging
 from scene.errors import SceneError
+
+if TYPE_CHECKING:
+    from lab.options import Staging
 
 SOLVERS = {
     "ls": "Lsq", "rpca": "RPCS", "iterative": "Iter Lsq", "hsh": "HSH", "ldr": "LDR", "entropy": "Entropy", "tv": "TV"
@@ -140,12 +142,12 @@ def benchmark() -> dict[str, Experiment]:
     return found
 
 
-def experiments(staging: Staging) -> dict[str, Experiment]:
+def experiments(staging: "Staging") -> dict[str, Experiment]:
     """Return a staging's nine experiments by name."""
     return benchmark() if staging == "benchmark" else ONE_FACTOR
 
 
-def experiments_of(text: str, staging: Staging = "one-factor") -> tuple[Experiment, ...]:
+def experiments_of(text: str, staging: "Staging" = "one-factor") -> tuple[Experiment, ...]:
     """Return the sweeps that a command line names: some, with commas, or all; raise SceneError for an unknown one."""
     there: Mapping[str, Experiment] = experiments(staging)
     names = list(there) if text == "all" else [name.strip() for name in text.split(",") if name.strip()]
