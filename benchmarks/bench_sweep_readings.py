@@ -29,6 +29,7 @@ READINGS: dict[str, tuple[str, dict[str, Any]]] = {
     "the cones' lights within 30 degrees": ("interreflection", {"polar_deg": 30.0}),
     "the waves' light straight from the flash only": ("shadow", {"depth": 2}),
     "noise under a ring of 24 lights at 15 degrees": ("noise", {"lights": "ring", "count": 24, "polar_deg": 15.0}),
+    "fewer images, without the renderings' noise": ("images", {"noise": 0.0}),
     "GGX facets, not Beckmann's": ("roughness", {"distribution": "ggx"}),
     "rings without the renderings' noise": ("ring", {"noise": 0.0}),
 }
