@@ -150,8 +150,14 @@ class Visitor:
         self.button(name).click(force=True)
 
     def tab(self, name):
-        """Turn to a tab."""
-        self.page.get_by_role("tab", name=name, exact=True).click(force=True)
+        """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
+        tab = self.page.get_by_role("tab", name=name, exact=True)
+        for _ in range(PRESS_AGAIN_S):
+            tab.click(force=True)
+            for _ in range(20):
+                if tab.get_attribute("aria-selected") == "true":
+                    return
+                self.page.wait_for_timeout(50)
 
     def see(self, text):
         """Wait until a text is there."""
