@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from formats.mat_files import arrays_of_mat
 from scene.errors import SceneError
 from scene.image_files import read_pixels
-from scene.reading import array_of, reading
+from scene.reading import array_of, reading, shortened
 
 SUFFIXES = (".mat", ".txt", ".npy", ".png")
 
@@ -54,7 +54,7 @@ def _read_mat(path: Path, height: int, width: int) -> NDArray:
         if name in maps:
             return maps[name]
     if len(maps) != 1:
-        found = ", ".join(f"{name} {item.shape}" for name, item in arrays.items()) or "nothing"
+        found = shortened(", ".join(f"{name} {item.shape}" for name, item in arrays.items())) or "nothing"
         raise SceneError(f"{path}: expected `Normal_gt` or one H x W x 3 array, found {found}.")
     return next(iter(maps.values()))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scene.errors import RenderError, SceneError
 from scene.files import in_place
 from scene.image_files import check_header, read_pixels
-from scene.reading import array_of, reading
+from scene.reading import array_of, reading, shortened
 
 Picture = NDArray[np.float32]
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
@@ -100,7 +100,9 @@ def read_exr(path: Path, fault: str, error: type[SceneError], *, do: str) -> Pic
         return values[..., [names.index(name) for name in "RGB"]]
     if len(names) == 1 or "Y" in names:
         return values[..., names.index("Y") if "Y" in names else 0]
-    raise error(f"{path}: holds the channels {', '.join(names)}, expected R, G, B or Y. Export the picture alone.")
+    raise error(
+        f"{path}: holds the channels {shortened(', '.join(names))}, expected R, G, B or Y. Export the picture alone."
+    )
 
 
 def write_exr(path: Path, picture: Picture) -> None:

@@ -11,7 +11,7 @@ from formats.mat_files import arrays_of_mat
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.reading import numbers, reading
+from scene.reading import numbers, reading, shortened
 
 USUAL_DEPTH_MM = 700.0
 """Where near_ps takes the object to stand when it is not told."""
@@ -28,9 +28,8 @@ def read_mat(path: Path, camera: Camera | None = None) -> Lights:
     """
     data = arrays_of_mat(path, error=CalibrationError)
     if "S" not in data:
-        raise CalibrationError(
-            f"{path}: holds {', '.join(sorted(data)) or 'nothing'}; expected S (n x 3, mm), and Phi, mu, Dir."
-        )
+        found = shortened(", ".join(sorted(data))) or "nothing"
+        raise CalibrationError(f"{path}: holds {found}; expected S (n x 3, mm), and Phi, mu, Dir.")
     shapes = "has S, Phi or mu of a strange shape"
     with reading(path, shapes, CalibrationError, do="Expected n x 3, n x 3, n x 1."):
         positions = from_opencv(np.asarray(data["S"], np.float64).reshape(-1, 3))

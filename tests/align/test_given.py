@@ -73,3 +73,13 @@ def test_faults_are_named(tmp_path, dome):
     (tmp_path / "broken.mat").write_bytes(b"not matlab at all, by a long way")
     with pytest.raises(AlignError, match="cannot be read"):
         read_normals(tmp_path / "broken.mat", HEIGHT, WIDTH)
+
+
+def test_a_variable_with_a_name_of_pages_is_named_in_a_line(tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "n.mat", "w") as file:
+        file["x\n" * 30_000] = np.ones((3, 4))
+    with pytest.raises(AlignError, match="found x x") as caught:
+        read_normals(tmp_path / "n.mat", HEIGHT, WIDTH)
+    assert len(str(caught.value)) < 1000

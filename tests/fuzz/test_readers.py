@@ -2,6 +2,7 @@
 
 import pytest
 
+from fixtures.bad_input.cases import Damaged
 from fixtures.bad_input.doors import DOORS
 
 NAMES = tuple(
@@ -19,3 +20,8 @@ def test_a_few(short, door):
 @pytest.mark.parametrize("door", NAMES)
 def test_many(full, door):
     full(door)
+
+
+def test_a_case_that_fails_is_shown_by_sizes():
+    """Hypothesis warns of a long one, and would end with that instead of what failed."""
+    assert repr(Damaged({"a.mat": b"\0" * 100_000, "b": None})) == "Damaged(a.mat: 100000 bytes, b: removed)"

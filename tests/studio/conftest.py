@@ -152,12 +152,13 @@ class Visitor:
     def tab(self, name):
         """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
         tab = self.page.get_by_role("tab", name=name, exact=True)
-        for _ in range(PRESS_AGAIN_S):
+        for _ in range(PATIENCE_S):
             tab.click(force=True)
             for _ in range(20):
                 if tab.get_attribute("aria-selected") == "true":
                     return
                 self.page.wait_for_timeout(50)
+        pytest.fail(f"{name}: the tab does not open")
 
     def see(self, text):
         """Wait until a text is there."""
