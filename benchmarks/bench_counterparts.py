@@ -1,9 +1,10 @@
-"""The benchmark's experiments on real things: virtual captures against counterparts; docs/evidence/counterparts.md.
+"""The benchmark's experiments on real things: virtual captures against counterparts; into docs/evidence.
 
     .venv/bin/python -m benchmarks.bench_counterparts [--only iso | --write] [--out out/counterparts]
 
-Goes on where it was stopped; a pair is made again where setup or code has changed. `--write` writes the page, its
-charts (docs/evidence/virtual-EXPERIMENT.svg) and error maps all at once, and names the commit that they are of.
+Goes on where it was stopped; a pair is made again where setup or code has changed. `--write` writes
+counterparts.md, its charts (virtual-EXPERIMENT.svg) and error maps, and section 4 of findings.md all at once, and names
+the commit that they are of.
 """
 
 import argparse
@@ -12,6 +13,7 @@ from pathlib import Path
 
 import cv2
 
+from benchmarks.counterpart_findings import findings
 from benchmarks.counterpart_tables import block, chart, curves, distinct, maps_picture, tables, verdict
 from benchmarks.pages import put
 from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS
@@ -61,6 +63,7 @@ def main() -> None:
         EVIDENCE / "counterparts.md", "verdict", verdict(distinct(wanted, results), curves(results), f"commit {before}")
     )
     put(EVIDENCE / "counterparts.md", "tables", tables(wanted, results))
+    put(EVIDENCE / "findings.md", "section 4", findings(results))
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks import bench_counterparts
+from benchmarks.counterpart_findings import findings
 from benchmarks.counterpart_tables import MAPPED, block, chart, curves, distinct, maps_picture, numbers, rows, verdict
 from benchmarks.virtual_lab import VIRTUAL_EXPERIMENTS
 from benchmarks.virtual_pairs import METHODS, Pair
@@ -200,3 +201,47 @@ def test_the_page_says_what_its_tables_say():
     for one in VIRTUAL_EXPERIMENTS:
         assert f"](virtual-{one.name}.svg)" in text
     assert (PAGE.parent / "virtual-maps.png").stat().st_size < 300_000
+
+
+def told(results):
+    return {line.split(" | ")[0].strip("| "): line for line in findings(results).splitlines()[2:]}
+
+
+def agreeing():
+    """All that section 4 says, but for the cause of the ring's variation: the distance explains it."""
+    rising = [pair(1.0), pair(2.0, real=3.0, twin=4.0)]
+    return {
+        "spheres": [pair("matte", pearson=0.8)],
+        "cardboard": [pair(160.0, pearson=0.9), pair(60.0, real=5.0, twin=6.0, pearson=0.75)],
+        "ambient": rising,
+        "iso": rising,
+        "ring": [pair(15.0, real=4.0, twin=2.0, told_deg=2.1), pair(35.0, real=5.0, twin=3.0, told_deg=3.1)],
+    }
+
+
+def test_section_4_is_judged_by_what_the_pairs_say():
+    said = told(agreeing())
+    assert [line.split("**")[1] for line in said.values()] == ["reproduced"] * 5 + ["not reproduced"]
+
+
+@pytest.mark.parametrize(
+    ("statement", "changed"),
+    [
+        ("Error patterns", {"spheres": [pair("matte", pearson=0.8, pattern="differ")]}),
+        ("Error patterns", {"cardboard": [pair(160.0, pearson=0.1), pair(60.0, real=5.0, twin=6.0, pearson=0.2)]}),
+        ("Errors grow with the ambient", {"ambient": [pair(1.0), pair(2.0, real=3.0, twin=1.2)]}),
+        ("Folded cards", {"cardboard": [pair(160.0, real=5.0, pearson=0.8), pair(60.0, twin=6.0, pearson=0.8)]}),
+        ("A higher ISO", {"iso": [pair(1.0, real=3.0), pair(2.0, twin=3.0)]}),
+        ("A ring held by hand", {"ring": [pair(15.0, real=2.5, twin=2.0, told_deg=2.4)]}),
+    ],
+)
+def test_what_contradicts_a_statement_of_section_4_turns_it_alone(statement, changed):
+    before, after = told(agreeing()), told(agreeing() | changed)
+    turned = [claim for claim in before if before[claim].split("**")[1] != after[claim].split("**")[1]]
+    assert all(claim.startswith(("Uneven", statement)) for claim in turned)
+    assert any(claim.startswith(statement) for claim in turned)
+
+
+def test_the_flash_is_the_cause_where_the_distance_is_not():
+    ring = [pair(15.0, real=4.0, twin=2.0, told_deg=3.9)]
+    assert "**reproduced**" in told(agreeing() | {"ring": ring})["Uneven positions of the flash are the likely cause."]
