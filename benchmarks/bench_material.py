@@ -1,6 +1,6 @@
 """Fitted materials against known ones, and real photographs against their twin; written into docs/evidence/twin.md.
 
-    .venv/bin/python -m benchmarks.bench_material [--write] [--seeds 10] [--parts material facets photographs]
+    .venv/bin/python -m benchmarks.bench_material [--write] [--seeds 10] [--parts material facets photographs ...]
 
 Virtual sessions (benchmarks/material_sessions.py): shapes, roughness, strength, lights and textures of ten seeds; of
 ten others, GGX and Beckmann in turn, each fitted with both. Real ones: DiLiGenT's ball and cat with the set's own
@@ -9,30 +9,41 @@ chrome ball. Nothing was tuned on either.
 """
 
 import argparse
+import json
 import os
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import trimesh
+from numpy.typing import NDArray
 
 from benchmarks.material_sessions import material_session
 from benchmarks.pages import put
 from benchmarks.real_captures import washington
 from benchmarks.real_surfaces import diligent_object
+from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
+from twin.description.description import Sampling
 from twin.description.materials import Distribution, RoughPlastic
-from twin.description.object_mesh import built_in
+from twin.engines.render import render_scene
 from twin.material.fit_material import NAMES, MaterialFit, fit_material
 from twin.material.material_kernels import predicted
-from twin.material.material_residual import Residual, material_residual
+from twin.material.material_residual import Residual
 from twin.material.material_samples import Samples, samples_of_scan
 from twin.material.scan_material import LEAST_PIXELS, scan_material
+from twin.relighting import MASKS, relighting
 from twin.visibility import Sight
 
 ROOT = Path(__file__).resolve().parents[1]
+BUNNY = ROOT.parent / "shared" / "sessions" / "bunny"
 SHAPES = ("blob", "potato", "relief", "knot", "dented_pear", "house", "brick", "mug")
 ROUGHNESSES = (0.05, 0.1, 0.2, 0.35, 0.5)
 FACETS_FROM = 2000
@@ -156,24 +167,54 @@ def real() -> list[str]:
         "| photographs | model | relative RMSE | of single frames | of its square, each alone would explain |",
         "|---|---|---|---|---|",
     ]
+    for name, sight, frames, mask, normals in _captures():
+        found = scan_material(sight, frames, mask, normals)
+        lines.append(_row(name, found.places.fits, found.residual))
+    return lines
+
+
+def relit() -> list[str]:
+    """Return the lines of photographs under lights that the material was not fitted to."""
+    kinds = ("linear", "hdr", "ldr")
+    heads = ["photographs", *(f"{name}, relative RMSE" for name in MASKS), *(f"PSNR {kind}, dB" for kind in kinds)]
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    for name, sight, frames, mask, normals in _captures():
+        found = relighting(sight, frames, mask, normals, Sampling(error=0.01), lambda one: render_scene(one).frames)
+        lines.append(_scores(name, found.facts(), kinds))
+    with tempfile.TemporaryDirectory() as out:
+        subprocess.run([Path(sys.executable).with_name("rgbn"), "process", BUNNY, "-o", out, "-q"], check=True)
+        facts = json.loads(Path(out, "summary.json").read_text())["twin"]["held_out"]
+    lines.append(_scores("bunny (another renderer's RAW)", facts, kinds))
+    return [*lines, "", "In parentheses: each image, and each channel of it, scaled to suit best."]
+
+
+def _scores(name: str, facts: dict[str, Any], kinds: Sequence[str]) -> str:
+    shares = (
+        f"{100 * facts[f'relative_rmse_{k}']:.1f} ({100 * facts[f'relative_rmse_{k}_scaled']:.1f}) %" for k in MASKS
+    )
+    decibels = (f"{facts[f'psnr_{k}_db']:.1f} ({facts[f'psnr_{k}_scaled_db']:.1f})" for k in kinds)
+    count = f"{len(facts['fitted'])} frames fitted, {len(facts['predicted'])} foretold"
+    row = f"| {name}, {count} | " + " | ".join([*shares, *decibels]) + " |"
+    print(row, flush=True)
+    return row
+
+
+def _captures() -> Iterator[tuple[str, Sight, Frames, NDArray[np.bool_], NDArray[np.float32]]]:
+    """Yield real captures whose shape is known: name, sight, frames, mask, normals."""
     for name in ("ball", "cat"):
         one = diligent_object(name, "orthographic")
-        found = scan_material(Sight(one.surface, one.camera, one.lights), one.frames, one.mask, one.normals)
-        lines.append(_row(f"DiLiGenT {name}, 96 lights", found.places.fits, found.residual))
+        yield f"DiLiGenT {name}", Sight(one.surface, one.camera, one.lights), one.frames, one.mask, one.normals
     gray = washington()
     pixels = gray.camera.grid()
     normals = gray.gray_ball.normals(gray.camera, pixels)[0].astype(np.float32)
     lights = gray.found.lights
     distant = Lights(lights.names, lights.directions, lights.intensities).normalised()
-    sphere, ball = built_in("sphere"), gray.gray_ball
+    sphere, ball = trimesh.creation.icosphere(subdivisions=5), gray.gray_ball
     # The ball's size is unknown: in the orthographic camera's unit it is what it is in pixels.
     unit = ball.radius_px / (ball.radius_mm * gray.camera.fx)
-    surface = unit * (ball.radius_mm * sphere.vertices + ball.center_mm(gray.camera))
-    sight = Sight(Mesh(surface, sphere.faces), gray.camera, distant)
-    samples = samples_of_scan(sight, gray.gray, gray.gray_ball.mask(gray.camera), normals)
-    fit = fit_material(samples, distant)
-    lines.append(_row("Washington gray ball, 12 lights", (fit,), material_residual(samples, fit, distant)))
-    return lines
+    surface = unit * (ball.radius_mm * np.array(sphere.vertices) + ball.center_mm(gray.camera))
+    sight = Sight(Mesh(surface, np.array(sphere.faces)), gray.camera, distant)
+    yield "Washington gray ball", sight, gray.gray, gray.gray_ball.mask(gray.camera), normals
 
 
 def main() -> None:
@@ -181,9 +222,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--seeds", type=int, default=10)
-    parser.add_argument("--parts", nargs="+", choices=("material", "facets", "photographs"))
+    parser.add_argument("--parts", nargs="+", choices=("material", "facets", "photographs", "relighting"))
     arguments = parser.parse_args()
-    parts = {"material": lambda: virtual(arguments.seeds), "facets": facets, "photographs": real}
+    parts = {"material": lambda: virtual(arguments.seeds), "facets": facets, "photographs": real, "relighting": relit}
     for name in arguments.parts or parts:
         text = "\n".join(parts[name]())
         text += f"\n\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_material.py`.\n"

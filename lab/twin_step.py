@@ -1,11 +1,12 @@
 """The verb `twin`: the registered scan rendered under the calibrated lights, and solved like the photographs."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from lab.job import Job, Outcome
 from lab.progress import alive, progress_bar, say
 from lab.steps import solve_all
+from scene.errors import RenderError
 from scene.store import Store
 
 
@@ -43,10 +44,13 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     )
     if sensor is not None:
         _develop(folder)
+    foretold = _foretold(job, scene, rendered.choice.engine)
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
-    return {"rendered": True, "material": material, **facts, **photographed}, list(facts["warnings"])
+    return {"rendered": True, "material": material, "held_out": foretold, **facts, **photographed}, list(
+        facts["warnings"]
+    )
 
 
 def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
@@ -58,6 +62,25 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
     method = "iterative" if "iterative" in job.methods else job.methods[0]
     sampling, is_given = job.twin.sampling(Sampling()), job.twin.error is not None
     return session_scene(job.store, job.load_scan(), sampling, is_error_given=is_given, method=method)
+
+
+def _foretold(job: Job, scene: Any, engine: str) -> dict[str, Any] | None:
+    """Fit the material to half of the frames, foretell the others; return what the summary keeps of it."""
+    from twin.engines.render import render_scene
+    from twin.session_scene import session_relighting
+
+    sampling = replace(scene.sampling, engine=engine)
+    with progress_bar("twin: frames not fitted to") as progress:
+        how: Any = {"executor": job.executor, "progress": progress}
+        try:
+            found = session_relighting(
+                job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames
+            )
+        except RenderError as error:
+            say(f"twin: not held against frames that it was not fitted to. {error}")
+            return None
+    say(f"twin: {found}")
+    return found.facts()
 
 
 def _sensor(job: Job) -> Any:

@@ -142,6 +142,11 @@ def twin_tables(job: Job, summary: dict[str, Any]) -> Iterator[Any]:
         ("misfit", f"{percent(twin['material']['relative_rmse'])} of the photographs, rms")
         if twin["material"].get("relative_rmse") is not None
         else ("misfit", "not known"),
+        *(
+            [("foretold", f"{percent(held_out['relative_rmse_lit'])} of frames not fitted to, where lit")]
+            if (held_out := twin.get("held_out"))
+            else []
+        ),
         ("rendering", f"engine {twin['engine']}, {twin['seconds']:.0f} s, error {percent(twin['error'])}"),
     ]
     yield fact_table("twin", rows)

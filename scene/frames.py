@@ -88,8 +88,11 @@ class Frames:
 
     def some(self, count: int) -> "Frames":
         """Return about `count` of the frames, evenly spaced, without copying a pixel."""
-        every = slice(None, None, max(1, round(len(self) / count)))
-        return replace(self, names=self.names[every], codes=self.codes[every], gain=self.gain[every])
+        return self.only(slice(None, None, max(1, round(len(self) / count))))
+
+    def only(self, which: slice) -> "Frames":
+        """Return some of the frames, without copying a pixel."""
+        return replace(self, names=self.names[which], codes=self.codes[which], gain=self.gain[which])
 
     def every(self, step: int) -> "Frames":
         """Return every n-th pixel of each frame, copied: pixel u becomes u / n."""

@@ -1,7 +1,8 @@
 """A session's twin as the session calls for it: of which material, how exact, and by what sensor it is photographed."""
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from scene.errors import RenderError
 from scene.frames import Frames
@@ -10,6 +11,9 @@ from scene.store import Store
 from twin.camera.grain import sensor_like
 from twin.camera.virtual_camera import NO_FILTER, Sensor
 from twin.description.description import Sampling, TwinScene
+
+if TYPE_CHECKING:
+    from twin.relighting import Relighting
 
 ENOUGH = 0.5
 """Of the share of the photographs that the material leaves unexplained: an error of the rendering that hides in it."""
@@ -45,6 +49,20 @@ def session_scene(
         sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.residual.whole))
     scene, warnings = material_scene(sight, found.places.fits, found.labels, found.albedo, sampling)
     return scene, found.facts(), [*found.warnings, *warnings]
+
+
+def session_relighting(
+    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames]
+) -> "Relighting":
+    """Return how well the session's twin foretells frames that it was not fitted to; see `twin.relighting.relighting`.
+
+    store: the session's output folder, after `align`.
+    """
+    from twin.relighting import relighting
+    from twin.visibility import Sight
+
+    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), store.load_lights())
+    return relighting(sight, store.load_frames(), store.load_mask(), store.load_normals("truth"), sampling, render)
 
 
 def session_sensor(frames: Frames, *, half: bool, iso: float = 100.0) -> Sensor:

@@ -62,6 +62,8 @@ def material_words(twin: dict[str, Any]) -> str:
     if not is_number(material.get("relative_rmse")):
         return text
     text += say("material", "met", **material)
+    if held_out := twin.get("held_out"):
+        text += say("material", "held out", **held_out)
     shares = [100 * value if is_number(value) else float("nan") for value in material["relative_rmse_per_frame"]]
     lights = [float(k + 1) for k in range(len(shares))]
     chart = line_chart({"a frame": (lights, shares)}, x_title="light", y_title="not explained, % (rms)")

@@ -73,6 +73,17 @@ def test_the_twin_is_of_the_true_material(demo):
     assert f'data-value="{material["relative_rmse"]!r}"' in page
 
 
+def test_the_twin_foretells_frames_that_it_was_not_fitted_to(demo):
+    twin = demo[1]["twin"]
+    found = twin["held_out"]
+    assert sorted([*found["fitted"], *found["predicted"]]) == [f"flash_{i:03d}" for i in range(12)]
+    # Not so well as those that it was fitted to, and never much worse.
+    assert twin["material"]["relative_rmse"] < found["relative_rmse_fitted"] < 0.03
+    assert found["relative_rmse_fitted"] < found["relative_rmse_lit"] < 0.05
+    assert found["psnr_linear_db"] > 38
+    assert f'data-value="{found["relative_rmse_lit"]!r}"' in (demo[0] / "report.html").read_text()
+
+
 def test_known_light_errors_are_within_the_stated_sigma(demo):
     """Honest: true directions lie within three stated sigmas of the calibrated ones, nearly all."""
     lights = json.loads((demo[0] / "lights.json").read_text())

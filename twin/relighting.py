@@ -1,0 +1,186 @@
+"""How well a twin foretells photographs that it has not seen: fitted to every second frame, it predicts the others."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from formats.pictures import srgb_from_linear
+from scene.errors import RenderError
+from scene.frames import Frames
+from scene.lights import Lights
+from twin.description.description import Sampling
+from twin.material.material_light import material_scene
+from twin.material.material_samples import inner_pixels, samples_at
+from twin.material.scan_material import SAMPLES_AT_ONCE, scan_material
+from twin.visibility import Sight
+
+Array = NDArray[np.float64]
+
+FEWEST = 8
+"""Frames: of half of them a pixel must be lit by three."""
+MASKS = ("fitted", "lit", "whole")
+BRIGHT = 0.999
+"""Quantile of the photographs' values that counts as white in decibels."""
+HDR_MOST = 4.0
+"""Value, of white, at which the HDR score clips, as Stanford-ORB does."""
+
+
+@dataclass(frozen=True)
+class Relighting:
+    """Photographs foretold, over three sets of pixels.
+
+    fitted, predicted: Names of the frames that the material was fitted to, and of those that were foretold.
+    relative_rmse, relative_rmse_scaled: By the set: `fitted` (samples such as the material is fitted to), `lit` (all of
+        the mask in no shadow of the scan, not clipped), `whole` (all of the mask that is not clipped: cast shadows,
+        light from elsewhere, and outline included). Root of the squared errors' sum over the squared values'. Scaled:
+        each image, and each channel of it, by the factor that suits it best.
+    psnr_db, psnr_scaled_db: Of `whole`, each the mean over images, by kind: `linear` (clipped at white), `hdr` (clipped
+        at four times white, after the gain that makes the photograph's mean that of its sRGB picture) and `ldr` (sRGB).
+    """
+
+    fitted: tuple[str, ...]
+    predicted: tuple[str, ...]
+    relative_rmse: dict[str, float]
+    relative_rmse_scaled: dict[str, float]
+    psnr_db: dict[str, float]
+    psnr_scaled_db: dict[str, float]
+
+    def facts(self) -> dict[str, Any]:
+        """Return what the summary keeps of it."""
+        found: dict[str, Any] = {"fitted": self.fitted, "predicted": self.predicted}
+        for end, rmse, decibels in (("", self.relative_rmse, self.psnr_db),
+                                    ("_scaled", self.relative_rmse_scaled, self.psnr_scaled_db)):  # fmt: skip
+            found |= {f"relative_rmse_{name}{end}": value for name, value in rmse.items()}
+            found |= {f"psnr_{name}{end}_db": value for name, value in decibels.items()}
+        return found
+
+    def __str__(self) -> str:
+        """The line that is printed."""
+        rmse = ", ".join(f"{100 * value:.1f} % {name}" for name, value in self.relative_rmse.items())
+        return (
+            f"fitted to {len(self.fitted)} frames, it foretells the other {len(self.predicted)} to a relative RMSE of "
+            f"{rmse}; PSNR {self.psnr_db['linear']:.1f} dB linear, {self.psnr_db['ldr']:.1f} dB in sRGB"
+        )
+
+
+def relighting(
+    sight: Sight,
+    frames: Frames,
+    mask: NDArray[np.bool_],
+    normals: NDArray[np.float32] | None,
+    sampling: Sampling,
+    render: Callable[[Any], Frames],
+) -> Relighting:
+    """Return how well the material that every second frame tells foretells the others.
+
+    Parameters
+    ----------
+    sight, frames, mask, normals
+        As in `twin.material.scan_material.scan_material`.
+    sampling : Sampling
+        Of the rendering.
+    render : callable
+        Returns a scene's frames (`twin.engines.render.render_scene`).
+
+    Raises
+    ------
+    RenderError
+        There are too few frames, or no material can be fitted to half of them.
+    """
+    if len(frames) < FEWEST:
+        raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and foretold ones.")
+    first, others = slice(0, None, 2), slice(1, None, 2)
+    seen, unseen = (replace(sight, lights=some_lights(sight.lights, which)) for which in (first, others))
+    found = scan_material(seen, frames.only(first), mask, normals)
+    scene, _ = material_scene(unseen, found.places.fits, found.labels, found.albedo, sampling)
+    photographs = frames.only(others)
+    rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask, normals)
+    return Relighting(seen.lights.names, unseen.lights.names, rmse, rmse_scaled, decibels, decibels_scaled)
+
+
+def some_lights(lights: Lights, which: slice) -> Lights:
+    """Return some of the lights, with their intensities as they are."""
+    names = ("names", "directions", "intensities", "positions_mm", "direction_sigma_deg", "intensity_sigma", "flags")
+    given = {name: getattr(lights, name) for name in names}
+    return replace(lights, **{name: None if value is None else value[which] for name, value in given.items()})
+
+
+def score(
+    sight: Sight, photographs: Frames, predicted: Frames, mask: NDArray[np.bool_], normals: NDArray[np.float32] | None
+) -> tuple[dict[str, float], ...]:
+    """Return relative RMSE, the same scaled, PSNR, and the same scaled; see `Relighting`."""
+    rows, columns = np.nonzero(mask)
+    sets = _sets(sight, photographs, mask, normals)
+    white = _white(photographs, rows, columns)
+    sums, scaled = np.zeros((2, len(MASKS), 2))
+    decibels: list[list[dict[str, float]]] = [[], []]
+    for index in range(len(photographs)):
+        read, clipped = photographs.read_pixels(index, rows, columns)
+        value = read.astype(np.float64)
+        guess = predicted.read_pixels(index, rows, columns)[0].astype(np.float64)
+        for place, name in enumerate(MASKS):
+            own = ~clipped if name == "whole" else ~clipped & sets[name][:, index]
+            sums[place] += _squares(value[own], guess[own])
+            scaled[place] += _squares(value[own], guess[own] * _factor(value[own], guess[own]))
+        value, guess = value[~clipped] / white, guess[~clipped] / white
+        decibels[0].append(_decibels(value, guess))
+        decibels[1].append(_decibels(value, guess * _factor(value, guess)))
+    rmse = ({n: float(np.sqrt(a / b)) for n, (a, b) in zip(MASKS, of, strict=True)} for of in (sums, scaled))
+    means = ({kind: float(np.mean([one[kind] for one in of])) for kind in of[0]} for of in decibels)
+    return *rmse, *means
+
+
+def _squares(value: Array, guess: Array) -> tuple[float, float]:
+    return float(np.sum((guess - value) ** 2)), float(np.sum(value**2))
+
+
+def _factor(value: Array, guess: Array) -> Array:
+    """Return (3,) by what each channel of a guess is to be multiplied."""
+    return np.sum(value * guess, 0) / np.maximum(np.sum(guess**2, 0), 1e-30)
+
+
+def _white(photographs: Frames, rows: NDArray, columns: NDArray) -> float:
+    bright = [np.quantile(photographs.read_pixels(i, rows, columns)[0], BRIGHT) for i in range(len(photographs))]
+    return float(max(np.max(bright), 1e-12))
+
+
+def _decibels(value: Array, guess: Array) -> dict[str, float]:
+    """Return the PSNR of a guess of values whose white is 1; hdr and ldr as [Kuang2023], over the object alone."""
+    value, guess = np.maximum(value, 0), np.maximum(guess, 0)
+    once = np.clip(value, 0, 1)
+    gain = float(srgb_from_linear(once).mean() / max(once.mean(), 1e-12))
+    pairs = {
+        "linear": (once, np.clip(guess, 0, 1)),
+        "hdr": (np.clip(gain * value, 0, HDR_MOST), np.clip(gain * guess, 0, HDR_MOST)),
+        "ldr": (srgb_from_linear(once), srgb_from_linear(guess)),
+    }
+    return {name: float(-10 * np.log10(max(np.mean((a - b) ** 2), 1e-12))) for name, (a, b) in pairs.items()}
+
+
+def _sets(
+    sight: Sight, photographs: Frames, mask: NDArray[np.bool_], normals: NDArray[np.float32] | None
+) -> dict[str, NDArray[np.bool_]]:
+    """Return, of the mask's pixels, (P, F) which are such as the material is fitted to, and which the scan sees lit."""
+    shape = (*mask.shape, len(photographs))
+    fitted, lit = np.zeros(shape, bool), np.zeros(shape, bool)
+    rows, columns = inner_pixels(mask, normals)
+    step = max(1, SAMPLES_AT_ONCE // len(photographs))
+    for first in range(0, len(rows), step):
+        some = samples_at(sight, photographs, normals, rows[first : first + step], columns[first : first + step])
+        fitted[some.rows, some.columns] = some.usable
+    for band, pixels, face, points in _seen(sight, mask):
+        flat = sight.mesh.face_normals[face]
+        lit[band][pixels] = ~np.logical_or(*sight.shadows(points, flat, flat))
+    return {"fitted": fitted[mask], "lit": lit[mask]}
+
+
+def _seen(sight: Sight, mask: NDArray[np.bool_]) -> Iterator[tuple[slice, NDArray[np.bool_], NDArray, Array]]:
+    """Yield bands of the picture: rows, which pixels (h, W) of the mask see the mesh, and their faces and points."""
+    filled = np.flatnonzero(mask.any(1))
+    for band, face, _, points in sight.rows(slice(int(filled[0]), int(filled[-1]) + 1), slice(0, mask.shape[1])):
+        pixels = mask[band] & (face >= 0)
+        if pixels.any():
+            yield band, pixels, face[pixels], points[pixels]
