@@ -56,7 +56,7 @@ def agreements(found: dict[str, dict]) -> list[str]:
 
 
 def findings(found: dict[str, list[Answer]]) -> list[str]:
-    """Return the table of the benchmark's statements, and what the stagings' sweeps say to each."""
+    """Return the table of the benchmark's statements, and what the stagings say to each; the verdict is the first's."""
     rows = ["| section | the benchmark says | counts as so if | " + " | ".join(found) + " | verdict |"]
     rows.append("|---" * (len(found) + 4) + "|")
     for place in zip(*found.values(), strict=True):
@@ -65,7 +65,7 @@ def findings(found: dict[str, list[Answer]]) -> list[str]:
             "<br>".join(f"{p}: **{'yes' if each.holds[p] else 'no'}**, {words}" for p, words in each.numbers.items())
             for each in place
         ]
-        verdict = verdict_of(is_so for each in place for is_so in each.holds.values())
+        verdict = verdict_of(place[0].holds.values())
         rows.append(f"| {one.section} | {one.claim} | {one.rule} | " + " | ".join(fields) + f" | **{verdict}** |")
     return rows
 
