@@ -19,6 +19,7 @@ from twin.engines.film import Film
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import FAST, import_mitsuba, pick_variant
+from twin.material.coat_search import CoatSearch
 from twin.material.fit_material import NAMES, fit_material
 from twin.material.material_light import material_scene
 from twin.material.material_residual import material_residual
@@ -285,3 +286,11 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
     assert len(albedo) > 0.5 * mask.sum()
     np.testing.assert_allclose(np.median(albedo, 0), WHITE * [0.5, 0.3, 0.2], rtol=0.02)
     assert 0 < whole.onward < 0.1
+
+
+def test_where_no_roughness_explains_more_than_another_it_stays() -> None:
+    """A place without highlights: the best strength is 0 for every roughness, and all are level."""
+    search = CoatSearch(made(0.3, 0.4, dome(12)), 0.5 * WHITE, bare=False, distribution="ggx")
+    tried = []
+    search._moved(lambda x: tried.append(x) or search.fit.surface, -1.2, 0.1, 3, (-4.0, 0.0))
+    np.testing.assert_allclose(tried, [-1.3, -1.2, -1.1, -1.2])

@@ -140,7 +140,7 @@ class CoatSearch:
         middle = float(np.clip(here, ends[0] + step, ends[1] - step))
         low, mid, high = (self._best(surfaces(middle + side * step))[0] for side in (-1, 0, 1))
         bend = low - 2 * mid + high
-        move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high) * np.inf
+        move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high) * most  # Level: it stays.
         return self._best(surfaces(float(np.clip(middle + step * np.clip(move, -most, most), *ends))))[1]
 
     def _weigh(self) -> Noise:
