@@ -1,21 +1,20 @@
 """What virtual captures beside their renderings say to the statements of the benchmark's section 4."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from benchmarks.counterpart_tables import Results
 from benchmarks.virtual_pairs import Pair
 from experiments.stagings import CALIBRATED
 from experiments.sweeps.findings import verdict_of
 
 ALIKE = 0.7
-"""Correlation from which on two error maps, or two curves, count as going alike."""
+"""Correlation from which on two error maps count as similar."""
 LEAST_DEG = 1.0
 """Errors that differ by less are not told apart."""
 SIDES = {"real": "virtual", "twin": "rendered"}
-
-Results = Mapping[str, Sequence[Pair]]
 
 
 @dataclass(frozen=True)
