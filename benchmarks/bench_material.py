@@ -65,8 +65,8 @@ def virtual(seeds: int) -> list[str]:
         session = material_session(seed, shape=shape, material=true, near=near)
         start = time.process_time()
         found = scan_material(
-            Sight.of_scan(session.scan, session.pose, session.camera, session.lights), session.frames, session.mask,
-            session.normals,
+            Sight.of_scan(session.scan, session.pose, session.camera, session.lights, session.normals),
+            session.frames, session.mask,
         )  # fmt: skip
         spent = time.process_time() - start
         known = np.isfinite(found.albedo) & np.isfinite(session.albedo)
@@ -110,8 +110,8 @@ def facets() -> list[str]:
         true = RoughPlastic((0.5, 0.5, 0.5), roughness, strength, distribution=name)
         session = material_session(seed, shape=shape, material=true, near=number % 3 != 0, height=240, depth=2)
         lights, given = session.lights, np.arange(len(session.lights)) % 4 != 0
-        sight = Sight.of_scan(session.scan, session.pose, session.camera, lights)
-        every = samples_of_scan(sight, session.frames, session.mask, session.normals, LEAST_PIXELS)
+        sight = Sight.of_scan(session.scan, session.pose, session.camera, lights, session.normals)
+        every = samples_of_scan(sight, session.frames, session.mask, LEAST_PIXELS)
         every = every.only((every.usable & given).sum(1) >= 3)
         some = replace(every, usable=every.usable & given)
         fit = fit_material(some, lights)
@@ -167,8 +167,8 @@ def real() -> list[str]:
         "| photographs | model | relative RMSE | of single frames | of its square, each alone would explain |",
         "|---|---|---|---|---|",
     ]
-    for name, sight, frames, mask, normals in _captures():
-        found = scan_material(sight, frames, mask, normals)
+    for name, sight, frames, mask in _captures():
+        found = scan_material(sight, frames, mask)
         lines.append(_row(name, found.places.fits, found.residual))
     return lines
 
@@ -178,8 +178,8 @@ def relit() -> list[str]:
     kinds = ("linear", "hdr", "ldr")
     heads = ["photographs", *(f"{name}, relative RMSE" for name in MASKS), *(f"PSNR {kind}, dB" for kind in kinds)]
     lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
-    for name, sight, frames, mask, normals in _captures():
-        found = relighting(sight, frames, mask, normals, Sampling(error=0.01), lambda one: render_scene(one).frames)
+    for name, sight, frames, mask in _captures():
+        found = relighting(sight, frames, mask, Sampling(error=0.01), lambda one: render_scene(one).frames)
         lines.append(_scores(name, found.facts(), kinds))
     with tempfile.TemporaryDirectory() as out:
         subprocess.run([Path(sys.executable).with_name("rgbn"), "process", BUNNY, "-o", out, "-q"], check=True)
@@ -199,11 +199,11 @@ def _scores(name: str, facts: dict[str, Any], kinds: Sequence[str]) -> str:
     return row
 
 
-def _captures() -> Iterator[tuple[str, Sight, Frames, NDArray[np.bool_], NDArray[np.float32]]]:
-    """Yield real captures whose shape is known: name, sight, frames, mask, normals."""
+def _captures() -> Iterator[tuple[str, Sight, Frames, NDArray[np.bool_]]]:
+    """Yield real captures whose shape is known: name, sight, frames, mask."""
     for name in ("ball", "cat"):
         one = diligent_object(name, "orthographic")
-        yield f"DiLiGenT {name}", Sight(one.surface, one.camera, one.lights), one.frames, one.mask, one.normals
+        yield f"DiLiGenT {name}", Sight(one.surface, one.camera, one.lights, one.normals), one.frames, one.mask
     gray = washington()
     pixels = gray.camera.grid()
     normals = gray.gray_ball.normals(gray.camera, pixels)[0].astype(np.float32)
@@ -213,8 +213,8 @@ def _captures() -> Iterator[tuple[str, Sight, Frames, NDArray[np.bool_], NDArray
     # The ball's size is unknown: in the orthographic camera's unit it is what it is in pixels.
     unit = ball.radius_px / (ball.radius_mm * gray.camera.fx)
     surface = unit * (ball.radius_mm * np.array(sphere.vertices) + ball.center_mm(gray.camera))
-    sight = Sight(Mesh(surface, np.array(sphere.faces)), gray.camera, distant)
-    yield "Washington gray ball", sight, gray.gray, gray.gray_ball.mask(gray.camera), normals
+    sight = Sight(Mesh(surface, np.array(sphere.faces)), gray.camera, distant, normals)
+    yield "Washington gray ball", sight, gray.gray, gray.gray_ball.mask(gray.camera)
 
 
 def main() -> None:

@@ -70,7 +70,6 @@ def relighting(
     sight: Sight,
     frames: Frames,
     mask: NDArray[np.bool_],
-    normals: NDArray[np.float32] | None,
     sampling: Sampling,
     render: Callable[[Any], Frames],
 ) -> Relighting:
@@ -78,7 +77,7 @@ def relighting(
 
     Parameters
     ----------
-    sight, frames, mask, normals
+    sight, frames, mask
         As in `twin.material.scan_material.scan_material`.
     sampling : Sampling
         Of the rendering.
@@ -94,10 +93,10 @@ def relighting(
         raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and foretold ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
     seen, unseen = (replace(sight, lights=some_lights(sight.lights, which)) for which in (first, others))
-    found = scan_material(seen, frames.only(first), mask, normals)
+    found = scan_material(seen, frames.only(first), mask)
     scene, _ = material_scene(unseen, found.places.fits, found.labels, found.albedo, sampling)
     photographs = frames.only(others)
-    rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask, normals)
+    rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask)
     return Relighting(seen.lights.names, unseen.lights.names, rmse, rmse_scaled, decibels, decibels_scaled)
 
 
@@ -109,11 +108,11 @@ def some_lights(lights: Lights, which: slice) -> Lights:
 
 
 def score(
-    sight: Sight, photographs: Frames, predicted: Frames, mask: NDArray[np.bool_], normals: NDArray[np.float32] | None
+    sight: Sight, photographs: Frames, predicted: Frames, mask: NDArray[np.bool_]
 ) -> tuple[dict[str, float], ...]:
     """Return relative RMSE, the same scaled, PSNR, and the same scaled; see `Relighting`."""
     rows, columns = np.nonzero(mask)
-    sets = _sets(sight, photographs, mask, normals)
+    sets = _sets(sight, photographs, mask)
     white = _white(photographs, rows, columns)
     sums, scaled = np.zeros((2, len(MASKS), 2))
     decibels: list[list[dict[str, float]]] = [[], []]
@@ -160,16 +159,14 @@ def _decibels(value: Array, guess: Array) -> dict[str, float]:
     return {name: float(-10 * np.log10(max(np.mean((a - b) ** 2), 1e-12))) for name, (a, b) in pairs.items()}
 
 
-def _sets(
-    sight: Sight, photographs: Frames, mask: NDArray[np.bool_], normals: NDArray[np.float32] | None
-) -> dict[str, NDArray[np.bool_]]:
+def _sets(sight: Sight, photographs: Frames, mask: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
     """Return, of the mask's pixels, (P, F) which are such as the material is fitted to, and which the scan sees lit."""
     shape = (*mask.shape, len(photographs))
     fitted, lit = np.zeros(shape, bool), np.zeros(shape, bool)
-    rows, columns = inner_pixels(mask, normals)
+    rows, columns = inner_pixels(mask, sight.normals)
     step = max(1, SAMPLES_AT_ONCE // len(photographs))
     for first in range(0, len(rows), step):
-        some = samples_at(sight, photographs, normals, rows[first : first + step], columns[first : first + step])
+        some = samples_at(sight, photographs, rows[first : first + step], columns[first : first + step])
         fitted[some.rows, some.columns] = some.usable
     for band, pixels, face, points in _seen(sight, mask):
         flat = sight.mesh.face_normals[face]

@@ -34,9 +34,9 @@ def session_scene(
     from twin.visibility import Sight
 
     lights = store.load_lights()
-    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights)
+    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, store.load_normals("truth"))
     try:
-        found = scan_material(sight, store.load_frames(), store.load_mask(), store.load_normals("truth"))
+        found = scan_material(sight, store.load_frames(), store.load_mask())
     except RenderError as error:
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
         albedo = store.read_array("albedo", f"{method}.npy")
@@ -61,8 +61,9 @@ def session_relighting(
     from twin.relighting import relighting
     from twin.visibility import Sight
 
-    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), store.load_lights())
-    return relighting(sight, store.load_frames(), store.load_mask(), store.load_normals("truth"), sampling, render)
+    lights, normals = store.load_lights(), store.load_normals("truth")
+    sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, normals)
+    return relighting(sight, store.load_frames(), store.load_mask(), sampling, render)
 
 
 def session_sensor(frames: Frames, *, half: bool, iso: float = 100.0) -> Sensor:

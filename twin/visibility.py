@@ -23,16 +23,22 @@ LIFT = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What is seen: a mesh, in the camera frame, before the camera and under the lights, near or distant."""
+    """What is seen: a mesh, in the camera frame, before the camera and under the lights, near or distant.
+
+    normals (H, W, 3): Of what each pixel sees, where they are better known than by the mesh's vertices; NaN: unknown.
+    """
 
     mesh: Mesh
     camera: Camera
     lights: Lights
+    normals: NDArray[np.float32] | None = None
 
     @classmethod
-    def of_scan(cls, scan: Mesh, pose: Pose, camera: Camera, lights: Lights) -> "Sight":
+    def of_scan(
+        cls, scan: Mesh, pose: Pose, camera: Camera, lights: Lights, normals: NDArray[np.float32] | None = None
+    ) -> "Sight":
         """Return a registered scan; `pose`: camera_from_scan."""
-        return cls(Mesh(pose.apply(scan.vertices), scan.faces), camera, lights)
+        return cls(Mesh(pose.apply(scan.vertices), scan.faces), camera, lights, normals)
 
     @cached_property
     def _caster(self) -> RayCaster:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from scene.camera import Camera
 from scene.errors import RenderError
@@ -19,12 +20,12 @@ from twin.engines.film import Film
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
 from twin.engines.variant import FAST, import_mitsuba, pick_variant
-from twin.material.coat_search import CoatSearch
+from twin.material.coat_search import COVERED, CoatSearch
 from twin.material.fit_material import NAMES, fit_material
 from twin.material.material_light import material_scene
 from twin.material.material_residual import material_residual
 from twin.material.material_samples import Samples, samples_of_scan
-from twin.material.reflection_models import coat, matte, reflected
+from twin.material.reflection_models import LAMBERT, coat, matte, reflected
 from twin.material.scan_material import scan_material
 from twin.visibility import Sight
 
@@ -52,9 +53,9 @@ def ball() -> tuple[Camera, np.ndarray, np.ndarray]:
     return camera, inside, normals
 
 
-def sight_of_ball(camera: Camera, lights: Lights) -> Sight:
+def sight_of_ball(camera: Camera, lights: Lights, normals: NDArray[np.float32]) -> Sight:
     sphere = built_in("sphere")
-    return Sight(Mesh(RADIUS * sphere.vertices, sphere.faces), camera, lights)
+    return Sight(Mesh(RADIUS * sphere.vertices, sphere.faces), camera, lights, normals)
 
 
 def made(
@@ -65,13 +66,14 @@ def made(
     noise: float = 1e-3,
     covered: float = 1.0,
     distribution: Distribution = "ggx",
+    body: float = LAMBERT,
 ) -> Samples:
     """Return a ball's samples by the formula, of an albedo that changes from pixel to pixel."""
     camera, mask, normals = ball()
     frames = Frames.from_linear(lights.names, np.zeros((len(lights), SIDE, SIDE, 3), np.float32))
-    samples = samples_of_scan(sight_of_ball(camera, lights), frames, mask, normals)
+    samples = samples_of_scan(sight_of_ball(camera, lights, normals), frames, mask)
     samples = replace(samples, spread=0 * samples.spread)
-    surface = matte() if roughness is None else coat(roughness, covered=covered, distribution=distribution)
+    surface = matte() if roughness is None else coat(roughness, covered=covered, distribution=distribution, body=body)
     body, gloss = reflected(surface, samples.normals, samples.views, samples.toward)
     generator = np.random.default_rng(10_030)
     albedo = WHITE * generator.uniform(0.1, 0.8, (len(samples), 1, 1))
@@ -107,6 +109,19 @@ def test_a_body_that_lies_partly_bare_is_found(covered: float, specularity: floa
     assert abs(fit.roughness / 0.25 - 1) < 0.01
     assert abs(fit.specularity / specularity - 1) < 0.015
     assert "more with part of the body bare" in str(fit)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("body", "specularity"), [(0.9, 0.0), (0.5, 0.3)])
+def test_a_rough_body_is_found(body: float, specularity: float) -> None:
+    """It was taken for a coat of roughness 1 and many times the strength that a coat can have."""
+    lights = dome(16)
+    fit = fit_material(made(0.3, specularity, lights, covered=0.0, body=body), lights)
+    assert fit.body_roughness is not None
+    assert abs(fit.body_roughness - body) < 0.03
+    assert abs(fit.specularity - specularity) < 0.03
+    assert "more with a rough body" in str(fit)
+    assert f"on a body of roughness {fit.body_roughness:.2f}" in str(fit)
 
 
 @pytest.mark.full
@@ -223,7 +238,7 @@ def test_too_few_pixels_are_named() -> None:
     lights = dome(8)
     frames = Frames.from_linear(lights.names, np.zeros((8, SIDE, SIDE, 3), np.float32))
     with pytest.raises(RenderError, match="expected 100 or more"):
-        samples_of_scan(sight_of_ball(camera, lights), frames, mask & (np.arange(SIDE) < 12), normals)
+        samples_of_scan(sight_of_ball(camera, lights, normals), frames, mask & (np.arange(SIDE) < 12))
 
 
 @pytest.mark.full
@@ -290,7 +305,7 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
 
 def test_where_no_roughness_explains_more_than_another_it_stays() -> None:
     """A place without highlights: the best strength is 0 for every roughness, and all are level."""
-    search = CoatSearch(made(0.3, 0.4, dome(12)), 0.5 * WHITE, bare=False, distribution="ggx")
+    search = CoatSearch(made(0.3, 0.4, dome(12)), 0.5 * WHITE, 0.5 * WHITE, COVERED, "ggx")
     tried = []
     search._moved(lambda x: tried.append(x) or search.fit.surface, -1.2, 0.1, 3, (-4.0, 0.0))
     np.testing.assert_allclose(tried, [-1.3, -1.2, -1.1, -1.2])

@@ -66,6 +66,26 @@ def test_a_body_that_lies_partly_bare_is_that_of_mitsuba(covered: float) -> None
         assert np.max(np.abs(ours / both - 1)) < 0.01
 
 
+@pytest.mark.parametrize("roughness", [0.0, 0.4, 1.0])
+def test_a_rough_body_is_that_of_mitsuba(roughness: float) -> None:
+    views, lights = directions(4000, 10, 0.1), directions(4000, 11, 0.05)
+    up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
+    surface = coat(0.3, covered=0.2, body=roughness)
+    body, gloss = (a[:, 0] for a in reflected(surface, up, views, lights[:, None]))
+    both = in_mitsuba(RoughPlastic((0.2, 0.5, 0.9), 0.3, 0.7, covered=0.2, body_roughness=roughness), views, lights)
+    ours = body[:, None] * np.array([0.2, 0.5, 0.9]) + 0.7 * gloss[:, None]
+    assert np.max(np.abs(ours / both - 1)) < 0.01
+
+
+def test_a_rough_body_sends_more_back_to_where_light_comes_from() -> None:
+    view = np.array([[0.8, 0.0, 0.6]])
+    up, lights = np.array([[0.0, 0.0, 1.0]]), np.array([[[0.8, 0.0, 0.6], [-0.8, 0.0, 0.6]]])
+    (back, onward), _ = (a[0] for a in reflected(coat(0.3, covered=0.0, body=1.0), up, view, lights))
+    assert back > 1.01 * onward
+    smooth = reflected(coat(0.3, covered=0.0, body=0.0), up, view, lights)[0][0]
+    assert smooth[0] < 0.6
+
+
 def test_matte_is_lambert() -> None:
     views, lights = directions(100, 4, 0.1), directions(100, 5, 0.1)
     up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()

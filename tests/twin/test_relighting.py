@@ -39,15 +39,13 @@ def seen():
 
     camera, mask, normals = ball()
     sphere = trimesh.creation.icosphere(subdivisions=5, radius=RADIUS)
-    return Sight(Mesh(np.array(sphere.vertices), np.array(sphere.faces)), camera, LIGHTS), mask, normals
+    return Sight(Mesh(np.array(sphere.vertices), np.array(sphere.faces)), camera, LIGHTS, normals), mask
 
 
 def scored(seen, guess, images=None):
-    sight, mask, normals = seen
+    sight, mask = seen
     images = 0.5 * photographs() if images is None else images
-    return score(
-        sight, Frames.from_linear(LIGHTS.names, images), Frames.from_linear(LIGHTS.names, guess), mask, normals
-    )
+    return score(sight, Frames.from_linear(LIGHTS.names, images), Frames.from_linear(LIGHTS.names, guess), mask)
 
 
 def test_photographs_that_are_foretold_exactly_score_so(seen):
@@ -71,10 +69,10 @@ def test_decibels_do_not_depend_on_the_exposure_of_photographs_and_guess(seen):
 
 
 def test_each_score_judges_its_own_pixels(seen):
-    _, mask, normals = seen
+    sight, mask = seen
     images = 0.5 * photographs()
     # In the attached shadow, farther from its border than the mesh's faces lean: neither lit nor fitted to.
-    dark = mask & (np.einsum("hwi,fi->fhw", np.nan_to_num(normals), LIGHTS.directions) < -0.05)
+    dark = mask & (np.einsum("hwi,fi->fhw", np.nan_to_num(sight.normals), LIGHTS.directions) < -0.05)
     assert dark.any()
     rmse = scored(seen, images + 0.1 * dark[..., None].astype(np.float32))[0]
     assert rmse["fitted"] == 0
@@ -98,12 +96,12 @@ def test_some_lights_are_as_they_were():
 
 
 def test_too_few_frames_foretell_nothing(seen):
-    sight, mask, normals = seen
+    sight, mask = seen
     few = slice(0, FEWEST - 1)
     frames = Frames.from_linear(LIGHTS.names, photographs()).only(few)
     sight = replace(sight, lights=some_lights(sight.lights, few))
     with pytest.raises(RenderError, match="7 frames; 8 or more"):
-        relighting(sight, frames, mask, normals, Sampling(), lambda scene: pytest.fail("rendered"))
+        relighting(sight, frames, mask, Sampling(), lambda scene: pytest.fail("rendered"))
 
 
 @pytest.mark.full
@@ -112,7 +110,7 @@ def test_what_is_made_of_the_fitted_kind_is_foretold_and_a_light_that_lies_is_no
     from twin.engines.render import render_scene
 
     import_mitsuba()
-    sight, mask, normals = seen
+    sight, mask = seen
     asked = []
 
     def render(scene):
@@ -121,7 +119,7 @@ def test_what_is_made_of_the_fitted_kind_is_foretold_and_a_light_that_lies_is_no
 
     sampling = Sampling("direct", error=0.005)
     images = 0.5 * photographs()
-    found = relighting(sight, Frames.from_linear(LIGHTS.names, images), mask, normals, sampling, render)
+    found = relighting(sight, Frames.from_linear(LIGHTS.names, images), mask, sampling, render)
     assert asked == [found.predicted] == [LIGHTS.names[1::2]]
     assert found.fitted == LIGHTS.names[::2]
     assert found.relative_rmse["fitted"] < 0.02
@@ -130,7 +128,7 @@ def test_what_is_made_of_the_fitted_kind_is_foretold_and_a_light_that_lies_is_no
     # The frames that are foretold, and they alone, were taken by another light than is said.
     turned = LIGHTS.directions @ np.array([[0.985, 0, 0.174], [0, 1, 0], [-0.174, 0, 0.985]])
     images[1::2] = 0.5 * photographs(replace(LIGHTS, directions=turned))[1::2]
-    wrong = relighting(sight, Frames.from_linear(LIGHTS.names, images), mask, normals, sampling, render)
+    wrong = relighting(sight, Frames.from_linear(LIGHTS.names, images), mask, sampling, render)
     assert wrong.relative_rmse["fitted"] > 3 * found.relative_rmse["fitted"]
     facts = wrong.facts()
     assert facts["relative_rmse_lit"] == wrong.relative_rmse["lit"]

@@ -124,6 +124,9 @@ class RoughPlastic:
     distribution : {"ggx", "beckmann"}
         Of the facets' slopes: GGX has the longer tail, so that highlights have a halo [Walter2007]; Beckmann's is a
         Gaussian [Beckmann1963].
+    body_roughness : float or None
+        Of what of the body lies bare, by the law of [Burley2012]: at 1 it gives back more light toward where it comes
+        from, as plaster does, at 0 less where seen or lit aslant. None: the same everywhere (Lambert).
     """
 
     reflectance: Reflectance
@@ -133,6 +136,7 @@ class RoughPlastic:
     subsurface: Subsurface | None = None
     covered: Share = 1.0
     distribution: Distribution = "ggx"
+    body_roughness: Share | None = None
 
 
 @checked

@@ -65,10 +65,7 @@ def _one_side(material: Material) -> dict[str, Any]:
             coated = _plastic(
                 material, _times(material.reflectance, covered / weight), _times(material.specularity, 1 / weight)
             )
-            bare = {
-                "type": "diffuse",
-                "reflectance": _value(_times(material.reflectance, (1 - covered) / (1 - weight))),
-            }
+            bare = _bare(_times(material.reflectance, (1 - covered) / (1 - weight)), material.body_roughness)
             # The weight is the second one's, in the order of the names too.
             return {"type": "blendbsdf", "weight": weight, "bare": bare, "coated": coated}
         case Conductor(roughness=0):
@@ -98,6 +95,12 @@ def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: floa
         "diffuse_reflectance": _value(reflectance),
         "specular_reflectance": _value(specularity),
     }
+
+
+def _bare(reflectance: Any, roughness: float | None) -> dict[str, Any]:
+    if roughness is None:
+        return {"type": "diffuse", "reflectance": _value(reflectance)}
+    return {"type": "principled", "base_color": _value(reflectance), "roughness": float(roughness), "specular": 0.0}
 
 
 def _times(value: Any, factor: float) -> Any:

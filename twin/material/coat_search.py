@@ -2,28 +2,46 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from twin.description.materials import Distribution
 from twin.material.material_kernels import predicted, reduced
-from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
+from twin.material.material_noise import Noise, deviances, first_noise, inflation, noise_of, student_weights
 from twin.material.material_samples import Samples
 from twin.material.reflection_models import Coat, coat
 
 Array = NDArray[np.float64]
-Weights = NDArray[np.float32]
 
 SMOOTHEST, ROUGHEST = 0.02, 1.0
 TRIED = np.geomspace(SMOOTHEST, ROUGHEST, 25)
-COVERED = (0.0, 0.33, 0.67, 1.0)
 ROUNDS = 4
 """Of weights and fit in turn."""
 STEP = 0.06
 """Of the logarithm of the roughness, between the three that a round puts a parabola through."""
-COVERED_STEP = 0.15
-"""The same of the share that is covered."""
+BODY_STEP = 0.15
+"""The same of a body's one number."""
+
+
+class Body(NamedTuple):
+    """How a body lies below the coat.
+
+    words: What the evidence says of it.
+    tried: What of `twin.material.reflection_models.coat`.
+    free: The one that is searched, if any.
+    """
+
+    words: str
+    tried: tuple[dict[str, float], ...]
+    free: str | None = None
+
+
+SHARES = (0.0, 0.33, 0.67, 1.0)
+COVERED = Body("all of the body covered", ({"covered": 1.0},))
+PARTLY = Body("part of the body bare", tuple({"covered": share} for share in SHARES), "covered")
+ROUGH = Body("a rough body", tuple({"covered": 0.0, "body": share} for share in SHARES), "body")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,29 +62,30 @@ class CoatSearch:
     """The best coat on samples.
 
     white (3,): Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
-    bare: Whether part of the body may lie bare; else the coat covers all.
+    most (3,): Of the strength.
+    body: What is supposed of it.
     distribution: Of the coat's facets.
     about: Where the search starts, its distribution the same; None: everywhere.
     """
 
     def __init__(
-        self, samples: Samples, white: Array | None, *, bare: bool, distribution: Distribution, about: Fit | None = None
-    ) -> None:
-        self._samples, self._white, self._bare = samples, white, bare
-        self._parameters = (2 if white is not None else 4) + bare
-        self.weights = _start(samples)
-        self.fit = self._anywhere(COVERED if bare else (1.0,), distribution) if about is None else about
+        self, samples: Samples, white: Array | None, most: Array, body: Body, distribution: Distribution,
+        about: Fit | None = None,
+    ) -> None:  # fmt: skip
+        self._samples, self._white, self._most, self.body = samples, white, most, body
+        self._parameters = (2 if white is not None else 4) + (body.free is not None)
+        variance = first_noise(samples).variance(samples.values, np.zeros_like(samples.values))
+        self.weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
+        self.fit = self._anywhere(distribution) if about is None else about
         self.noise = self._weigh()
         for _ in range(ROUNDS):
-            if bare:
-                self.fit = self._along_covered(self.fit)
-            self.fit = self._along_roughness(self.fit)
+            self.fit = self._along_roughness(self._along_body(self.fit))
             self.noise = self._weigh()
 
     def on(self, samples: Samples) -> "CoatSearch":
         """Return the search on other samples, about what was found on these."""
         facets = self.fit.surface.distribution
-        return CoatSearch(samples, self._white, bare=self._bare, distribution=facets, about=self.fit)
+        return CoatSearch(samples, self._white, self._most, self.body, facets, about=self.fit)
 
     def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return what the coat gives back (P, F, 3), and its variance."""
@@ -90,7 +109,7 @@ class CoatSearch:
         if not strength.any():
             return np.full((2, 2), np.nan)
         middle_at = float(np.log(self.fit.surface.roughness))
-        sums = {i: self._sums(_roughened(self.fit.surface, middle_at + i * step)) for i in (-1, 0, 1)}
+        sums = {i: self._sums(roughened(self.fit.surface, middle_at + i * step)) for i in (-1, 0, 1)}
 
         def left(i: int, j: int) -> float:
             a, b, c = sums[i].T
@@ -111,27 +130,29 @@ class CoatSearch:
 
     def _best(self, surface: Coat) -> tuple[float, Fit]:
         """Return the sum of squares that a surface leaves, and it with its best strength."""
-        strength, left = strengths(self._sums(surface), self._white)
+        strength, left = strengths(self._sums(surface), self._white, self._most)
         return left, Fit(surface, strength, self._parameters)
 
-    def _anywhere(self, shares: tuple[float, ...], distribution: Distribution) -> Fit:
-        """Return the best coat of any roughness that is tried, covering any of the shares.
+    def _anywhere(self, distribution: Distribution) -> Fit:
+        """Return the best coat of any roughness that is tried, over any body that is.
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
         """
-        tried = [coat(float(x), covered=share, distribution=distribution) for x in TRIED for share in shares]
+        tried = [coat(float(x), distribution=distribution, **body) for x in TRIED for body in self.body.tried]
         found = [self._best(surface) for surface in tried]
         return min(found, key=lambda one: one[0])[1]
 
     def _along_roughness(self, fit: Fit) -> Fit:
         middle = float(np.log(fit.surface.roughness))
         ends = float(np.log(SMOOTHEST)), float(np.log(ROUGHEST))
-        return self._moved(lambda x: _roughened(fit.surface, x), middle, STEP, 3, ends)
+        return self._moved(lambda x: roughened(fit.surface, x), middle, STEP, 3, ends)
 
-    def _along_covered(self, fit: Fit) -> Fit:
-        return self._moved(
-            lambda share: fit.surface._replace(covered=share), fit.surface.covered, COVERED_STEP, 4, (0.0, 1.0)
-        )
+    def _along_body(self, fit: Fit) -> Fit:
+        free = self.body.free
+        if free is None:
+            return fit
+        here = getattr(fit.surface, free)
+        return self._moved(lambda share: fit.surface._replace(**{free: share}), here, BODY_STEP, 4, (0.0, 1.0))
 
     def _moved(
         self, surfaces: Callable[[float], Coat], here: float, step: float, most: float, ends: tuple[float, float]
@@ -152,23 +173,20 @@ class CoatSearch:
         return noise
 
 
-def _roughened(surface: Coat, logarithm: float) -> Coat:
-    return coat(float(np.exp(logarithm)), covered=surface.covered, distribution=surface.distribution)
+def roughened(surface: Coat, logarithm: float) -> Coat:
+    """Return a coat with another roughness, by its logarithm; the body and all else stay."""
+    return coat(float(np.exp(logarithm)), covered=surface.covered, distribution=surface.distribution, body=surface.body)
 
 
-def _start(samples: Samples) -> Weights:
-    """Return first weights (P, F, 3): a twentieth of the value, and of the dark a hundredth of what is bright."""
-    bright = np.percentile(samples.values[samples.usable], 90, axis=0)
-    variance = (0.01 * bright) ** 2 + (0.05 * samples.values) ** 2
-    return np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
+def strengths(sums: Array, white: Array | None, most: Array) -> tuple[Array, float]:
+    """Return the best strength of each channel, no more than `most` (3,), and the sum of squares that it leaves.
 
-
-def strengths(sums: Array, white: Array | None) -> tuple[Array, float]:
-    """Return the best strength of each channel, and the sum of squares that it leaves, of sums (3 channels, 3)."""
+    sums (3 channels, 3).
+    """
     a, b, c = sums.T
     a = np.maximum(a, 1e-300)
     if white is None:
-        strength = np.maximum(b / a, 0)
+        strength = np.clip(b / a, 0, most)
     else:
-        strength = white * max(float(np.sum(white * b) / np.sum(white**2 * a)), 0)
+        strength = white * np.clip(np.sum(white * b) / np.sum(white**2 * a), 0, np.min(most / white))
     return strength, float(np.sum(c - 2 * strength * b + strength**2 * a))

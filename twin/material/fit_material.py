@@ -1,7 +1,7 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
-Matte; rough plastic, its facets of GGX or of Beckmann; or that with a coat which dims only a share of the body: the one
-whose evidence [Schwarz1978] is best.
+Matte; rough plastic, its facets of GGX or of Beckmann; that with a coat which dims only a share of the body; or with a
+rough body, which is not Lambert's: the one whose evidence [Schwarz1978] is best.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,16 +14,18 @@ from numpy.typing import NDArray
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.materials import Distribution
-from twin.material.coat_search import ROUGHEST, SMOOTHEST, CoatSearch, Fit
+from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, Body, CoatSearch, Fit
 from twin.material.material_kernels import predicted
-from twin.material.material_noise import Noise, deviances, student_weights
+from twin.material.material_noise import Noise, deviances, first_noise, student_weights
 from twin.material.material_samples import Samples
 from twin.material.reflection_models import INDEX, Coat, matte
 
 Array = NDArray[np.float64]
 
 FIRST_LOOK = 2_000
-"""Pixels on which it is decided whether the body lies bare, and of which distribution the facets are."""
+"""Pixels on which it is decided how the body lies, and of which distribution the facets are."""
+BRIGHTEST = 2.0
+"""Strength that is tried, of a full coat's: a higher index has it. A body of another law would like still more."""
 LEVEL = 2.0
 """Difference of BIC below which two distributions are said to be level."""
 NAMES: dict[Distribution, str] = {"ggx": "GGX", "beckmann": "Beckmann"}
@@ -35,8 +37,8 @@ AT_THE_END = 1.02
 class MaterialFit:
     """What an object is made of.
 
-    roughness, specularity, index, covered: As in `twin.description.materials.RoughPlastic`; a matte object has
-        specularity and covered 0.
+    roughness, specularity, index, covered, body_roughness: As in `twin.description.materials.RoughPlastic`; a matte
+        object has specularity and covered 0.
     roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of a
         matte object.
     strength (3,): See `twin.material.coat_search.Fit`.
@@ -49,6 +51,7 @@ class MaterialFit:
     specularity: float
     index: float
     covered: float
+    body_roughness: float | None
     roughness_sigma: float
     specularity_sigma: float
     strength: Array
@@ -68,6 +71,8 @@ class MaterialFit:
         if self.model == "matte":
             return f"matte: {self.evidence[0]}"
         bare = "" if self.covered == 1 else f", dimming {100 * self.covered:.0f} % of the body"
+        if self.body_roughness is not None:
+            bare = f", on a body of roughness {self.body_roughness:.2f}"
         return (
             f"rough plastic, roughness {self.roughness:.3f} of {NAMES[self.distribution]} "
             f"(± {100 * self.roughness_sigma:.1f} %), specularity {self.specularity:.3f} "
@@ -89,8 +94,10 @@ def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distr
     errors), times Student's (nu + 1) / (nu + r^2 / variance).
     """
     white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
+    # Where the white ball tells nothing, the brightest albedo is white: the twin's scene supposes the same.
+    full = np.percentile(matte_albedo(samples), 99, axis=0) / WHITE_BALL_ALBEDO if white is None else white
     some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
-    first, told = _likeliest(some, white, distributions)
+    first, told = _likeliest(some, white, BRIGHTEST * full, distributions)
     search = first.on(samples)
     variance = search.predicted()[1]
     factor = search.inflation()
@@ -100,22 +107,41 @@ def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distr
     fall = falls / factor - search.fit.parameters * np.log(effective)
     worth = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
     fit = search.fit
-    if fall <= 0 or fit.strength.mean() <= 0:
+    body = None if fit.surface.body < 0 else fit.surface.body
+    if fall <= 0 or (fit.strength.mean() <= 0 and body is None):
         evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({worth})",)
         return MaterialFit(
-            "matte", 1.0, 0.0, 1.0, 0.0, np.nan, np.nan, np.zeros(3), none.surface, search.noise, effective, evidence
+            "matte",
+            1.0,
+            0.0,
+            1.0,
+            0.0,
+            None,
+            np.nan,
+            np.nan,
+            np.zeros(3),
+            none.surface,
+            search.noise,
+            effective,
+            evidence,
         )
     sigma = np.sqrt(np.diag(search.covariance()) * factor)
-    specularity = float(fit.strength.mean() / (1.0 if white is None else np.mean(white)))
+    scale = 1.0 if white is None else float(np.mean(white))
+    specularity = float(fit.strength.mean()) / scale
     return MaterialFit(
-        "rough plastic", fit.surface.roughness, specularity, INDEX, fit.surface.covered, float(sigma[0]),
+        "rough plastic", fit.surface.roughness, specularity, INDEX, fit.surface.covered, body, float(sigma[0]),
         float(sigma[1]), fit.strength, fit.surface, search.noise, effective,
         (f"BIC falls by {fall:,.0f} against matte ({worth})", *told),
         tuple(_doubts(fit.surface.roughness, specularity, float(sigma[1]), known=white is not None)),
     )  # fmt: skip
 
 
-def robust(samples: Samples, fit: MaterialFit, noise: Noise) -> tuple[NDArray[np.float32], ...]:
+def matte_albedo(samples: Samples) -> NDArray[np.float32]:
+    """Return the albedo (P, 3) of a matte object; highlights, outliers, count little."""
+    return robust(samples, Fit(matte(), np.zeros(3), 0), first_noise(samples))[3]
+
+
+def robust(samples: Samples, fit: MaterialFit | Fit, noise: Noise) -> tuple[NDArray[np.float32], ...]:
     """Return value, slope and variance (P, F, 3) of a fit, and the albedo (P, 3) that is best for Student's weights."""
     weights = np.repeat(samples.usable[..., None], 3, -1).astype(np.float32)
     for turn in range(3):
@@ -127,31 +153,31 @@ def robust(samples: Samples, fit: MaterialFit, noise: Noise) -> tuple[NDArray[np
 
 
 def _likeliest(
-    samples: Samples, white: Array | None, distributions: Sequence[Distribution]
+    samples: Samples, white: Array | None, most: Array, distributions: Sequence[Distribution]
 ) -> tuple[CoatSearch, tuple[str, ...]]:
-    """Return the coat that the evidence favours, and the words for its facets and for what it covers."""
-    (first, bare), *others = (
-        _barer(samples, *(CoatSearch(samples, white, bare=bare, distribution=facets) for bare in (False, True)))
-        for facets in distributions
-    )
+    """Return the coat that the evidence favours, and the words for its facets and for its body."""
+    on, (facets, *others) = f"({len(samples):,} pixels)", distributions
+
+    def search(body: Body, facets: Distribution) -> CoatSearch:
+        return CoatSearch(samples, white, most, body, facets)
+
+    first, *rest = (search(body, facets) for body in (COVERED, PARTLY, ROUGH))
+    gains = [_gain(samples, first, other) for other in rest]
+    best = int(np.argmax(gains))
+    body = f"it rises by {-gains[best]:,.0f} with {rest[best].body.words} {on}"
+    if gains[best] > 0:
+        first, body = rest[best], f"by {gains[best]:,.0f} more with {rest[best].body.words} {on}"
     told: tuple[str, ...] = ()
-    for other, other_bare in others:
-        gain, on, less = _gain(samples, first, other), f"({len(samples):,} pixels)", other
+    for name in others:
+        other = search(first.body, name)
+        gain, less = _gain(samples, first, other), other
         if gain > 0:
-            first, bare, less = other, other_bare, first
-        name, lesser = (NAMES[search.fit.surface.distribution] for search in (first, less))
-        told = (f"by {abs(gain):,.0f} more with {name} than with {lesser} {on}",)
+            first, less = other, first
+        better, lesser = (NAMES[one.fit.surface.distribution] for one in (first, less))
+        told = (f"by {abs(gain):,.0f} more with {better} than with {lesser} {on}",)
         if abs(gain) < LEVEL:
-            told = (f"{name} and {lesser} are level, {abs(gain):.1f} apart {on}",)
-    return first, (*told, bare)
-
-
-def _barer(samples: Samples, over_all: CoatSearch, part_bare: CoatSearch) -> tuple[CoatSearch, str]:
-    """Return the one of two fits to the same samples that the evidence favours, and the words for it."""
-    gain = _gain(samples, over_all, part_bare)
-    if gain > 0:
-        return part_bare, f"by {gain:,.0f} more with part of the body bare ({len(samples):,} pixels)"
-    return over_all, f"it rises by {-gain:,.0f} with part of the body bare ({len(samples):,} pixels)"
+            told = (f"{better} and {lesser} are level, {abs(gain):.1f} apart {on}",)
+    return first, (*told, body)
 
 
 def _gain(samples: Samples, one: CoatSearch, other: CoatSearch) -> float:
@@ -163,7 +189,7 @@ def _gain(samples: Samples, one: CoatSearch, other: CoatSearch) -> float:
 
 def _doubts(roughness: float, specularity: float, sigma: float, *, known: bool) -> Iterator[str]:
     """Yield what is suspicious about a coat."""
-    for end, what in ((ROUGHEST, "a body that is not Lambert's, or a sheen"), (SMOOTHEST, "a polished coat")):
+    for end, what in ((ROUGHEST, "a sheen, or a body of another law"), (SMOOTHEST, "a polished coat")):
         if abs(np.log(roughness / end)) < np.log(AT_THE_END):
             yield f"The roughness ran to {end:g}, the end of what is tried: {what} would do that."
     if not known:

@@ -1,7 +1,6 @@
 """The scene of fitted materials, and light that reaches a sample by way of the object's other parts, rendered small."""
 
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,7 +66,13 @@ def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
     specularity = min(float(np.mean(fit.strength)) / white, 1.0)
     facets = fit.distribution
     return RoughPlastic(
-        body.reflectance, fit.roughness, specularity, fit.index, covered=fit.covered, distribution=facets
+        body.reflectance,
+        fit.roughness,
+        specularity,
+        fit.index,
+        covered=fit.covered,
+        distribution=facets,
+        body_roughness=fit.body_roughness,
     )
 
 
@@ -97,8 +102,31 @@ def _part(mesh: ObjectMesh, faces: NDArray[np.intp]) -> ObjectMesh:
     return ObjectMesh(mesh.vertices[used], corner.reshape(-1, 3), *at_corners)
 
 
-def onward_light(sight: Sight, samples: Samples, fit: MaterialFit, albedo: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return (P, F, 3), pixel values that come by way of two surfaces or three, all of them matte.
+@dataclass(frozen=True, eq=False)
+class OnwardLight:
+    """Pixel values that come by way of two surfaces or three, rendered small.
+
+    images (F, h, w, 3): Of some of a picture that is `scale` times the camera's.
+    row, column: Of that picture, where the images begin.
+    """
+
+    images: NDArray[np.float32]
+    row: int
+    column: int
+    scale: float
+
+    def at(self, rows: NDArray, columns: NDArray) -> NDArray[np.float32]:
+        """Return (P, F, 3) at pixels (P,) of the camera: bilinear, of lit pixels alone, none of the black beside."""
+        row, column = ((place + 0.5) * self.scale - 0.5 for place in (rows, columns))
+        return _looked_up(self.images, row - self.row, column - self.column)
+
+    def off(self, samples: Samples) -> Samples:
+        """Return samples without that light."""
+        return replace(samples, values=samples.values - self.at(samples.rows, samples.columns))
+
+
+def onward_light(sight: Sight, samples: Samples, albedo: NDArray[np.float32]) -> OnwardLight:
+    """Return the light that comes by way of the object's other parts, all of them matte.
 
     What a highlight throws on another place is left out: narrow as it is, so few paths find it that they would put more
     noise into the samples than they take out.
@@ -116,14 +144,12 @@ def onward_light(sight: Sight, samples: Samples, fit: MaterialFit, albedo: NDArr
     camera = sight.camera
     small = camera.scaled(int(np.ceil(camera.width * scale)), int(np.ceil(camera.height * scale)), scale, scale)
     row, column = ((place + 0.5) * scale - 0.5 for place in (samples.rows, samples.columns))
-    body, sampling = replace(fit, model="matte"), Sampling("many", SAMPLES, DEPTH)
-    scene, _ = material_scene(
-        replace(sight, camera=small), (body,), None, _picture(row, column, albedo, small), sampling
-    )
+    sampling, picture = Sampling("many", SAMPLES, DEPTH), _picture(row, column, albedo, small)
+    scene, _ = scan_scene(replace(sight, camera=small, normals=None), picture, sampling)
     film = scene.film()
     images = Indirect(mitsuba_scene(scene), film, scene.lights, samples=SAMPLES, max_depth=DEPTH).images()
     give_memory_back()
-    return _looked_up(images, row - film.rows.start, column - film.columns.start)
+    return OnwardLight(images, film.rows.start, film.columns.start, scale)
 
 
 def _picture(row: NDArray, column: NDArray, albedo: NDArray[np.float32], small: Camera) -> NDArray[np.float32]:
@@ -138,15 +164,14 @@ def _picture(row: NDArray, column: NDArray, albedo: NDArray[np.float32], small: 
 
 def _looked_up(images: NDArray[np.float32], row: NDArray, column: NDArray) -> NDArray[np.float32]:
     """Return (P, F, 3) of images (F, h, w, 3), bilinear, of lit pixels alone: none of the black behind the object."""
-    import cv2
-
-    seen = (images.max((0, -1)) > 0).astype(np.float32)
-    at = column.astype(np.float32), row.astype(np.float32)
-
-    def look(image: Any) -> NDArray:
-        return np.asarray(cv2.remap(image, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)).reshape(
-            len(row), -1
-        )
-
-    share = np.maximum(look(seen), 1e-6)
-    return np.stack([look(image) / share for image in images], 1).astype(np.float32)
+    seen = images.max((0, -1)) > 0
+    total, weight = np.zeros((len(images), len(row), 3), np.float32), np.full(len(row), 1e-6, np.float32)
+    for down in (0, 1):
+        for right in (0, 1):
+            i, j = np.floor(row).astype(int) + down, np.floor(column).astype(int) + right
+            share = (1 - np.abs(row - i)) * (1 - np.abs(column - j))
+            i, j = np.clip(i, 0, seen.shape[0] - 1), np.clip(j, 0, seen.shape[1] - 1)
+            share = (share * seen[i, j]).astype(np.float32)
+            total += share[:, None] * images[:, i, j]
+            weight += share
+    return np.moveaxis(total / weight[:, None], 0, 1)

@@ -36,6 +36,11 @@ class Noise:
         return (own + (np.radians(self.tilt_deg) * slope) ** 2).astype(np.float32)
 
 
+def first_noise(samples: Samples) -> Noise:
+    """Return what is supposed before anything is fitted: a twentieth of the value, a hundredth of what is bright."""
+    return Noise((0.01 * float(np.percentile(samples.values[samples.usable], 90))) ** 2, 0.0, 0.05, 0.0)
+
+
 def noise_of(
     residual: NDArray[np.float32], values: NDArray[np.float32], slope: NDArray[np.float32], usable: NDArray[np.bool_]
 ) -> Noise:

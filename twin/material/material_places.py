@@ -10,14 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.material.coat_search import TRIED
+from twin.material.coat_search import TRIED, roughened
 from twin.material.fit_material import MaterialFit, fit_material, robust
 from twin.material.material_kernels import reduced
 from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_regions import Neighbours
 from twin.material.material_samples import FEWEST, Samples
 from twin.material.measured_albedo import filled
-from twin.material.reflection_models import coat
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.intp]
@@ -152,8 +151,7 @@ def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float3
     which = np.unique(samples.blocks(BLOCK), return_inverse=True)[1].reshape(-1)
     count = int(which.max()) + 1
     strengths = TIMES[:, None] * whole.strength
-    facets = whole.distribution
-    surfaces = [coat(float(roughness), covered=whole.covered, distribution=facets) for roughness in TRIED]
+    surfaces = [roughened(whole.surface, np.log(roughness)) for roughness in TRIED]
     left = []
     for surface in surfaces:
         sums = reduced(samples, weights, surface).reshape(len(samples), 9)

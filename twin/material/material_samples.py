@@ -81,25 +81,23 @@ def samples_of_scan(
     sight: Sight,
     frames: Frames,
     mask: NDArray[np.bool_],
-    normals: Image | None = None,
     most: int = MOST,
 ) -> Samples:
     """Return samples of a registered scan, without those in its cast shadows.
 
-    sight: The scan under the calibrated lights.
+    sight: The scan under the calibrated lights; where its normals are given and NaN, no pixel is taken.
     mask (H, W): The object.
-    normals (H, W, 3): Where they are better known than by the mesh's vertices; NaN: not taken.
     most: Pixels.
     Raises RenderError: Fewer than `FEWEST` pixels are left.
     """
-    rows, columns = inner_pixels(mask, normals)
+    rows, columns = inner_pixels(mask, sight.normals)
     if len(rows) < FEWEST:
         raise RenderError(
             f"material: {len(rows)} pixels lie {OUTLINE_PX} px within the object's outline and have a normal; expected "
             f"{FEWEST} or more. Check the mask, and that the pose fits these frames."
         )
     taken = np.sort(np.random.default_rng(0).permutation(len(rows))[:most])
-    samples = samples_at(sight, frames, normals, rows[taken], columns[taken])
+    samples = samples_at(sight, frames, rows[taken], columns[taken])
     if len(samples) < FEWEST:
         raise RenderError(
             f"material: {len(samples)} pixels have a normal and are lit by three flashes without being clipped; "
@@ -109,10 +107,13 @@ def samples_of_scan(
 
 
 def samples_at(
-    sight: Sight, frames: Frames, normals: Image | None, rows: NDArray[np.intp], columns: NDArray[np.intp]
+    sight: Sight, frames: Frames, rows: NDArray[np.intp], columns: NDArray[np.intp], *, lenient: bool = False
 ) -> Samples:
-    """Return the samples of those of the pixels (P,) that can be used; see `samples_of_scan`."""
-    camera, lights, mesh = sight.camera, sight.lights, sight.mesh
+    """Return the samples of those of the pixels (P,) that can be used; see `samples_of_scan`.
+
+    lenient: All that see the scan and are lit by one light: their albedo is better known so than by their neighbours'.
+    """
+    camera, lights, mesh, normals = sight.camera, sight.lights, sight.mesh, sight.normals
     pixels = np.stack([columns, rows], -1).astype(np.float64)
     looks = [sight.at(pixels + offset) for offset in BESIDE_PX]
     points: Any = looks[0][2]
@@ -124,13 +125,17 @@ def samples_at(
     else:
         found, slopes = normals[rows, columns].astype(np.float64), _slopes(normals, rows, columns)
     views = -camera.rays(pixels)[1]
-    step = np.linalg.norm(looks[1][2] - points, axis=1)
     facing = np.sum(found * views, 1)
-    keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
-    keep &= np.isfinite(slopes).all((1, 2))
-    # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
-    scale = 1.0 if camera.is_orthographic else -points[:, 2]
-    keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
+    if lenient:
+        looks, slopes = looks[:1], np.nan_to_num(slopes)
+        keep = (looks[0][0] >= 0) & (facing > 0)
+    else:
+        step = np.linalg.norm(looks[1][2] - points, axis=1)
+        keep = np.logical_and.reduce([look[0] >= 0 for look in looks]) & (facing > GRAZING)
+        keep &= np.isfinite(slopes).all((1, 2))
+        # A step of 1.5 pixels that goes much farther than the surface's slant explains has crossed an edge.
+        scale = 1.0 if camera.is_orthographic else -points[:, 2]
+        keep &= step < 3 * 1.5 * scale / camera.fx / np.maximum(facing, GRAZING)
     rows, columns = rows[keep], columns[keep]
     found, views, points, slopes = (a[keep] for a in (found, views, points, slopes))
     shape = (len(rows), len(lights))
@@ -147,7 +152,7 @@ def samples_at(
         irradiance[:, index] = length * lights.intensities[index]
         values[:, index], clipped[:, index] = frames.read_pixels(index, rows, columns)
     cosine = np.einsum("pi,pfi->pf", found.astype(np.float32), toward)
-    usable = ~behind & ~clipped & (cosine > DIM) & (irradiance > 0).all(-1)
+    usable = ~behind & ~clipped & (cosine > (0 if lenient else DIM)) & (irradiance > 0).all(-1)
     smear = PIXEL_PX2 + LENS_PX2 + (MOSAIC_PX2 if frames.is_mosaic else 0)
     spread = smear * np.sum(slopes**2, (1, 2))
     at, normal, view = (a.astype(np.float32) for a in (points, found, views))
@@ -155,6 +160,8 @@ def samples_at(
         rows, columns, at, normal, view, toward, irradiance, values, usable, slopes.astype(np.float32),
         spread.astype(np.float32), 1.0,
     )  # fmt: skip
+    if lenient:
+        return replace(samples, spread=np.minimum(samples.spread, CREASED)).only(usable.any(1))
     # Three lights fix the albedo's channels and leave something to be judged.
     return samples.only((usable.sum(1) >= 3) & (spread < CREASED))
 

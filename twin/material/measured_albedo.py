@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 BRIGHTEST = 0.98
 """A matte surface gives back less light than it gets."""
+BESIDE = 0.8
+"""Cosine between a vertex' normal and the picture's there, below which the picture shows another surface."""
 SPLIT_PX = 0.1
 """An edge whose middle projects so far from the middle of its projected ends is split."""
 
@@ -27,8 +29,9 @@ def textured_surface(
 ) -> tuple[ObjectMesh, Texture, Array, tuple[str, ...]]:
     """Return the mesh, the measured albedo upon it, the white value (3,), and warnings.
 
-    Normals at vertices that are added to the mesh's are means of its own, shorter than 1: interpolating them gives what
-    interpolating the original mesh would. The texture's last rows hold the median, for what the camera does not see.
+    The seen vertices' normals are `sight.normals` where these are known. Normals at vertices that are added to the
+    mesh's are means of its own, shorter than 1: interpolating them gives what interpolating the original mesh would.
+    The texture's last rows hold the median, for what the camera does not see.
 
     albedo (H, W, 3): Pixel value under a light of intensity 1 along the normal; NaN where unknown.
     rows, columns: The box of the picture that holds the mesh.
@@ -71,17 +74,29 @@ def textured_surface(
     # Points outside the picture, or behind the camera, are not seen; a number must stand there all the same.
     texcoords = np.clip(np.nan_to_num(texcoords), 0, [1, (height + 0.5) / (height + 3)])
     seen = replace(sight, mesh=Mesh(vertices, faces)).seen_faces(rows, columns)
-    hidden = faces[~seen]
+    hidden, hidden_normals = faces[~seen], normals
+    if sight.normals is not None:
+        normals = _pictured(normals, np.unique(faces[seen]), Texture(sight.normals, "clamp"), camera.project(vertices))
     used, local = np.unique(hidden, return_inverse=True)
     faces = np.concatenate([faces[seen], local.reshape(-1, 3) + len(vertices)])
     unseen = np.broadcast_to([0.5, (height + 2.5) / (height + 3)], (len(used), 2))
     textured = ObjectMesh(
         np.concatenate([vertices, vertices[used]]),
         faces,
-        np.concatenate([normals, normals[used]]),
+        np.concatenate([normals, hidden_normals[used]]),
         np.concatenate([texcoords, unseen]),
     )
     return textured, Texture(texture, "clamp"), white, tuple(warnings)
+
+
+def _pictured(normals: Array, seen: NDArray[np.int64], picture: Texture, pixels: Array) -> Array:
+    """Return normals (V, 3), those of vertices that are `seen` as the picture has them at their pixels (V, 2)."""
+    out = normals.copy()
+    height, width = picture.values.shape[:2]
+    found = picture.at((pixels[seen] + 0.5) / [width, height])
+    own = np.sum(found * normals[seen], 1) > BESIDE * np.linalg.norm(normals[seen], axis=1)
+    out[seen[own]] = found[own]
+    return out
 
 
 def _white(measured: NDArray, white_value: Array | None) -> Array:

@@ -26,6 +26,8 @@ NODES = 64
 """Angles at which the coat's transmittance is tabulated, evenly in the cosine."""
 TABLED = np.geomspace(0.01, 1, 17)
 """Roughnesses of which the renderer tells the transmittance; a smoother coat has that of the smoothest."""
+LAMBERT = -1.0
+"""Stands for the roughness of a body that has none."""
 FARTHEST = 46.0
 """Exponent of Beckmann's distribution beyond which there is nothing: e^-46 is 1e-20, where the renderer ends too."""
 
@@ -39,6 +41,7 @@ class Coat(NamedTuple):
         coat's diffuse reflectance from within.
     covered: Share of the body's light that passes it.
     beckmann: Whether the distribution is Beckmann's; else GGX.
+    body: Roughness of the body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's.
     """
 
     roughness: float
@@ -46,6 +49,7 @@ class Coat(NamedTuple):
     transmittance: Array
     covered: float = 1.0
     beckmann: bool = False
+    body: float = LAMBERT
 
     @property
     def distribution(self) -> Distribution:
@@ -53,11 +57,18 @@ class Coat(NamedTuple):
         return "beckmann" if self.beckmann else "ggx"
 
 
-def coat(roughness: float, index: float = INDEX, *, covered: float = 1.0, distribution: Distribution = "ggx") -> Coat:
-    """Return the coat of a roughness."""
+def coat(
+    roughness: float,
+    index: float = INDEX,
+    *,
+    covered: float = 1.0,
+    distribution: Distribution = "ggx",
+    body: float = LAMBERT,
+) -> Coat:
+    """Return the coat of a roughness; see `Coat`."""
     where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
     transmittance = np.asarray(_transmittances(index, distribution)(where).real, np.float64)
-    return Coat(roughness, index, transmittance, covered, distribution == "beckmann")
+    return Coat(roughness, index, transmittance, covered, distribution == "beckmann", body)
 
 
 @lru_cache(16)
@@ -111,11 +122,19 @@ def _beckmann_unhidden(cosine2, a2):
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
+def _rough_body(nl, nv, c, roughness):
+    """Return a rough body's value over Lambert's, at cosines to the normal and of the half angle [Burley2012]."""
+    grazing = 2 * roughness * c * c - 0.5
+    return (1 + grazing * (1 - nl) ** 5) * (1 + grazing * (1 - nv) ** 5)
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
 def shade(normal, view, light, roughness, surface):
     """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
 
-    Body: cos_l (1 - covered + covered T(l) T(v)); coat: pi F D G / (4 cos_v), G by Smith, each
-    direction apart; D and G of GGX or Beckmann [Walter2007]. The matte coat (index 1) has the body cos_l and no coat.
+    Body: cos_l ((1 - covered) B + covered T(l) T(v)), B as `_rough_body` or 1; coat: pi F D G / (4 cos_v), G by Smith,
+    each direction apart; D and G of GGX or Beckmann [Walter2007]. The matte coat (index 1) has the body cos_l and no
+    coat.
     """
     nx, ny, nz = normal
     vx, vy, vz = view
@@ -125,18 +144,19 @@ def shade(normal, view, light, roughness, surface):
     nv = nx * vx + ny * vy + nz * vz
     if nl <= 0 or nv <= 0:
         return 0.0, 0.0
+    hx, hy, hz = vx + lx, vy + ly, vz + lz
+    length = np.sqrt(hx * hx + hy * hy + hz * hz)
+    c = (hx * lx + hy * ly + hz * lz) / length
+    bare = 1.0 if surface.body < 0 else _rough_body(min(nl, 1.0), min(nv, 1.0), c, surface.body)
     last = len(transmittance) - 1
     at, seen = min(nl, 1.0) * last, min(nv, 1.0) * last
     i, j = min(int(at), last - 1), min(int(seen), last - 1)
     t_in = transmittance[i] + (at - i) * (transmittance[i + 1] - transmittance[i])
     t_out = transmittance[j] + (seen - j) * (transmittance[j + 1] - transmittance[j])
-    diffuse = nl * (1 - covered + covered * t_in * t_out)
+    diffuse = nl * ((1 - covered) * bare + covered * t_in * t_out)
     if index == 1.0:
         return diffuse, 0.0
-    hx, hy, hz = vx + lx, vy + ly, vz + lz
-    length = np.sqrt(hx * hx + hy * hy + hz * hz)
     nh = (nx * hx + ny * hy + nz * hz) / length
-    c = (hx * lx + hy * ly + hz * lz) / length
     g = np.sqrt(index * index - 1 + c * c)
     across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
     fresnel = (across * across + along * along) / 2

@@ -1,6 +1,6 @@
-"""The material of a registered scan, from photographs to albedo map: fitted, light from elsewhere off, fitted again."""
+"""The material of a registered scan, from photographs to albedo map: light from elsewhere off, fitted, divided."""
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -9,14 +9,16 @@ from numpy.typing import NDArray
 from scene.errors import RenderError
 from scene.frames import Frames
 from scene.lights import Lights
-from twin.material.fit_material import MaterialFit, fit_material, robust
+from twin.material.fit_material import MaterialFit, fit_material, matte_albedo, robust
 from twin.material.material_light import onward_light
 from twin.material.material_places import Places, material_places
 from twin.material.material_residual import Part, Residual, material_residual
-from twin.material.material_samples import MOST, Samples, inner_pixels, samples_at, samples_of_scan
+from twin.material.material_samples import MOST, Samples, samples_at, samples_of_scan
 from twin.visibility import Sight
 
 SAMPLES_AT_ONCE = 1 << 20
+TURNS = 2
+"""Of albedo and light from elsewhere."""
 MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
 """Of the fit: pixels times frames; pixels, however many frames there are."""
 
@@ -73,43 +75,48 @@ class ScanMaterial:
         }
 
 
-def scan_material(
-    sight: Sight, frames: Frames, mask: NDArray[np.bool_], normals: NDArray[np.float32] | None = None
-) -> ScanMaterial:
+def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> ScanMaterial:
     """Return the material of a registered scan.
 
     Parameters and errors: see `twin.material.material_samples.samples_of_scan`.
 
     Notes
     -----
-    Light from the object's other parts is rendered with the first fit's material and subtracted, once: a second time
-    changes nothing that can be seen. Then places of different gloss are looked for. The albedo map holds what little of
-    that light is left in each pixel.
+    Light from the object's other parts is rendered as if the object were matte, and subtracted from what is fitted and
+    from what the albedo is measured in: else the twin would have it twice. After the fit, places of different gloss are
+    looked for. A pixel that is no sample of the fit (outline, crease, grazing) gets its own albedo all the same.
     """
     lights = sight.lights
     most = min(MOST, max(LEAST_PIXELS, MOST_SAMPLES // len(frames)))
-    samples = samples_of_scan(sight, frames, mask, normals, most)
-    fit, onward, trouble = fit_material(samples, lights), 0.0, ()
+    samples = samples_of_scan(sight, frames, mask, most)
+    onward, trouble, elsewhere = 0.0, (), None
     try:
-        elsewhere = onward_light(sight, samples, fit, albedo_of(samples, fit))
+        # The more is taken for albedo, the more light goes on, and the less albedo is left: halfway it settles.
+        body = matte_albedo(samples)
+        elsewhere = onward_light(sight, samples, body)
+        for _ in range(TURNS):
+            body = np.sqrt(body * matte_albedo(elsewhere.off(samples)))
+            elsewhere = onward_light(sight, samples, body)
     except RenderError as error:
         trouble = (f"Light from elsewhere stayed in the fitted samples: {error}",)
     else:
-        usable = samples.usable
-        onward = float(np.sqrt(np.sum(elsewhere[usable] ** 2) / np.sum(samples.values[usable] ** 2)))
-        samples = replace(samples, values=samples.values - elsewhere)
-        fit = fit_material(samples, lights)
+        seen, usable = samples.values, samples.usable
+        samples = elsewhere.off(samples)
+        onward = float(np.linalg.norm((seen - samples.values)[usable]) / np.linalg.norm(seen[usable]))
+    fit = fit_material(samples, lights)
     places = material_places(samples, lights, fit)
     labels = places.picture(samples, mask)
     albedo = np.full((*mask.shape, 3), np.nan, np.float32)
-    rows, columns = inner_pixels(mask, normals)
     step = max(1, SAMPLES_AT_ONCE // len(frames))
-    for first in range(0, len(rows), step):
-        some = samples_at(sight, frames, normals, rows[first : first + step], columns[first : first + step])
-        for number, one in enumerate(places.fits):
-            own = some.only(labels[some.rows, some.columns] == number)
-            if len(own):
-                albedo[own.rows, own.columns] = albedo_of(own, one)
+    for lenient in (False, True):
+        rows, columns = np.nonzero(mask & np.isnan(albedo[..., 0]))
+        for first in range(0, len(rows), step):
+            some = samples_at(sight, frames, rows[first : first + step], columns[first : first + step], lenient=lenient)
+            for number, one in enumerate(places.fits):
+                own = some.only(labels[some.rows, some.columns] == number)
+                own = own if elsewhere is None else elsewhere.off(own)
+                if len(own):
+                    albedo[own.rows, own.columns] = albedo_of(own, one)
     return ScanMaterial(fit, places, labels, _residual(samples, places, lights), onward, albedo, trouble)
 
 
@@ -119,7 +126,16 @@ def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
 
 
 def _numbers(fit: MaterialFit) -> dict[str, Any]:
-    names = ("distribution", "roughness", "roughness_sigma", "specularity", "specularity_sigma", "index", "covered")
+    names = (
+        "distribution",
+        "roughness",
+        "roughness_sigma",
+        "specularity",
+        "specularity_sigma",
+        "index",
+        "covered",
+        "body_roughness",
+    )
     return {} if fit.model == "matte" else {name: getattr(fit, name) for name in names}
 
 
