@@ -72,7 +72,7 @@ def virtual(seeds: int) -> list[str]:
         known = np.isfinite(found.albedo) & np.isfinite(session.albedo)
         error = found.albedo[known] / session.albedo[known] - 1
         fit, assumed = found.fit, (true.roughness, float(true.specularity))  # type: ignore[arg-type]
-        wrong = fit.roughness / assumed[0] - 1, fit.specularity / assumed[1] - 1, float(np.median(error))
+        wrong = fit.surface.roughness / assumed[0] - 1, fit.specularity / assumed[1] - 1, float(np.median(error))
         off.append(wrong)
         what = f"{shape}, two places" if len(found.places.fits) > 1 else shape
         lines.append(
@@ -115,10 +115,11 @@ def facets() -> list[str]:
         every = every.only((every.usable & given).sum(1) >= 3)
         some = replace(every, usable=every.usable & given)
         fit = fit_material(some, lights)
-        right += fit.distribution == name
-        both = fit, fit_material(some, lights, [other for other in NAMES if other != fit.distribution])
+        right += fit.surface.distribution == name
+        both = fit, fit_material(some, lights, [other for other in NAMES if other != fit.surface.distribution])
         errors = [
-            (one.roughness / roughness - 1, one.specularity / strength - 1, _relit(every, some, one)) for one in both
+            (one.surface.roughness / roughness - 1, one.specularity / strength - 1, _relit(every, some, one))
+            for one in both
         ]
         off.append(errors)
         told = (f"{100 * one[k]:{sign}.1f} %" for k, sign in ((0, "+"), (1, "+"), (2, "")) for one in errors)
@@ -146,8 +147,8 @@ def _relit(every: Samples, some: Samples, fit: MaterialFit) -> float:
 def _words(fit: MaterialFit) -> str:
     if fit.model == "matte":
         return "matte"
-    bare = "" if fit.covered == 1 else f", dimming {100 * fit.covered:.0f} %"
-    return f"{fit.model}, roughness {fit.roughness:.3f} of {NAMES[fit.distribution]}{bare} ({fit.evidence[1]})"
+    told, (_, facets, *also) = str(fit).split(":")[0], fit.evidence
+    return f"{told} ({'; '.join([facets, *also])})"
 
 
 def _row(name: str, fits: Sequence[MaterialFit], left: Residual) -> str:

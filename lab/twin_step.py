@@ -44,7 +44,7 @@ def _render(job: Job, folder: Store) -> tuple[dict[str, Any], list[str]]:
     )
     if sensor is not None:
         _develop(folder)
-    foretold = _foretold(job, scene, rendered.choice.engine)
+    foretold = _foretold(job, scene, rendered.choice)
     facts = rendered.facts()
     facts["warnings"] = (*scene_warnings, *rendered.warnings)
     photographed = {} if sensor is None else {"sensor": asdict(sensor)}
@@ -64,12 +64,13 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
     return session_scene(job.store, job.load_scan(), sampling, is_error_given=is_given, method=method)
 
 
-def _foretold(job: Job, scene: Any, engine: str) -> dict[str, Any] | None:
+def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
     """Fit the material to half of the frames, foretell the others; return what the summary keeps of it."""
     from twin.engines.render import render_scene
     from twin.session_scene import session_relighting
 
-    sampling = replace(scene.sampling, engine=engine)
+    # As the twin was rendered: another pilot would take longer than these frames.
+    sampling = replace(scene.sampling, engine=choice.engine, samples=choice.samples)
     with progress_bar("twin: frames not fitted to") as progress:
         how: Any = {"executor": job.executor, "progress": progress}
         try:

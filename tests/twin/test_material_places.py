@@ -73,7 +73,7 @@ def test_two_glosses_are_told_apart_whatever_the_albedo(materials, where, albedo
     right = np.asarray(order)[found.labels] == place
     assert np.mean(right[shine > 0.02]) > 0.95
     for fit, number in zip(found.fits, order, strict=True):
-        assert abs(fit.roughness / materials[number][0] - 1) < 0.05
+        assert abs(fit.surface.roughness / materials[number][0] - 1) < 0.05
         assert abs(fit.specularity / materials[number][1] - 1) < 0.05
 
 
@@ -173,7 +173,7 @@ def test_the_twin_of_two_materials_looks_like_the_object() -> None:
     there = (camera.rays(camera.grid())[1] * 178)[..., 0] < 0.2 * 25
     assert np.mean((found.labels == 0)[mask] == there[mask]) > 0.95
     for fit, material in zip(found.places.fits, true, strict=True):
-        assert abs(fit.roughness / material.roughness - 1) < 0.05
+        assert abs(fit.surface.roughness / material.roughness - 1) < 0.05
         assert abs(fit.specularity / float(material.specularity) - 1) < 0.05  # type: ignore[arg-type]
 
     inner = np.zeros_like(mask)

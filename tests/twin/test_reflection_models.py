@@ -86,6 +86,18 @@ def test_a_rough_body_sends_more_back_to_where_light_comes_from() -> None:
     assert smooth[0] < 0.6
 
 
+@pytest.mark.parametrize("distribution", DISTRIBUTIONS)
+def test_two_lobes_are_those_of_mitsuba(distribution: Distribution) -> None:
+    views, lights = directions(4000, 12, 0.1), directions(4000, 13, 0.05)
+    up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()
+    for covered in (0.3, 1.0):
+        numbers = {"covered": covered, "distribution": distribution, "second": 0.3, "second_roughness": 0.6}
+        body, gloss = (a[:, 0] for a in reflected(coat(0.2, **numbers), up, views, lights[:, None]))
+        both = in_mitsuba(RoughPlastic((0.2, 0.5, 0.9), 0.2, 0.7, **numbers), views, lights)
+        ours = body[:, None] * np.array([0.2, 0.5, 0.9]) + 0.7 * gloss[:, None]
+        assert np.max(np.abs(ours / both - 1)) < 0.01
+
+
 def test_matte_is_lambert() -> None:
     views, lights = directions(100, 4, 0.1), directions(100, 5, 0.1)
     up = np.broadcast_to([0.0, 0.0, 1.0], views.shape).copy()

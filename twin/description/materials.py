@@ -127,6 +127,10 @@ class RoughPlastic:
     body_roughness : float or None
         Of what of the body lies bare, by the law of [Burley2012]: at 1 it gives back more light toward where it comes
         from, as plaster does, at 0 less where seen or lit aslant. None: the same everywhere (Lambert).
+    second : float
+        Share of the facets that are of another roughness: a second lobe, such as a sharp peak within a wide gloss.
+    second_roughness : float
+        Theirs.
     """
 
     reflectance: Reflectance
@@ -137,6 +141,8 @@ class RoughPlastic:
     covered: Share = 1.0
     distribution: Distribution = "ggx"
     body_roughness: Share | None = None
+    second: Share = 0.0
+    second_roughness: AboveNone = 0.5
 
 
 @checked

@@ -58,11 +58,11 @@ def _one_side(material: Material) -> dict[str, Any]:
         case Diffuse():
             return {"type": "diffuse", "reflectance": _value(material.reflectance)}
         case RoughPlastic(covered=1):
-            return _plastic(material, material.reflectance, material.specularity)
+            return _coated(material, material.reflectance, material.specularity)
         case RoughPlastic():
             covered = float(material.covered)
             weight = max(covered, LEAST_WEIGHT)
-            coated = _plastic(
+            coated = _coated(
                 material, _times(material.reflectance, covered / weight), _times(material.specularity, 1 / weight)
             )
             bare = _bare(_times(material.reflectance, (1 - covered) / (1 - weight)), material.body_roughness)
@@ -83,6 +83,14 @@ def _one_side(material: Material) -> dict[str, Any]:
             }
         case Measured():
             return {"type": "measured", "filename": material.file}
+
+
+def _coated(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:
+    first = _plastic(material, reflectance, specularity)
+    if material.second == 0:
+        return first
+    second = {**first, "alpha": float(material.second_roughness)}
+    return {"type": "blendbsdf", "weight": float(material.second), "first": first, "second": second}
 
 
 def _plastic(material: RoughPlastic, reflectance: Reflectance, specularity: float | Texture) -> dict[str, Any]:

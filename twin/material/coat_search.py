@@ -1,6 +1,5 @@
 """The coat that suits samples best: each pixel's albedo eliminated [Golub1973], weights and fit in turn."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -19,29 +18,28 @@ SMOOTHEST, ROUGHEST = 0.02, 1.0
 TRIED = np.geomspace(SMOOTHEST, ROUGHEST, 25)
 ROUNDS = 4
 """Of weights and fit in turn."""
-STEP = 0.06
-"""Of the logarithm of the roughness, between the three that a round puts a parabola through."""
-BODY_STEP = 0.15
-"""The same of a body's one number."""
+STEP = 1e-3
+"""Of the finite differences: of shares, and of roughnesses' logarithms."""
 
 
-class Body(NamedTuple):
-    """How a body lies below the coat.
+class Model(NamedTuple):
+    """What is supposed of a coat and of the body below it.
 
     words: What the evidence says of it.
-    tried: What of `twin.material.reflection_models.coat`.
-    free: The one that is searched, if any.
+    tried: Numbers of `twin.material.reflection_models.coat`, each with all roughnesses.
+    free: Those that are searched.
     """
 
     words: str
     tried: tuple[dict[str, float], ...]
-    free: str | None = None
+    free: tuple[str, ...] = ("roughness",)
 
 
 SHARES = (0.0, 0.33, 0.67, 1.0)
-COVERED = Body("all of the body covered", ({"covered": 1.0},))
-PARTLY = Body("part of the body bare", tuple({"covered": share} for share in SHARES), "covered")
-ROUGH = Body("a rough body", tuple({"covered": 0.0, "body": share} for share in SHARES), "body")
+COVERED = Model("all of the body covered", ({"covered": 1.0},))
+PARTLY = Model("part of the body bare", tuple({"covered": share} for share in SHARES), ("covered", "roughness"))
+ROUGH = Model("a rough body", tuple({"covered": 0.0, "body": share} for share in SHARES), ("body", "roughness"))
+SECOND = tuple({"second": share, "second_roughness": float(x)} for share in (0.1, 0.5) for x in TRIED[::3])
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,29 +61,35 @@ class CoatSearch:
 
     white (3,): Pixel value of reflectance 1: the coat is gray by it. None: each channel for itself.
     most (3,): Of the strength.
-    body: What is supposed of it.
+    model: What is supposed of coat and body.
     distribution: Of the coat's facets.
     about: Where the search starts, its distribution the same; None: everywhere.
     """
 
     def __init__(
-        self, samples: Samples, white: Array | None, most: Array, body: Body, distribution: Distribution,
+        self, samples: Samples, white: Array | None, most: Array, model: Model, distribution: Distribution,
         about: Fit | None = None,
     ) -> None:  # fmt: skip
-        self._samples, self._white, self._most, self.body = samples, white, most, body
-        self._parameters = (2 if white is not None else 4) + (body.free is not None)
+        self._samples, self._white, self._most, self.model = samples, white, most, model
+        self._parameters = (2 if white is not None else 4) + len(model.free) - 1
         variance = first_noise(samples).variance(samples.values, np.zeros_like(samples.values))
         self.weights = np.where(samples.usable[..., None], 1 / variance, 0).astype(np.float32)
         self.fit = self._anywhere(distribution) if about is None else about
         self.noise = self._weigh()
         for _ in range(ROUNDS):
-            self.fit = self._along_roughness(self._along_body(self.fit))
+            self.fit = self._descended()
             self.noise = self._weigh()
 
     def on(self, samples: Samples) -> "CoatSearch":
         """Return the search on other samples, about what was found on these."""
-        facets = self.fit.surface.distribution
-        return CoatSearch(samples, self._white, self._most, self.body, facets, about=self.fit)
+        return CoatSearch(samples, self._white, self._most, self.model, self.fit.surface.distribution, about=self.fit)
+
+    def with_second_lobe(self) -> "CoatSearch":
+        """Return the search for facets of two roughnesses, about what was found."""
+        free = (*self.model.free, "second_roughness", "second")
+        model, surface = Model("a second lobe", (), free), self.fit.surface
+        start = min((self._best(surface.changed(**one)) for one in SECOND), key=lambda one: one[0])[1]
+        return CoatSearch(self._samples, self._white, self._most, model, surface.distribution, about=start)
 
     def predicted(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return what the coat gives back (P, F, 3), and its variance."""
@@ -109,7 +113,9 @@ class CoatSearch:
         if not strength.any():
             return np.full((2, 2), np.nan)
         middle_at = float(np.log(self.fit.surface.roughness))
-        sums = {i: self._sums(roughened(self.fit.surface, middle_at + i * step)) for i in (-1, 0, 1)}
+        sums = {
+            i: self._sums(self.fit.surface.changed(roughness=float(np.exp(middle_at + i * step)))) for i in (-1, 0, 1)
+        }
 
         def left(i: int, j: int) -> float:
             a, b, c = sums[i].T
@@ -138,31 +144,29 @@ class CoatSearch:
 
         A body that is dimmed too much or too little makes wide lobes attractive: both must be searched together.
         """
-        tried = [coat(float(x), distribution=distribution, **body) for x in TRIED for body in self.body.tried]
+        tried = [coat(float(x), distribution=distribution, **one) for x in TRIED for one in self.model.tried]
         found = [self._best(surface) for surface in tried]
         return min(found, key=lambda one: one[0])[1]
 
-    def _along_roughness(self, fit: Fit) -> Fit:
-        middle = float(np.log(fit.surface.roughness))
-        ends = float(np.log(SMOOTHEST)), float(np.log(ROUGHEST))
-        return self._moved(lambda x: roughened(fit.surface, x), middle, STEP, 3, ends)
+    def _descended(self) -> Fit:
+        """Return the best fit near the present one, by all numbers that are free."""
+        from scipy.optimize import minimize
 
-    def _along_body(self, fit: Fit) -> Fit:
-        free = self.body.free
-        if free is None:
-            return fit
-        here = getattr(fit.surface, free)
-        return self._moved(lambda share: fit.surface._replace(**{free: share}), here, BODY_STEP, 4, (0.0, 1.0))
+        free, surface = self.model.free, self.fit.surface
+        level = max(self._best(surface)[0], 1e-300)
+        is_log = np.array(["roughness" in name for name in free])
+        here = np.array([float(getattr(surface, name)) for name in free])
+        bounds = [np.log([SMOOTHEST, ROUGHEST]) if log else (0.0, 1.0) for log in is_log]
 
-    def _moved(
-        self, surfaces: Callable[[float], Coat], here: float, step: float, most: float, ends: tuple[float, float]
-    ) -> Fit:
-        """Return the best fit along one number: the lowest point of a parabola through three."""
-        middle = float(np.clip(here, ends[0] + step, ends[1] - step))
-        low, mid, high = (self._best(surfaces(middle + side * step))[0] for side in (-1, 0, 1))
-        bend = low - 2 * mid + high
-        move = 0.5 * (low - high) / bend if bend > 0 else np.sign(low - high) * most  # Level: it stays.
-        return self._best(surfaces(float(np.clip(middle + step * np.clip(move, -most, most), *ends))))[1]
+        def at(x: Array) -> Coat:
+            values = np.where(is_log, np.exp(np.where(is_log, x, 0)), x)
+            return surface.changed(**dict(zip(free, map(float, values), strict=True)))
+
+        found = minimize(
+            lambda x: self._best(at(x))[0] / level, np.where(is_log, np.log(np.maximum(here, SMOOTHEST)), here),
+            method="L-BFGS-B", bounds=bounds, options={"eps": STEP, "ftol": 1e-7, "maxiter": 30},
+        )  # fmt: skip
+        return self._best(at(found.x))[1]
 
     def _weigh(self) -> Noise:
         """Put weights in place that suit the fit; return the noise."""
@@ -171,11 +175,6 @@ class CoatSearch:
         noise = noise_of(samples.values - values, values, slope, samples.usable)
         self.weights = student_weights(samples, values, noise.variance(values, slope))
         return noise
-
-
-def roughened(surface: Coat, logarithm: float) -> Coat:
-    """Return a coat with another roughness, by its logarithm; the body and all else stay."""
-    return coat(float(np.exp(logarithm)), covered=surface.covered, distribution=surface.distribution, body=surface.body)
 
 
 def strengths(sums: Array, white: Array | None, most: Array) -> tuple[Array, float]:

@@ -1,7 +1,7 @@
 """The material of a registered object, from its photographs: no more of it than they ask for.
 
 Matte; rough plastic, its facets of GGX or of Beckmann; that with a coat which dims only a share of the body; or with a
-rough body, which is not Lambert's: the one whose evidence [Schwarz1978] is best.
+rough body, which is not Lambert's; each with one lobe or two: the one whose evidence [Schwarz1978] is best.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.materials import Distribution
-from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, Body, CoatSearch, Fit
+from twin.material.coat_search import COVERED, PARTLY, ROUGH, ROUGHEST, SMOOTHEST, CoatSearch, Fit, Model
 from twin.material.material_kernels import predicted
 from twin.material.material_noise import Noise, deviances, first_noise, student_weights
 from twin.material.material_samples import Samples
@@ -23,7 +23,7 @@ from twin.material.reflection_models import INDEX, Coat, matte
 Array = NDArray[np.float64]
 
 FIRST_LOOK = 2_000
-"""Pixels on which it is decided how the body lies, and of which distribution the facets are."""
+"""Pixels on which the model is chosen."""
 BRIGHTEST = 2.0
 """Strength that is tried, of a full coat's: a higher index has it. A body of another law would like still more."""
 LEVEL = 2.0
@@ -37,46 +37,40 @@ AT_THE_END = 1.02
 class MaterialFit:
     """What an object is made of.
 
-    roughness, specularity, index, covered, body_roughness: As in `twin.description.materials.RoughPlastic`; a matte
-        object has specularity and covered 0.
+    specularity: As in `twin.description.materials.RoughPlastic`; 0 of a matte object.
     roughness_sigma, specularity_sigma: Relative standard deviations, the samples' dependence allowed for; NaN of a
         matte object.
+    surface: The coat and what lies below it.
     strength (3,): See `twin.material.coat_search.Fit`.
     effective_samples: As many independent ones tell as much.
     evidence: How the model was chosen.
     """
 
     model: Literal["matte", "rough plastic"]
-    roughness: float
     specularity: float
-    index: float
-    covered: float
-    body_roughness: float | None
     roughness_sigma: float
     specularity_sigma: float
-    strength: Array
     surface: Coat
+    strength: Array
     noise: Noise
     effective_samples: float
     evidence: tuple[str, ...]
     warnings: tuple[str, ...] = ()
 
-    @property
-    def distribution(self) -> Distribution:
-        """As in `twin.description.materials.RoughPlastic`."""
-        return self.surface.distribution
-
     def __str__(self) -> str:
         """The sentence that is printed."""
         if self.model == "matte":
             return f"matte: {self.evidence[0]}"
-        bare = "" if self.covered == 1 else f", dimming {100 * self.covered:.0f} % of the body"
-        if self.body_roughness is not None:
-            bare = f", on a body of roughness {self.body_roughness:.2f}"
+        coat = self.surface
+        bare = "" if coat.covered == 1 else f", dimming {100 * coat.covered:.0f} % of the body"
+        if coat.body >= 0:
+            bare = f", on a body of roughness {coat.body:.2f}"
+        if coat.second > 0:
+            bare += f", {100 * coat.second:.0f} % of its facets of roughness {coat.second_roughness:.3f}"
         return (
-            f"rough plastic, roughness {self.roughness:.3f} of {NAMES[self.distribution]} "
+            f"rough plastic, roughness {coat.roughness:.3f} of {NAMES[coat.distribution]} "
             f"(± {100 * self.roughness_sigma:.1f} %), specularity {self.specularity:.3f} "
-            f"(± {100 * self.specularity_sigma:.1f} %) at index {self.index:.2f}{bare}: "
+            f"(± {100 * self.specularity_sigma:.1f} %) at index {coat.index:.2f}{bare}: "
             f"{'; '.join(self.evidence)}"
         )
 
@@ -107,31 +101,16 @@ def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distr
     fall = falls / factor - search.fit.parameters * np.log(effective)
     worth = f"{np.count_nonzero(samples.usable):,} samples, worth {effective:,.0f}"
     fit = search.fit
-    body = None if fit.surface.body < 0 else fit.surface.body
-    if fall <= 0 or (fit.strength.mean() <= 0 and body is None):
+    if fall <= 0 or (fit.strength.mean() <= 0 and fit.surface.body < 0):
         evidence = (f"BIC rises by {max(-fall, 0):.0f} with a coat ({worth})",)
         return MaterialFit(
-            "matte",
-            1.0,
-            0.0,
-            1.0,
-            0.0,
-            None,
-            np.nan,
-            np.nan,
-            np.zeros(3),
-            none.surface,
-            search.noise,
-            effective,
-            evidence,
-        )
+            "matte", 0.0, np.nan, np.nan, none.surface, none.strength, search.noise, effective, evidence
+        )  # fmt: skip
     sigma = np.sqrt(np.diag(search.covariance()) * factor)
-    scale = 1.0 if white is None else float(np.mean(white))
-    specularity = float(fit.strength.mean()) / scale
+    specularity = float(fit.strength.mean() / (1.0 if white is None else np.mean(white)))
     return MaterialFit(
-        "rough plastic", fit.surface.roughness, specularity, INDEX, fit.surface.covered, body, float(sigma[0]),
-        float(sigma[1]), fit.strength, fit.surface, search.noise, effective,
-        (f"BIC falls by {fall:,.0f} against matte ({worth})", *told),
+        "rough plastic", specularity, float(sigma[0]), float(sigma[1]), fit.surface, fit.strength, search.noise,
+        effective, (f"BIC falls by {fall:,.0f} against matte ({worth})", *told),
         tuple(_doubts(fit.surface.roughness, specularity, float(sigma[1]), known=white is not None)),
     )  # fmt: skip
 
@@ -158,18 +137,18 @@ def _likeliest(
     """Return the coat that the evidence favours, and the words for its facets and for its body."""
     on, (facets, *others) = f"({len(samples):,} pixels)", distributions
 
-    def search(body: Body, facets: Distribution) -> CoatSearch:
-        return CoatSearch(samples, white, most, body, facets)
+    def search(model: Model, facets: Distribution) -> CoatSearch:
+        return CoatSearch(samples, white, most, model, facets)
 
-    first, *rest = (search(body, facets) for body in (COVERED, PARTLY, ROUGH))
+    first, *rest = (search(model, facets) for model in (COVERED, PARTLY, ROUGH))
     gains = [_gain(samples, first, other) for other in rest]
     best = int(np.argmax(gains))
-    body = f"it rises by {-gains[best]:,.0f} with {rest[best].body.words} {on}"
+    words = [f"it rises by {-gains[best]:,.0f} with {rest[best].model.words} {on}"]
     if gains[best] > 0:
-        first, body = rest[best], f"by {gains[best]:,.0f} more with {rest[best].body.words} {on}"
+        first, words = rest[best], [f"by {gains[best]:,.0f} more with {rest[best].model.words} {on}"]
     told: tuple[str, ...] = ()
     for name in others:
-        other = search(first.body, name)
+        other = search(first.model, name)
         gain, less = _gain(samples, first, other), other
         if gain > 0:
             first, less = other, first
@@ -177,7 +156,12 @@ def _likeliest(
         told = (f"by {abs(gain):,.0f} more with {better} than with {lesser} {on}",)
         if abs(gain) < LEVEL:
             told = (f"{better} and {lesser} are level, {abs(gain):.1f} apart {on}",)
-    return first, (*told, body)
+    two = first.with_second_lobe()
+    gain = _gain(samples, first, two)
+    if gain > 0:
+        first = two
+        words.append(f"by {gain:,.0f} more with {two.model.words} {on}")
+    return first, (*told, *words)
 
 
 def _gain(samples: Samples, one: CoatSearch, other: CoatSearch) -> float:

@@ -64,16 +64,7 @@ def _made(fit: MaterialFit, body: Diffuse, white: float) -> Material:
     if fit.model == "matte":
         return body
     specularity = min(float(np.mean(fit.strength)) / white, 1.0)
-    facets = fit.distribution
-    return RoughPlastic(
-        body.reflectance,
-        fit.roughness,
-        specularity,
-        fit.index,
-        covered=fit.covered,
-        distribution=facets,
-        body_roughness=fit.body_roughness,
-    )
+    return RoughPlastic(body.reflectance, specularity=specularity, **fit.surface.numbers())
 
 
 def _face_labels(sight: Sight, labels: NDArray[np.int8], count: int) -> NDArray[np.intp]:

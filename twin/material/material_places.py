@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
-from twin.material.coat_search import TRIED, roughened
+from twin.material.coat_search import TRIED
 from twin.material.fit_material import MaterialFit, fit_material, robust
 from twin.material.material_kernels import reduced
 from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
@@ -143,7 +143,7 @@ def _parameters(fit: MaterialFit, lights: Lights) -> int:
     """Return how many numbers a material is, beside the albedo."""
     if fit.model == "matte":
         return 0
-    return (2 if lights.white_value is not None else 4) + (fit.covered != 1)
+    return (2 if lights.white_value is not None else 4) + (fit.surface.covered != 1) + 2 * (fit.surface.second > 0)
 
 
 def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float32]) -> Places:
@@ -151,7 +151,7 @@ def _first_look(samples: Samples, whole: MaterialFit, weights: NDArray[np.float3
     which = np.unique(samples.blocks(BLOCK), return_inverse=True)[1].reshape(-1)
     count = int(which.max()) + 1
     strengths = TIMES[:, None] * whole.strength
-    surfaces = [roughened(whole.surface, np.log(roughness)) for roughness in TRIED]
+    surfaces = [whole.surface.changed(roughness=float(roughness)) for roughness in TRIED]
     left = []
     for surface in surfaces:
         sums = reduced(samples, weights, surface).reshape(len(samples), 9)

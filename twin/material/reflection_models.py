@@ -6,7 +6,7 @@ values of a surface of reflectance 1 and specularity 1 under a light of intensit
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -37,11 +37,12 @@ class Coat(NamedTuple):
 
     roughness: alpha of the facets' distribution.
     index: Of refraction.
-    transmittance (NODES,): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
-        coat's diffuse reflectance from within.
+    transmittance (2, NODES): Share of the light that gets through, at cosines 0 to 1, over index sqrt(1 - R): R is the
+        coat's diffuse reflectance from within. Of either roughness.
     covered: Share of the body's light that passes it.
     beckmann: Whether the distribution is Beckmann's; else GGX.
     body: Roughness of the body that lies bare, 0 to 1, by the law of [Burley2012]; -1: it is Lambert's.
+    second, second_roughness: Share of the facets that are of another roughness, and it: a second lobe.
     """
 
     roughness: float
@@ -50,6 +51,19 @@ class Coat(NamedTuple):
     covered: float = 1.0
     beckmann: bool = False
     body: float = LAMBERT
+    second: float = 0.0
+    second_roughness: float = 1.0
+
+    def changed(self, **new: float) -> "Coat":
+        """Return the coat with other numbers, by their names in `coat`."""
+        names = ("roughness", "index", "covered", "distribution", "body", "second", "second_roughness")
+        return coat(**{name: getattr(self, name) for name in names} | new)
+
+    def numbers(self) -> dict[str, Any]:
+        """Return its numbers by the names of `twin.description.materials.RoughPlastic`."""
+        same = ("distribution", "roughness", "index", "covered", "second", "second_roughness")
+        body = None if self.body < 0 else self.body
+        return {name: getattr(self, name) for name in same} | {"body_roughness": body}
 
     @property
     def distribution(self) -> Distribution:
@@ -64,11 +78,13 @@ def coat(
     covered: float = 1.0,
     distribution: Distribution = "ggx",
     body: float = LAMBERT,
+    second: float = 0.0,
+    second_roughness: float = 1.0,
 ) -> Coat:
     """Return the coat of a roughness; see `Coat`."""
-    where = np.log(np.clip(roughness, TABLED[0], TABLED[-1]))
+    where = np.log(np.clip([roughness, second_roughness], TABLED[0], TABLED[-1]))
     transmittance = np.asarray(_transmittances(index, distribution)(where).real, np.float64)
-    return Coat(roughness, index, transmittance, covered, distribution == "beckmann", body)
+    return Coat(roughness, index, transmittance, covered, distribution == "beckmann", body, second, second_roughness)
 
 
 @lru_cache(16)
@@ -100,7 +116,7 @@ def _transmittance(roughness: float, index: float, distribution: Distribution) -
 
 def matte() -> Coat:
     """Return the coat that is none: all light gets through."""
-    return Coat(1.0, 1.0, np.ones(NODES))
+    return Coat(1.0, 1.0, np.ones((2, NODES)))
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
@@ -122,6 +138,24 @@ def _beckmann_unhidden(cosine2, a2):
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
+def _lobe(nh2, nl2, nv2, a2, beckmann):
+    """Return D G at squared cosines to the normal of half vector, light and view."""
+    if beckmann:
+        return _beckmann(nh2, a2) * _beckmann_unhidden(nl2, a2) * _beckmann_unhidden(nv2, a2)
+    bottom = nh2 * (a2 - 1) + 1
+    hidden = (1 + np.sqrt(1 + a2 * (1 / nl2 - 1))) * (1 + np.sqrt(1 + a2 * (1 / nv2 - 1)))
+    return 4 * a2 / (np.pi * bottom * bottom * hidden)
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
+def _looked_up(table, cosine):
+    """Return a table's value at a cosine, linear between its nodes."""
+    at = min(cosine, 1.0) * (len(table) - 1)
+    i = min(int(at), len(table) - 2)
+    return table[i] + (at - i) * (table[i + 1] - table[i])
+
+
+@numba.njit(nogil=True, cache=True, inline="always")
 def _rough_body(nl, nv, c, roughness):
     """Return a rough body's value over Lambert's, at cosines to the normal and of the half angle [Burley2012]."""
     grazing = 2 * roughness * c * c - 0.5
@@ -133,8 +167,8 @@ def shade(normal, view, light, roughness, surface):
     """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
 
     Body: cos_l ((1 - covered) B + covered T(l) T(v)), B as `_rough_body` or 1; coat: pi F D G / (4 cos_v), G by Smith,
-    each direction apart; D and G of GGX or Beckmann [Walter2007]. The matte coat (index 1) has the body cos_l and no
-    coat.
+    each direction apart; D and G of GGX or Beckmann [Walter2007], or of two roughnesses mixed. The matte coat (index 1)
+    has the body cos_l and no coat. roughness: That of the surface, with what is added to it here.
     """
     nx, ny, nz = normal
     vx, vy, vz = view
@@ -148,12 +182,11 @@ def shade(normal, view, light, roughness, surface):
     length = np.sqrt(hx * hx + hy * hy + hz * hz)
     c = (hx * lx + hy * ly + hz * lz) / length
     bare = 1.0 if surface.body < 0 else _rough_body(min(nl, 1.0), min(nv, 1.0), c, surface.body)
-    last = len(transmittance) - 1
-    at, seen = min(nl, 1.0) * last, min(nv, 1.0) * last
-    i, j = min(int(at), last - 1), min(int(seen), last - 1)
-    t_in = transmittance[i] + (at - i) * (transmittance[i + 1] - transmittance[i])
-    t_out = transmittance[j] + (seen - j) * (transmittance[j + 1] - transmittance[j])
-    diffuse = nl * ((1 - covered) * bare + covered * t_in * t_out)
+    through = _looked_up(transmittance[0], nl) * _looked_up(transmittance[0], nv)
+    if surface.second > 0:
+        other = _looked_up(transmittance[1], nl) * _looked_up(transmittance[1], nv)
+        through += surface.second * (other - through)
+    diffuse = nl * ((1 - covered) * bare + covered * through)
     if index == 1.0:
         return diffuse, 0.0
     nh = (nx * hx + ny * hy + nz * hz) / length
@@ -161,15 +194,12 @@ def shade(normal, view, light, roughness, surface):
     across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
     fresnel = (across * across + along * along) / 2
     a2 = roughness * roughness
-    if surface.beckmann:
-        facets = _beckmann(nh * nh, a2)
-        g_l, g_v = _beckmann_unhidden(nl * nl, a2), _beckmann_unhidden(nv * nv, a2)
-    else:
-        bottom = nh * nh * (a2 - 1) + 1
-        facets = a2 / (np.pi * bottom * bottom)
-        g_l = 2 / (1 + np.sqrt(1 + a2 * (1 / (nl * nl) - 1)))
-        g_v = 2 / (1 + np.sqrt(1 + a2 * (1 / (nv * nv) - 1)))
-    return diffuse, np.pi * fresnel * facets * g_l * g_v / (4 * nv)
+    lobe = _lobe(nh * nh, nl * nl, nv * nv, a2, surface.beckmann)
+    if surface.second > 0:
+        a2 += surface.second_roughness * surface.second_roughness - surface.roughness * surface.roughness
+        other = _lobe(nh * nh, nl * nl, nv * nv, a2, surface.beckmann)
+        lobe += surface.second * (other - lobe)
+    return diffuse, np.pi * fresnel * lobe / (4 * nv)
 
 
 @numba.njit(nogil=True, cache=True)

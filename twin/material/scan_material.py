@@ -126,17 +126,10 @@ def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
 
 
 def _numbers(fit: MaterialFit) -> dict[str, Any]:
-    names = (
-        "distribution",
-        "roughness",
-        "roughness_sigma",
-        "specularity",
-        "specularity_sigma",
-        "index",
-        "covered",
-        "body_roughness",
-    )
-    return {} if fit.model == "matte" else {name: getattr(fit, name) for name in names}
+    if fit.model == "matte":
+        return {}
+    names = ("roughness_sigma", "specularity", "specularity_sigma")
+    return fit.surface.numbers() | {name: getattr(fit, name) for name in names}
 
 
 def _residual(samples: Samples, places: Places, lights: Lights) -> Residual:
