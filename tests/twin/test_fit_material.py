@@ -318,8 +318,10 @@ def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> N
 
 
 def test_where_no_roughness_explains_more_than_another_it_stays() -> None:
-    """A place without highlights: the best strength is 0 for every roughness, and all are level."""
+    """A place without highlights upon a bare body: the best strength is 0 for every roughness, and all are level."""
     samples = made(0.3, 0.4, dome(12))
-    search = CoatSearch(samples, 0.5 * WHITE, 0 * WHITE, COVERED, "ggx", about=Fit(coat(0.4), np.zeros(3), 2))
+    search = CoatSearch(
+        samples, 0.5 * WHITE, 0 * WHITE, COVERED, "ggx", about=Fit(coat(0.4, covered=0.0), np.zeros(3), 2)
+    )
     assert search.fit.surface.roughness == pytest.approx(0.4)
     assert not search.fit.strength.any()

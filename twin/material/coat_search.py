@@ -164,7 +164,7 @@ class CoatSearch:
 
         found = minimize(
             lambda x: self._best(at(x))[0] / level, np.where(is_log, np.log(np.maximum(here, SMOOTHEST)), here),
-            method="L-BFGS-B", bounds=bounds, options={"eps": STEP, "ftol": 1e-7, "maxiter": 30},
+            method="L-BFGS-B", bounds=bounds, options={"eps": STEP, "ftol": 2e-6, "maxiter": 30},
         )  # fmt: skip
         return self._best(at(found.x))[1]
 
