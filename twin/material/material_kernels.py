@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numba
@@ -30,13 +31,20 @@ class _Pixels(NamedTuple):
     weights: Image
 
 
+@lru_cache(1)
+def _pool(_process: int) -> ThreadPoolExecutor:
+    """Return the threads of this process: to start them takes longer than what they do for one coat."""
+    return ThreadPoolExecutor(os.cpu_count() or 1)
+
+
 def _on_all_cores(kernel: Callable, samples: Samples, weights: Image, *rest: Any) -> Any:
     """Run a kernel on pieces of the pixels; return its answers put together."""
     arrays = [weights if name == "weights" else getattr(samples, name) for name in _Pixels._fields]
     pieces = np.array_split(np.arange(len(samples)), os.cpu_count() or 1)
     slices = [slice(piece[0], piece[-1] + 1) for piece in pieces if len(piece)]
-    with ThreadPoolExecutor(len(slices)) as pool:
-        found = list(pool.map(lambda part: kernel(_Pixels(*(array[part] for array in arrays)), *rest), slices))
+    # A forked process has none of its parent's threads.
+    pool = _pool(os.getpid())
+    found = list(pool.map(lambda part: kernel(_Pixels(*(array[part] for array in arrays)), *rest), slices))
     if isinstance(found[0], tuple):
         return tuple(np.concatenate(parts) for parts in zip(*found, strict=True))
     return np.concatenate(found)
