@@ -13,10 +13,11 @@ from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurf
 from twin.description.object_mesh import built_in
 from twin.engines import engine_choice as engines
 from twin.engines.engine_choice import Choice, choose_engine, run_pilot
-from twin.engines.film import film_for
+from twin.engines.film import film_for, sensor_description
 from twin.engines.layers import render_layers
+from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import FAST, import_mitsuba, pick_variant
+from twin.engines.variant import FAST, import_mitsuba, load, pick_variant
 
 pytestmark = [
     pytest.mark.render,
@@ -148,3 +149,24 @@ def test_errors_are_over_the_brightness_of_what_is_seen():
         found.append(run_pilot(ball(camera=camera), film_for(camera, corners)))
     # Four times the box, three quarters of it empty: the same sum of squares over four times the pixels.
     assert np.sqrt(found[1].noise) == pytest.approx(np.sqrt(found[0].noise) / 2, rel=0.25)
+
+
+def test_stock_frames_are_the_same_by_any_number_of_threads_and_stocks_own():
+    """Stock's film adds in the order in which its threads come: with 25 samples a pixel no two frames were the same."""
+    import drjit
+    import mitsuba as mi
+
+    scene = ball(wall=True, camera=Camera(200, 160, 600.0, 600.0, 99.5, 79.5))
+    film, images, threads = scene.film(), [], drjit.thread_count()
+    try:
+        for count in (1, 2, 3):
+            drjit.set_thread_count(count)
+            images.append(PathTracer(scene, film).image(1, 25, seed=5))
+    finally:
+        drjit.set_thread_count(threads)
+    assert np.array_equal(images[0], images[1])
+    assert np.array_equal(images[0], images[2])
+    sensor = load(sensor_description(film, scene.points, film.window[0], film.window[2]))
+    seed = int(np.random.SeedSequence([5, 1, film.window[0]]).generate_state(1)[0])
+    stock = mi.render(mitsuba_scene(scene, light=1), sensor=sensor, spp=25, seed=seed)
+    np.testing.assert_allclose(images[0], np.asarray(stock)[..., :3], atol=1e-5)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from twin.description.description import TwinScene
 from twin.engines.film import Film, sensor_description
 from twin.engines.mitsuba_scene import flash, mitsuba_scene
-from twin.engines.variant import import_mitsuba, load
+from twin.engines.variant import SLOW, import_mitsuba, load
 
 SAMPLES_PER_BAND = 1 << 21
 """Samples traced in one call: bounds the vectorised variant's memory to about half a gigabyte."""
@@ -70,5 +70,34 @@ def traced(loaded: Any, film: Film, points: NDArray, samples: int, seeds: tuple[
         sensor = load(sensor_description(film, points, first_row, height))
         # Mixed, not added up: neighbouring bands and lights must not share samples.
         seed: Any = int(np.random.SeedSequence([*seeds, first_row]).generate_state(1)[0])
-        bands.append(np.asarray(mi.render(loaded, sensor=sensor, spp=samples, seed=seed), np.float32)[..., :3])
+        if mi.variant() == SLOW:
+            band = np.asarray(mi.render(loaded, sensor=sensor, spp=samples, seed=seed), np.float32)[..., :3]
+        else:
+            band = _in_order(loaded, sensor, samples, seed).reshape(height, -1, 3)
+        bands.append(band)
     return np.concatenate(bands)
+
+
+def _in_order(loaded: Any, sensor: Any, samples: int, seed: int) -> NDArray[np.float32]:
+    """Return pixel values (P, 3) as `mi.render` has them, each pixel's samples added by one thread, in their order.
+
+    Stock's film adds from several threads, in the order in which they come: no two renderings are the same.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    size = sensor.film().crop_size()
+    count = int(size[0]) * int(size[1])
+    sampler = sensor.sampler().clone()
+    sampler.set_sample_count(samples)
+    sampler.set_samples_per_wavefront(samples)
+    # Opaque: a number would be compiled into the kernel, anew for each seed.
+    sampler.seed(dr.opaque(mi.UInt32, seed), count * samples)
+    pixel = dr.arange(mi.UInt32, count * samples) // samples
+    place = mi.Vector2f(mi.Float(pixel % size[0]), mi.Float(pixel // size[0])) + sampler.next_2d()
+    ray, weight = sensor.sample_ray_differential(0, 0, place / mi.ScalarVector2f(size), mi.Point2f(0.5))
+    found, _, _ = loaded.integrator().sample(loaded, sampler, ray)
+    value = found * weight
+    # Each sum by itself would trace all paths again.
+    dr.eval(value)
+    return np.stack([np.asarray(dr.block_sum(part, samples)) for part in value], -1) / samples
