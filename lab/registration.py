@@ -53,6 +53,8 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
     witness, doubts = None, list(probe.warnings) if probe else []
+    if probe and job.refine_lights:
+        doubts.append("--refine-lights changes nothing here: the lights are from the scan's shading already.")
     if probe is None:
         lights, witness, doubts = _by_the_scan(
             View(RayCaster(mesh, smooth[0]), camera, found.pose),

@@ -32,8 +32,8 @@ EARLY = 12
 """Rounds of a finalist."""
 CURVED = 0.05
 """Smallest to largest singular value of the normals that are seen, under which they face too much alike."""
-VAGUE_DEG, VAGUE_SHARE = 1.0, 0.03
-"""Sigmas of direction and intensity from which the object is said to tell too little."""
+VAGUE_DEG, VAGUE_SHARE, USELESS_DEG = 1.0, 0.03, 5.0
+"""Sigmas of direction and intensity, medians, from which the object is said to tell too little; from which it does."""
 
 
 @dataclass(frozen=True)
@@ -171,6 +171,12 @@ def _told(best: Joint, warnings: list[str]) -> ScanLights:
     direction, intensity, distance = best.deviations()
     lights = replace(best.evidence.seen.lights, direction_sigma_deg=direction, intensity_sigma=intensity)
     lights.check()
+    if np.median(direction) > USELESS_DEG:
+        raise AlignError(
+            f"scan: its shading does not tell the lights: their directions to {np.median(direction):.0f} degrees "
+            f"(median, expected under {USELESS_DEG:g}). It is too flat, too small in the picture, or far from matte. Put balls "
+            "beside the object, or give lights.file."
+        )
     how = f"directions to {np.median(direction):.2f} degrees, intensities to {np.median(intensity):.1%}"
     where = "distant lights"
     if best.near:
