@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 STARTS = 80
 """Orientations tried: by silhouette alone the right one of a potato came 45th."""
 ROUNDS = 8
+LEAST_SEEN = 0.3
+"""Share of the object's pixels that must show the scan's outside: a scan of one side, seen from behind, says nothing."""
 LOOSE = 0.15
 """Residual, relative to the pixel, of a sample that is half explained: gloss and shadows are not modelled yet."""
 
@@ -75,7 +77,8 @@ def _rated(view: View, samples: Samples) -> Candidate:
     missed, explained = ~np.isfinite(points[:, 0]), np.isfinite(normals[:, 0])
     # Through a hole of the scan nothing is known: it is charged little, since a wrong pose may hide there.
     shares = missed.mean(), explained.mean(), (~missed & ~explained).mean()
-    return Candidate(view.pose, vectors, float(np.dot(shares, (1.0, cost, UNKNOWN**2))))
+    told = float(np.dot(shares, (1.0, cost, UNKNOWN**2)))
+    return Candidate(view.pose, vectors, told if explained.mean() > LEAST_SEEN else 1.0)
 
 
 def rough_lights(samples: Samples, normals: Array) -> tuple[Array, float]:
