@@ -87,7 +87,8 @@ class Job:
             The lights are unknown, and a solver was named that needs them.
         """
         model = self.done.get("calibrate", {}).get("result", {}).get("model")
-        if model != "unknown":
+        # With a scan it is `align` that finds them.
+        if model != "unknown" or self.session.scan:
             return self.asked
         calibrated = [name for name in self.asked if name not in UNCALIBRATED and name not in self.externals]
         if calibrated and self.are_named:

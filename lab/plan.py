@@ -24,8 +24,8 @@ def _light_inputs(job: Job) -> list[Any]:
     beside = [] if file is None else [file.with_name(INTENSITIES), file.with_name(FILENAMES)]
     # AliceVision's lights have its view ids beside them.
     beside += [] if file is None else sorted(file.parent.glob("*.sfm"))
-    # Without balls and file the object's normals are the probe.
-    return [session.spheres, file, *beside, session.normals, session.mask]
+    # Without balls and file the object's normals are the probe, or its scan.
+    return [session.spheres, session.no_spheres, file, *beside, session.normals, session.mask, session.scan is None]
 
 
 def _object_inputs(job: Job) -> list[Any]:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from lab.job import Job
 from lab.progress import progress_bar
 from scene.camera import Camera
+from scene.errors import AlignError
 from scene.frames import Frames
 from scene.length_units import UNITS_MM
 from scene.lights import Lights
@@ -32,8 +33,13 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     store = job.store
     mesh = job.load_scan()
     picked, smooth = _picked(job, camera, mesh), smooth_normals(mesh)
-    start = picked.pose if picked else None
+    start, probe = picked.pose if picked else None, None
+    if lights.is_unknown:
+        probe = _by_the_scan_alone(job, mesh, smooth, Photographs(camera, frames, lights, rough_mask.mask), start)
+        lights, start = probe.lights, probe.pose
     mesh, found, scale = _registered(job, mesh, smooth[0], frames, camera, lights, rough_mask.mask, start)
+    if probe:
+        found = found.with_covariance(probe.covariance)
     truth = ground_truth(mesh, found.pose, camera, covariance=found.covariance, longer=found.longer, at_vertices=smooth)
     store.save_truth(truth.normals, truth.sigma_deg)
     store.save_pose(
@@ -46,11 +52,15 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
-    lights, witness, doubts = _by_the_scan(
-        View(RayCaster(mesh, smooth[0]), camera, found.pose),
-        Photographs(camera, frames, lights, final_mask.mask),
-        refine=job.refine_lights,
-    )
+    witness, doubts = None, list(probe.warnings) if probe else []
+    if probe and job.refine_lights:
+        doubts.append("--refine-lights changes nothing here: the lights are from the scan's shading already.")
+    if probe is None:
+        lights, witness, doubts = _by_the_scan(
+            View(RayCaster(mesh, smooth[0]), camera, found.pose),
+            Photographs(camera, frames, lights, final_mask.mask),
+            refine=job.refine_lights,
+        )
     store.save_lights(lights, files=frame_files(job))
     write_pictures(
         store,
@@ -68,12 +78,13 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "focal_px": None if camera.is_orthographic else camera.fx,
         "focal_sigma": camera.focal_sigma,
         "fit": found.evidence,
-        "evidence": list(mesh.repairs),
+        "evidence": [*mesh.repairs, *([probe.evidence] if probe else [])],
         "size_mm": np.ptp(mesh.vertices, axis=0),
         "mm_per_unit": scale or (None if job.session.scan_unit == "unknown" else UNITS_MM[job.session.scan_unit]),
         "distance_mm": None if camera.is_orthographic else np.linalg.norm(found.pose.apply(mesh.center_mm)),
         "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
         "lights": witness,
+        "light_probe": probe and probe.facts(),
     }
     warnings = [*found.warnings, *final_mask.warnings, *doubts]
     if picked is not None:
@@ -87,6 +98,21 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
                 "one of the two is wrong. Check the outline in the report, and the picks."
             )
     return result, warnings
+
+
+def _by_the_scan_alone(job: Job, mesh: Mesh, smooth: Any, photographs: Any, start: Pose | None) -> Any:
+    """Return lights and pose where nothing but the scan tells them; `smooth`, see `smooth_normals`."""
+    from align.light_probe.from_scan import lights_from_scan
+    from scene.rays import RayCaster
+
+    if job.scan_scale_unknown:
+        raise AlignError(
+            "scan_unit: it is unknown, and no ball is there to tell the scale of scan and lights. Give scan_unit, or "
+            "a ball in the scan: scan_ball_diameter_mm under [object]."
+        )
+    with progress_bar("lights by the scan") as progress:
+        how = {"start": start, "executor": job.executor, "progress": progress}
+        return lights_from_scan(RayCaster(mesh, smooth[0]), smooth[1], photographs, **how)
 
 
 def _by_the_scan(view: Any, photographs: Any, *, refine: bool) -> tuple[Lights, dict, list[str]]:

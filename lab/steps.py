@@ -68,6 +68,8 @@ def calibrate(job: Job) -> Outcome:
     known = read_lights(file, frames.names, skipped=skipped, camera=camera) if file else None
     requests, ball_warnings = sphere_requests(session, store, executor=job.executor)
     try:
+        if session.no_spheres and known is None:
+            raise NoProbeError("spheres: session.toml says that there is none.")
         with progress_bar("calibrate") as progress:
 
             def run(camera: Camera) -> Calibration:
@@ -79,8 +81,8 @@ def calibrate(job: Job) -> Outcome:
         # The next best probe is an object whose normals are given; balls that were asked for must be there.
         if not (requests or known) and session.normals:
             found = _lights_from_normals(job, frames, camera, str(error))
-        elif not (requests or known or session.scan) and isinstance(error, NoProbeError):
-            found = unknown_lights(frames, str(error))
+        elif not (requests or known) and isinstance(error, NoProbeError):
+            found = unknown_lights(frames, str(error), has_scan=session.scan is not None)
         else:
             raise
     camera = found.camera or camera

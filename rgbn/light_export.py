@@ -62,6 +62,8 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
     from lab.summary import write_tables
 
     job.run(STEPS, "calibrate")
+    if job.store.load_lights().is_unknown and job.session.scan:
+        job.run(STEPS, "align")
     store, files = job.store, tuple(path.name for path in job.session.flash)
     lights, camera, folder = store.load_lights(), store.load_camera(), store.path("export")
     paths, notes = [], []

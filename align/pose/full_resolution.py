@@ -157,6 +157,10 @@ class FinalEvidence:
         """Return the evidence taken again about `pose`."""
         return self.about(self.seen, pose, reach_px=reach_px)
 
+    def under(self, lights: Lights) -> "FinalEvidence":
+        """Return the evidence with other lights; what hangs on them is taken again by `renewed`."""
+        return replace(self, seen=replace(self.seen, lights=lights, samples=self.seen.samples.under(lights)))
+
     def refined(self, *, rounds: int, reach_px: float) -> "FinalEvidence":
         """Return the evidence at the pose that explains it best, at most `reach_px` off.
 

@@ -41,14 +41,19 @@ class Photographs:
             )
         if len(self.lights) != len(self.frames):
             raise AlignError(f"align: {len(self.lights)} lights for {len(self.frames)} frames; expected one each.")
-        if mask.sum() < 200:
-            raise AlignError(f"mask: {mask.sum()} pixels are too few to place a scan; expected some thousand.")
         known = mask & np.isfinite(normals).all(-1)
         if known.sum() < 0.2 * mask.sum():
             raise AlignError(
                 f"align: normals are known at {known.sum()} of the mask's {mask.sum()} pixels; expected most. "
                 "Is the mask on the object?"
             )
+        self.check_mask()
+
+    def check_mask(self) -> None:
+        """Raise AlignError unless the mask (H, W) shows a whole object."""
+        mask = self.mask
+        if mask.sum() < 200:
+            raise AlignError(f"mask: {mask.sum()} pixels are too few to place a scan; expected some thousand.")
         border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
         # A nibble at the border may be a fault of the mask; a stretch of it is the object leaving the picture.
         if border.sum() > max(4, 0.15 * math.sqrt(mask.sum())):

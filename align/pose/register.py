@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from align.pose.full_resolution import Fit
 from align.pose.photographed import Photographs
-from align.pose.search import FINALISTS, Found, search
+from align.pose.search import FINALISTS, SURE, Found, search
 from align.pose.unknown_lengths import LongerFocal, free_scale, register_longer
 from align.scan.smooth_normals import smooth_normals
 from scene.errors import AlignError
@@ -25,8 +25,6 @@ MIRROR_MISFIT = 0.45
 """Above it the mirrored scan is tried."""
 POOR_MISFIT = 0.7
 """Above it the pose is doubted. Gloss and folds alone turned a real cat's normals to 0.6."""
-SURE = 4.0
-"""A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
 DOUBTED = 1.5
 """Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
 UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
@@ -64,6 +62,12 @@ class Registration:
     """Another pose explains the photographs as well, within chance: a symmetric object."""
     longer: LongerFocal | None = None
     """The same with a focal length one sigma longer; None where the focal length is known."""
+
+    def with_covariance(self, covariance: Array) -> "Registration":
+        """Return the same of another covariance (6, 6) but for the focal length's part, and of the sigmas it makes."""
+        whole = covariance if self.longer is None else covariance + self.longer.covariance
+        shift, turn = np.sqrt(np.trace(whole[3:, 3:])), np.degrees(np.sqrt(np.trace(whole[:3, :3])))
+        return replace(self, covariance=whole, sigma_mm=float(shift), sigma_deg=float(turn))
 
 
 def register(
@@ -155,24 +159,23 @@ def register(
         facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
         # A scan that fits poorly tells nothing of its size.
         warnings += [free.warning] if free.warning and fit.misfit <= WORST_MISFIT else []
-    covariance, longer = evidence.covariance(), register_longer(evidence)
+    longer = register_longer(evidence)
     if longer is not None:
-        covariance = covariance + longer.covariance
         facts["focal_sigma"] = photographs.camera.focal_sigma
         facts["focal_turn_deg"] = float(np.degrees(np.linalg.norm(longer.twist[:3])))
         facts["focal_shift_mm"] = float(np.linalg.norm(longer.twist[3:]))
     return Registration(
         pose,
         evidence.residual_px,
-        float(np.sqrt(np.trace(covariance[3:, 3:]))),
-        float(np.degrees(np.sqrt(np.trace(covariance[:3, :3])))),
-        covariance,
+        0.0,
+        0.0,
+        np.zeros((6, 6)),
         pose.apply(mesh.center_mm),
         facts,
         tuple(warnings),
         ambiguous,
         longer,
-    )
+    ).with_covariance(evidence.covariance())
 
 
 def _check_distance(photographs: Photographs, distance: float) -> None:

@@ -27,6 +27,8 @@ SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
 FINALISTS = 3
 """Of these, how many are refined on the frames; more, up to three times as many, where others' costs are as close."""
+SURE = 4.0
+"""A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
 APART_PX = 5.0
 """Poses that differ by less are one."""
 STEPS = STARTS + 3 * FINALISTS + 2

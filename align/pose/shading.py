@@ -36,6 +36,12 @@ class Samples:
     """(N, P)."""
     scale: Array
     """(P,): the pixel's rms over its usable samples."""
+    colours: NDArray[np.float32]
+    """(N, P, 3): linear, as photographed."""
+
+    def under(self, lights: Lights) -> "Samples":
+        """Return the same samples as they are read under lights of other intensities."""
+        return samples_of(self.pixels, self.colours, self.clipped, lights)
 
 
 def take_samples(photographs: Photographs, *, count: int) -> Samples:
@@ -45,16 +51,21 @@ def take_samples(photographs: Photographs, *, count: int) -> Samples:
     # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
     pick = np.unique(np.linspace(0, len(inside) - 1, min(count, len(inside))).astype(int))
     v, u = np.divmod(inside[pick], mask.shape[1])
-    values = np.zeros((len(frames), len(u)), np.float32)
+    colours = np.zeros((len(frames), len(u), 3), np.float32)
     clipped = np.zeros((len(frames), len(u)), bool)
-    weight = (1 / lights.intensities / 3).astype(np.float32)
     for index in range(len(frames)):
-        pixels, clipped[index] = frames.read_pixels(index, v, u)
-        values[index] = pixels @ weight[index]
+        colours[index], clipped[index] = frames.read_pixels(index, v, u)
+    return samples_of(np.stack([u, v], -1).astype(np.float64), colours, clipped, lights)
+
+
+def samples_of(pixels: Array, colours: NDArray[np.float32], clipped: NDArray[np.bool_], lights: Lights) -> Samples:
+    """Return the samples of pixels (P, 2) that show linear `colours` (N, P, 3) under the lights."""
+    weight = (1 / lights.intensities / 3).astype(np.float32)
+    values = np.einsum("npc,nc->np", colours, weight)
     scale = np.sqrt(np.mean(np.where(clipped, 0, values) ** 2, axis=0)).astype(np.float64)
     floor = 0.05 * np.median(scale)
     usable = ~clipped & (values > 0.1 * scale)
-    return Samples(np.stack([u, v], -1).astype(np.float64), values, usable, clipped, np.maximum(scale, floor))
+    return Samples(pixels, values, usable, clipped, np.maximum(scale, floor), colours)
 
 
 def find_shadows(view: View, lights: Lights, points: NDArray, normals: NDArray) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""No probe at all: no ball, no light file, no known normals. The lights stay unknown."""
+"""No probe at all: no ball, no light file, no known normals. The lights stay unknown, or wait for the scan."""
 
 import numpy as np
 
@@ -7,8 +7,15 @@ from scene.frames import Frames
 from scene.lights import Lights
 
 
-def unknown_lights(frames: Frames, found: str) -> Calibration:
-    """Return a calibration that knows no light; `found` is what the search for balls says."""
+def unknown_lights(frames: Frames, found: str, *, has_scan: bool) -> Calibration:
+    """Return a calibration that knows no light; `found` is what the search for balls says.
+
+    Where there is a scan, `align` finds pose and lights together: nothing is lost, and nothing said.
+    """
+    shown = np.full((0, len(frames), 2), np.nan)
+    if has_scan:
+        waiting = "no ball, no light file, no known normals: the lights are found with the scan's pose, by `align`"
+        return Calibration([], Lights.unknown(frames.names), shown, (), (waiting,))
     found = found.removeprefix("spheres: ").replace(" (asked for: any)", "")
     said = (
         f"no probe tells the lights, which are unknown: {found} Without them only ldr, "
@@ -16,5 +23,4 @@ def unknown_lights(frames: Frames, found: str) -> Calibration:
         "or too flat by any factor: read their own doubts. A ball or two in the next capture tell the lights."
     )
     evidence = "no ball, no light file, no known normals: the lights are unknown"
-    shown = np.full((0, len(frames), 2), np.nan)
     return Calibration([], Lights.unknown(frames.names), shown, (), (evidence,), (said,))

@@ -230,7 +230,9 @@ class Manifest(Table):
         list[SphereTable],
         Field(max_length=50),
         _key(
-            "The calibration balls, in any order; each is found by itself.", [{"kind": "chrome", "diameter_mm": 76.0}]
+            "The calibration balls, in any order; each is found by itself. Absent: whatever balls there are are looked "
+            "for; []: none is.",
+            [{"kind": "chrome", "diameter_mm": 76.0}],
         ),
     ] = []
     lights: Annotated[LightsTable | None, _key("Known lights.", {"file": "lights.lp"})] = None

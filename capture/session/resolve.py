@@ -61,6 +61,7 @@ class Resolver:
             skip=tuple(frames.skip),
             camera=resolve_camera(self, manifest.camera),
             spheres=tuple(self.sphere(f"spheres[{i}]", entry, flash, kept) for i, entry in enumerate(manifest.spheres)),
+            no_spheres="spheres" in manifest.model_fields_set and not manifest.spheres,
             lights_file=lights or None,
             mask=self.file("object.mask", known.mask),
             scan=self.file("object.scan", known.scan, SCAN_SUFFIXES),

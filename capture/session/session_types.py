@@ -88,6 +88,8 @@ class Session:
         False: nothing was said of the encoding, and linear is assumed.
     half : bool
         2 x 2 superpixels.
+    no_spheres : bool
+        `spheres = []`: no ball is in the picture, and none is looked for.
     lights_file : Path or None
         Known lights instead of balls. DiLiGenT: light_directions.txt, its intensities beside it.
     mask, scan, normals : Path or None
@@ -114,6 +116,7 @@ class Session:
     skip: tuple[str, ...] = ()
     camera: Camera | Lens | Board | None = None
     spheres: tuple[SphereSpec, ...] = ()
+    no_spheres: bool = False
     lights_file: Path | None = None
     mask: Path | None = None
     scan: Path | None = None

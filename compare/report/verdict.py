@@ -140,6 +140,9 @@ def _twin(twin: Summary, methods: Summary) -> Statement | None:
 
 def _lights(summary: Summary, compared: Summary) -> Statement:
     calibrate, lights = summary.get("calibrate") or {}, compared.get("lights") or {}
+    # What `align` found of lights that `calibrate` could not tell.
+    probe = (summary.get("align") or {}).get("light_probe")
+    calibrate = {**calibrate, **(probe or {})}
     if not calibrate and not lights:
         return Statement("Lights", "unknown", say("lights", "none"))
     sigma, relative = (
@@ -152,6 +155,7 @@ def _lights(summary: Summary, compared: Summary) -> Statement:
         return Statement("Lights", "bad", say("lights", "no probe", count=count))
     parts = [say("lights", "count", count=count, model=model)] if is_number(count) else []
     parts.append(say("lights", known, sigma=sigma, relative=relative))
+    parts += [say("lights", "by the scan")] if probe else []
     level = level_of(sigma, DIRECTION_SIGMA_BARS_DEG)
     if flagged := [row["name"] for row in lights.get("frames") or [] if row.get("flags")]:
         level = _lowered(level)

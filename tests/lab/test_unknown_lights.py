@@ -135,6 +135,7 @@ def test_lights_that_are_known_in_part_are_a_fault_of_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("model", "asked", "named", "expected"),
     [
+        ("with a scan", ("ls", "iterative"), True, ("ls", "iterative")),
         ("distant", ("ls", "iterative"), False, ("ls", "iterative")),
         ("unknown", ("ls", "iterative", "Learned"), False, (*UNCALIBRATED, "Learned")),
         ("unknown", ("tv", "Learned"), True, ("tv", "Learned")),
@@ -143,10 +144,12 @@ def test_lights_that_are_known_in_part_are_a_fault_of_the_file(tmp_path):
     ],
 )
 def test_which_methods_run_under_which_lights(model, asked, named, expected):
-    """Another program needs no lights; before `calibrate` nothing is known of them."""
+    """Another program needs no lights; before `calibrate` nothing is known of them; `align` finds them by a scan."""
+    session: Any = SimpleNamespace(scan=Path("scan.ply") if model == "with a scan" else None)
+    model = "unknown" if session.scan else model
     done = {} if model is None else {"calibrate": {"result": {"model": model}}}
     record: Any = SimpleNamespace(done=done)
-    job = Job(None, record, asked, externals={"Learned": None}, are_named=named)
+    job = Job(session, record, asked, externals={"Learned": None}, are_named=named)
     if expected is None:
         with pytest.raises(SceneError, match="--method ls: the lights are unknown"):
             _ = job.methods

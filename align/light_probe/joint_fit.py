@@ -1,0 +1,134 @@
+"""The pose and the lights that explain the photographs best, followed from a first guess of both."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.light_probe.joint_equations import SECTORS, JointEquations
+from align.light_probe.light_step import changed, nearness_of
+from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, Observed
+from align.pose.motion import apart_px, nudge
+from align.pose.outline_edges import EdgePictures
+from align.pose.photographed import Photographs
+from align.pose.scan_view import View
+from align.pose.shading import cosines, trust
+from scene.lights import Lights
+from scene.normals import angular_error_deg
+from scene.pose import Pose
+from scene.rays import RayCaster
+
+Array = NDArray[np.float64]
+ROUNDS = 30
+SETTLED_DEG = 0.01
+STEP_PX, STEP = 4.0, 0.25
+"""The longest step of the pose; of a light, in radians and as a logarithm."""
+COLOURED = 8
+"""Rounds in which colours of lights and albedos follow each other."""
+REACH_PX = 6.0
+SURE = 2.0
+"""Standard errors by which near lights must foretell the sectors left out better."""
+KNOWN = 0.25
+"""Relative sigma of their distance from which lights are taken as distant."""
+UNKNOWN_DEG = 10.0
+"""Sigma of a normal that the scan has not."""
+
+
+class Joint(NamedTuple):
+    """Where pose and lights have settled."""
+
+    evidence: FinalEvidence
+    """At the pose, under the lights (`evidence.seen.lights`)."""
+    equations: JointEquations
+    near: bool
+
+    @property
+    def is_near(self) -> bool:
+        """Whether near lights foretell sectors of the object, left out of the fit, better than distant ones.
+
+        And whether it is known how near: what gloss does to shading looks like lights at some distance, too.
+        """
+        gain = self.equations.held_out(nearness_of(self.evidence.seen.lights))
+        is_better = gain.mean() > SURE * gain.std(ddof=1) / np.sqrt(len(gain))
+        return bool(is_better and np.median(self.deviations()[2]) < KNOWN)
+
+    def deviations(self) -> tuple[Array, Array, Array]:
+        """Return the standard deviations (N,) of directions, degrees, one axis; of intensities and distances, relative.
+
+        The jackknife's over sectors [Efron1981], the pose free with the lights: gloss, bounced light and the scan's own
+        faults err over whole regions. What all sectors share is allowed for as in the pose's covariance. The
+        distances' are NaN of distant lights.
+        """
+        steps = np.stack([self.equations.lights_of(self.equations.solve(without=k)[0]) for k in range(SECTORS)])
+        variance = UNMODELLED * (SECTORS - 1) / SECTORS * ((steps - steps.mean(0)) ** 2).sum(0)
+        unknown = np.full(len(variance), np.nan)
+        far = np.sqrt(variance[:, 3]) / nearness_of(self.evidence.seen.lights) if self.near else unknown
+        return np.degrees(np.sqrt(variance[:, :2].mean(1))), np.sqrt(variance[:, 2]), far
+
+    def covariance(self) -> Array:
+        """Return the pose's covariance (6, 6) for `nudge`, the lights being unknown with it."""
+        scales = self.evidence.steps(1.0)
+        return UNMODELLED * self.equations.solve()[1] * scales * scales[:, None]
+
+
+def begin(caster: RayCaster, photographs: Photographs, pose: Pose, *, count: int, cells: int) -> FinalEvidence:
+    """Return the evidence of about `count` pixels at a pose; the outline is searched on `cells` across the scan."""
+    seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=count, cells=cells)
+    return FinalEvidence.about(seen, pose, reach_px=REACH_PX)
+
+
+def settled(here: FinalEvidence, sigma_deg: Array, *, near: bool, rounds: int = ROUNDS) -> Joint:
+    """Return where pose and lights come to rest; `sigma_deg` (V,) is that of the scan's normals at its vertices.
+
+    What is lit and in cast shadow, the outline's edges and the samples' scales are taken anew each round.
+    """
+    mesh, camera = here.seen.caster.mesh, here.seen.camera
+    for index in range(rounds):
+        equations = JointEquations.about(here, _doubt(here, sigma_deg), near=near)
+        every = equations.solve()[0]
+        step, twist = equations.lights_of(every), every[:6]
+        step *= min(1.0, STEP / max(float(np.abs(step[:, :3]).max()), 1e-12))
+        twist *= min(1.0, STEP_PX / max(float(np.abs(twist).max()), 1e-12))
+        pose = nudge(here.pose, twist * here.steps(1.0), here.pose.apply(mesh.center_mm))
+        before = here.seen.lights
+        lights = _about(_coloured(here, changed(before, step, mesh.radius_mm)), pose.apply(mesh.center_mm))
+        moved = apart_px(mesh, camera, here.pose, pose)
+        turned = float(angular_error_deg(lights.directions, before.directions).max())
+        here = here.under(lights).renewed(pose, reach_px=max(NEAREST_PX, REACH_PX / 2 ** (index + 1)))
+        if moved < SETTLED_PX and turned < SETTLED_DEG:
+            break
+    return Joint(here, JointEquations.about(here, _doubt(here, sigma_deg), near=near), near)
+
+
+def _doubt(here: FinalEvidence, sigma_deg: Array) -> Array:
+    """Return the sigma (P,) of the scan's normals at the samples, degrees."""
+    seen = here.seen
+    hits = View(seen.caster, seen.camera, here.pose).hits(seen.samples.pixels)
+    return np.nan_to_num(hits.interpolate(seen.caster.mesh, sigma_deg[:, None])[:, 0], nan=UNKNOWN_DEG)
+
+
+def _about(lights: Lights, point: Array) -> Lights:
+    """Return the lights with what was found of them, from the object, put about where the object is now."""
+    shift = point - lights.reference_point_mm
+    positions = None if lights.positions_mm is None else lights.positions_mm + shift
+    return replace(lights, positions_mm=positions, reference_point_mm=point)
+
+
+def _coloured(here: FinalEvidence, lights: Lights) -> Lights:
+    """Return the lights each with its colour: of each channel lights and albedos are unknown, the shading is one."""
+    seen, used = here.seen, here.used
+    b, values = cosines(seen.toward(here.surface[0]), here.surface[1]), np.where(used, seen.samples.values, 0)
+    albedo = (used * b * values).sum(0) / np.maximum((used * b * b).sum(0), 1e-12)
+    weight = trust(used, (values - albedo * b) / seen.samples.scale) / seen.samples.scale**2
+    tint = np.ones((len(lights), 3))
+    for channel in range(3):
+        shown, strength = seen.samples.colours[..., channel].astype(np.float64), seen.lights.intensities[:, channel]
+        for _ in range(COLOURED):
+            lit = b * strength[:, None]
+            albedo = (weight * lit * shown).sum(0) / np.maximum((weight * lit**2).sum(0), 1e-12)
+            lit = albedo * b
+            strength = (weight * lit * shown).sum(1) / np.maximum((weight * lit**2).sum(1), 1e-12)
+        tint[:, channel] = np.maximum(strength, 1e-6)
+    gray = np.exp(np.log(lights.intensities).mean(1, keepdims=True) - np.log(tint).mean(1, keepdims=True))
+    return replace(lights, intensities=tint * gray).normalised()

@@ -1,0 +1,108 @@
+"""A session with a scan and no balls: the whole way, and what is said where the scan cannot be the probe."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from calibrate.without_balls.unknown_lights import unknown_lights
+from capture.session.session import load_session
+from lab.registration import _by_the_scan_alone
+from rgbn.light_export import export_session
+from scene.errors import AlignError
+from scene.frames import Frames
+from scene.normals import angular_error_deg
+from scene.store import Store
+
+COMMAND = [str(Path(sys.executable).parent / "rgbn")]
+BUMPY = Path(__file__).parents[2] / "fixtures" / "bumpy"
+
+
+@pytest.fixture(scope="module")
+def without_balls(tmp_path_factory):
+    """The fixture's session; session.toml says that no ball is in the picture."""
+    folder = tmp_path_factory.mktemp("session") / "bumpy"
+    folder.mkdir()
+    for name in ("raw", "scan"):
+        (folder / name).symlink_to(BUMPY / name)
+    text = (BUMPY / "session.toml").read_text()
+    kept = [part for part in text.split("\n\n") if not part.startswith("[[spheres]]")]
+    (folder / "session.toml").write_text("spheres = []\n" + "\n\n".join(kept))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def processed(without_balls, tmp_path_factory):
+    """(output folder, summary) of `rgbn process`."""
+    out = tmp_path_factory.mktemp("out") / "bumpy"
+    command = [*COMMAND, "process", str(without_balls), "--out", str(out), "--json"]
+    run = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    return out, json.loads(run.stdout)
+
+
+def test_no_ball_is_said_by_an_empty_list(without_balls, tmp_path):
+    session = load_session(without_balls)
+    assert session.no_spheres
+    assert session.spheres == ()
+    assert not load_session(BUMPY).no_spheres
+    text = (without_balls / "session.toml").read_text().removeprefix("spheres = []\n")
+    for name in ("raw", "scan"):
+        (tmp_path / name).symlink_to(BUMPY / name)
+    (tmp_path / "session.toml").write_text(text)
+    assert not load_session(tmp_path).no_spheres
+
+
+def test_calibrate_waits_for_the_scan_without_a_warning():
+    frames = Frames.from_linear(("a", "b", "c"), np.ones((3, 4, 5, 3)))
+    waiting = unknown_lights(frames, "spheres: no ball found.", has_scan=True)
+    assert waiting.lights.is_unknown
+    assert not waiting.warnings
+    assert "with the scan's pose, by `align`" in waiting.evidence[0]
+    assert unknown_lights(frames, "spheres: no ball found.", has_scan=False).warnings
+
+
+def test_a_scan_of_unknown_unit_cannot_be_the_probe():
+    job: Any = SimpleNamespace(scan_scale_unknown=True)
+    nothing: Any = None
+    with pytest.raises(AlignError, match=r"scan_unit: it is unknown, and no ball .*scan_ball_diameter_mm"):
+        _by_the_scan_alone(job, nothing, nothing, nothing, None)
+
+
+@pytest.mark.full
+def test_process_goes_the_whole_way(processed):
+    out, summary = processed
+    truth = json.loads((BUMPY / "truth.json").read_text())
+    lights = Store(out).load_lights()
+    assert lights.model == "near"
+    seen = lights.seen_from(truth["object_centre_mm"])
+    assert np.median(angular_error_deg(seen.directions, np.array(truth["directions_at_object"]))) < 1
+    assert set(summary["solve"]["methods"]) == {"ls", "iterative"}
+    assert summary["compare"]["methods"]["iterative"]["real"]["median_deg"] < 3
+    assert summary["twin"]["rendered"]
+    assert summary["align"]["light_probe"]["model"] == "near"
+    assert summary["align"]["lights"] is None
+    pose = json.loads((out / "pose.json").read_text())["camera_from_scan"]
+    turn = np.array(pose)[:3, :3] @ np.array(truth["camera_from_scan"])[:3, :3].T
+    assert np.degrees(np.arccos((np.trace(turn) - 1) / 2)) < 0.1
+
+
+@pytest.mark.full
+def test_the_report_says_where_the_lights_come_from(processed):
+    out, summary = processed
+    page = (out / "report.html").read_text()
+    assert "they come from the scan's own shading" in page.replace("&#x27;", "'")
+    assert any("from the scan's own shading" in text for text in summary["align"]["evidence"])
+    assert any("judged too kindly" in row["text"] for row in summary["warnings"] if row["step"] == "align")
+    assert not [row for row in summary["warnings"] if row["step"] == "calibrate"]
+
+
+@pytest.mark.full
+def test_the_lights_can_be_exported(without_balls, processed):
+    paths, _ = export_session(without_balls, "lp", processed[0], None)
+    assert any(path.suffix == ".lp" for path in paths)
