@@ -100,4 +100,4 @@ def _in_order(loaded: Any, sensor: Any, samples: int, seed: int) -> NDArray[np.f
     value = found * weight
     # Each sum by itself would trace all paths again.
     dr.eval(value)
-    return np.stack([np.asarray(dr.block_sum(part, samples)) for part in value], -1) / samples
+    return np.stack([np.asarray(dr.block_sum(part, samples), np.float32) for part in value], -1) / np.float32(samples)

@@ -92,7 +92,8 @@ def fit_material(samples: Samples, lights: Lights, distributions: Sequence[Distr
     """
     white = None if lights.white_value is None else lights.white_value / WHITE_BALL_ALBEDO
     # Where the white ball tells nothing, the brightest albedo is white: the twin's scene supposes the same.
-    full = np.percentile(matte_albedo(samples), 99, axis=0) / WHITE_BALL_ALBEDO if white is None else white
+    brightest = np.percentile(matte_albedo(samples).astype(np.float64), 99, axis=0) if white is None else None
+    full: Array = np.asarray(white if brightest is None else brightest / WHITE_BALL_ALBEDO, np.float64)
     some = samples.only(slice(None, None, max(1, len(samples) // FIRST_LOOK)))
     first, told = _likeliest(some, white, BRIGHTEST * full, distributions)
     search = first.on(samples)

@@ -57,7 +57,8 @@ class Coat(NamedTuple):
     def changed(self, **new: float) -> "Coat":
         """Return the coat with other numbers, by their names in `coat`."""
         names = ("roughness", "index", "covered", "distribution", "body", "second", "second_roughness")
-        return coat(**{name: getattr(self, name) for name in names} | new)
+        numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
+        return coat(**numbers | new)
 
     def numbers(self) -> dict[str, Any]:
         """Return its numbers by the names of `twin.description.materials.RoughPlastic`."""
