@@ -54,11 +54,11 @@ class Coat(NamedTuple):
     second: float = 0.0
     second_roughness: float = 1.0
 
-    def changed(self, **new: float) -> "Coat":
+    def changed(self, **new: Any) -> "Coat":
         """Return the coat with other numbers, by their names in `coat`."""
         names = ("roughness", "index", "covered", "distribution", "body", "second", "second_roughness")
         numbers: dict[str, Any] = {name: getattr(self, name) for name in names}
-        return coat(**numbers | new)
+        return coat(**{**numbers, **new})
 
     def numbers(self) -> dict[str, Any]:
         """Return its numbers by the names of `twin.description.materials.RoughPlastic`."""
