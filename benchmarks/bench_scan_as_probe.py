@@ -12,6 +12,7 @@ import argparse
 import json
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -68,7 +69,7 @@ def off(found: Lights, truth: Lights) -> dict:
         "intensity": [np.median(intensity), intensity.max()],
         "sigma": np.median(found.direction_sigma_deg),
     }
-    if found.positions_mm is not None and truth.positions_mm is not None:
+    if seen.positions_mm is not None and truth.positions_mm is not None:
         far = np.linalg.norm(truth.positions_mm - truth.reference_point_mm, axis=1)
         place = 100 * np.linalg.norm(seen.positions_mm - truth.positions_mm, axis=1) / far
         row["position"] = [np.median(place), place.max()]
@@ -84,13 +85,9 @@ def virtual() -> dict:
         found, seconds = asked(made.scan, camera, made.frames, find_object(made.frames, camera, []).mask)
         truth = made.scene.lights.seen_from(made.pose.apply(made.scan.center_mm))
         # As seen from the scan, wherever it is thought to be: that is what shading tells.
-        shift = truth.reference_point_mm - found.lights.reference_point_mm
-        lights = found.lights
-        if lights.positions_mm is not None:
-            lights = Lights(
-                lights.names, lights.directions, lights.intensities, lights.positions_mm + shift,
-                truth.reference_point_mm, lights.direction_sigma_deg, lights.intensity_sigma,
-            )  # fmt: skip
+        shift, places = truth.reference_point_mm - found.lights.reference_point_mm, found.lights.positions_mm
+        moved = None if places is None else places + shift
+        lights = replace(found.lights, positions_mm=moved, reference_point_mm=truth.reference_point_mm)
         row = off(lights, truth) | {"pose": f"{apart_px(made, found.pose):.2f} px", "seconds": seconds}
         rows[f"{name}, gloss {made.scene.gloss:g}"] = row
         print(name, row, found.warnings[1:], flush=True)

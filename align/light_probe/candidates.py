@@ -22,7 +22,7 @@ STARTS = 80
 """Orientations tried: by silhouette alone the right one of a potato came 45th."""
 ROUNDS = 8
 LEAST_SEEN = 0.3
-"""Share of the object's pixels that must show the scan's outside: of one side, from behind, a scan says nothing."""
+"""Share of the object's pixels that must show the scan's outside: a scan of one side says nothing from behind."""
 LOOSE = 0.15
 """Residual, relative to the pixel, of a sample that is half explained: gloss and shadows are not modelled yet."""
 

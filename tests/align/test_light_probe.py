@@ -233,6 +233,7 @@ def test_noise_of_the_scan_does_not_push_the_lights_away():
     scene = replace(scene, gloss=0.0)
     scan = scan_of(scene.mesh, np.random.default_rng(9), faces=20_000, noise_mm=0.05)
     frames, lights = scene.photograph(), scene.lights.seen_from(scene.pose.apply(scan.center_mm))
+    assert lights.positions_mm is not None
     far = np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)
     photographs = Photographs(scene.camera, frames, lights, find_object(frames, scene.camera, []).mask)
     normals, sigma_deg = smooth_normals(scan)
