@@ -174,8 +174,8 @@ def _told(best: Joint, warnings: list[str]) -> ScanLights:
     if np.median(direction) > USELESS_DEG:
         raise AlignError(
             f"scan: its shading does not tell the lights: their directions to {np.median(direction):.0f} degrees "
-            f"(median, expected under {USELESS_DEG:g}). It is too flat, too small in the picture, or far from matte. "
-            "Put balls beside the object, or give lights.file."
+            f"(median, expected under {USELESS_DEG:g}). It is too flat, too small in the picture, far from matte, or "
+            "another object's. Put balls beside the object, or give lights.file."
         )
     how = f"directions to {np.median(direction):.2f} degrees, intensities to {np.median(intensity):.1%}"
     where = "distant lights"
