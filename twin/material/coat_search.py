@@ -16,8 +16,8 @@ Array = NDArray[np.float64]
 
 SMOOTHEST, ROUGHEST = 0.02, 1.0
 TRIED = np.geomspace(SMOOTHEST, ROUGHEST, 25)
-ROUNDS = 4
-"""Of weights and fit in turn."""
+ROUNDS, SETTLED = 4, 2e-3
+"""Of weights and fit in turn, at most; change of each number that is searched, below which they have come to rest."""
 STEP = 1e-3
 """Of the finite differences: of shares, and of roughnesses' logarithms."""
 
@@ -77,8 +77,10 @@ class CoatSearch:
         self.fit = self._anywhere(distribution) if about is None else about
         self.noise = self._weigh()
         for _ in range(ROUNDS):
-            self.fit = self._descended()
+            before, self.fit = self.fit, self._descended()
             self.noise = self._weigh()
+            if np.allclose(self._place(before), self._place(self.fit), rtol=0, atol=SETTLED):
+                break
 
     def on(self, samples: Samples) -> "CoatSearch":
         """Return the search on other samples, about what was found on these."""
@@ -154,8 +156,7 @@ class CoatSearch:
 
         free, surface = self.model.free, self.fit.surface
         level = max(self._best(surface)[0], 1e-300)
-        is_log = np.array(["roughness" in name for name in free])
-        here = np.array([float(getattr(surface, name)) for name in free])
+        is_log = self._is_log()
         bounds = [np.log([SMOOTHEST, ROUGHEST]) if log else (0.0, 1.0) for log in is_log]
 
         def at(x: Array) -> Coat:
@@ -163,10 +164,18 @@ class CoatSearch:
             return surface.changed(**dict(zip(free, map(float, values), strict=True)))
 
         found = minimize(
-            lambda x: self._best(at(x))[0] / level, np.where(is_log, np.log(np.maximum(here, SMOOTHEST)), here),
-            method="L-BFGS-B", bounds=bounds, options={"eps": STEP, "ftol": 2e-6, "maxiter": 30},
+            lambda x: self._best(at(x))[0] / level, self._place(self.fit), method="L-BFGS-B", bounds=bounds,
+            options={"eps": STEP, "ftol": 2e-6, "maxiter": 30},
         )  # fmt: skip
         return self._best(at(found.x))[1]
+
+    def _is_log(self) -> NDArray[np.bool_]:
+        return np.array(["roughness" in name for name in self.model.free])
+
+    def _place(self, fit: Fit) -> Array:
+        """Return the numbers that are searched; of roughnesses, the logarithm."""
+        here = np.array([float(getattr(fit.surface, name)) for name in self.model.free])
+        return np.where(self._is_log(), np.log(np.maximum(here, SMOOTHEST)), here)
 
     def _weigh(self) -> Noise:
         """Put weights in place that suit the fit; return the noise."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from twin.material.material_samples import Samples
 
-SOME = 20_000
+SOME = 10_000
 """Samples that the variance is read from."""
 CELLS = (4, 16, 64)
 """Pixels to a block, of those that are tried."""
@@ -56,17 +56,18 @@ def noise_of(
     square = residual[pixel, frame].astype(np.float64).ravel() ** 2
     bright = np.maximum(values[pixel, frame].astype(np.float64).ravel(), 0)
     tilted = slope[pixel, frame].astype(np.float64).ravel() ** 2
-    columns = np.stack([np.ones_like(bright), bright, bright**2, tilted], 1)
+    columns = np.stack([np.ones_like(bright), bright, bright**2, tilted, square], 1)
     # Nothing is known better than a thousandth of what is bright: a whisker against a variance of 0.
     floor = (1e-3 * np.percentile(bright, 90)) ** 2
     variance = np.full(len(square), max(float(np.median(square)) / 0.45, floor))
     found = np.zeros(4)
     for _ in range(4):
         # A normal deviate's square, cut off at 9, keeps 0.985 of its mean.
-        # The four columns' own triangle stands for all rows.
-        turn, triangle = np.linalg.qr(columns / variance[:, None])
-        found = nnls(triangle, turn.T @ (np.minimum(square, 9 * variance) / 0.985 / variance))[0]
-        variance = np.maximum(columns @ found, floor)
+        # The triangle of columns and squares together stands for all rows.
+        columns[:, 4] = np.minimum(square, 9 * variance) / 0.985
+        triangle = np.linalg.qr(columns / variance[:, None], mode="r")
+        found = nnls(triangle[:, :4], triangle[:, 4])[0]
+        variance = np.maximum(columns[:, :4] @ found, floor)
     return Noise(
         float(max(found[0], floor)), float(found[1]), float(np.sqrt(found[2])), float(np.degrees(np.sqrt(found[3])))
     )
