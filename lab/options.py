@@ -145,6 +145,13 @@ class TwinSettings:
         bool,
         Parameter(help="Give the twin of a session a noise like the photographs', Bayer and all.", negative=""),
     ] = False
+    refine_normals: Annotated[
+        bool,
+        Parameter(
+            help="Let the photographs tilt the twin's normals within the scan's own sigma; the ground truth stays.",
+            negative="",
+        ),
+    ] = False
 
     def __post_init__(self) -> None:
         if self.engine is not None:

@@ -60,8 +60,11 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
 
     # Of the methods asked for, the one that gloss disturbs least.
     method = "iterative" if "iterative" in job.methods else job.methods[0]
-    sampling, is_given = job.twin.sampling(Sampling()), job.twin.error is not None
-    return session_scene(job.store, job.load_scan(), sampling, is_error_given=is_given, method=method)
+    sampling, how = job.twin.sampling(Sampling()), job.twin
+    return session_scene(
+        job.store, job.load_scan(), sampling, is_error_given=how.error is not None, method=method,
+        refine=how.refine_normals,
+    )  # fmt: skip
 
 
 def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
@@ -75,8 +78,9 @@ def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
         how: Any = {"executor": job.executor, "progress": progress}
         try:
             found = session_relighting(
-                job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames
-            )
+                job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames,
+                refine=job.twin.refine_normals,
+            )  # fmt: skip
         except RenderError as error:
             say(f"twin: not held against frames that it was not fitted to. {error}")
             return None

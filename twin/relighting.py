@@ -72,12 +72,14 @@ def relighting(
     mask: NDArray[np.bool_],
     sampling: Sampling,
     render: Callable[[Any], Frames],
+    *,
+    sigma_deg: NDArray[np.float32] | None = None,
 ) -> Relighting:
     """Return how well the material that every second frame tells foretells the others.
 
     Parameters
     ----------
-    sight, frames, mask
+    sight, frames, mask, sigma_deg
         As in `twin.material.scan_material.scan_material`.
     sampling : Sampling
         Of the rendering.
@@ -93,8 +95,8 @@ def relighting(
         raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and foretold ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
     seen, unseen = (replace(sight, lights=some_lights(sight.lights, which)) for which in (first, others))
-    found = scan_material(seen, frames.only(first), mask)
-    scene, _ = material_scene(unseen, found.places.fits, found.labels, found.albedo, sampling)
+    found = scan_material(seen, frames.only(first), mask, sigma_deg=sigma_deg)
+    scene, _ = material_scene(found.seen(unseen), found.places.fits, found.labels, found.albedo, sampling)
     photographs = frames.only(others)
     rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask)
     return Relighting(seen.lights.names, unseen.lights.names, rmse, rmse_scaled, decibels, decibels_scaled)

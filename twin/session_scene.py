@@ -4,6 +4,9 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from scene.errors import RenderError
 from scene.frames import Frames
 from scene.mesh import Mesh
@@ -20,12 +23,13 @@ ENOUGH = 0.5
 
 
 def session_scene(
-    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool, method: str
+    store: Store, mesh: Mesh, sampling: Sampling, *, is_error_given: bool, method: str, refine: bool = False
 ) -> tuple[TwinScene, dict[str, Any], list[str]]:
     """Return a registered scan under the calibrated lights as a scene: of the material that explains the photographs.
 
     store: the session's output folder, after `solve`. is_error_given: the sampling's error is what the user asked for.
-    method: the solver whose albedo a matte object has where no material can be fitted. With the scene come
+    method: the solver whose albedo a matte object has where no material can be fitted. refine: the photographs may tilt
+    the twin's normals, within the scan's own sigma; the ground truth stays the scan's. With the scene come
     `twin.material.scan_material.ScanMaterial.facts`, of a matte object only model and sentence, and warnings.
     """
     from twin.material.material_light import material_scene
@@ -36,7 +40,7 @@ def session_scene(
     lights = store.load_lights()
     sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, store.load_normals("truth"))
     try:
-        found = scan_material(sight, store.load_frames(), store.load_mask())
+        found = scan_material(sight, store.load_frames(), store.load_mask(), sigma_deg=_sigma(store, refine))
     except RenderError as error:
         reason = f"matte, of the albedo of {method}: no material could be fitted. {error}"
         albedo = store.read_array("albedo", f"{method}.npy")
@@ -47,12 +51,12 @@ def session_scene(
     if not is_error_given:
         # No more than the scene needs: what the material is wrong by, exact light would not mend.
         sampling = replace(sampling, error=max(sampling.error, ENOUGH * found.residual.whole))
-    scene, warnings = material_scene(sight, found.places.fits, found.labels, found.albedo, sampling)
+    scene, warnings = material_scene(found.seen(sight), found.places.fits, found.labels, found.albedo, sampling)
     return scene, found.facts(), [*found.warnings, *warnings]
 
 
 def session_relighting(
-    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames]
+    store: Store, mesh: Mesh, sampling: Sampling, render: Callable[[TwinScene], Frames], *, refine: bool = False
 ) -> "Relighting":
     """Return how well the session's twin foretells frames that it was not fitted to; see `twin.relighting.relighting`.
 
@@ -63,7 +67,12 @@ def session_relighting(
 
     lights, normals = store.load_lights(), store.load_normals("truth")
     sight = Sight.of_scan(mesh, store.load_pose(), store.load_camera(), lights, normals)
-    return relighting(sight, store.load_frames(), store.load_mask(), sampling, render)
+    sigma = _sigma(store, refine)
+    return relighting(sight, store.load_frames(), store.load_mask(), sampling, render, sigma_deg=sigma)
+
+
+def _sigma(store: Store, refine: bool) -> NDArray[np.float32] | None:
+    return store.read_array("normals", "truth_sigma.npy") if refine else None
 
 
 def session_sensor(frames: Frames, *, half: bool, iso: float = 100.0) -> Sensor:

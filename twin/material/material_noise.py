@@ -1,6 +1,7 @@
 """How much the samples of a material's fit err, read from what the fit leaves, and how much they err together."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ def noise_of(
         # A normal deviate's square, cut off at 9, keeps 0.985 of its mean.
         # The triangle of columns and squares together stands for all rows.
         columns[:, 4] = np.minimum(square, 9 * variance) / 0.985
-        triangle = np.linalg.qr(columns / variance[:, None], mode="r")
+        triangle: Any = np.linalg.qr(columns / variance[:, None], mode="r")
         found = nnls(triangle[:, :4], triangle[:, 4])[0]
         variance = np.maximum(columns[:, :4] @ found, floor)
     return Noise(

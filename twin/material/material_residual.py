@@ -12,13 +12,12 @@ from twin.material.fit_material import MaterialFit
 from twin.material.material_kernels import predicted
 from twin.material.material_samples import Samples
 from twin.material.reflection_models import reflected
+from twin.material.tilted_normals import STEP, change, tangents, turned
 
 Array = NDArray[np.float64]
 
 SOME = 48_000
 """Samples, pixels times frames, that the parts are found on."""
-STEP = 1e-3
-"""Radians, of the finite differences."""
 LOBE, LAMBERT = 10, 6
 """Bends of the free curves that stand for another coat and another body: over the half angle, over the cosine to the
 light."""
@@ -96,35 +95,32 @@ def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple
     weights = np.repeat(usable, 3, -1).astype(np.float32)
     values, _, albedo = predicted(samples, weights, fit.surface, fit.strength)
     light = np.where(usable, samples.irradiance, 0).astype(np.float64)
-    body, gloss = reflected(fit.surface, samples.normals, samples.views, samples.toward)
+    body, _ = reflected(fit.surface, samples.normals, samples.views, samples.toward)
     design = light * body[..., None]
     residual = np.where(usable, samples.values - values, 0).astype(np.float64)
     bright = float(np.sum(np.where(usable, samples.values, 0).astype(np.float64) ** 2))
     own = albedo.astype(np.float64)[:, None]
 
-    def change(normals: NDArray, toward: NDArray) -> Array:
-        """Return the prediction's change (P, F, 3) for a step of normals or lights."""
-        moved = normals.astype(np.float32), samples.views, np.ascontiguousarray(toward, np.float32)
-        after, shine = reflected(fit.surface, *moved)
-        return light * (own * (after - body)[..., None] + fit.strength * (shine - gloss)[..., None]) / STEP
+    def changed(normals: NDArray, toward: NDArray) -> Array:
+        return change(samples, fit, albedo, normals, toward)
 
     project = _Eliminated(design, int(np.count_nonzero(usable)), residual)
-    turned = np.stack([change(samples.normals, _turned(samples.toward, t)) for t in _tangents(samples.toward)], -1)
+    bent = np.stack([changed(samples.normals, turned(samples.toward, t)) for t in tangents(samples.toward)], -1)
     scaled = np.where(usable, values, 0).astype(np.float64)[..., None] * np.eye(3)
 
     def expected(columns: Array, sigma: Array) -> float:
         return float(np.sqrt(np.sum(columns**2 * (sigma**2)[:, None, None]) / bright))
 
     sigma, degree = np.radians(lights.direction_sigma_deg), float(np.degrees(1))
-    yield "direction", project.part(turned, "deg", by_frame=True, factor=degree, expected=expected(turned, sigma))
+    yield "direction", project.part(bent, "deg", by_frame=True, factor=degree, expected=expected(bent, sigma))
     known = expected(scaled, lights.intensity_sigma)
     yield "intensity", project.part(scaled, "relative", by_frame=True, expected=known)
     yield "ambient", project.part(np.where(usable, own, 0)[..., None] * np.eye(3), "pixel value on white")
     shifts = [np.cross(axis, samples.normals) for axis in np.eye(3)]
     shifts += [samples.slopes[:, k] for k in (0, 1)]
-    pose = np.stack([change(samples.normals + STEP * shift, samples.toward) for shift in shifts], -1)
+    pose = np.stack([changed(samples.normals + STEP * shift, samples.toward) for shift in shifts], -1)
     yield "registration", project.part(pose, "rad, px")
-    lean = [change(_turned(samples.normals, t), samples.toward) for t in _tangents(samples.normals)]
+    lean = [changed(turned(samples.normals, t), samples.toward) for t in tangents(samples.normals)]
     yield "normals", project.each_pixel(np.stack(lean, -1))
     lobe, lambert = _curves(samples, light, own)
     yield "highlights", project.part(lobe, "pixel value")
@@ -172,19 +168,6 @@ class _Eliminated:
     def _told(self, fall: float, freed: int, size: float, unit: str, expected: float = np.nan) -> Part:
         left = max(self._left - fall, 0) / max(self._freedom - freed, 1)
         return Part(float(max(1 - left / (self._left / self._freedom), 0)), size, unit, expected)
-
-
-def _tangents(vectors: NDArray) -> tuple[Array, Array]:
-    """Return two unit vectors across unit vectors (..., 3), that change slowly with them."""
-    x, y, z = np.moveaxis(vectors.astype(np.float64), -1, 0)
-    first = np.stack([z, 0 * x, -x], -1)
-    first /= np.maximum(np.linalg.norm(first, axis=-1, keepdims=True), 1e-9)
-    return first, np.cross(np.stack([x, y, z], -1), first)
-
-
-def _turned(vectors: NDArray, tangent: Array) -> Array:
-    moved = vectors + STEP * tangent
-    return moved / np.linalg.norm(moved, axis=-1, keepdims=True)
 
 
 def _curves(samples: Samples, light: Array, albedo: Array) -> tuple[Array, Array]:

@@ -1,6 +1,6 @@
 """The material of a registered scan, from photographs to albedo map: light from elsewhere off, fitted, divided."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from twin.material.material_light import onward_light
 from twin.material.material_places import Places, material_places
 from twin.material.material_residual import Part, Residual, material_residual
 from twin.material.material_samples import MOST, Samples, samples_at, samples_of_scan
+from twin.material.tilted_normals import foretells_better, likeliest_normals
 from twin.visibility import Sight
 
 SAMPLES_AT_ONCE = 1 << 20
@@ -35,6 +36,9 @@ class ScanMaterial:
         where it could not be rendered.
     albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
         where unknown.
+    normals (H, W, 3): The likeliest ones, where they were asked for and foretell better than the scan's; the scan's
+        beyond. None: the scan's.
+    tilts: What was found about the normals; empty: nothing was asked.
     trouble: What went wrong on the way.
     """
 
@@ -44,6 +48,8 @@ class ScanMaterial:
     residual: Residual
     onward: float
     albedo: NDArray[np.float32]
+    normals: NDArray[np.float32] | None = None
+    tilts: str = ""
     trouble: tuple[str, ...] = ()
 
     @property
@@ -56,14 +62,16 @@ class ScanMaterial:
     def facts(self) -> dict[str, Any]:
         """Return what the summary keeps of it; relative standard deviations, residuals and shares are not percents."""
         fits = self.places.fits
+        whose = "tilted by the photographs" if self.normals is not None else "the scan's"
+        sentence = f"{self.places}{f'; normals {whose}: {self.tilts}' if self.tilts else ''}"
         if len(fits) == 1:
-            made_of = {"model": self.fit.model, "sentence": str(self.places), **_numbers(self.fit)}
+            made_of = {"model": self.fit.model, "sentence": sentence, **_numbers(self.fit)}
         else:
             each = [
                 {"share": share, "model": fit.model, "sentence": str(fit), **_numbers(fit)}
                 for share, fit in zip(self.places.shares, fits, strict=True)
             ]
-            made_of = {"model": "two materials", "sentence": str(self.places), "why": self.places.evidence}
+            made_of = {"model": "two materials", "sentence": sentence, "why": self.places.evidence}
             made_of |= {"places": each}
         return {
             **made_of,
@@ -72,13 +80,22 @@ class ScanMaterial:
             "relative_rmse": self.residual.whole,
             "relative_rmse_per_frame": self.residual.per_frame,
             "explained_by": {name: asdict(part) for name, part in self.residual.parts.items()},
+            "normals_refined": self.normals is not None,
         }
 
+    def seen(self, sight: Sight) -> Sight:
+        """Return the sight with the normals that go with this material."""
+        return sight if self.normals is None else replace(sight, normals=self.normals)
 
-def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> ScanMaterial:
+
+def scan_material(
+    sight: Sight, frames: Frames, mask: NDArray[np.bool_], *, sigma_deg: NDArray[np.float32] | None = None
+) -> ScanMaterial:
     """Return the material of a registered scan.
 
-    Parameters and errors: see `twin.material.material_samples.samples_of_scan`.
+    Parameters and errors: see `twin.material.material_samples.samples_of_scan`. `sigma_deg` (H, W): of the sight's
+    normals, NaN where unknown; where it is given, the photographs may tilt them, if that foretells frames not fitted to
+    better by more than chance.
 
     Notes
     -----
@@ -106,6 +123,12 @@ def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> Scan
     fit = fit_material(samples, lights)
     places = material_places(samples, lights, fit)
     labels = places.picture(samples, mask)
+    normals, tilts = None, ""
+    if sigma_deg is not None and sight.normals is not None:
+        better, tilts = foretells_better(samples, fit, sigma_deg[samples.rows, samples.columns])
+        if better:
+            normals = np.array(sight.normals)
+            samples = _tilted(samples, fit, sigma_deg)
     albedo = np.full((*mask.shape, 3), np.nan, np.float32)
     step = max(1, SAMPLES_AT_ONCE // len(frames))
     for lenient in (False, True):
@@ -115,14 +138,22 @@ def scan_material(sight: Sight, frames: Frames, mask: NDArray[np.bool_]) -> Scan
             for number, one in enumerate(places.fits):
                 own = some.only(labels[some.rows, some.columns] == number)
                 own = own if elsewhere is None else elsewhere.off(own)
+                if normals is not None and sigma_deg is not None and len(own) and not lenient:
+                    own = _tilted(own, one, sigma_deg)
+                    normals[own.rows, own.columns] = own.normals
                 if len(own):
                     albedo[own.rows, own.columns] = albedo_of(own, one)
-    return ScanMaterial(fit, places, labels, _residual(samples, places, lights), onward, albedo, trouble)
+    residual = _residual(samples, places, lights)
+    return ScanMaterial(fit, places, labels, residual, onward, albedo, normals, tilts, trouble)
 
 
 def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
     """Return the albedo (P, 3) of samples of a fitted material."""
     return robust(samples, fit, fit.noise)[3]
+
+
+def _tilted(samples: Samples, fit: MaterialFit, sigma_deg: NDArray[np.float32]) -> Samples:
+    return replace(samples, normals=likeliest_normals(samples, fit, sigma_deg[samples.rows, samples.columns]))
 
 
 def _numbers(fit: MaterialFit) -> dict[str, Any]:
