@@ -7,7 +7,6 @@ import base64
 import io
 from dataclasses import dataclass, field
 from html import escape
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,7 +69,9 @@ class Layer:
         """The still picture; the viewer finds it by its data."""
         data = f'data-kind="{self.kind}" data-side="{self.side}" data-name="{escape(self.name)}"'
         label = escape(self.label)
-        return f'<figure class="map"><img {data} src="{self.uri}" alt="{label}"><figcaption>{label}</figcaption></figure>'
+        return (
+            f'<figure class="map"><img {data} src="{self.uri}" alt="{label}"><figcaption>{label}</figcaption></figure>'
+        )
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,9 @@ class Layers:
 
     def html(self, kind: str, *sides: str) -> str:
         """Return the pictures of a kind."""
-        return "".join(layer.html for layer in self.layers if layer.kind == kind and layer.side in (sides or (layer.side,)))
+        return "".join(
+            layer.html for layer in self.layers if layer.kind == kind and layer.side in (sides or (layer.side,))
+        )
 
     @classmethod
     def of(cls, material: Material, summary: Summary) -> "Layers | None":
@@ -199,7 +202,9 @@ def surface_uri(material: Material, grid: Grid) -> tuple[str, float, float] | No
 def _shape(material: Material) -> NDArray[np.bool_] | None:
     """Return the mask (H, W) of the object: given, or where normals are known, or all of the photographs."""
     frames, mask = material.frames, material.mask
-    normals = [found for name in ("truth", *material.methods) if (found := material.map_of("normals", name)) is not None]
+    normals = [
+        found for name in ("truth", *material.methods) if (found := material.map_of("normals", name)) is not None
+    ]
     size = (frames.height, frames.width) if frames is not None else None
     if mask is not None and (size is None or mask.shape == size):
         return mask if normals or frames is not None else None

@@ -98,6 +98,8 @@ def as_text(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, list | tuple):
         return ", ".join(as_text(item) for item in value)
+    if isinstance(value, dict):
+        return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
     return json.dumps(value, default=str)
 
 
@@ -179,6 +181,12 @@ def absent(text: str) -> str:
     return f'<p class="absent">{escape(text)}</p>'
 
 
+def folded_section(html: str) -> str:
+    """Return a section with all but its title folded away; a link to it opens it."""
+    html = re.sub(r"(<section[^>]*>)<h2>(.*?)</h2>", r"\1<details><summary><h2>\2</h2></summary>", html, count=1)
+    return html.removesuffix("</section>") + "</details></section>"
+
+
 def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     """Return a section; `body` and `lead` are HTML already."""
     lead = f'<p class="lead">{lead}</p>' if lead else ""
@@ -201,6 +209,6 @@ def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str]
         subtitle=subtitle,
         chapters="".join(f'<a href="#{found[1]}">{words}</a>' for found, words in anchors if found),
         style=(HERE / "report_style.css").read_text(encoding="utf-8"),
-        plotly=script,
+        script=script,
         body="\n".join(chapters.values()),
     )

@@ -31,7 +31,12 @@ def viewer_section(material: Material, layers: Layers | None, best: str | None) 
     options = _options(layers)
     keys = [key for group in options.values() for key, _ in group]
     left = "photograph:real" if "photograph:real" in keys else keys[0]
-    wanted = (f"error:real:{best}", f"normals:real:{best}", *(key for key in keys if key.startswith("normals")), keys[-1])
+    wanted = (
+        f"error:real:{best}",
+        f"normals:real:{best}",
+        *(key for key in keys if key.startswith("normals")),
+        keys[-1],
+    )
     right = next(key for key in wanted if key in keys)
     width, height = layers.grid.size
     names = [] if material.frames is None else list(material.frames.names)
@@ -54,7 +59,9 @@ def _options(layers: Layers) -> dict[str, list[tuple[str, str]]]:
     found: dict[str, dict[str, str]] = {group: {} for group in GROUPS}
     for layer in layers.layers:
         if layer.kind == "photograph":
-            found["photograph"][f"photograph:{layer.side}"] = "photograph" if layer.side == "real" else "twin's photograph"
+            found["photograph"][f"photograph:{layer.side}"] = (
+                "photograph" if layer.side == "real" else "twin's photograph"
+            )
         else:
             found[layer.kind][f"{layer.kind}:{layer.side}:{layer.name}"] = layer.label
         if layer.kind == "albedo":
@@ -78,7 +85,9 @@ def _accuracy(layers: Layers) -> str:
     parts = ["normals 0.2°"]
     for kind in ("error", "sigma"):
         if scale := layers.scales.get(kind):
-            parts.append(f"{kind} {scale['end_deg'] / 254:.2g}° up to {scale['end_deg']:g}°, which also stands for more")
+            parts.append(
+                f"{kind} {scale['end_deg'] / 254:.2g}° up to {scale['end_deg']:g}°, which also stands for more"
+            )
     if scale := layers.scales.get("photograph-real"):
         parts.append(f"photographs {100 * scale['error_share']:.1g} % of white for 95 % of samples")
     every = "every pixel" if layers.grid.step == 1 else f"one pixel of {layers.grid.step} × {layers.grid.step}"
