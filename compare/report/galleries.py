@@ -65,7 +65,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
     shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
     arm = max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
-        if pixel is None:
+        if pixel is None or not np.isfinite(np.array(pixel, np.float64)).all():
             continue
         u, v = np.array(pixel, np.float64) - corner
         name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)

@@ -117,7 +117,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     for first, *rest in rows:
         lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
     lines.append("</tbody></table>")
-    return f'<div class="scroll">{"".join(lines)}</div>'
+    name = escape(plain(caption) or "table", quote=True)
+    return f'<div class="scroll" role="region" tabindex="0" aria-label="{name}">{"".join(lines)}</div>'
 
 
 def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
@@ -193,10 +194,9 @@ def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'
 
 
-def verdict_section(title: str, lines: Iterable[tuple[str, str]], *, wide: str = "") -> str:
-    """Return the box on top: one line a topic, (heading, sentence), both HTML; `wide` stands after the first."""
-    first, *rest = (f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
-    rows = "".join([first, f'<li class="wide">{wide}</li>' if wide else "", *rest])
+def verdict_section(title: str, lines: Iterable[tuple[str, str]]) -> str:
+    """Return the box on top: one line a topic, (heading, sentence), both HTML."""
+    rows = "".join(f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
     return f'<section id="verdict" class="verdict"><h2>{title}</h2><ul>{rows}</ul></section>'
 
 

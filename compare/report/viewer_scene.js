@@ -81,7 +81,7 @@ async function startScene(canvas) {
   });
   gl.enable(gl.DEPTH_TEST);
   const reach = Math.max(far, ...places.map((place) => Math.hypot(...place.map((value, i) => value - middle[i]))));
-  const turn = { yaw: 0.5, pitch: 0.35, size: 1 };
+  const turn = { yaw: 0.5, pitch: 0.35, size: 1.7 };
   const draw = () => {
     const [cy, sy, cp, sp] = [Math.cos(turn.yaw), Math.sin(turn.yaw), Math.cos(turn.pitch), Math.sin(turn.pitch)];
     // Parallel projection: turned about the object's centre.
