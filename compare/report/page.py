@@ -118,7 +118,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
         lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
     lines.append("</tbody></table>")
     name = escape(plain(caption) or "table", quote=True)
-    return f'<div class="scroll" role="region" tabindex="0" aria-label="{name}">{"".join(lines)}</div>'
+    return f'<div class="scroll" role="group" tabindex="0" aria-label="{name}">{"".join(lines)}</div>'
 
 
 def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
