@@ -8,6 +8,7 @@ from compare.report import page, pictures
 from compare.report.facts import Material, Summary
 from compare.report.layers import Layers
 from compare.report.maps import colour_scale
+from compare.report.registration_pictures import raking_frame
 from compare.report.verdict import Statement, verdict
 from scene.map_pictures import normal_picture
 
@@ -82,7 +83,8 @@ def _numbers(summary: Summary, statements: list[Statement], best: str | None) ->
             "Lights ±", "lights", levels.get("Lights", "unknown"), page.number(sigma, 2, "°"),
             f"intensity ± {page.percent(intensity, 1)}",
         ),
-        ("Twin fails alike", "twin", levels.get("Twin", "unknown"), page.number(row.get("pearson"), 2), f"of 1; {shared}"),
+        ("Twin fails alike", "twin", levels.get("Twin", "unknown"), page.number(row.get("pearson"), 2),
+         f"Pearson, of 1; {shared}"),
     ]  # fmt: skip
 
 
@@ -92,8 +94,6 @@ def _picture(material: Material, layers: Layers | None, summary: Summary, best: 
         return ""
     grid, shown = layers.grid, []
     if material.frames is not None and material.exposure is not None and len(material.frames):
-        from compare.report.registration_pictures import raking_frame
-
         index = 0 if material.directions is None else raking_frame(material.directions)
         index = min(index, len(material.frames) - 1)
         width = grid.box.shown_width(PICTURE_WIDTH)

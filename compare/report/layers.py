@@ -1,6 +1,7 @@
 """The object's pixels as pictures that people see and the viewer reads values from: one grid of pixels for all.
 
-A picture's colour is its value's code: photographs and albedo in sRGB, normals (n + 1) / 2, angles by place in a palette.
+A picture's colour is its value's code: photographs and albedo in sRGB, normals (n + 1) / 2, angles by their
+place in a palette.
 """
 
 import base64
@@ -105,7 +106,7 @@ class Layers:
         return layers
 
     def _photographs(self, material: Material, frames: Frames | None, side: str) -> None:
-        """Add a side's photographs; its scale has what their round trip through JPEG costs (95 % of samples, of white)."""
+        """Add a side's photographs; its scale has what JPEG costs 95 % of samples at most, as a share of white."""
         if frames is None or not len(frames):
             return
         exposure, words = material.exposure, "photograph"

@@ -1,4 +1,4 @@
-"""The report's viewer: photographs, maps and relit pictures wiped over each other, a pixel's samples, the scene in 3-D."""
+"""The report's viewer: photographs, maps and relit pictures wiped over each other, samples, the scene in 3-D."""
 
 import json
 from html import escape
@@ -13,7 +13,8 @@ from compare.report.registration_pictures import raking_frame
 HERE = Path(__file__).parent
 SCRIPTS = ("report_page.js", "viewer_values.js", "viewer_relight.js", "viewer_pixel.js", "viewer_scene.js", "viewer.js")
 GROUPS = {
-    "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals", "error": "angular error",
+    "photograph": "photographs of one light", "relit": "relit by a lamp", "normals": "normals",
+    "error": "angular error",
     "sigma": "standard deviation (sigma)", "albedo": "albedo",
 }  # fmt: skip
 
@@ -44,7 +45,8 @@ def viewer_section(material: Material, layers: Layers | None, best: str | None) 
         "width": width, "height": height, "left": layers.grid.box.left, "top": layers.grid.box.top,
         "step": layers.grid.step, "frames": names, "scales": layers.scales,
         "frame": 0 if material.directions is None else raking_frame(material.directions),
-        "palette": palette().tolist(), "surface": surface_uri(material, layers.grid), "best": best, **scene_of(material),
+        "palette": palette().tolist(), "surface": surface_uri(material, layers.grid), "best": best,
+        **scene_of(material),
     }  # fmt: skip
     data = json.dumps(values, allow_nan=False).replace("<", "\\u003c")
     html = Template((HERE / "viewer.html").read_text("utf-8")).substitute(
