@@ -6,7 +6,7 @@ from statistics import median
 from typing import Any
 
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
-from compare.report.page import badge, is_number, plain, say, table_of
+from compare.report.page import badge, is_number, number, plain, say, table_of
 from compare.report.trust_section import trust_sentence
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -235,10 +235,12 @@ def ranking_table(summary: Summary) -> str:
         caption += say("ranking", "sigma", sigma=sigma)
     solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
     for method in ranked:
+        sigma_of = method.row.get("median_sigma_deg")
         told = {
             "name": method.name,
             "family": "" if method.family == "calibrated" else f" <small>{method.family}</small>",
             "verdict": badge(method.level),
+            "uncertainty": f" ± {number(sigma_of, 1, '°')}" if is_number(sigma_of) else "",
             "own_sigma": (solved.get(method.name) or {}).get("sigma_deg_median"),
             # Without the quotes that stand for code on a terminal.
             "doubts": " ".join(method.doubts).replace("`", "") or "–",

@@ -208,6 +208,9 @@ function startViewer() {
   byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });
   placeLamp();
   new ResizeObserver(size).observe(canvas);
-  load();
+  // What a click needs is decoded before the first one, while nothing else is to be done.
+  load().then(() => (window.requestIdleCallback ?? setTimeout)(async () => {
+    for (const key of sampleKeys()) await decode(key);
+  }));
 }
 if (info && byId("instrument")) startViewer();

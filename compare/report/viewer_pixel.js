@@ -23,11 +23,12 @@ function samplesOf(x, y) {
   });
 }
 
+const sampleKeys = () => [...info.frames.map((_, k) => `photograph:real:${k}`),
+  ...methodNames().flatMap((method) => [`normals:real:${method}`, `albedo:real:${method}`])];
+
 async function showSamples(place, x, y) {
   const began = performance.now();
-  const keys = info.frames.map((_, k) => `photograph:real:${k}`);
-  for (const method of methodNames()) keys.push(`normals:real:${method}`, `albedo:real:${method}`);
-  await Promise.all(keys.map(decode));
+  await Promise.all(sampleKeys().map(decode));
   const rows = samplesOf(x, y), [u, v] = pixelOf(x, y), methods = methodNames().filter((name) => rows.some((row) => name in row.fits));
   const top = 1.08 * Math.max(1e-9, ...rows.flatMap((row) => [row.sample ?? 0, ...Object.values(row.fits)]));
   const across = (k) => 52 + (rows.length > 1 ? k / (rows.length - 1) : 0.5) * 632, up = (value) => 218 - value / top * 200;

@@ -35,10 +35,14 @@ def level_methods(errors: dict[str, NDArray], truth_sigma_deg: float | None) -> 
     dict
         best: the method of the least median, or None; median_sigma_deg: by method, of the median over draws of blocks
         of pixels; level: the other methods whose median exceeds the best one's by no more than `SIGMAS` standard
-        deviations of that difference, or by no more than the truth's sigma. Which of these is better is not known.
+        deviations of that difference, or by what the truth's sigma accounts for (Notes). Which of these is better is
+        not known.
 
     Notes
     -----
+    A truth that errs by sigma along each of two axes adds 2 sigma^2 to the square of an angular error. Two medians
+    whose squares differ by less are not told apart by such a truth.
+
     The blocks are the same for both methods of a difference: what makes both err is no difference [Kunsch1989].
     """
     errors = {name: error for name, error in errors.items() if np.isfinite(error).sum() >= FEWEST_PIXELS}
@@ -55,7 +59,8 @@ def level_methods(errors: dict[str, NDArray], truth_sigma_deg: float | None) -> 
     level = []
     for name in errors:
         sigma = float(np.std(drawn[name] - drawn[best])) * max(inflation[name], inflation[best])
-        if name != best and medians[name] - medians[best] <= max(SIGMAS * sigma, truth_sigma_deg or 0.0):
+        by_truth = medians[name] ** 2 - medians[best] ** 2 <= 2 * (truth_sigma_deg or 0.0) ** 2
+        if name != best and (by_truth or medians[name] - medians[best] <= SIGMAS * sigma):
             level.append(name)
     sigmas = {name: float(np.std(each)) * inflation[name] for name, each in drawn.items()}
     return {"best": best, "median_sigma_deg": sigmas, "level": level}

@@ -1,5 +1,6 @@
 """The report in a browser, by what a person does: look, point, click, wipe, relight, print; checked against numpy."""
 
+import base64
 import importlib.resources
 import importlib.util
 import json
@@ -77,6 +78,19 @@ def viewer(visit, shown):
     page.locator("#viewer-canvas").scroll_into_view_if_needed()
     expect(page.locator("#viewer-frame-name")).not_to_be_empty()
     return page
+
+
+def test_photographs_keep_the_error_that_the_page_states(session, shown):
+    """Of a frame that the statement was not measured on."""
+    layers, scale = shown[1], shown[1].scales["photograph-real"]
+    (layer,) = (one for one in layers.layers if (one.kind, one.side, one.name) == ("photograph", "real", "5"))
+    coded = np.frombuffer(base64.b64decode(layer.uri.split(",")[1]), np.uint8)
+    code = np.asarray(cv2.imdecode(coded, cv2.IMREAD_COLOR))[..., ::-1] / 255
+    linear = np.where(code <= 0.04045, code / 12.92, ((code + 0.055) / 1.055) ** 2.4)
+    exact = layers.grid.frame(session.store.load_frames(), 5) / scale["balance"] / scale["white"]
+    off = np.abs(linear.mean(-1) - np.clip(exact, 0, 1).mean(-1))
+    assert np.quantile(off, 0.95) == pytest.approx(scale["error_share"], rel=0.3)
+    assert scale["error_share"] < 0.03
 
 
 @pytest.mark.parametrize("viewport", [DESK, PHONE])
