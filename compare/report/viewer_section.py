@@ -84,7 +84,7 @@ def _select(side: str, options: dict[str, list[tuple[str, str]]], chosen: str) -
 
 def _accuracy(layers: Layers) -> str:
     """Return how far a value read off may be from the folder's own."""
-    parts = ["normals 0.2°"]
+    parts = ["normals 0.4° at most, 0.2° usually"]
     for kind in ("error", "sigma"):
         if scale := layers.scales.get(kind):
             parts.append(

@@ -16,8 +16,8 @@ from formats.pictures import srgb_from_linear
 from scene.normals import angular_error_deg
 
 DESK, PHONE = {"width": 1280, "height": 800}, {"width": 390, "height": 844}
-NORMAL_DEG = 0.35
-"""Three codes of 8 bits, and the error of three components rounded by half a code each: 0.2 degrees, and its cosine."""
+NORMAL_DEG = 0.4
+"""Three components, each rounded by at most 1 / 255: sqrt(3) / 255 radians."""
 NO_WEBGL = """const get = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...how) {
   return kind.startsWith("webgl") ? null : get.call(this, kind, ...how); };"""
