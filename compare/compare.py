@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from compare.report.facts import method_names, read_optional, sphere_rows, stored_lights
 from compare.report.pictures import colour_scale_end, error_picture, with_colour_scale
 from compare.statistics.ambiguity import four_ways, is_measured_so
+from compare.statistics.level_methods import level_methods, thinned
 from compare.statistics.statistics import COVERAGE, angular_statistics, common_rotation, error_correlation
 from scene.errors import SceneError
 from scene.files import remove, write_npy, write_png
@@ -57,7 +58,8 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         real/twin_rotation_deg (the turn common to all normals) and real/twin_median_unrotated_deg (the median error
         once it is undone), real/twin_four_ways (`FourWays`, of methods that leave an ambiguity and of other programs),
         median_to_others_deg (the median of its median angles to the other methods), histogram (pixels per bin, the
-        last one: beyond the last edge); histogram_edges_deg; error_scale_deg (the colour scale's end);
+        last one: beyond the last edge), median_sigma_deg (of the median on the photographs); level: best, and the
+        methods that are level with it (`level_methods`); histogram_edges_deg; error_scale_deg (the colour scale's end);
         between_methods: a, b, pixels and statistics of the angle between each two methods on the real frames; lights,
         spheres, pose for the report; notes (plain statements, such as that there is no truth); warnings.
 
@@ -76,6 +78,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         "truth": None,
         "mask_pixels": None if mask is None else int(mask.sum()),
         "methods": {name: {"real": None, "twin": None} for name in names},
+        "level": {"best": None, "level": []},
         "histogram_edges_deg": None,
         "error_scale_deg": None,
         "between_methods": between,
@@ -106,6 +109,7 @@ def compare(store: Store, *, methods: Sequence[str] | None = None) -> dict[str, 
         if spread:
             # The median over maps: one method that fails everywhere must not darken all the others.
             written = _histograms(store, result, colour_scale_end(float(np.median(spread))))
+            _level(store, result)
     # A map that a former run left would speak of normals that are gone.
     for stale in store.path("compare").glob("error_*"):
         if stale.name not in written:
@@ -158,6 +162,19 @@ def _histograms(store: Store, result: dict[str, Any], end: float) -> set[str]:
             write_png(store.path("compare", f"{stem}.png"), picture)
             written |= {f"{stem}.npy", f"{stem}.png"}
     return written
+
+
+def _level(store: Store, result: dict[str, Any]) -> None:
+    """Fill in how uncertain the medians on the photographs are, and which methods are level with the best."""
+    errors = {
+        name: thinned(np.load(store.path("compare", f"error_real_{name}.npy"), mmap_mode="r"))
+        for name, row in result["methods"].items()
+        if row["real"]
+    }
+    found = level_methods(errors, result["truth"]["sigma_deg_median"])
+    for name, sigma in found.pop("median_sigma_deg").items():
+        result["methods"][name]["median_sigma_deg"] = sigma
+    result["level"] = found
 
 
 def _open(store: Store, place: str, name: str) -> Normals | None:

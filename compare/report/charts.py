@@ -1,59 +1,13 @@
-"""The report's charts, by plotly: data inside the page, no request to anywhere."""
+"""The figure, by plotly, of how errors are spread: for notebooks."""
 
 from html import escape
 from typing import Any
 
 import numpy as np
 
-from scene import figures
 from scene.figures import COLOURS, laid_out
 
 PANELS_ABREAST = 4
-
-
-def library() -> str:
-    """Return plotly.js whole, to be put into the page once."""
-    from plotly.offline import get_plotlyjs
-
-    return get_plotlyjs()
-
-
-def _html(figure: Any, name: str, alt: str) -> str:
-    import plotly.io
-
-    config = {"displaylogo": False, "responsive": True, "displayModeBar": False}
-    how: Any = {"include_plotlyjs": False, "full_html": False, "div_id": f"chart-{name}", "config": config}
-    div = plotly.io.to_html(figure, default_height=f"{figure.layout.height}px", **how)
-    return f'<figure class="chart"><div role="img" aria-label="{escape(alt)}">{div}</div></figure>'
-
-
-def light_directions(lights: dict[str, Any]) -> str:
-    """Return the lights on the hemisphere, as the camera sees it: centre = camera's axis, rim = 90 degrees."""
-    figure = figures.light_directions(lights)
-    return _html(figure, "light-directions", "Directions of the lights as the camera sees them")
-
-
-def light_intensities(lights: dict[str, Any]) -> str:
-    """Return a bar per light: mean intensity with its sigma, the channels as marks."""
-    return _html(figures.light_intensities(lights), "light-intensities", "Relative intensity of each light")
-
-
-def light_sigmas(lights: dict[str, Any]) -> str:
-    """Return a bar per light: the standard deviation of its direction."""
-    figure = figures.light_sigmas(lights)
-    return _html(figure, "light-sigmas", "Standard deviation of each light's direction, degrees")
-
-
-def light_positions(lights: dict[str, Any], spheres: list[dict[str, Any]]) -> str:
-    """Return the near lights in millimetres twice: seen from the camera (x, y), and from above (x, z)."""
-    figure = figures.light_positions(lights, [row["center_mm"] for row in spheres if row.get("center_mm")])
-    return _html(figure, "light-positions", "Positions of the lights in millimetres, two views")
-
-
-def error_histograms(compared: dict[str, Any], names: list[str]) -> str:
-    """Return `error_histogram_figure` as HTML."""
-    figure = error_histogram_figure(compared, names)
-    return _html(figure, "error-histograms", "Histogram of the angular error of each method")
 
 
 def error_histogram_figure(compared: dict[str, Any], names: list[str]) -> Any:

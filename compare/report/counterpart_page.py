@@ -7,7 +7,7 @@ import numpy as np
 
 from compare.report import page, pictures
 from compare.report.line_chart import interval_chart
-from compare.report.maps import colour_scale, error_pairs
+from compare.report.maps import colour_scale
 from compare.report.pictures import Box
 from compare.statistics.counterpart_draws import Capture
 from compare.statistics.counterpart_verdict import ALIKE_FROM, MARGIN_DEG, MARGIN_SHARE, STRUCTURED
@@ -163,3 +163,9 @@ def _carried(found: Found) -> str:
     return page.section(
         "carried", "What the sigmas hold", page.table(("capture", "drawn", "moved by one sigma"), rows), lead
     )
+
+
+def error_pairs(rows: list[str], *, many: bool) -> str:
+    """Return pairs of maps, real beside twin, one pair below or, if many, beside the other."""
+    pairs = "".join(f'<div class="errors">{row}</div>' for row in rows)
+    return f'<div class="error-pairs{" many" if many else ""}">{pairs}</div>'

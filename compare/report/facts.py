@@ -74,10 +74,15 @@ def sphere_rows(store: Store) -> list[dict[str, Any]]:
     out = []
     for index, row in enumerate(rows):
         seen = highlights[index] if index < len(highlights) else None
-        counts = (None, None) if seen is None else (sum(pixel is not None for pixel in seen), len(seen))
+        counts = (None, None) if seen is None else (sum(_is_seen(pixel) for pixel in seen), len(seen))
         distance = None if row.get("center_mm") is None else float(np.linalg.norm(row["center_mm"]))
         out.append({**row, "distance_mm": distance, "highlights_seen": counts[0], "highlights_frames": counts[1]})
     return out
+
+
+def _is_seen(pixel: Any) -> bool:
+    """Tell whether a highlight has a place: one that was not found is null, or not a number."""
+    return pixel is not None and bool(np.isfinite(np.array(pixel, np.float64)).all())
 
 
 def all_warnings(summary: dict[str, Any]) -> list[tuple[str, str]]:

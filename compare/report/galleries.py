@@ -6,35 +6,31 @@ from itertools import zip_longest
 
 import numpy as np
 
-from compare.report import charts, page, pictures
+from compare.report import light_charts, page, pictures
 from compare.report.facts import Material, Summary, read_optional
-from compare.report.pictures import Box
+from compare.report.layers import Layers
 from scene.errors import SceneError
 from scene.spheres import Sphere
 
 BALL_WIDTH = 420
 
 
-def frames_section(material: Material, summary: Summary) -> str:
-    """Return a contact sheet of all frames, one brightness scale for all."""
+def frames_section(material: Material, layers: Layers | None, summary: Summary) -> str:
+    """Return the photographs of the object, one brightness scale for all, and each frame's facts as a table."""
     frames, capture, title = material.frames, summary.get("capture") or {}, "The photographs"
-    if frames is None:
+    if frames is None or layers is None:
         return page.section("frames", title, page.absent("The decoded frames are not in this folder any more."))
     facts = {row.get("name"): row for row in capture.get("frames_table") or []}
-    width = 200 if len(frames) <= 48 else 120
-    box, sheet = Box(0, 0, frames.width, frames.height), ""
-    for index, name in enumerate(frames.names):
-        row = facts.get(name) or {}
-        caption = f"<b>{index + 1}</b> {escape(name)}"
-        there = (key for key in ("brightness", "saturated_share") if page.is_number(row.get(key)))
-        caption += "".join(page.say("frames", key, **row) for key in there)
-        image = material.photograph(index, box, width)
-        sheet += page.picture(image, f"photograph {index + 1}, {name}", caption, photograph=True)
+    rows = [
+        {"number": str(index + 1), "name": name, **(facts.get(name) or {})} for index, name in enumerate(frames.names)
+    ]
     lead = page.say("frames", "count", **capture) if page.is_number(capture.get("frames")) else ""
     lead += page.say("frames", "size", **capture) if capture.get("width") else ""
     lead += page.say("frames", {None: "not told", False: "none"}.get(capture.get("ambient"), "ambient"))
     lead += page.say("frames", "lead")
-    return page.section("frames", title, f'<div class="sheet width-{width}">{sheet}</div>', lead)
+    body = f'<div class="sheet">{layers.html("photograph", "real")}</div>'
+    body += page.table_of("frames", rows) if facts else ""
+    return page.section("frames", title, body, lead)
 
 
 def balls_section(material: Material) -> str:
@@ -69,7 +65,7 @@ def _ball(material: Material, index: int, sphere: Sphere | None, seen: list | No
     shapes = page.polyline(outline - corner, "outline-halo") + page.polyline(outline - corner, "outline")
     arm = max(box.width / 60, 1.0)
     for frame, pixel in enumerate(seen or []):
-        if pixel is None:
+        if pixel is None or not np.isfinite(np.array(pixel, np.float64)).all():
             continue
         u, v = np.array(pixel, np.float64) - corner
         name = frames.names[frame] if frames is not None and frame < len(frames) else str(frame + 1)
@@ -109,14 +105,13 @@ def lights_section(material: Material) -> str:
     if lights.get("model") == "unknown":
         absent = page.absent("Nothing tells where they stood, nor how bright they were.")
         return page.section("lights", "The lights", absent)
-    body = f'<div class="pair">{charts.light_directions(lights)}{charts.light_intensities(lights)}</div>'
-    if any(page.is_number(row.get("direction_sigma_deg")) for row in lights["frames"]):
-        body += charts.light_sigmas(lights)
-    else:
+    measured = any(page.is_number(row.get("direction_sigma_deg")) for row in lights["frames"])
+    sigmas = light_charts.light_sigmas(lights) if measured else ""
+    drawn = f"<div>{light_charts.light_intensities(lights)}{sigmas}</div>"
+    body = f'<div class="pair">{light_charts.light_directions(lights)}{drawn}</div>'
+    if not measured:
         body += page.absent("How uncertain the directions are is not known: the lights were given, not measured here.")
-    if lights.get("model") == "near":
-        body += "<h3>Where the flashes stood</h3>" + charts.light_positions(lights, material.spheres)
-    else:
+    if lights.get("model") != "near":
         body += page.absent("The lights are taken as distant: directions, no positions.")
     rows = [
         {

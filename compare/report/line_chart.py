@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from compare.report.charts import COLOURS
+from scene.figures import COLOURS
 
 SIGMAS = 2
 MOST_LETTERS = 12

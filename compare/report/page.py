@@ -98,6 +98,8 @@ def as_text(value: Any) -> str:
         return f"{value:.6g}"
     if isinstance(value, list | tuple):
         return ", ".join(as_text(item) for item in value)
+    if isinstance(value, dict):
+        return "; ".join(f"{key} {as_text(item)}" for key, item in value.items())
     return json.dumps(value, default=str)
 
 
@@ -115,7 +117,8 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]], *, caption: str = 
     for first, *rest in rows:
         lines.append(f'<tr><th scope="row">{first}</th>' + "".join(f"<td>{cell}</td>" for cell in rest) + "</tr>")
     lines.append("</tbody></table>")
-    return f'<div class="scroll">{"".join(lines)}</div>'
+    name = escape(plain(caption) or "table", quote=True)
+    return f'<div class="scroll" role="group" tabindex="0" aria-label="{name}">{"".join(lines)}</div>'
 
 
 def table_of(name: str, rows: Iterable[Mapping[str, Any]], *, caption: str = "", kind: str = "numbers") -> str:
@@ -179,16 +182,21 @@ def absent(text: str) -> str:
     return f'<p class="absent">{escape(text)}</p>'
 
 
+def folded_section(html: str) -> str:
+    """Return a section with all but its title folded away; a link to it opens it."""
+    html = re.sub(r"(<section[^>]*>)<h2>(.*?)</h2>", r"\1<details><summary><h2>\2</h2></summary>", html, count=1)
+    return html.removesuffix("</section>") + "</details></section>"
+
+
 def section(anchor: str, title: str, body: str, lead: str = "") -> str:
     """Return a section; `body` and `lead` are HTML already."""
     lead = f'<p class="lead">{lead}</p>' if lead else ""
     return f'<section id="{anchor}"><h2>{escape(title)}</h2>{lead}{body}</section>'
 
 
-def verdict_section(title: str, lines: Iterable[tuple[str, str]], *, wide: str = "") -> str:
-    """Return the box on top: one line a topic, (heading, sentence), both HTML; `wide` stands after the first."""
-    first, *rest = (f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
-    rows = "".join([first, f'<li class="wide">{wide}</li>' if wide else "", *rest])
+def verdict_section(title: str, lines: Iterable[tuple[str, str]]) -> str:
+    """Return the box on top: one line a topic, (heading, sentence), both HTML."""
+    rows = "".join(f"<li><h3>{heading}</h3><p>{sentence}</p></li>" for heading, sentence in lines)
     return f'<section id="verdict" class="verdict"><h2>{title}</h2><ul>{rows}</ul></section>'
 
 
@@ -201,6 +209,6 @@ def whole_page(title: str, kind: str, subtitle: str, chapters: Mapping[str, str]
         subtitle=subtitle,
         chapters="".join(f'<a href="#{found[1]}">{words}</a>' for found, words in anchors if found),
         style=(HERE / "report_style.css").read_text(encoding="utf-8"),
-        plotly=script,
+        script=script,
         body="\n".join(chapters.values()),
     )

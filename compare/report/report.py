@@ -4,17 +4,23 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from compare.report import charts, page
+from compare.report import page
 from compare.report.facts import Material, Summary, all_warnings, by_error, family
+from compare.report.first_screen import first_screen, why_section
 from compare.report.galleries import balls_section, frames_section, lights_section
+from compare.report.layers import Layers
 from compare.report.maps import errors_section, normals_section
 from compare.report.registration_section import registration_section
 from compare.report.statistics_section import statistics_section, time_section
 from compare.report.trust_section import trust_section
 from compare.report.twin_section import twin_section
-from compare.report.verdict import verdict_box
+from compare.report.verdict import ranking_table
+from compare.report.viewer_section import script, viewer_section
 from scene.files import write_text
 from scene.store import Store
+
+LONG = ("warnings", "material", "held_out", "time_and_error", "seconds_expected")
+"""Parts that other sections tell."""
 
 
 def write_report(store: Store, summary: dict[str, Any]) -> Path:
@@ -36,25 +42,33 @@ def write_report(store: Store, summary: dict[str, Any]) -> Path:
     """
     material = Material.load(store, summary)
     compared, warnings = summary.get("compare") or {}, all_warnings(summary)
-    chapters = {
-        "Verdict": verdict_box(summary, len(warnings)) + _truth_check_section(summary),
+    layers = Layers.of(material, summary)
+    best = next(iter(material.methods), None)
+    folded = {
+        "Why": why_section(summary),
         "Warnings": _warnings_section(warnings),
-        "Photographs": frames_section(material, summary),
+        "Photographs": frames_section(material, layers, summary),
         "Balls": balls_section(material),
         "Lights": lights_section(material),
         "Registration": registration_section(material, summary),
-        "Normals": normals_section(material),
+        "Normals": normals_section(material, layers, ranking_table(summary)),
         "Which normals": trust_section(material, summary),
-        "Twin": twin_section(material, summary),
-        "Errors": errors_section(material, summary),
+        "Twin": twin_section(material, layers, summary),
+        "Errors": errors_section(layers, summary),
         "Statistics": statistics_section(compared),
         "Speed": time_section(summary),
+        "Known truth": _truth_check_section(summary),
         "Provenance": _provenance_section(summary),
         "How to read": _how_to_read_section(compared),
     }
+    chapters = {
+        "Verdict": first_screen(material, layers, summary, warnings, best),
+        "Viewer": viewer_section(material, layers, best),
+        **{words: page.folded_section(html) for words, html in folded.items() if html},
+    }
     name = str(summary.get("name") or store.folder.resolve().name)
     kind, subtitle = "Photometric stereo report", _subtitle(summary, compared)
-    write_text(store.path("report.html"), page.whole_page(name, kind, subtitle, chapters, script=charts.library()))
+    write_text(store.path("report.html"), page.whole_page(name, kind, subtitle, chapters, script=script()))
     return store.path("report.html")
 
 
@@ -109,7 +123,7 @@ def _provenance_section(summary: Summary) -> str:
         rows = [(escape(str(step)), page.number(value, 1, "s")) for step, value in seconds.items()]
         parts.append(page.table(("step", "time"), rows, caption="Seconds per step"))
     for key in ("versions", "arguments", "camera", "twin"):
-        values = {name: value for name, value in (summary.get(key) or {}).items() if name != "warnings"}
+        values = {name: value for name, value in (summary.get(key) or {}).items() if name not in LONG}
         if values:
             rows = [(escape(str(name)), escape(page.as_text(value))) for name, value in values.items()]
             parts.append(page.table(("name", "value"), rows, caption=key.capitalize(), kind="plain"))

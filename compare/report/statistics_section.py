@@ -61,7 +61,7 @@ def _between_methods(compared: Summary, names: list[str]) -> str:
 
     rows = [(escape(a), *(cell(a, b) for b in there)) for a in there]
     lead = page.say("statistics", "apart")
-    square = page.table(("", *(f"<span>{escape(name)}</span>" for name in there)), rows, kind="square")
+    square = page.table(("method", *(f"<span>{escape(name)}</span>" for name in there)), rows, kind="square")
     square = f'<h3>How far the methods are apart</h3><p class="lead">{lead}</p>{square}'
     return square + page.folded("All statistics of each two methods", page.table_of("pairs", pairs))
 

@@ -1,50 +1,30 @@
 """The report's section on the twin: beside the photograph, its material and what that leaves, why its engine."""
 
-from contextlib import suppress
 from html import escape
 from typing import Any
 
-from compare.report import pictures
 from compare.report.facts import Material, Summary
+from compare.report.layers import Layers
 from compare.report.line_chart import line_chart
-from compare.report.page import absent, is_number, picture, say, section, table_of, words
-from compare.report.pictures import Box, Exposure
-from compare.report.registration_pictures import raking_frame
-from scene.errors import SceneError
-from scene.store import Store
+from compare.report.page import absent, is_number, say, section, table_of, words
 
-WIDTH = 500
 TELLING_SIZE = ("direction", "intensity", "ambient", "normals")
 """Causes of one number of one unit; the others are curves or poses."""
 
 
-def twin_section(material: Material, summary: Summary) -> str:
-    """Return one photograph beside the twin's frame of the same light."""
-    twin, frames = None, material.frames
-    with suppress(SceneError):
-        twin = Store(material.store.path("twin")).load_frames()
-    if twin is None or len(twin) == 0:
+def twin_section(material: Material, layers: Layers | None, summary: Summary) -> str:
+    """Return the twin's frames, its material and its engine."""
+    shown = "" if layers is None else layers.html("photograph", "twin")
+    if not shown:
         registered = material.map_of("normals", "truth") is not None and material.store.path("pose.json").exists()
         reason = "No twin was rendered in this folder." if registered else ""
         return section("twin", "The twin", absent(reason or "No twin was rendered: it needs the registered scan."))
-    index = 0 if material.directions is None else raking_frame(material.directions[: len(twin)])
-    box = Box(0, 0, twin.width, twin.height)
-    if material.mask is not None and material.mask.shape == (twin.height, twin.width):
-        box = Box.of_mask(material.mask, margin=0.12)
-    balance = None if material.exposure is None else material.exposure.balance
-    width, name = box.shown_width(WIDTH), twin.names[index]
-    image = Exposure.for_frames(twin, white_value=balance).develop(pictures.thumbnail(twin, index, width, box))
-    caption = f"twin, {escape(name)}; its brightness scaled by itself"
-    figures = picture(image, f"twin of {name}", caption, photograph=True)
-    if frames is not None and (twin.width, twin.height) == (frames.width, frames.height) and index < len(frames):
-        image, name = material.photograph(index, box, width), frames.names[index]
-        figures = picture(image, f"photograph {name}", f"photograph, {escape(name)}", photograph=True) + figures
     facts = summary.get("twin") or {}
     lead = say("material", "twin")
     if facts.get("engine"):
         reason = f": {facts['reason']}" if facts.get("reason") else ""
         lead += say("material", "engine", seconds=facts.get("seconds"), engine=f"{facts['engine']}{reason}")
-    body = f'<div class="pair">{figures}</div>{material_words(facts)}{engine_chart(facts)}'
+    body = f'<div class="sheet">{shown}</div>{material_words(facts)}{engine_chart(facts)}'
     return section("twin", "The twin", body, lead)
 
 

@@ -6,7 +6,7 @@ from statistics import median
 from typing import Any
 
 from compare.report.facts import Summary, by_error, doubts_of, family, warned_of
-from compare.report.page import badge, is_number, plain, say, table_of, verdict_section
+from compare.report.page import badge, is_number, number, plain, say, table_of
 from compare.report.trust_section import trust_sentence
 
 DIRECTION_SIGMA_BARS_DEG = (1.0, 3.0)
@@ -30,16 +30,6 @@ class Statement:
     @property
     def text(self) -> str:
         return plain(self.html)
-
-
-def verdict_box(summary: Summary, warnings: int) -> str:
-    """Return the box on top: one line a topic, its badge, its sentence; the methods' table after the first."""
-    lines = [(f"{s.topic} {badge(s.level)}", s.html) for s in verdict(summary)]
-    counted = {0: "none", 1: "one"}.get(warnings, "many")
-    lines.append(
-        (f"Warnings {badge('care')}" if warnings else "Warnings", say("warnings", counted, count=str(warnings)))
-    )
-    return verdict_section("What was found", lines, wide=ranking_table(summary))
 
 
 def verdict(summary: Summary) -> list[Statement]:
@@ -70,7 +60,9 @@ def _normals(summary: Summary, compared: Summary) -> Statement:
     best = next((method for method in ranking(summary) if method.row.get("real")), None)
     if best is not None:
         coverage, doubts = best.row.get("coverage"), " ".join(best.doubts).replace("`", "")
-        text = say("normals", "best", name=best.name, **best.row["real"])
+        others = (compared.get("level") or {}).get("level") or []
+        values = {"name": best.name, "others": ", ".join(others), **best.row["real"]}
+        text = say("normals", "level" if others else "best", **values)
         if is_number(coverage) and coverage < COVERAGE_BAR:
             text += say("normals", "few", coverage=coverage)
         return Statement("Normals", best.level, text + (say("normals", "doubts", doubts=doubts) if doubts else ""))
@@ -243,10 +235,12 @@ def ranking_table(summary: Summary) -> str:
         caption += say("ranking", "sigma", sigma=sigma)
     solved, rows = (summary.get("solve") or {}).get("methods") or {}, []
     for method in ranked:
+        sigma_of = method.row.get("median_sigma_deg")
         told = {
             "name": method.name,
             "family": "" if method.family == "calibrated" else f" <small>{method.family}</small>",
             "verdict": badge(method.level),
+            "uncertainty": f" ± {number(sigma_of, 1, '°')}" if is_number(sigma_of) else "",
             "own_sigma": (solved.get(method.name) or {}).get("sigma_deg_median"),
             # Without the quotes that stand for code on a terminal.
             "doubts": " ".join(method.doubts).replace("`", "") or "–",

@@ -4,7 +4,6 @@ import copy
 import json
 import re
 import shutil
-import subprocess
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -102,9 +101,10 @@ def test_nothing_is_fetched(page):
     assert_self_contained(page)
 
 
-def test_the_chart_library_is_there_once(page):
-    assert page.source.count("* plotly.js v") == 1
-    assert len([script for script in page.scripts if "Plotly.newPlot" in script and len(script) < 1e6]) == 5
+def test_charts_are_drawn_without_a_library(page):
+    assert "plotly" not in page.source.lower().replace("plotly\n", "")
+    assert len(re.findall(r'<figure class="chart', page.source)) == 4
+    assert "nan" not in "".join(re.findall(r' d="([^"]*)"', page.source)).lower()
 
 
 def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
@@ -117,9 +117,9 @@ def test_every_number_on_the_page_is_in_the_summary(page, session, tmp_path):
 
 def test_pictures_are_all_there_each_with_words_for_it(page):
     images = page.all("img")
-    # 12 frames, 3 balls, silhouette, slider's two, checkerboard and sigma, key ball + truth + 2 methods real and twin,
-    # twin's photograph and rendering, error maps of 2 methods real and twin.
-    assert len(images) == 12 + 3 + 5 + (1 + 1 + 4) + 2 + 4
+    # 3 on the first screen; of the viewer 12 frames, real and twin, normals of the truth and of 2 methods real and
+    # twin, their errors, 2 albedos, 1 sigma; 3 balls, silhouette, slider's two, checkerboard and sigma, key ball.
+    assert len(images) == 3 + 2 * 12 + (1 + 4) + 4 + 2 + 1 + 3 + 5 + 1
     assert all(image["alt"] for image in images)
     assert all(values.get("aria-label") for values in page.all("svg"))
 
@@ -214,8 +214,8 @@ def test_statistics_on_the_page_are_those_of_the_comparison(page, session):
 def test_the_methods_are_ranked_on_top_with_what_they_doubt(page, session):
     methods = session.summary["compare"]["methods"]
     best, other = sorted(methods, key=lambda name: methods[name]["real"]["median_deg"])
-    top = page.texts["verdict"]
-    assert f"those of {best}" in top
+    assert f"those of {best}" in page.texts["verdict"]
+    top = page.texts["normals"]
     assert top.index("All methods, against") < top.index(f"{best}take care") < top.index(f"{other}take care")
     assert "3 pixels see fewer than four lit samples" in top
     assert page.texts["errors"].count("It doubts itself") == 1
@@ -247,8 +247,7 @@ def test_many_methods_stay_readable(crowd):
     _, summary = crowd
     page = Page(write_report(*crowd))
     assert_self_contained(page)
-    # The twin's normals are folded away, and so are the pairs: 13 methods make 78.
-    assert page.source.index("The same methods on the twin") < page.source.index("normals, tv, twin")
+    # The pairs are folded away: 13 methods make 78.
     assert re.search(r"<details><summary>All statistics of each two methods", page.source)
     (square,) = re.findall(r'<table class="square">.*?</table>', page.source, re.S)
     assert square.count("<tr>") == 1 + 12
@@ -259,8 +258,8 @@ def test_many_methods_stay_readable(crowd):
     assert sorted([*names, "silent"]) == sorted(summary["solve"]["methods"])
     assert "silent: no normal where the truth is known" in page.texts["time"]
     # One panel a method in the histograms.
-    (panels,) = (script for script in page.scripts if "chart-error-histograms" in script)
-    assert all(f"\\u003cb\\u003e{name}\\u003c" in panels for name in names)
+    (panels,) = re.findall(r'aria-label="Histogram of the angular error.*?</svg>', page.source, re.S)
+    assert all(f">{name}</text>" in panels for name in names)
 
 
 @pytest.mark.full
@@ -312,7 +311,7 @@ def without(session, tmp_path, *paths: str) -> Store:
         (("normals", "twin"), (), "normals", "No normals"),
         ((), ("solve",), "time", "No method's time"),
         (("normals/truth.npy",), (), "time", "ls, iterative: there is no ground truth"),
-        (("normals/truth.npy",), (), "verdict", "without truth no order of belief follows"),
+        (("normals/truth.npy",), (), "normals", "without truth no order of belief follows"),
         (("camera.json",), ("camera",), "balls", "Its camera or its place"),
     ],
 )
@@ -360,7 +359,8 @@ def test_given_lights_an_orthographic_camera_and_balls_apart(session, tmp_path):
     summary["calibrate"] = {"model": "distant", "direction_sigma_deg_median": None}
     summary["compare"] = compare(store)
     page = Page(write_report(store, summary))
-    assert "orthographic" in page.texts["verdict"]
+    assert "orthographic" in page.texts["why"]
+    assert "Camera take care" in page.texts["verdict"]
     assert "taken as distant" in page.texts["lights"]
     assert "not known" in page.texts["lights"]
     assert page.texts["balls"].count("only the fit is drawn") == 3
@@ -368,7 +368,7 @@ def test_given_lights_an_orthographic_camera_and_balls_apart(session, tmp_path):
 
 
 @pytest.mark.full
-def test_a_large_session_stays_below_fifteen_megabytes(tmp_path):
+def test_a_large_session_stays_below_ten_megabytes(tmp_path):
     """Noise everywhere: nothing compresses, no real session is larger."""
     rng, store = np.random.default_rng(3), Store(tmp_path / "large")
     height, width, count = 525, 700, 100
@@ -385,24 +385,6 @@ def test_a_large_session_stays_below_fifteen_megabytes(tmp_path):
             path.parent.mkdir(parents=True, exist_ok=True)
             np.save(path, unit(rng.normal(0, 1, (height, width, 3)) + [0, 0, 2]).astype(np.float32))
     path = write_report(store, {"compare": compare(store)})
-    # The frames, the outline and sigma, key ball, truth and methods, errors.
-    assert len(Page(path).all("img")) == count + 2 + 1 + 15 + 14
-    assert path.stat().st_size < 15e6
-
-
-def test_a_browser_draws_every_chart_and_refuses_nothing(session, page, tmp_path):
-    browser = next((found for name in ("chromium", "google-chrome") if (found := shutil.which(name))), None)
-    if browser is None:
-        pytest.skip("no Chromium on this machine")
-    path = write_report(session.store, session.summary)
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=9000", "--enable-logging=stderr"]
-    done = subprocess.run(
-        [browser, *flags, f"--user-data-dir={tmp_path}", "--window-size=1280,900", "--dump-dom", path.as_uri()],
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    drawn = re.findall(r'id="(chart-[\w-]+)" class="[^"]*js-plotly-plot', done.stdout)
-    assert set(drawn) == set(re.findall(r'<div id="(chart-[\w-]+)"', page.source))
-    assert len(drawn) == 5
-    assert "CONSOLE" not in done.stderr, [line for line in done.stderr.splitlines() if "CONSOLE" in line]
+    # Three on the first screen, the frames, the outline and sigma twice, key ball, truth and methods, errors.
+    assert len(Page(path).all("img")) == 3 + count + 2 + 1 + 1 + 15 + 14
+    assert path.stat().st_size < 10e6

@@ -164,7 +164,7 @@ def test_a_method_that_doubts_itself_is_not_good_and_its_doubt_stands_beside_it(
 
 
 def test_the_truths_own_uncertainty_stands_over_the_ranking():
-    assert "0.30°: smaller differences are no ranking" in plain(ranking_table(summary_of()))
+    assert "0.30°: methods that are level with the best are not told apart" in plain(ranking_table(summary_of()))
 
 
 def test_methods_without_an_error_come_last_in_their_order():

@@ -1,0 +1,216 @@
+// The instrument: two pictures wiped over each other, a pointer that reads values, a lamp.
+function startViewer() {
+  const canvas = byId("viewer-canvas"), context = canvas.getContext("2d"), wipe = byId("viewer-wipe");
+  const sides = ["left", "right"].map((side) => byId(`viewer-${side}`)), values = byId("viewer-values");
+  const frame = byId("viewer-frame"), azimuth = byId("viewer-azimuth"), zenith = byId("viewer-zenith"), dome = byId("viewer-dome");
+  const view = { scale: 1, x: 0, y: 0 }, touches = new Map();
+  let pointer = null, lamp = null, moved = 0, wiping = false;
+  const lightOf = (k) => info.lights?.frames?.[k];
+  byId("instrument").hidden = false;
+  byId("viewer-still").hidden = true;
+  frame.value = info.frame;
+  if (info.frames.length < 2) frame.disabled = true;
+
+  const sourceOf = (key) => {
+    const [kind, side, name] = key.split(":");
+    if (kind === "photograph") return images.get(`${kind}:${side}:${frame.value}`);
+    if (kind !== "relit") return images.get(key);
+    const made = lamp && relit(name, lamp);
+    byId("viewer-note").textContent = made ? "" : "Relighting needs WebGL, which this browser does not give; the albedo is shown.";
+    return made || images.get(`albedo:real:${name}`);
+  };
+  const fitting = () => {
+    view.scale = Math.min(canvas.width / info.width, canvas.height / info.height);
+    view.x = (canvas.width - info.width * view.scale) / 2;
+    view.y = (canvas.height - info.height * view.scale) / 2;
+  };
+  const draw = () => {
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.fillStyle = "#8b8f94";
+    context.fillRect(0, 0, canvas.width, canvas.height);
+    context.imageSmoothingEnabled = view.scale < 1.5;
+    const edge = Number(wipe.value) * canvas.width;
+    [[0, edge], [edge, canvas.width]].forEach(([from, to], i) => {
+      const image = sourceOf(sides[i].value);
+      if (!image || to <= from) return;
+      context.save();
+      context.beginPath();
+      context.rect(from, 0, to - from, canvas.height);
+      context.clip();
+      context.drawImage(image, view.x, view.y, info.width * view.scale, info.height * view.scale);
+      context.restore();
+    });
+    context.fillStyle = "#fff";
+    context.fillRect(edge - 1, 0, 2, canvas.height);
+    context.fillRect(edge - 4, canvas.height / 2 - 18, 8, 36);
+    if (pointer) {
+      context.strokeStyle = "#fff";
+      const side = Math.max(view.scale, 6), at = [pointer[0] + 0.5, pointer[1] + 0.5];
+      context.strokeRect(view.x + at[0] * view.scale - side / 2, view.y + at[1] * view.scale - side / 2, side, side);
+    }
+    byId("viewer-frame-name").textContent = info.frames[frame.value] ? `${Number(frame.value) + 1}, ${info.frames[frame.value]}` : "";
+    byId("viewer-lamp").hidden = !sides.some((side) => side.value.startsWith("relit"));
+  };
+  const redraw = () => requestAnimationFrame(draw);
+  const size = () => {
+    const box = canvas.getBoundingClientRect(), ratio = devicePixelRatio || 1;
+    canvas.width = Math.round(box.width * ratio);
+    canvas.height = Math.round(box.height * ratio);
+    fitting();
+    draw();
+  };
+  const placeOf = (event) => {
+    const box = canvas.getBoundingClientRect();
+    return [(event.clientX - box.left) * canvas.width / box.width, (event.clientY - box.top) * canvas.height / box.height];
+  };
+  const gridOf = ([px, py]) => {
+    const x = Math.floor((px - view.x) / view.scale), y = Math.floor((py - view.y) / view.scale);
+    return x >= 0 && y >= 0 && x < info.width && y < info.height ? [x, y] : null;
+  };
+
+  // Each side's method's values; of photographs the best method's.
+  const sourcesShown = () => [...new Set(sides.map((side) => {
+    const [kind, of, name] = side.value.split(":");
+    return kind === "photograph" ? `${of}:${info.best}` : `${of === "truth" ? "truth" : of}:${name}`;
+  }))];
+  const words = (value, digits, unit) => (value === null ? "–" : value.toFixed(digits) + unit);
+  const readout = () => {
+    const began = performance.now();
+    if (!pointer) return;
+    const [x, y] = pointer, [u, v] = pixelOf(x, y), rows = [], told = [];
+    for (const source of sourcesShown()) {
+      const [side, name] = source.split(":"), normal = normalAt(side, name, x, y);
+      const error = angleAt("error", side, name, x, y), sigma = angleAt("sigma", side, name, x, y), albedo = albedoAt(name, x, y);
+      told.push({ side, name, normal, error, sigma, albedo });
+      rows.push([`${name === "truth" ? "ground truth" : name}${side === "twin" ? ", twin" : ""}`, "",
+        "normal", normal ? normal.map((part) => part.toFixed(3)).join(", ") : "–", "error", words(error, 2, "°"),
+        "sigma", words(sigma, 2, "°"), "albedo", albedo ? albedo.map((part) => part.toFixed(3)).join(", ") : "–"]);
+    }
+    const sample = sampleAt("real", frame.value, x, y);
+    const lines = [`column ${u}, row ${v}`, sample ? `photograph ${sample.value.map((part) => part.toFixed(3)).join(", ")}` : ""];
+    for (const [head, , ...pairs] of rows) {
+      lines.push(`${head}:`);
+      for (let i = 0; i < pairs.length; i += 2) if (pairs[i + 1] !== "–") lines.push(`  ${pairs[i]} ${pairs[i + 1]}`);
+    }
+    values.textContent = lines.filter(Boolean).join("\n");
+    Object.assign(values.dataset, { pixel: `${u},${v}`, values: JSON.stringify(told), ms: (performance.now() - began).toFixed(2) });
+  };
+  const load = async () => {
+    const keys = [`photograph:real:${frame.value}`];
+    for (const source of sourcesShown()) {
+      const [, name] = source.split(":");
+      keys.push(`normals:${source}`, `error:${source}`, `sigma:${source}`, `albedo:real:${name}`);
+    }
+    await Promise.all(keys.map(decode));
+    await Promise.all(sides.map((side) => images.get(side.value)?.decode()));
+    readout();
+    draw();
+  };
+  const zoom = (factor, [px, py]) => {
+    const least = Math.min(canvas.width / info.width, canvas.height / info.height) / 2;
+    const scale = Math.min(64, Math.max(least, view.scale * factor)), by = scale / view.scale;
+    Object.assign(view, { scale, x: px - (px - view.x) * by, y: py - (py - view.y) * by });
+    redraw();
+  };
+  canvas.addEventListener("wheel", (event) => {
+    event.preventDefault();
+    zoom(1.0015 ** -event.deltaY, placeOf(event));
+  }, { passive: false });
+  canvas.addEventListener("pointerdown", (event) => {
+    canvas.setPointerCapture(event.pointerId);
+    touches.set(event.pointerId, placeOf(event));
+    moved = 0;
+    wiping = touches.size === 1 && Math.abs(placeOf(event)[0] - wipe.value * canvas.width) < 12 * (devicePixelRatio || 1);
+  });
+  canvas.addEventListener("pointermove", (event) => {
+    const place = placeOf(event), before = touches.get(event.pointerId);
+    if (before) {
+      moved += Math.hypot(place[0] - before[0], place[1] - before[1]);
+      const other = [...touches].find(([id]) => id !== event.pointerId)?.[1];
+      if (other) {
+        zoom(Math.hypot(place[0] - other[0], place[1] - other[1]) / Math.hypot(before[0] - other[0], before[1] - other[1]), other);
+      } else if (wiping) {
+        wipe.value = place[0] / canvas.width;
+      } else if (moved > 4) {
+        view.x += place[0] - before[0];
+        view.y += place[1] - before[1];
+      }
+      touches.set(event.pointerId, place);
+      redraw();
+    }
+    pointer = gridOf(place);
+    readout();
+  });
+  const lift = (event) => touches.delete(event.pointerId);
+  canvas.addEventListener("pointerup", (event) => {
+    if (touches.size === 1 && moved <= 4 && (pointer = gridOf(placeOf(event)))) showSamples(byId("viewer-samples"), ...pointer);
+    lift(event);
+    redraw();
+  });
+  canvas.addEventListener("pointercancel", lift);
+  canvas.addEventListener("keydown", (event) => {
+    const way = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] }[event.key];
+    if (way) {
+      const by = event.shiftKey ? 10 : 1, from = pointer ?? [info.width >> 1, info.height >> 1];
+      pointer = [Math.min(info.width - 1, Math.max(0, from[0] + by * way[0])), Math.min(info.height - 1, Math.max(0, from[1] + by * way[1]))];
+      readout();
+    } else if (event.key === "Enter" && pointer) showSamples(byId("viewer-samples"), ...pointer);
+    else if (event.key === "+" || event.key === "-") zoom(event.key === "+" ? 1.25 : 0.8, [canvas.width / 2, canvas.height / 2]);
+    else return;
+    event.preventDefault();
+    redraw();
+  });
+  byId("viewer-fit").addEventListener("click", () => { fitting(); draw(); });
+  wipe.addEventListener("input", redraw);
+  for (const control of [...sides, frame]) control.addEventListener("input", load);
+
+  // The lamp stands as far away as the lights do, in the median.
+  const farOff = () => {
+    const reference = info.lights?.reference_point_mm, far = (info.lights?.frames ?? []).filter((light) => light.position_mm)
+      .map((light) => Math.hypot(...light.position_mm.map((value, i) => value - reference[i]))).sort((a, b) => a - b);
+    return far.length ? far[far.length >> 1] : null;
+  };
+  const placeLamp = (light) => {
+    const a = azimuth.value * Math.PI / 180, z = zenith.value * Math.PI / 180, far = farOff();
+    const direction = [Math.sin(z) * Math.cos(a), Math.sin(z) * Math.sin(a), Math.cos(z)];
+    lamp = light ?? { direction, intensity: [1, 1, 1],
+      position_mm: far && direction.map((part, i) => info.lights.reference_point_mm[i] + far * part) };
+    const paint = dome.getContext("2d"), [dx, dy] = lamp.direction;
+    const ball = paint.createRadialGradient(75 + 60 * dx, 75 - 60 * dy, 4, 75, 75, 72);
+    ball.addColorStop(0, "#fff");
+    ball.addColorStop(1, "#33373c");
+    paint.clearRect(0, 0, 150, 150);
+    for (const [x, y, radius, fill] of [[75, 75, 70, ball], [75 + 68 * dx, 75 - 68 * dy, 7, "#E69F00"]]) {
+      paint.beginPath();
+      paint.arc(x, y, radius, 0, 7);
+      paint.fillStyle = fill;
+      paint.fill();
+    }
+    redraw();
+  };
+  const drag = (event) => {
+    if (!event.buttons) return;
+    const box = dome.getBoundingClientRect(), x = (event.clientX - box.left) / box.width * 2 - 1, y = 1 - (event.clientY - box.top) / box.height * 2;
+    azimuth.value = (Math.atan2(y, x) * 180 / Math.PI + 360) % 360;
+    zenith.value = Math.asin(Math.min(1, Math.hypot(x, y) / 0.92)) * 180 / Math.PI;
+    placeLamp();
+  };
+  for (const kind of ["pointerdown", "pointermove"]) dome.addEventListener(kind, drag);
+  dome.addEventListener("pointerdown", (event) => dome.setPointerCapture(event.pointerId));
+  for (const slider of [azimuth, zenith]) slider.addEventListener("input", () => placeLamp());
+  byId("viewer-as-light").addEventListener("click", () => {
+    const light = lightOf(frame.value);
+    if (!light?.direction) return;
+    azimuth.value = (Math.atan2(light.direction[1], light.direction[0]) * 180 / Math.PI + 360) % 360;
+    zenith.value = Math.acos(light.direction[2]) * 180 / Math.PI;
+    placeLamp(light);
+  });
+  byId("viewer-3d").addEventListener("toggle", () => startScene(byId("viewer-scene")), { once: true });
+  placeLamp();
+  new ResizeObserver(size).observe(canvas);
+  // What a click needs is decoded before the first one, while nothing else is to be done.
+  load().then(() => (window.requestIdleCallback ?? setTimeout)(async () => {
+    for (const key of sampleKeys()) await decode(key);
+  }));
+}
+if (info && byId("instrument")) startViewer();
