@@ -14,6 +14,7 @@ from viser.infra import _infra
 
 from scene.errors import SceneError
 from studio import guarded_server
+from studio.desk import Desk
 from studio.editor import edits
 from studio.guarded_server import NAME
 from studio.messages import Unfit
@@ -26,7 +27,7 @@ pytestmark = [pytest.mark.render]
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
-    running = Studio(Workspace.at(tmp_path_factory.mktemp("bench")), port=0)
+    running = Studio(Workspace.at(tmp_path_factory.mktemp("bench")), port=0, desk=Desk(area="Scene"))
     yield running
     running.close()
 
@@ -219,7 +220,7 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "read", read)
-    running = Studio(Workspace.at(tmp_path), port=0, review=(tmp_path, None))
+    running = Studio(Workspace.at(tmp_path), port=0, desk=Desk(area="Session", review=(tmp_path, None)))
     try:
         client = nobody(8)
         monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
