@@ -3,7 +3,6 @@
 from http import HTTPStatus
 from pathlib import Path
 from secrets import token_urlsafe
-from urllib.parse import urlsplit
 
 from websockets.datastructures import Headers
 from websockets.http11 import Response
@@ -38,7 +37,7 @@ class ServedPage:
 
     def answer(self, address: str) -> Response | None:
         """Return what lies at an address; None: nothing of the studio's own."""
-        path = urlsplit(address).path
+        path = address.partition("?")[0]
         if path in ("/", "/index.html"):
             return _response(self._page)
         parts = path.split("/")

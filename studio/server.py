@@ -158,8 +158,9 @@ class Studio:
         window.address_of = self._guard.page.address_of
         window.read()
         tabs = TabbedPanels(window, SESSION_TABS, "Steps", lambda: marks_of(window))
-        # The panels say what stands beside the photograph.
-        window.panels += [tabs, WarningsPanel(window), RunPanel(window), PhotographView(window), SpatialView(window)]
+        # The tabs say what stands beside the photograph; what tells of files comes after what is looked at.
+        warnings, run = WarningsPanel(window), RunPanel(window)
+        window.panels += [tabs, PhotographView(window), SpatialView(window), warnings, run]
         window.open_tab(window.tab)
 
     def _new_desk(self) -> Desk:

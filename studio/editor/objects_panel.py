@@ -84,8 +84,9 @@ class ObjectsPanel:
         self._add(f"add {name}", name, built_in(name))
 
     def _add(self, label: str, name: str, mesh: ObjectMesh) -> None:
-        if self._window.change(label, lambda scene: edits.added(scene, name, mesh)):
-            self._window.select("object", len(self._window.scene.objects) - 1)
+        # It is the last one, and selected as it comes: a large mesh is sent once.
+        self._window.picked, self._window.object = "object", len(self._window.scene.objects)
+        self._window.change(label, lambda scene: edits.added(scene, name, mesh))
 
     def _change_place(self, **said: tuple[float, float, float]) -> None:
         ((key, value),) = said.items()
