@@ -11,7 +11,7 @@ import pytest
 
 from studio.editor.placement import rotation_of
 
-PATIENCE_S, PRESS_AGAIN_S = 60, 10
+PATIENCE_S, PRESS_AGAIN_S = 240, 10
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
