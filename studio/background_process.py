@@ -4,17 +4,17 @@ import re
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 from scene.errors import SceneError
 from scene.rooms import ROOT
-from studio.browser_window import BrowserWindow
-from studio.widgets import plain
 
 LINES = 8
 """The last ones that are shown."""
+MOST_AT_WORK = 4
+"""Processes of a studio at a time."""
 
 
 class BackgroundProcess:
@@ -64,82 +64,66 @@ def _fault(lines: list[str]) -> str:
     return "\n".join(lines[starts[-1] :] if starts else lines[-12:]).removeprefix("rgbn: ")
 
 
-class WorkButtons:
-    """Buttons that begin work in a process, one work at a time; one that stops it, a bar and what it says.
+class Work:
+    """One piece of work in a process, as it stands: whoever looks at it is told of each change.
 
-    works: By the words on a button, what returns the process' arguments; it raises SceneError where it cannot be begun.
-    ended: Called where it ended well. idle: Called whenever nothing is at work any more.
+    said: What it said last. share: How much of what it is at is done, 0 to 1.
+    fault: Why it ended badly. watchers: Called, in whatever thread, when something changed.
     """
 
-    def __init__(
-        self, window: BrowserWindow, works: Mapping[str, Callable[[], Sequence[str]]], ended: Callable[[], Any],
-        idle: Callable[[], Any] = lambda: None,
-    ) -> None:  # fmt: skip
-        self._window, self._label, self._ended, self._idle = window, "", ended, idle
-        gui = window.client.gui
-        self._starts = [
-            window.button(label, partial(self._start, label, begin), color="green") for label, begin in works.items()
-        ]
-        self._stop = window.button("Stop", self._halt, color="red", disabled=True)
-        self._bar = gui.add_progress_bar(0, visible=False)
-        self.text = gui.add_markdown("")
-        self._process: BackgroundProcess | None = None
-        self._said: list[str] = []
-        window.on_close(lambda: self._process and self._process.stop())
+    def __init__(self, label: str, arguments: Sequence[str]) -> None:
+        self.label, self.said, self.share = label, list[str](), 0.0
+        self.fault, self.is_over, self.is_stopped = "", False, False
+        self.watchers: list[Callable[[], Any]] = []
+        self._process = BackgroundProcess(arguments, self._tell, self._end)
 
-    @property
-    def is_busy(self) -> bool:
-        return self._process is not None
-
-    def check_idle(self) -> None:
-        """Raise SceneError while something is at work."""
-        if self.is_busy:
-            raise SceneError(f"{self._label}: it is at work. Stop it first, or wait.")
-
-    def disable(self, is_disabled: bool) -> None:
-        """Let nothing be begun, or let it again."""
-        for button in self._starts:
-            button.disabled = is_disabled
-
-    def _start(self, label: str, begin: Callable[[], Sequence[str]]) -> None:
-        self.check_idle()
-        arguments, post, self._label = begin(), self._window.post, label
-        self._said, self._bar.value, self.text.content = [], 0, "At work ..."
-        self._process = BackgroundProcess(
-            arguments, lambda line: post(lambda: self._tell(line)), lambda fault: post(lambda: self._end(fault))
-        )
-        self._show()
+    def stop(self) -> None:
+        """End it."""
+        self.is_stopped = self.is_over = True
+        self._process.stop()
+        self._changed()
 
     def _tell(self, line: str) -> None:
-        if not self.is_busy:
-            return
         if count := re.search(r": (\d+) of (\d+)", line):
-            self._bar.value = 100 * int(count[1]) / max(int(count[2]), 1)
+            self.share = int(count[1]) / max(int(count[2]), 1)
             # A count takes the place of the one before it.
-            self._said = [text for text in self._said if not text.startswith(line[: count.start(1)])]
-        self._said = [*self._said, line][-LINES:]
-        self.text.content = "\n".join(f"- {plain(text)}" for text in self._said)
+            self.said = [text for text in self.said if not text.startswith(line[: count.start(1)])]
+        self.said = [*self.said, line][-LINES:]
+        self._changed()
 
     def _end(self, fault: str) -> None:
-        self._rest()
-        if fault:
-            self.text.content = f"**Stopped by a fault.** {plain(fault)}"
-            self._window.show_fault(fault)
-        else:
-            self._ended()
+        self.fault, self.is_over = fault, True
+        self._changed()
 
-    def _halt(self) -> None:
-        if self._process is not None:
-            self._process.stop()
-            self._rest()
-            self.text.content = f"Stopped. What is done is kept; **{self._label}** goes on from there."
+    def _changed(self) -> None:
+        for tell in list(self.watchers):
+            tell()
 
-    def _rest(self) -> None:
-        self._process = None
-        self._show()
-        self._idle()
 
-    def _show(self) -> None:
-        self.disable(self.is_busy)
-        self._bar.visible = self.is_busy
-        self._stop.disabled = not self.is_busy
+class Works:
+    """What is at work in a studio, by the folder that it writes: it goes on when the page that began it is closed."""
+
+    def __init__(self) -> None:
+        self._works: dict[Any, Work] = {}
+        self._lock = threading.Lock()
+
+    def of(self, folder: Path) -> Work | None:
+        """Return what writes a folder, or wrote it last."""
+        return self._works.get(folder)
+
+    def begin(self, folder: Path, label: str, arguments: Sequence[str]) -> Work:
+        """Begin something. Raises SceneError: the folder is being written, or too much is at work."""
+        with self._lock:
+            busy = [work for work in self._works.values() if not work.is_over]
+            if (known := self._works.get(folder)) in busy and known is not None:
+                raise SceneError(f"{folder.name}: {known.label} is at work. Stop it first, or wait.")
+            if len(busy) >= MOST_AT_WORK:
+                raise SceneError(f"{len(busy)} things are at work, the most at a time. Wait for one, or stop one.")
+            self._works[folder] = work = Work(label, arguments)
+        return work
+
+    def stop_all(self) -> None:
+        """End everything."""
+        for work in list(self._works.values()):
+            if not work.is_over:
+                work.stop()

@@ -13,10 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from scene.errors import SceneError
+from studio.desk import Area, Desk
 from studio.editor.preview import Preview
+from studio.history import History
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
+KINDS = {"main": "blue", "other": "gray", "danger": "red"}
+"""Colours of buttons: the one that a tab is for, others, and those that destroy; `page/studio.css` makes them plain."""
 MOST_WAITING = 1000
 """Things that a browser has said and that are not done yet. A person cannot be that far ahead."""
 
@@ -28,8 +32,17 @@ class BrowserWindow:
     the steps and a calibration have threads or processes of their own, which come back by `post`.
     """
 
-    def __init__(self, client: Any, workspace: Workspace, preview: Preview) -> None:
+    area: Area = "Open"
+    is_flat = False
+    """Whether a photograph is shown, which is moved and not turned."""
+    report = ""
+    """Address of the report that lies over the view."""
+
+    def __init__(self, client: Any, workspace: Workspace, preview: Preview, desk: Desk | None = None) -> None:
         self.client, self.workspace, self.preview = client, workspace, preview
+        self.desk = desk or Desk()
+        self.turn: Callable[[], Any] = lambda: None
+        """Shows the desk's area in this browser, in another window."""
         self.panels: list[Any] = []
         """What is shown: each has a `refresh`."""
         self._thread = ThreadPoolExecutor(1, thread_name_prefix=f"window {client.client_id}")
@@ -52,6 +65,44 @@ class BrowserWindow:
 
     def _refresh_panels(self) -> None:
         raise NotImplementedError
+
+    @property
+    def tab(self) -> str:
+        """The tab that is open."""
+        return self.desk.tabs.get(self.area, "")
+
+    @tab.setter
+    def tab(self, name: str) -> None:
+        self.desk.tabs[self.area] = name
+
+    def open_tab(self, name: str) -> None:
+        """Turn to a tab."""
+        self.tab = name
+        self.refresh()
+
+    def go(self, area: Area) -> None:
+        """Turn to another area."""
+        self.desk.area = area
+        self.turn()
+
+    @property
+    def history(self) -> History[Any] | None:
+        """What can be undone; None: nothing can be changed here."""
+        return None
+
+    def restore(self, history: History[Any]) -> None:
+        """Take a state of the past, or of the future, and show it."""
+        raise NotImplementedError
+
+    def undo(self) -> None:
+        """Take the last change back."""
+        if self.history is not None:
+            self.restore(self.history.undone())
+
+    def redo(self) -> None:
+        """Make the change again that was taken back last."""
+        if self.history is not None:
+            self.restore(self.history.redone())
 
     def attempt(self, work: Callable[[], Any]) -> bool:
         """Do something, unless the browser is gone; tell what was at fault, if anything was, and live on."""
@@ -142,9 +193,9 @@ class BrowserWindow:
 
         listen(_)
 
-    def button(self, label: str, use: Callable[[], Any], **look: Any) -> Any:
-        """Add a button that calls `use`. Return the handle."""
-        handle = self.client.gui.add_button(label, **look)
+    def button(self, label: str, use: Callable[[], Any], kind: str = "other", **look: Any) -> Any:
+        """Add a button that calls `use`; kind: a key of `KINDS`. Return the handle."""
+        handle = self.client.gui.add_button(label, color=KINDS[kind], **look)
         self.on(handle.on_click, use)
         return handle
 

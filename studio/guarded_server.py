@@ -25,6 +25,7 @@ from websockets.asyncio.server import ServerConnection, serve
 
 from lab.progress import say
 from studio.messages import HEARD, Kind, Unfit, check_value, fits
+from studio.served_page import ServedPage
 from studio.workspace import MOST_UPLOAD
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -70,6 +71,7 @@ class GuardedServer:
         from viser import _messages
 
         self._host, self._protocol = host, f"viser-v{viser.__version__}"
+        self.page = ServedPage()
         self._answer: Callable[..., Any] | None = None
         self._heard = {name: msgspec.msgpack.Decoder(getattr(_messages, name)) for name in HEARD}
         self.connections: dict[Connection, None] = {}
@@ -110,7 +112,8 @@ class GuardedServer:
             text = f"rgbn studio: {MOST_WINDOWS} windows are open, the most at a time. Close one, and load this page.\n"
             return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, text)
         try:
-            return self._answer(connection, request)
+            own = None if connection.is_window else self.page.answer(request.path)
+            return own or self._answer(connection, request)
         except (OSError, ValueError):
             return connection.respond(HTTPStatus.NOT_FOUND, "rgbn studio: there is no such page.\n")
 

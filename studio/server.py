@@ -4,14 +4,15 @@ import contextlib
 import io
 import threading
 from collections import deque
-from pathlib import Path
+from dataclasses import replace
 from typing import Any
 
 from scene.errors import SceneError
+from studio.background_process import Works
 from studio.browser_window import BrowserWindow
+from studio.desk import Desk
 from studio.editor.camera_panel import CameraPanel, PreviewPanel
-from studio.editor.editor_window import EditorWindow, History, begun
-from studio.editor.edits import start_scene
+from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
 from studio.editor.lights_panel import LightsPanel
 from studio.editor.materials_panel import MaterialsPanel
@@ -19,66 +20,58 @@ from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.preview import Preview
 from studio.editor.scene_view import SceneView
 from studio.guarded_server import GuardedServer
+from studio.header import Header
+from studio.history import History
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
 from studio.new_session.found_panel import FoundPanel
-from studio.new_session.looking import Looking
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
-from studio.new_session.write_panel import WritePanel
-from studio.results.panel import ResultsPanel
+from studio.new_session.write_panel import TextPanel, WritePanel
+from studio.open_window import OpenPanel, OpenWindow
 from studio.review.balls_panel import BallsPanel
-from studio.review.frames_panel import FramesPanel, WarningsPanel
-from studio.review.hemisphere import HemispherePanel
+from studio.review.frames_panel import FramesPanel, WarningsPanel, marks_of
+from studio.review.light_sigmas import LightSigmas
 from studio.review.photograph_view import PhotographView
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
 from studio.review.scan_panel import ScanPanel
+from studio.review.solve_panel import SolvePanel
 from studio.review.spatial_view import SpatialView
 from studio.review.twin_panel import TwinPanel
+from studio.review.verdict_panel import VerdictPanel
+from studio.tabs import TabbedPanels
 from studio.workspace import Workspace
 from twin.description.description import TwinScene
 
-EDITOR_TABS = {"Objects": ObjectsPanel, "Material": MaterialsPanel, "Lights": LightsPanel, "Camera": CameraPanel,
-               "File": FilesPanel}  # fmt: skip
-REVIEW_TABS = {"Frames": FramesPanel, "Balls": BallsPanel, "Lights": HemispherePanel, "Scan": ScanPanel,
-               "Twin": TwinPanel, "Results": ResultsPanel, "Warnings": WarningsPanel, "Run": RunPanel}  # fmt: skip
+SCENE_TABS = {"Objects": ObjectsPanel, "Material": MaterialsPanel, "Lights": LightsPanel, "Camera": CameraPanel,
+              "Dataset": FilesPanel}  # fmt: skip
+SESSION_TABS = {"Capture": FramesPanel, "Balls": BallsPanel, "Lights": LightSigmas, "Scan": ScanPanel,
+                "Solve": SolvePanel, "Twin": TwinPanel, "Verdict": VerdictPanel}  # fmt: skip
 NEW_SESSION_TABS = {"Balls": DiametersPanel, "Photographs": PhotographsPanel, "Camera": LensPanel,
-                    "Object": ObjectPanel, "Write": WritePanel}  # fmt: skip
+                    "Object": ObjectPanel, "session.toml": TextPanel}  # fmt: skip
 WARM = -1
 """The window of nobody."""
 MOST_LEFT = 8
-"""Scenes of closed windows that wait for the next ones."""
+"""Desks of closed windows that wait for the next ones."""
 
 
 class Studio:
     """A server that runs until it is closed.
 
     port: 0: one that is free.
-    scene: What each browser begins with; None: a new scene.
-    folder: Of that scene.
-    review: An output folder and its session (None: the one that it names), to be reviewed instead of a scene.
-    looking: Folders without session.toml, in which sessions are begun instead.
+    desk: What each browser begins with; None: with nothing opened.
     Raises SceneError: the port is taken, or the address is none of this machine's.
     Who may speak to it, and what may be said, is `guarded_server`'s matter.
     """
 
     def __init__(
-        self,
-        workspace: Workspace,
-        *,
-        host: str = "127.0.0.1",
-        port: int = 8080,
-        scene: TwinScene | None = None,
-        folder: Path | None = None,
-        review: tuple[Path, Path | None] | None = None,
-        looking: Looking | None = None,
+        self, workspace: Workspace, *, host: str = "127.0.0.1", port: int = 8080, desk: Desk | None = None
     ) -> None:
         _check_free(host, port)
-        self._looking = looking
-        self._workspace, self._scene, self._folder, self._review = workspace, scene, folder, review
+        self._workspace, self._first, self._works = workspace, desk or Desk(), Works()
         self._windows: dict[int, BrowserWindow] = {}
         self._adding = threading.Semaphore(2)
-        self._left: deque[History] = deque(maxlen=MOST_LEFT)
+        self._left: deque[Desk] = deque(maxlen=MOST_LEFT)
         with contextlib.redirect_stdout(io.StringIO()):
             self._guard = GuardedServer(host, port, label="rgbn studio", verbose=False)
         self._server = self._guard.server
@@ -88,9 +81,7 @@ class Studio:
         self._server.scene.configure_default_lights(cast_shadow=False)
         self._server.gui.configure_theme(show_logo=False, show_share_button=False)
         self.preview = Preview()
-        # Kernels are compiled before the first browser waits for them.
-        if review is None and looking is None:
-            self.preview.request(WARM, scene or start_scene(), 0, lambda drawn: self.preview.forget(WARM))
+        self._is_warm = False
         self._server.on_client_connect(self._come)
         self._server.on_client_disconnect(self._go)
 
@@ -113,6 +104,7 @@ class Studio:
             window.close()
         for window in windows:
             window.wait()
+        self._works.stop_all()
         self.preview.close()
         with contextlib.redirect_stdout(io.StringIO()):
             self._server.stop()
@@ -120,7 +112,14 @@ class Studio:
     def _come(self, client: Any) -> None:
         if client.client_id not in self._server.get_clients():
             return  # Windows that come and go faster than they get panels leave nothing.
-        self._put(client, self._window_for(client))
+        try:
+            desk = self._left.pop()
+        except IndexError:
+            desk = self._new_desk()
+        window = self._window_for(client, desk)
+        if desk.has_work:
+            window.notify("The work of the window that was closed last", "What was not saved is here as it was.")
+        self._put(client, window)
 
     def _put(self, client: Any, window: BrowserWindow) -> None:
         self._windows[client.client_id] = window
@@ -134,72 +133,77 @@ class Studio:
         with self._adding:
             if window.is_gone:
                 return
+            # Before anything that may fail: from a folder that cannot be read there is a way out.
+            window.panels.append(Header(window))
+            window.panels[0].refresh()
+            window.client.gui.main_panel.dock_right()
+            window.client.gui.main_panel.set_width(430)
             if isinstance(window, ReviewWindow):
-                window.read()
-                _add_tabs(window, REVIEW_TABS, width=480)
-                # The twin's panel says what stands beside the photograph.
-                views: tuple[Any, ...] = (PhotographView, SpatialView)
+                self._furnish_session(window)
             elif isinstance(window, NewSessionWindow):
                 window.panels.append(FoundPanel(window))
-                window.tabs = _add_tabs(window, NEW_SESSION_TABS, width=480, visible=False)
-                views = (PhotographsView,)
-            else:
-                assert isinstance(window, EditorWindow)
+                tabs = TabbedPanels(window, NEW_SESSION_TABS, "Capture", when=lambda: window.capture is not None)
+                window.panels += [tabs, WritePanel(window), PhotographsView(window)]
+            elif isinstance(window, EditorWindow):
                 window.list_files()
-                window.panels.append(PreviewPanel(window))
-                _add_tabs(window, EDITOR_TABS, width=340)
-                views = (SceneView,)
-            if not window.is_gone:
-                window.panels += [view(window) for view in views]
-                window.refresh()
+                window.panels += [TabbedPanels(window, SCENE_TABS, "Scene"), PreviewPanel(window), SceneView(window)]
+            else:
+                window.panels.append(OpenPanel(window))  # type: ignore[arg-type]
             if isinstance(window, NewSessionWindow):
                 window.open(window.files)
+            else:
+                window.refresh()
 
-    def _window_for(self, client: Any) -> BrowserWindow:
-        place, looking = (client, self._workspace, self.preview), self._looking
-        review = self._review or (looking and looking.only_session)
-        if review:
-            return ReviewWindow(*place, *review)
-        if looking is not None:
-            return NewSessionWindow(*place, looking, lambda *review: self._turn(client, ReviewWindow(*place, *review)))
-        try:
-            history = self._left.pop()
-        except IndexError:
-            return EditorWindow(*place, begun(self._workspace, self._scene, self._folder))
-        window = EditorWindow(*place, history)
-        window.notify("The scene of the window that was closed last", "File, New scene: begins anew.")
+    def _furnish_session(self, window: ReviewWindow) -> None:
+        window.address_of = self._guard.page.address_of
+        window.read()
+        tabs = TabbedPanels(window, SESSION_TABS, "Steps", lambda: marks_of(window))
+        # The tabs say what stands beside the photograph; what tells of files comes after what is looked at.
+        warnings, run = WarningsPanel(window), RunPanel(window)
+        window.panels += [tabs, PhotographView(window), SpatialView(window), warnings, run]
+        window.open_tab(window.tab)
+
+    def _new_desk(self) -> Desk:
+        first = self._first
+        scene = first.scene and History(replace(first.scene.state, document=replace(first.scene.state.document)))
+        return replace(first, tabs={}, captures={}, sittings={}, scene=scene, works=self._works)
+
+    def _window_for(self, client: Any, desk: Desk) -> BrowserWindow:
+        place, window = (client, self._workspace, self.preview), None
+        if desk.area == "Session" and desk.review is not None:
+            window = ReviewWindow(*place, *desk.review, desk)
+        elif desk.area == "New session" and desk.looking is not None:
+            window = NewSessionWindow(*place, desk.looking, desk)
+        elif desk.area == "Scene":
+            window = EditorWindow(*place, desk.scene or begun(self._workspace, None, None), desk)
+            self._warm(window.scene)
+        window = window or OpenWindow(*place, desk)
+        window.turn = lambda: self._turn(client, desk)
         return window
 
-    def _turn(self, client: Any, window: BrowserWindow) -> None:
-        """Show a browser this window instead of its own."""
+    def _warm(self, scene: TwinScene) -> None:
+        """Have kernels compiled while the panels are made."""
+        if not self._is_warm:
+            self._is_warm = True
+            self.preview.request(WARM, scene, 0, lambda drawn: self.preview.forget(WARM))
+
+    def _turn(self, client: Any, desk: Desk) -> None:
+        """Show a browser its desk's area, in another window."""
         if client.client_id in self._windows:
             self._windows[client.client_id].close()
             client.gui.reset()
             client.scene.reset()
-            self._put(client, window)
+            self._put(client, self._window_for(client, desk))
 
     def _go(self, client: Any) -> None:
-        """Close the window of a browser that went away; its scene waits for the next that comes, as after a reload."""
+        """Close the window of a browser that went away; its desk waits for the next that comes, as after a reload."""
         window = self._windows.pop(client.client_id, None)
         if window is None:
             return
-        if isinstance(window, EditorWindow) and (window.history.past or window.history.future):
-            self._left.append(window.history)
+        first = self._first
+        if window.desk.has_work or (window.desk.area, window.desk.review) != (first.area, first.review):
+            self._left.append(window.desk)
         window.close()
-
-
-def _add_tabs(window: BrowserWindow, panels: dict[str, Any], *, width: int, visible: bool = True) -> Any:
-    """Add panels by the words on their tabs, in the order in which they are refreshed; return the group of tabs."""
-    gui = window.client.gui
-    tabs = gui.add_tab_group(visible=visible)
-    for label, panel in panels.items():
-        if window.is_gone:
-            return tabs
-        with tabs.add_tab(label):
-            window.panels.append(panel(window))
-    gui.main_panel.dock_right()
-    gui.main_panel.set_width(width)
-    return tabs
 
 
 def _check_free(host: str, port: int) -> None:

@@ -13,9 +13,8 @@ def studio(
     source: Annotated[
         Path | None,
         Parameter(
-            help="A scene description, .toml, in the workspace; what `rgbn process` has made of a session, or that "
-            "session, to be reviewed; or a folder of photographs without session.toml, to begin a session. Default: a "
-            "new scene."
+            help="A folder of photographs, a session, what `rgbn process` has made of one, or a scene description, "
+            ".toml, in the workspace. Default: a page on which one is chosen."
         ),
     ] = None,
     /,
@@ -26,20 +25,20 @@ def studio(
     workspace: Annotated[Path, Parameter(help="Folder that the studio reads and writes, and no other.")] = Path("."),
     port: Annotated[int, Parameter(help="0: one that is free.")] = 8080,
     host: Annotated[str, Parameter(help="Who can reach it; 127.0.0.1: this machine alone.")] = "127.0.0.1",
+    browser: Annotated[bool, Parameter(help="Open it in the system's browser.")] = True,
 ) -> None:
-    """In the browser: begin a session, review its frames, balls and lights; or make datasets from models."""
+    """In the browser, from a folder of photographs to the verdict; or from models to a dataset."""
     import ctypes
     import threading
     import warnings
+    import webbrowser
 
-    from capture.survey.folder_files import survey
     from lab.progress import say
-    from lab.session_place import is_output, is_session
+    from studio.desk import Desk
     from studio.guarded_server import LOOPBACK
-    from studio.new_session.looking import Looking
+    from studio.opening import lay
     from studio.server import Studio
     from studio.workspace import Workspace
-    from twin.description.description_file import read_scene
 
     # viser's, of each place that still writes when its window is closed.
     warnings.filterwarnings("ignore", message="Queued a .* on a closed connection")
@@ -47,25 +46,18 @@ def studio(
     if hasattr(ctypes.CDLL(None), "mallopt"):
         ctypes.CDLL(None).mallopt(M_ARENA_MAX, 2)
     place = Workspace.at(workspace)
-    scene = folder = review = looking = None
-    if source is not None and source.is_dir() and not is_output(source) and not is_session(source):
-        looking = Looking(survey(source), out)
-        for one in looking.folders:
-            place.path(looking.out_of(one.folder))
-    elif source is not None and source.is_dir():
-        from studio.review.folder import found_at
-
-        output, session = found_at(source, out)
-        review = place.path(output), session
-    elif source is not None:
-        path = place.description(str(source.resolve()))
-        scene, folder = read_scene(path), path.parent if path.name == "scene.toml" else None
-    running = Studio(place, host=host, port=port, scene=scene, folder=folder, review=review, looking=looking)
+    desk = Desk()
+    if source is not None:
+        lay(desk, place, source, out)
+    running = Studio(place, host=host, port=port, desk=desk)
     say(f"studio: {running.address}   workspace {place.root}   Ctrl-C ends it")
     if host not in LOOPBACK:
         say(
             "warning: whoever reaches this address can read and write the workspace; there is no password.", always=True
         )
+    if browser:
+        # Where the system has none, the address that was printed does.
+        webbrowser.open(running.address)
     try:
         threading.Event().wait()
     finally:

@@ -15,7 +15,7 @@ from scene.reading import reading, text_of
 
 MESHES = (".ply", ".obj", ".stl", ".off", ".glb")
 PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
-SCENES, LIGHTS = (".toml",), "lights.json"
+LIGHTS = "lights.json"
 MOST_FILES = 300
 """That a list shows; more would only be scrolled through."""
 MOST_WALKED = 20_000
@@ -33,7 +33,6 @@ class Listing:
 
     models: tuple[str, ...] = ()
     pictures: tuple[str, ...] = ()
-    scenes: tuple[str, ...] = ()
     sessions: tuple[str, ...] = ()
     is_cut: bool = False
     """There is more than is listed."""
@@ -90,7 +89,7 @@ class Workspace:
 
     def listing(self) -> "Listing":
         """Return what there is to choose from; hidden folders, links and the frames of renderings are left out."""
-        kinds = {"models": MESHES, "pictures": PICTURES, "scenes": SCENES}
+        kinds = {"models": MESHES, "pictures": PICTURES}
         found: dict[str, list[str]] = {kind: [] for kind in (*kinds, "sessions")}
         is_cut = False
         for number, path in enumerate(self._walk(self.root, depth=4)):

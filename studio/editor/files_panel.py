@@ -1,17 +1,15 @@
-"""The panel of the files: open, save, undo; export for Mitsuba, render here with a progress bar and a stop button."""
+"""The panel of the files: save; export for Mitsuba, render with a progress bar and a stop button, solve."""
 
 from dataclasses import replace
 from pathlib import Path
 
+from scene.current import file_digest
 from scene.errors import SceneError
-from studio.background_process import WorkButtons
-from studio.editor.editor_window import Document, EditorWindow
+from studio.editor.editor_window import FILE, Document, EditorWindow
 from studio.editor.edits import start_scene
 from studio.own_files import put_own
 from studio.widgets import code, plain
-
-NONE = "(no scene in the workspace)"
-FILE = "scene.toml"
+from studio.work_buttons import WorkButtons
 
 
 class FilesPanel:
@@ -20,28 +18,30 @@ class FilesPanel:
     def __init__(self, window: EditorWindow) -> None:
         self._window, gui = window, window.client.gui
         with gui.add_folder("Scene"):
-            self._undo = window.button("Undo", window.undo)
-            self._redo = window.button("Redo", window.redo)
-            self._document = window.history.document
+            self._document = window.history.state.document
             self._name = gui.add_text("name", self._document.name, hint="Folder in the workspace")
             window.button("Save scene", lambda: window.notify("Saved", window.workspace.name(self._save())))
-            self._file = gui.add_dropdown("scene", (NONE,))
-            window.button("Open scene", self._open)
             window.button("New scene", self._new)
             window.button("Look for files again", self._look)
         with gui.add_folder("Dataset"):
             window.button("Export for Mitsuba", self._export)
-            self._work = WorkButtons(window, {"Render dataset": self._render}, self._rendered)
+            self._work = WorkButtons(window, "Render dataset", lambda: self._dataset, self._render, self._rendered)
+            self._solve = window.button("Solve", self._to_session, kind="main", visible=False)
 
     def refresh(self) -> None:
-        """Show what can be taken back, where the scene is saved to, and what can be opened."""
-        history = self._window.history
-        if history.document is not self._document:
-            self._document, self._name.value = history.document, history.document.name
-        self._file.options = self._window.listing.scenes or (NONE,)
-        self._undo.disabled, self._redo.disabled = not history.past, not history.future
-        self._undo.label = f"Undo: {history.past[-1][0]}" if history.past else "Undo"
-        self._redo.label = f"Redo: {history.future[0][0]}" if history.future else "Redo"
+        """Show where the scene is saved to, and whether it is rendered."""
+        document = self._window.history.state.document
+        if document is not self._document:
+            self._document, self._name.value = document, document.name
+        is_made = self._dataset.is_dir() and not self._work.is_busy
+        self._work.refresh("Render dataset", is_main=not is_made)
+        self._solve.visible = is_made
+
+    @property
+    def _dataset(self) -> Path:
+        """Where the scene's dataset is rendered to."""
+        folder = self._window.history.state.document.folder
+        return (folder or self._window.workspace.root / "not saved yet") / "dataset"
 
     def _look(self) -> None:
         self._window.list_files()
@@ -52,31 +52,23 @@ class FilesPanel:
         from twin.description.description_check import check_scene
         from twin.description.description_writer import write_scene
 
-        window, document, name = self._window, self._window.history.document, self._name.value
+        window, document, name = self._window, self._window.history.state.document, self._name.value
         own = document.folder
         # The workspace itself may be a scene's folder only where the scene was opened from there.
         folder = own if own and name.strip() == window.workspace.name(own) else window.workspace.folder_for(name)
         if (folder / FILE).exists() and folder != own:
             raise SceneError(f"{name}: holds another scene already. Open that first, or choose another name.")
+        if folder == own and document.digest != file_digest(folder / FILE):
+            raise SceneError(
+                f"{name}: was saved elsewhere, or removed, since it was opened here. Save under another name, or open "
+                "it again."
+            )
         scene = replace(window.scene, name=window.scene.name if folder == window.workspace.root else folder.name)
         check_scene(scene)
         put_own(window.workspace.closed(folder), lambda place: write_scene(scene, place))
-        document.name, document.folder = name, folder
+        document.name, document.folder, document.digest = name, folder, file_digest(folder / FILE)
         self._look()
         return folder / FILE
-
-    def _open(self) -> None:
-        from twin.description.description_file import read_scene
-
-        if self._file.value == NONE:
-            self._look()
-            return
-        path = self._window.workspace.description(self._file.value)
-        scene = read_scene(path)
-        # Another file than the studio's own is not written over.
-        own = path.name == FILE
-        name = self._window.workspace.name(path.parent if own else path.with_suffix(""))
-        self._window.restart(f"open {name}", scene, Document(name, path.parent if own else None))
 
     def _new(self) -> None:
         scene = start_scene()
@@ -96,11 +88,17 @@ class FilesPanel:
 
     def _render(self) -> list[str]:
         path = self._save()
-        self._out = path.parent / "dataset"
-        return ["-m", "studio.editor.rendering", str(path), str(self._out)]
+        return ["-m", "studio.editor.rendering", str(path), str(path.parent / "dataset")]
 
     def _rendered(self) -> None:
-        where = self._window.workspace.name(self._out)
-        self._work.text.content = f"Rendered into {code(where)}. Solve it with {code(f'rgbn process {where}')}."
+        where = self._window.workspace.name(self._dataset)
+        self._work.text.content = f"Rendered into {code(where)}, a session. **Solve** goes the whole way to its report."
         self._window.notify("Rendered", where)
         self._look()
+
+    def _to_session(self) -> None:
+        """Go to the dataset as a session, and begin the steps."""
+        window, dataset = self._window, self._dataset
+        out = window.workspace.closed(window.workspace.path(dataset.parent / "results"))
+        window.desk.show_session(out, dataset, tab="Verdict", run="compare")
+        window.turn()

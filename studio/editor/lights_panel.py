@@ -43,7 +43,7 @@ class LightsPanel:
             add("distance", "number", "distance, mm", 800.0, min=1.0, step=10.0)
             add("radius", "number", "radius, mm", 0.0, min=0.0, step=1.0, hint="0: a point")
             add("session", "dropdown", "session", (NONE,))
-            window.button("Replace the lights", lambda: self._make(edits.with_lights))
+            window.button("Replace the lights", lambda: self._make(edits.with_lights), kind="main")
             window.button("Add to the lights", lambda: self._make(edits.with_more_lights))
             for name in ("kind", "near"):
                 window.on_input(self._group[name], lambda value: self._show_inputs())
@@ -53,11 +53,11 @@ class LightsPanel:
             self._intensity = gui.add_vector3("intensity", (1.0, 1.0, 1.0), min=(0.0, 0.0, 0.0), step=0.05)
             window.on_input(self._place, self._move)
             window.on_input(self._intensity, lambda value: self._edit("intensity", edits.with_intensity, value))
-            window.button("Remove light", lambda: self._edit("remove", edits.without_light))
+            window.button("Remove light", lambda: self._edit("remove", edits.without_light), kind="danger")
         with gui.add_folder("Environment"):
             self._around.add("ambient", "vector3", "ambient", (0.0, 0.0, 0.0), min=(0.0, 0.0, 0.0), step=0.01)
             self._map = gui.add_dropdown("map", (NONE,), hint="Latitude and longitude, from the workspace")
-            window.on_upload(gui.add_upload_button("Send a map from here"), self._choose_map)
+            window.on_upload(gui.add_upload_button("Send a map from here", color="gray"), self._choose_map)
             self._around.add("scale", "number", "times", 1.0, min=0.0, step=0.1)
             self._around.add("rotate_deg", "slider", "turned, deg", min=-180, max=180, step=1, initial_value=0)
             window.on_input(self._map, self._choose_map)

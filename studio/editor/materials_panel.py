@@ -49,7 +49,7 @@ class MaterialsPanel:
         linear = {"min": (0.0, 0.0, 0.0), "max": (1.0, 1.0, 1.0), "step": 0.01, "hint": "Linear: R, G, B"}
         add("reflectance", "vector3", "reflectance", GRAY, **linear)
         self._picture = gui.add_dropdown("picture", (COLOUR,), hint="A texture from the workspace")
-        window.on_upload(gui.add_upload_button("Send a texture from here"), self._choose_picture)
+        window.on_upload(gui.add_upload_button("Send a texture from here", color="gray"), self._choose_picture)
         add("roughness", "slider", "roughness", min=0.01, max=1.0, step=0.01, initial_value=0.1)
         add("distribution", "dropdown", "facets", get_args(Distribution), hint="GGX: a halo; Beckmann: a Gaussian")
         add("specularity", "slider", "specularity", min=0.0, max=1.0, step=0.01, initial_value=1.0)
@@ -60,7 +60,7 @@ class MaterialsPanel:
         self._path = gui.add_number("mean free path, mm", FIRST_PATH_MM, min=0.01, step=0.1)
         self._new = gui.add_text("new material", "")
         window.button("Add material", self._add, hint="A copy of this one, for this object")
-        window.button("Remove unused materials", lambda: window.change("tidy", _tidied))
+        window.button("Remove unused materials", lambda: window.change("tidy", _tidied), kind="danger")
         window.on_input(self._kind, lambda label: self._change(lambda was: of_kind(KINDS[label], was)))
         window.on_input(self._colour, self._set_colour)
         window.on_input(self._picture, self._choose_picture)

@@ -26,8 +26,8 @@ class ObjectsPanel:
         self._place = Inputs(window, self._change_place)
         with gui.add_folder("Add an object"):
             self._file = gui.add_dropdown("model", (NONE,), hint="Models in the workspace")
-            window.button("Load model", self._load)
-            upload = gui.add_upload_button("Send a model from here", mime_type=",".join(MESHES))
+            window.button("Load model", self._load, kind="main")
+            upload = gui.add_upload_button("Send a model from here", color="gray", mime_type=",".join(MESHES))
             window.on_upload(upload, self._load_file)
             self._shape = gui.add_dropdown("shape", SHAPES)
             window.button("Add shape", self._add_shape)
@@ -39,7 +39,7 @@ class ObjectsPanel:
             add("rotate_deg", "vector3", "turn, deg", (0.0, 0.0, 0.0), step=0.1, hint="About x, then y, then z")
             add("scale", "vector3", "scale", (1.0, 1.0, 1.0), step=0.001, hint="Along its own axes")
             self._size = gui.add_markdown("")
-            window.button("Remove object", lambda: self._edit("remove object", edits.removed))
+            window.button("Remove object", lambda: self._edit("remove object", edits.removed), kind="danger")
             window.button("Lights about the middle", lambda: window.change("centre", edits.centred))
         window.on_input(self._object, lambda name: window.select("object", self._names().index(name)))
         window.on_input(self._material, lambda name: self._edit(f"material of {window.object}", edits.assigned, name))
@@ -84,8 +84,9 @@ class ObjectsPanel:
         self._add(f"add {name}", name, built_in(name))
 
     def _add(self, label: str, name: str, mesh: ObjectMesh) -> None:
-        if self._window.change(label, lambda scene: edits.added(scene, name, mesh)):
-            self._window.select("object", len(self._window.scene.objects) - 1)
+        # It is the last one, and selected as it comes: a large mesh is sent once.
+        self._window.picked, self._window.object = "object", len(self._window.scene.objects)
+        self._window.change(label, lambda scene: edits.added(scene, name, mesh))
 
     def _change_place(self, **said: tuple[float, float, float]) -> None:
         ((key, value),) = said.items()

@@ -53,7 +53,7 @@ class DiametersPanel:
     def _say(self, **diameters: float) -> None:
         capture = self._window.need()
         known = {**capture.diameters_mm, **{kind: value or None for kind, value in diameters.items()}}
-        self._window.edit(replace(capture, diameters_mm=known))
+        self._window.edit(replace(capture, diameters_mm=known), "diameter")
 
     def _say_own(self, value: float) -> None:
         window, index = self._window, self._window.ball
@@ -61,7 +61,7 @@ class DiametersPanel:
             ball = window.outlines[index]
             is_own = value not in (0.0, window.need().diameters_mm.get(ball.kind))
             ball = replace(ball, diameter_mm=float(value) if is_own else None)
-            window.correct((*window.outlines[:index], ball, *window.outlines[index + 1 :]))
+            window.correct((*window.outlines[:index], ball, *window.outlines[index + 1 :]), "diameter")
 
     def _facts(self) -> str:
         window = self._window
@@ -125,7 +125,7 @@ class PhotographsPanel:
         window = self._window
         if window.photograph is not None:
             try:
-                window.edit(window.need().with_role(window.photograph, role))
+                window.edit(window.need().with_role(window.photograph, role), "use")
             finally:
                 window.refresh()
 
@@ -151,7 +151,9 @@ class LensPanel:
             handle.value, handle.disabled = getattr(capture.draft.lens, name) or 0.0, capture.draft.board is not None
 
     def _say(self, **lens: float) -> None:
-        self._window.edit(self._window.need().with_lens(**{name: value or None for name, value in lens.items()}))
+        self._window.edit(
+            self._window.need().with_lens(**{name: value or None for name, value in lens.items()}), "lens"
+        )
 
 
 class ObjectPanel:
@@ -189,7 +191,7 @@ class ObjectPanel:
     def _take(self, **chosen: str) -> None:
         ((name, value),) = chosen.items()
         path, capture = self._paths[name].get(value), self._window.need()
-        self._window.edit(capture.with_scan(path) if name == "scan" else capture.with_draft(**{name: path}))
+        self._window.edit(capture.with_scan(path) if name == "scan" else capture.with_draft(**{name: path}), name)
 
     def _measure(self, unit: Any) -> None:
-        self._window.edit(replace(self._window.need(), unit=None if unit == BY_SIZE else unit))
+        self._window.edit(replace(self._window.need(), unit=None if unit == BY_SIZE else unit), "unit")

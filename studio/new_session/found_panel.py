@@ -16,14 +16,13 @@ class FoundPanel:
 
     def __init__(self, window: NewSessionWindow) -> None:
         self._window, gui = window, window.client.gui
-        gui.add_markdown("### New session")
         self._names = {_name(files.folder, window): files for files in window.looking.folders}
         if len(self._names) > 1:
-            gui.add_markdown("Several objects: each gets a session of its own. After a review, load this page again.")
+            gui.add_markdown("Several objects: each gets a session of its own.")
         self._object = gui.add_dropdown("object", tuple(self._names), visible=len(self._names) > 1)
         self._state = gui.add_markdown("")
         self._bar = gui.add_progress_bar(0, visible=False, animated=True)
-        self._open = window.button("Open its review", window.open_review, visible=False)
+        self._open = window.button("Open its session", window.open_session, kind="main", visible=False)
         window.on_input(self._object, lambda name: window.open(self._names[name]))
 
     def refresh(self) -> None:
@@ -59,7 +58,7 @@ def found_text(draft: Draft) -> str:
     lines = [f"{code(str(draft.folder))}", "", "| | |", "|---|---|"]
     lines += [f"| **{what}** | {plain(text)} |" for what, text in rows]
     count = len(notes_of(draft))
-    notes = f"⚠ {count} missing or assumed: see **Write**." if count else "Nothing is missing, nothing assumed."
+    notes = f"⚠ {count} missing or assumed: see **session.toml**." if count else "Nothing is missing, nothing assumed."
     return "\n".join([*lines, "", notes])
 
 

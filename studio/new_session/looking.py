@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from capture.survey.folder_files import FolderFiles
-from lab.session_place import MANIFEST, default_out
+from lab.session_place import default_out
 from scene.errors import SceneError
 from studio.new_session.found_capture import FoundCapture, look
 
@@ -17,27 +17,22 @@ Told = Callable[[int, int], Any]
 class Looking:
     """Folders, and what was found in those that somebody has asked for.
 
-    out: Output folder of the one session; None: out/NAME. Raises SceneError: there are several.
+    out: Output folder of the one session, or, with `is_parent`, the folder in which each has its own; None: out/NAME.
+    Raises SceneError: there are several, and one output folder.
     """
 
-    def __init__(self, folders: Sequence[FolderFiles], out: Path | None = None) -> None:
-        if out is not None and len(folders) > 1:
+    def __init__(self, folders: Sequence[FolderFiles], out: Path | None = None, *, is_parent: bool = False) -> None:
+        if out is not None and not is_parent and len(folders) > 1:
             raise SceneError(f"--out {out}: there are {len(folders)} objects, each with a folder of its own: out/NAME.")
-        self.folders, self._out = tuple(folders), out
+        self.folders, self._out, self._is_parent = tuple(folders), out, is_parent
         self._found: dict[Path, Future[FoundCapture]] = {}
         self._told: dict[Path, list[Told]] = {}
         self._lock = threading.Lock()
 
     def out_of(self, folder: Path) -> Path:
         """Return the output folder of a session."""
-        return (self._out or default_out(folder, folder.name)).resolve()
-
-    @property
-    def only_session(self) -> tuple[Path, Path] | None:
-        """The output folder and the session, where there is one folder and session.toml is there by now."""
-        folder = self.folders[0].folder
-        is_only = len(self.folders) == 1 and (folder / MANIFEST).exists()
-        return (self.out_of(folder), folder) if is_only else None
+        own = self._out / folder.name if self._out and self._is_parent else self._out
+        return (own or default_out(folder, folder.name)).resolve()
 
     def ask(self, files: FolderFiles, told: Told, done: Callable[["Future[FoundCapture]"], Any]) -> None:
         """Have a folder looked at, in a thread of its own.

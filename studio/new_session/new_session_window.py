@@ -1,7 +1,7 @@
 """One browser's window on a folder without session.toml: what was found there, as it is put right."""
 
-from collections.abc import Callable
 from concurrent.futures import Future
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,9 @@ from lab.session_place import MANIFEST
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
+from studio.desk import Desk
 from studio.editor.preview import Preview
+from studio.history import History
 from studio.new_session.edited_capture import EditedCapture, as_found
 from studio.new_session.found_capture import FoundCapture
 from studio.new_session.looking import Looking
@@ -25,31 +27,48 @@ from studio.photograph.plane import Plane
 from studio.workspace import Workspace
 
 
+@dataclass(frozen=True)
+class PutRight:
+    """A capture as a person has put it right, with the balls."""
+
+    capture: EditedCapture
+    outlines: Outlines
+
+
 class NewSessionWindow(PhotographWindow):
     """What a browser begins sessions in. Its panels call `edit` and `correct`.
 
-    looking: The folders that were named on the command line; what is written lies in one of them.
-    review: Called with an output folder and its session, to show them in this browser instead.
+    looking: The folders that were named; what is written lies in one of them.
     """
 
+    area = "New session"
+    is_flat = True
+
     def __init__(
-        self, client: Any, workspace: Workspace, preview: Preview, looking: Looking,
-        review: Callable[[Path, Path], Any],
-    ) -> None:  # fmt: skip
-        super().__init__(client, workspace, preview)
-        self.looking, self._review = looking, review
+        self, client: Any, workspace: Workspace, preview: Preview, looking: Looking, desk: Desk | None = None
+    ) -> None:
+        super().__init__(client, workspace, preview, desk)
+        self.looking = looking
         without = [files for files in looking.folders if not (files.folder / MANIFEST).exists()]
         self.files: FolderFiles = (without or looking.folders)[0]
-        self.capture: EditedCapture | None = None
         self.photograph: Path | None = None
         """The one that is shown; None: the mean of the flash frames."""
         self.state, self.share, self.is_looking = "", 0.0, False
         """What is being looked at and how much of it is done; or why nothing could be made of the folder."""
-        self.written: set[Path] = set()
-        """Folders whose session.toml was written here."""
-        self.tabs: Any = None
-        """What is of no use before something was found."""
-        self._others: dict[Path, tuple[EditedCapture, Outlines]] = {}
+
+    @property
+    def history(self) -> History[PutRight] | None:
+        """What was put right; None before the folder was looked at."""
+        return self.desk.captures.get(self.files.folder)
+
+    def keep(self, history: History[Any]) -> None:
+        """Lay what was put right on the desk."""
+        self.desk.captures[self.files.folder] = history
+
+    @property
+    def capture(self) -> EditedCapture | None:
+        """The capture, once it was looked at."""
+        return self.history.state.capture if self.history else None
 
     @property
     def plane(self) -> Plane | None:
@@ -76,15 +95,6 @@ class NewSessionWindow(PhotographWindow):
         """Where it is written."""
         return self.files.folder / MANIFEST
 
-    @property
-    def is_written(self) -> bool:
-        """Whether it was, from here."""
-        return self.files.folder in self.written
-
-    def _refresh_panels(self) -> None:
-        self.tabs.visible = self.capture is not None
-        super()._refresh_panels()
-
     def need(self) -> EditedCapture:
         """Return the capture. Raises SceneError: the folder was not looked at yet."""
         if self.capture is None:
@@ -92,24 +102,18 @@ class NewSessionWindow(PhotographWindow):
         return self.capture
 
     def open(self, files: FolderFiles) -> None:
-        """Look at a folder; what was put right in another one is kept."""
-        if self.capture is not None:
-            self._others[self.files.folder] = self.capture, self.outlines
-        self.files = files
-        capture, outlines = self._others.get(files.folder, (None, ()))
-        self._begin(capture, outlines)
-        if capture is None and not self.manifest.exists():
+        """Look at a folder; what was put right in it, or in another one, is kept."""
+        self.files, self.on_photograph = files, None
+        if self.manifest.exists():
+            self.desk.captures.pop(files.folder, None)
+        self.choose(ball=None, photograph=None, is_looking=False, reading=self.reading + 1)
+        if self.capture is None and not self.manifest.exists():
             self.choose(state="Reading the photographs ...", share=0.0, is_looking=True)
             self.looking.ask(
                 files,
                 lambda done, total: self.post(lambda: self._read(files, done, total)),
                 lambda found: self.post(lambda: self._show(files, found)),
             )
-
-    def _begin(self, capture: EditedCapture | None, outlines: Outlines) -> None:
-        self.on_photograph = None
-        here = {"capture": capture, "outlines": outlines, "ball": None, "photograph": None, "is_looking": False}
-        self.choose(**here, reading=self.reading + 1)
 
     def _read(self, files: FolderFiles, done: int, total: int) -> None:
         if files is self.files and self.is_looking:
@@ -123,38 +127,24 @@ class NewSessionWindow(PhotographWindow):
         fault = found.exception()
         self.choose(state=str(fault), is_looking=False)
         capture = found.result()  # What was at fault is told by the window too.
-        self._begin(EditedCapture.of(capture), as_found(capture))
+        self.keep(History(PutRight(EditedCapture.of(capture), as_found(capture))))
+        self.choose(reading=self.reading + 1)
 
-    def edit(self, capture: EditedCapture) -> None:
+    def edit(self, capture: EditedCapture, label: str = "edit") -> None:
         """Take the capture as it was edited."""
-        self._check_open()
-        self.choose(capture=capture)
-
-    def correct(self, outlines: Outlines) -> None:
-        """Take other balls."""
-        self._check_open()
-        super().correct(outlines)
-
-    def _check_open(self) -> None:
-        if self.is_written:
-            self.refresh()  # Inputs show again what was written.
-            raise SceneError(
-                f"{self.manifest}: is written, and nothing here changes it any more. Correct balls in the review, once "
-                "they are calibrated; the rest by hand in the file. Or remove the file, and start the studio again."
-            )
+        self.alter(label, capture=capture)
 
     def back_to_found(self) -> None:
         """Take the balls as they were found."""
-        self.correct(as_found(self.need().found))
+        self.correct(as_found(self.need().found), "balls as found")
 
     def write(self) -> None:
-        """Write session.toml, once.
+        """Write session.toml, once, and go on with the session.
 
-        Raises SceneError: there is one already, or what it would say cannot be read again.
+        Raises SceneError: there is one already, what it would say cannot be read again, or the output folder would lie
+        outside of the workspace.
         """
-        draft, manifest, text = self.draft, self.manifest, self.text
-        if self.is_written:
-            raise SceneError(f"{manifest}: is written already.")
+        draft, manifest, text, out = self.draft, self.manifest, self.text, self.out
         with_camera(draft, draft.lens)
         check_free(self.files)
         write_text(manifest, text)
@@ -163,14 +153,17 @@ class NewSessionWindow(PhotographWindow):
         except SceneError:
             manifest.unlink()
             raise
-        self.choose(written=self.written | {self.files.folder})
+        self.desk.captures.pop(self.files.folder, None)
+        self.looking.forget(self.files.folder)
+        self.desk.show_session(out, self.files.folder, tab="Verdict")
+        self.turn()
 
     @property
     def out(self) -> Path:
         """The output folder, in the workspace."""
         return self.workspace.path(self.looking.out_of(self.files.folder))
 
-    def open_review(self) -> None:
-        """Show what was made of the session, in this browser."""
-        self.looking.forget(self.files.folder)
-        self._review(self.out, self.files.folder)
+    def open_session(self) -> None:
+        """Show the session that the folder has already."""
+        self.desk.show_session(self.out, self.files.folder)
+        self.turn()

@@ -31,7 +31,7 @@ class OutlineInputs:
             self._radius = gui.add_number("radius, px", 1.0, min=0.1, step=0.1)
             self._kind = gui.add_dropdown("kind", KINDS, hint="chrome: a mirror; white: any matte ball")
             more()
-            self._remove = window.button("Remove this ball", self._take_out)
+            self._remove = window.button("Remove this ball", self._take_out, kind="danger")
             for kind in KINDS:
                 window.button(f"Add a {kind} ball", partial(self._begin_adding, kind))
             window.button("Back to the balls as found", found)
@@ -78,7 +78,7 @@ class OutlineInputs:
     def _correct(self, edit: Callable[..., Any], value: Any) -> None:
         window, plane = self._window, self._window.plane
         if window.ball is not None and plane is not None:
-            window.correct(edit(window.outlines, window.ball, value, plane))
+            window.correct(edit(window.outlines, window.ball, value, plane), f"ball {window.ball + 1}")
 
     def _begin_adding(self, kind: Kind) -> None:
         self._window.on_photograph = partial(self._add, kind)
@@ -88,11 +88,11 @@ class OutlineInputs:
         window, plane = self._window, self._window.plane
         window.on_photograph = None
         if plane is not None:
-            window.correct(added(window.outlines, kind, pixel, plane))
+            window.correct(added(window.outlines, kind, pixel, plane), f"add a {kind} ball")
             window.choose_ball(len(window.outlines) - 1)
 
     def _take_out(self) -> None:
         window = self._window
         if window.ball is not None:
             index, window.ball = window.ball, None
-            window.correct(removed(window.outlines, index))
+            window.correct(removed(window.outlines, index), f"remove ball {index + 1}")

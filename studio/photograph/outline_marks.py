@@ -63,11 +63,11 @@ class OutlineMarks:
             return []
 
         def to_center(pixel: tuple[float, float]) -> None:
-            window.correct(moved(window.outlines, index, pixel, plane))
+            window.correct(moved(window.outlines, index, pixel, plane), f"move ball {index + 1}", "knob")
 
         def to_rim(pixel: tuple[float, float]) -> None:
             reach = float(np.hypot(*np.subtract(pixel, window.outlines[index].center_px)))
-            window.correct(resized(window.outlines, index, reach, plane))
+            window.correct(resized(window.outlines, index, reach, plane), f"resize ball {index + 1}", "knob")
 
         look = {"radius": 0.05 * window.outlines[index].radius_px * plane.per_px, "color": KNOB, **NO_SHADOW}
         for name, at, use in zip(("center", "rim"), self._knob_places(plane, index), (to_center, to_rim), strict=True):

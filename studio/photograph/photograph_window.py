@@ -1,27 +1,33 @@
 """One browser's window on a photograph with balls outlined on it."""
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from scene.camera import Camera
 from studio.browser_window import BrowserWindow
+from studio.desk import Desk
 from studio.editor.preview import Preview
+from studio.history import History
 from studio.photograph.outlines import Outlines, under
 from studio.photograph.plane import Plane
 from studio.workspace import Workspace
 
 
 class PhotographWindow(BrowserWindow):
-    """What a browser marks balls in. Its panels call `choose` and `correct`; then all panels are refreshed."""
+    """What a browser marks balls in. Its panels call `choose` and `correct`; then all panels are refreshed.
 
-    def __init__(self, client: Any, workspace: Workspace, preview: Preview) -> None:
-        super().__init__(client, workspace, preview)
+    What is corrected is a state, with a past, that lies on the desk; it has `outlines`.
+    """
+
+    def __init__(self, client: Any, workspace: Workspace, preview: Preview, desk: Desk | None = None) -> None:
+        super().__init__(client, workspace, preview, desk)
         self.reading = 0
         """How often what is shown was read again: whatever is drawn of it is older than that, or as old."""
         self.looks = 0
         """How often the whole was asked for again."""
         self.ball: int | None = None
-        self.outlines: Outlines = ()
         self.on_photograph: Callable[[tuple[float, float]], None] | None = None
         """Who wants the pixels that are clicked on the photograph."""
 
@@ -34,6 +40,15 @@ class PhotographWindow(BrowserWindow):
     def camera(self) -> Camera | None:
         """By which the outlines are drawn; None where none is known."""
         raise NotImplementedError
+
+    def keep(self, history: History[Any]) -> None:
+        """Lay a state with its past on the desk."""
+        raise NotImplementedError
+
+    @property
+    def outlines(self) -> Outlines:
+        """The balls."""
+        return self.history.state.outlines if self.history else ()
 
     def _refresh_panels(self) -> None:
         if self.ball is not None and self.ball >= len(self.outlines):
@@ -51,9 +66,21 @@ class PhotographWindow(BrowserWindow):
         """Look at a ball on the photograph; None: at all of it."""
         self.choose(ball=ball)
 
-    def correct(self, outlines: Outlines) -> None:
+    def alter(self, label: str, *, control: Any = None, **changes: Any) -> None:
+        """Correct something; `control`: what is drawn or typed into, whose changes are undone together."""
+        if self.history is not None:
+            state = replace(self.history.state, **changes)
+            self.keep(self.history.did(label, state, time.monotonic(), self._input or control))
+        self.refresh()
+
+    def correct(self, outlines: Outlines, label: str = "correct a ball", control: Any = None) -> None:
         """Take other balls."""
-        self.choose(outlines=outlines)
+        self.alter(label, control=control, outlines=outlines)
+
+    def restore(self, history: History[Any]) -> None:
+        """Take a state of the past or of the future."""
+        self.keep(history)
+        self.refresh()
 
     def click(self, pixel: tuple[float, float]) -> None:
         """Give a clicked pixel to who wants it; else choose the ball that it lies on."""

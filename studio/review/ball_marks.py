@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from studio.photograph.ball_crop import add_crop
 from studio.photograph.outline_marks import KNOB as MOVED
-from studio.photograph.outline_marks import OutlineMarks, add_outline, closed
+from studio.photograph.outline_marks import OutlineMarks, closed
 from studio.photograph.plane import Plane, add_lines
-from studio.review.recalibration import mirrored_px, residuals_px, rms_px
+from studio.review.highlight_misses import mirrored_px, residuals_px, rms_px
 from studio.review.review_window import ReviewWindow
 from studio.widgets import Layers
 
 Array = NDArray[np.float64]
-FITTED, AGAIN = (60, 220, 90), (60, 170, 255)
+FITTED = (60, 220, 90)
 SEEN, MISSES = (255, 235, 60), (255, 70, 200)
 
 
@@ -30,20 +30,8 @@ class BallMarks:
         window, draw = self._window, self._layers.draw
         now, count = (window.reading, window.ball), len(window.outlines)
         self._outlines.refresh(plane)
-        draw("refitted", (now, id(window.refitted)), lambda: self._add_refitted(plane))
         draw("crop", (now, count), lambda: self._add_crop(plane))
         draw("highlights", (now, window.frame, count), lambda: self._add_highlights(plane))
-
-    def _add_refitted(self, plane: Plane) -> list[Any]:
-        """Draw the balls as calibrating again found them."""
-        window, camera = self._window, self._window.camera
-        if camera is None:
-            return []
-        return [
-            add_outline(self._view, f"refitted_{index}", plane, camera, sphere, AGAIN, 2.0, lift=0.0022)
-            for index, sphere in enumerate(window.refitted)
-            if not sphere.apart or window.ball == index
-        ]
 
     def _add_crop(self, plane: Plane) -> list[Any]:
         """Show the chosen ball by all of its photographs together, in full resolution."""

@@ -1,11 +1,12 @@
 """The panels of the photographs, which frame and what lies over it, and of the warnings, which lead to frames."""
 
+from functools import partial
 from typing import Any
 
 from compare.report.facts import read_optional
 from studio.review.folder import Warned
 from studio.review.photograph_picture import OVERLAYS
-from studio.review.review_window import VIEWS, ReviewWindow
+from studio.review.review_window import STEPS, ReviewWindow
 from studio.widgets import Inputs, Layers, plain
 
 MOST = 60
@@ -13,14 +14,12 @@ MOST = 60
 
 
 class FramesPanel:
-    """Frame, view, overlay and brightness; what the folder lacks."""
+    """Frame, overlay and brightness; what the folder lacks."""
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
         self._look = Inputs(window, window.show)
         self._lacks = gui.add_markdown("")
-        views = gui.add_button_group("view", VIEWS)
-        window.on(views.on_click, self._see, lambda event: (event.target.value,))
         self._frame = gui.add_slider("frame", min=1, max=2, step=1, initial_value=1, hint="Or click one in the strip")
         self._facts = gui.add_markdown("")
         with gui.add_folder("Over the photograph"):
@@ -30,12 +29,8 @@ class FramesPanel:
             add("brightness", "slider", "brightness", min=0.2, max=8.0, step=0.1, initial_value=1.0)
             add("marks_clipped", "checkbox", "mark clipped pixels", True)
             self._note = gui.add_markdown("")
+        window.button("Show all of it", lambda: window.choose(looks=window.looks + 1, ball=None))
         window.on_input(self._frame, lambda value: window.choose(frame=int(value) - 1))
-
-    def _see(self, view: Any) -> None:
-        """Look at a view; a second press on the one that is shown looks at all of it again."""
-        window = self._window
-        window.choose(**{"view": view} if window.view != view else {"looks": window.looks + 1, "ball": None})
 
     def refresh(self) -> None:
         """Follow the window."""
@@ -77,7 +72,7 @@ def _note(window: ReviewWindow) -> str:
 
 
 class WarningsPanel:
-    """All warnings of all steps; a press goes to the frame or the ball that one is about."""
+    """What the steps of the open tab warned of, under Verdict all; a press goes to the frame or the ball."""
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, self._layers = window, Layers()
@@ -85,29 +80,46 @@ class WarningsPanel:
 
     def refresh(self) -> None:
         """List the warnings of the folder as it was read."""
-        self._layers.draw("warnings", self._window.reading, self._list)
+        self._layers.draw("warnings", (self._window.reading, self._window.tab), self._list)
 
     def _list(self) -> list[Any]:
-        review, gui, handles = self._window.review, self._window.client.gui, []
-        self._folder.label = f"Warnings ({len(review.warnings)})"
+        window, gui, handles = self._window, self._window.client.gui, []
+        found = warnings_of(window, window.tab)
+        self._folder.label, self._folder.visible = f"Warnings ({len(found)})", bool(found)
         with self._folder:
-            if not review.warnings:
-                ended = ", ".join(sorted(review.done)) or "none has ended"
-                handles.append(gui.add_markdown(f"No step warned of anything. Steps: {ended}."))
-            for one in review.warnings[:MOST]:
+            for one in found[:MOST]:
                 handles += self._add(one)
-            if len(review.warnings) > MOST:
-                handles.append(gui.add_markdown(f"{len(review.warnings) - MOST} more are in report.html."))
+            if len(found) > MOST:
+                handles.append(gui.add_markdown(f"{len(found) - MOST} more are in report.html."))
         return handles
 
     def _add(self, one: Warned) -> list[Any]:
-        gui, frames = self._window.client.gui, self._window.review.material.frames
-        targets = [(f"Show {frames.names[frame]}", {"frame": frame}) for frame in one.frames[:4]] if frames else []
-        ball = {} if one.ball is None else {"ball": one.ball}
-        if ball and not targets:
-            targets = [(f"Show ball {ball['ball'] + 1}", ball)]
+        window, gui, frames = self._window, self._window.client.gui, self._window.review.material.frames
+        handles = [gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}")]
+        for frame in one.frames[:4]:
+            assert frames is not None
+            handles.append(window.button(f"Show {frames.names[frame]}", partial(self._show_frame, frame)))
+        if one.ball is not None:
+            handles.append(window.button(f"Show ball {one.ball + 1}", partial(window.choose_ball, one.ball)))
+        return handles
 
-        def button(label: str, there: dict[str, int]) -> Any:
-            return self._window.button(label, lambda: self._window.choose(view="Photograph", **ball | there))
+    def _show_frame(self, frame: int) -> None:
+        self._window.frame = frame
+        self._window.open_tab("Capture")
 
-        return [gui.add_markdown(f"**{plain(one.step)}**: {plain(one.text)}"), *(button(*pair) for pair in targets)]
+
+def warnings_of(window: ReviewWindow, tab: str) -> list[Warned]:
+    """Return the warnings that stand on a tab: each on the first one of its step; all of them under Verdict."""
+    warnings = window.review.warnings
+    if tab == "Verdict":
+        return list(warnings)
+    return [one for one in warnings if next((name for name in STEPS if STEPS[name] == one.step), "") == tab]
+
+
+def marks_of(window: ReviewWindow) -> dict[str, str]:
+    """Return what stands behind the names of the tabs: a tick where the step is done, and how many warnings it has."""
+    marks = {}
+    for tab, step in STEPS.items():
+        count = 0 if tab == "Verdict" else len(warnings_of(window, tab))
+        marks[tab] = f"⚠{count}" if count else "✓" if step in window.review.done else ""
+    return marks

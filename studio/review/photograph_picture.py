@@ -6,7 +6,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from compare.report.pictures import Box, Image, contours, normal_picture, thumbnail
+from compare.report.pictures import Box, Image, contours, normal_picture
 from compare.report.registration_pictures import WIDTH, shown_pixels, views
 from scene.camera import Camera
 from scene.errors import SceneError
@@ -19,6 +19,8 @@ Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
 OVERLAYS: tuple[Overlay, ...] = get_args(Overlay)
 MASK_COLOUR = (0, 190, 255)
 CLIPPED_COLOUR = (255, 0, 60)
+BAND = 64
+"""Rows."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def photograph(review: Review, index: int, look: Look) -> Image:
     assert exposure is not None
     exposure = replace(exposure, white=exposure.white / look.brightness)
     box = Box(0, 0, frames.width, frames.height)
-    picture = exposure.develop(thumbnail(frames, index, box.shown_width(WIDTH), box))
+    picture = exposure.develop(_small(frames, index))
     if look.marks_clipped:
         picture = np.where(_clipped(frames, index, picture.shape)[..., None], CLIPPED_COLOUR, picture).astype(np.uint8)
     if look.overlay == "mask":
@@ -78,6 +80,28 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 
 
+def _small(frames: Frames, index: int) -> NDArray[np.float32]:
+    """Return a frame (h, w, 3), linear, at most `WIDTH` wide, each pixel the mean of those that it covers.
+
+    The mean of the codes is the code of the mean: what is held is small, and shown at once.
+    """
+    import cv2
+
+    wide = min(WIDTH, frames.width)
+    size = (wide, max(1, round(frames.height * wide / frames.width)))
+
+    def area(image: NDArray) -> NDArray:
+        return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA))
+
+    if frames.codes.dtype != np.uint16:
+        return area(frames.frame(index))
+    ambient = None if frames.ambient is None else area(frames.ambient)
+    one = replace(
+        frames, names=("",), codes=area(frames.codes[index])[None], gain=frames.gain[[index]], ambient=ambient
+    )
+    return one.read()[0]
+
+
 def _sampled(truth: NDArray, pixels: NDArray) -> NDArray[np.float32]:
     """Return the map's values at the nearest pixels."""
     u = np.clip(np.rint(pixels[..., 0]), 0, truth.shape[1] - 1).astype(int)
@@ -89,7 +113,11 @@ def _clipped(frames: Frames, index: int, shape: tuple[int, ...]) -> NDArray[np.b
     """Return (h, w), where a shown pixel has a clipped one in it."""
     import cv2
 
-    clipped = frames.saturated(frames=[index])[0].astype(np.float32)
+    clipped = np.zeros((frames.height, frames.width), np.uint8)
+    # A few rows at a time stay in the processor's own memory.
+    for first in range(0, frames.height, BAND):
+        rows = slice(first, first + BAND)
+        clipped[rows] = frames.saturated(rows, [index])[0] * np.uint8(255)
     return np.asarray(cv2.resize(clipped, (shape[1], shape[0]), interpolation=cv2.INTER_AREA)) > 0
 
 

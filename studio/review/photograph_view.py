@@ -29,11 +29,12 @@ class PhotographView:
         if plane is None:
             return
         draw, reading = self._layers.draw, window.reading
+        # The photograph comes first: the small pictures are made of all of them.
+        draw("picture", (reading, window.frame, window.shown), lambda: self._add_picture(plane))
         draw("small pictures", reading, self._make_strip)
         draw("strip", (reading, window.frame), lambda: self._add_strip(plane))
         key = (window.view, window.ball, reading, window.beside is None, window.looks)
         draw("face", key, lambda: self._face(plane))
-        draw("picture", (reading, window.frame, window.shown), lambda: self._add_picture(plane))
         draw("beside", window.beside, lambda: self._add_beside(plane))
         self._marks.refresh(plane)
 

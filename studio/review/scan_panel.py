@@ -6,9 +6,8 @@ import numpy as np
 
 from compare.report.facts import read_optional
 from studio.photograph.plane import ROOT, Plane, add_lines, add_numbered
-from studio.review.corrected_session import write_amended
-from studio.review.review_window import ReviewWindow
-from studio.review.scan_picks import pose_of, write_picks
+from studio.review.review_window import ReviewWindow, View
+from studio.review.scan_picks import Picks, pose_of
 from studio.widgets import Layers, plain
 
 FEWEST = 4
@@ -30,22 +29,23 @@ class ScanPanel:
             )
             self._go = window.button("Start picking", self._toggle)
             self._status = gui.add_markdown("")
-            window.button("Take the last one back", self._take_back)
             window.button("Pose from the picks", self._pose)
-            self._keep = window.button("Keep these picks", self._keep_picks, disabled=True)
+            self._keep = window.button("Keep", window.write_kept, disabled=True)
 
     def refresh(self) -> None:
         """Follow the window."""
         window, picks, plane = self._window, self._window.picks, self._window.plane
         self._facts.content = self._text()
         self._go.label = "Stop picking" if self._is_picking else "Start picking"
-        if plane is not None:
+        if plane is not None and window.tab != "Scan":
+            self._layers.keep_only(set())
+        elif plane is not None:
             self._layers.draw("pixels", (window.reading, picks.pixels), lambda: self._add_pixels(plane))
             key = (window.reading, self._strokes.tobytes())
             self._layers.draw("outline", key, lambda: self._add_outline(plane))
         waiting = len(picks.pixels) > len(picks.points)
         self._status.content = f"{picks.pairs} pairs." + (" Now the same point on the scan." if waiting else "")
-        self._keep.disabled = picks.pairs < FEWEST or window.review.session is None
+        self._keep.disabled = picks.pairs < FEWEST or window.is_kept_so
 
     @property
     def _is_picking(self) -> bool:
@@ -60,7 +60,7 @@ class ScanPanel:
             return "The ground truth was given, not registered from a scan."
         return (
             f"Registered: outline to {pose['residual_px']:.2f} px rms, place ± {pose['sigma_mm']:.2f} mm, turn ± "
-            f"{pose['sigma_deg']:.2f}°. Lay it over the photograph under **Frames**."
+            f"{pose['sigma_deg']:.2f}°. It lies over the photograph, shaded: **Capture** lays on other things."
         )
 
     def _toggle(self) -> None:
@@ -74,16 +74,15 @@ class ScanPanel:
         window.choose(view="Photograph")
 
     def _take_pixel(self, pixel: tuple[float, float]) -> None:
-        picks = self._window.picks = self._window.picks.with_pixel(pixel)
-        self._window.choose(view="Scan" if len(picks.pixels) > len(picks.points) else "Photograph")
+        picks = self._window.picks.with_pixel(pixel)
+        self._take("a pixel", picks, "Scan" if len(picks.pixels) > len(picks.points) else "Photograph")
 
     def _take_point(self, point: Any) -> None:
-        self._window.picks = self._window.picks.with_point(point)
-        self._window.choose(view="Photograph")
+        self._take("a point of the scan", self._window.picks.with_point(point), "Photograph")
 
-    def _take_back(self) -> None:
-        self._window.picks = self._window.picks.without_last()
-        self._window.refresh()
+    def _take(self, label: str, picks: Picks, view: View) -> None:
+        self._window.view = view
+        self._window.alter(label, picks=picks)
 
     def _pose(self) -> None:
         from align.pose.scan_outline import outline_strokes
@@ -98,11 +97,6 @@ class ScanPanel:
             f"{picks.pairs} pairs, {found.residual_px:.1f} px rms apart at the pose that they give. Its outline "
             f"is drawn in pink: a start, which the step `align` refines.{told}"
         )
-
-    def _keep_picks(self) -> None:
-        window = self._window
-        folder = write_amended(window.review, picks=write_picks(window.review, window.picks))
-        self._status.content = window.kept_text(folder, "register from them")
 
     def _add_pixels(self, plane: Plane) -> list[Any]:
         places = [tuple(plane.place(pixel, lift=0.003)) for pixel in self._window.picks.pixels]

@@ -47,11 +47,6 @@ class Picks:
         x, y, z = (float(value) for value in point)
         return replace(self, points=(*self.points[: len(self.pixels)], (x, y, z)))
 
-    def without_last(self) -> "Picks":
-        """Return them without the last pair, or its half."""
-        count = max(len(self.pixels), len(self.points)) - 1
-        return Picks(self.pixels[: max(count, 0)], self.points[: max(count, 0)])
-
 
 def met(caster: "RayCaster", origin: Array, direction: Array) -> Array | None:
     """Return the point (3,) at which a ray first meets a mesh, None where it misses."""

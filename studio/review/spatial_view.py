@@ -9,7 +9,7 @@ from scene.mesh import Mesh
 from studio.display_mesh import MOST_FACES, display_mesh
 from studio.editor.placement import quaternion
 from studio.photograph.plane import add_numbered
-from studio.review.hemisphere import covariance_mm2, ellipsoid_of, light_places
+from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor, light_places
 from studio.review.review_window import ReviewWindow
 from studio.review.scan_picks import met
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
@@ -91,6 +91,7 @@ class SpatialView:
         places, reference = light_places(lights), lights.reference_point_mm
         reach = float(np.median(np.linalg.norm(places - reference, axis=1)))
         known = window.review.position_covariance_mm2
+        factor = window.factor or fitting_factor(lights)
         # Of a near light its direction alone says nothing of how far away it is.
         is_told = lights.positions_mm is None or known is not None
         for index, (place, spread) in enumerate(zip(places, covariance_mm2(lights, known), strict=True)):
@@ -101,7 +102,7 @@ class SpatialView:
             bodies = [view.add_icosphere(f"{LIGHTS}/light_{index}", radius=0.012 * reach * UNITS_PER_MM, **look)]
             handles.append(view.add_label(f"{LIGHTS}/number_{index}", str(index + 1), position=at))
             if is_told and (ellipsoid := ellipsoid_of(spread)) is not None:
-                axes = tuple(np.maximum(window.factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
+                axes = tuple(np.maximum(factor * ellipsoid[0] * UNITS_PER_MM, 1e-4))
                 look |= {"radius": 1.0, "opacity": 0.35, "scale": axes, "wxyz": quaternion(ellipsoid[1])}
                 bodies.append(view.add_icosphere(f"{LIGHTS}/sigma_{index}", **look))
             for body in bodies:

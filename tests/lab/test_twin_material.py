@@ -68,7 +68,7 @@ def test_a_rendering_is_no_more_exact_than_its_material(job, monkeypatch, unexpl
 
     found = SimpleNamespace(
         residual=SimpleNamespace(whole=unexplained), places=SimpleNamespace(fits=()), labels=None, albedo=None,
-        facts=dict, warnings=(),
+        facts=dict, warnings=(), seen=lambda sight: sight,
     )  # fmt: skip
     monkeypatch.setattr(twin.material.scan_material, "scan_material", lambda *_, **__: found)
     monkeypatch.setattr(twin.material.material_light, "material_scene", lambda *given: (given[-1], []))

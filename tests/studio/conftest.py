@@ -128,10 +128,13 @@ def settle():
 
 
 class Visitor:
-    """A browser's window at a studio, and the window that it works on."""
+    """A browser's window at a studio, and the window that it works on.
+
+    interactions: What a person did so far: presses, tabs, texts typed, clicks in the view.
+    """
 
     def __init__(self, chromium, studio, ready):
-        self.asked = []
+        self.asked, self.interactions, self._studio = [], 0, studio
         known = {window.client.client_id for window in studio.windows}
         self.page = chromium.new_page(viewport=VIEW)
         self.page.set_default_timeout(1000 * PATIENCE_S)
@@ -139,7 +142,48 @@ class Visitor:
         self.page.on("websocket", lambda socket: self.asked.append(socket.url))
         self.page.goto(studio.address)
         self.button(ready).wait_for()
-        (self.window,) = (window for window in studio.windows if window.client.client_id not in known)
+        self._came(known)
+
+    def _came(self, known):
+        (self._client,) = {window.client.client_id for window in self._studio.windows} - known
+
+    @property
+    def window(self):
+        """The window of the area that is shown."""
+        return next(one for one in self._studio.windows if one.client.client_id == self._client)
+
+    def reload(self, ready):
+        """Load the page again."""
+        known = {window.client.client_id for window in self._studio.windows}
+        self.page.reload()
+        self.button(ready).wait_for()
+        self._came(known)
+
+    def settle(self):
+        """Wait until the window has done what it was told, and that is drawn."""
+        done = []
+        self.window.post(lambda: done.append(True))
+        self.until(lambda: done, "the window is at rest")
+        self.frames(4)
+
+    def click(self, point):
+        """Click a point (3,) of the view."""
+        self.settle()
+        self.interactions += 1
+        self.page.mouse.click(*self.on_screen(point))
+
+    def fill(self, label, value):
+        """Type into an input, and wait until it is said.
+
+        Of what changes within 50 ms, in whatever input, viser's page sends the last alone. No person is that fast.
+        """
+        self.interactions += 1
+        self.page.wait_for_timeout(200)
+        box = self.page.get_by_label(label, exact=True)
+        box.fill(str(value))
+        box.press("Tab")
+        self.page.wait_for_timeout(200)
+        self.settle()
 
     def button(self, name):
         """Return a button by its words."""
@@ -147,10 +191,12 @@ class Visitor:
 
     def press(self, name):
         """Press a button. By force: a software renderer may take seconds for the frames that show it to stand still."""
+        self.interactions += 1
         self.button(name).click(force=True)
 
     def tab(self, name):
         """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
+        self.interactions += 1
         tab = self.page.get_by_role("tab", name=name, exact=True)
         for _ in range(PATIENCE_S):
             tab.click(force=True)

@@ -21,6 +21,9 @@ import zstandard
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 
+from studio.editor import edits
+from twin.description.description_writer import write_scene
+
 pytestmark = [pytest.mark.full, pytest.mark.render]
 
 MOST_BYTES = 600e6
@@ -41,11 +44,12 @@ GONE = (ConnectionClosed, InvalidHandshake, OSError, TimeoutError, EOFError, Att
 def studio(tmp_path_factory):
     """`rgbn studio` as a person starts it: its address, its process, and what it says."""
     root = tmp_path_factory.mktemp("attacked")
-    (root / "bench").mkdir()
+    write_scene(edits.start_scene(), root / "bench")
+    (root / "bench" / "scene.toml").rename(root / "bench" / "s.toml")
     with open(root / "said", "w") as said:
         process = subprocess.Popen(
             [sys.executable, "-c", "from rgbn.cli import main; main()"]
-            + ["studio", "--workspace", str(root / "bench"), "--port", "0"],
+            + ["studio", "s.toml", "--workspace", str(root / "bench"), "--port", "0", "--no-browser"],
             stdout=said,
             stderr=said,
         )

@@ -10,7 +10,9 @@ import pytest
 
 from capture.session.session import load_session
 from formats.pictures import read_picture
+from studio.desk import Desk
 from studio.editor import edits
+from studio.editor.editor_window import begun
 from studio.editor.placement import placement_of
 from studio.server import Studio
 from studio.widgets import UNITS_PER_MM
@@ -33,7 +35,8 @@ def studio(tmp_path):
     small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
     # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
     quick = replace(small, sampling=Sampling("direct" if pick_variant()[0] == FAST else "mitsuba", 16, 2))
-    running = Studio(Workspace.at(root), port=0, scene=quick)
+    workspace = Workspace.at(root)
+    running = Studio(workspace, port=0, desk=Desk(area="Scene", scene=begun(workspace, quick, None)))
     yield running
     running.close()
 
@@ -87,7 +90,7 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     visitor.see("hemisphere_000")
     visitor.keep("lights")
 
-    visitor.tab("File")
+    visitor.tab("Dataset")
     visitor.press("Export for Mitsuba")
     visitor.see("Exported 24 lights")
     export = root / "scene" / "export"
@@ -101,6 +104,7 @@ def test_a_first_dataset(visitor, studio, tmp_path):
     )
     visitor.press("Render dataset")
     visitor.see("Rendered into")
+    visitor.button("Solve").wait_for()
     visitor.keep("rendered")
     session = load_session(root / "scene" / "dataset")
     assert [path.stem for path in session.flash] == list(window.scene.lights.names)
@@ -166,7 +170,6 @@ def test_two_browsers_do_not_disturb_each_other(visit, studio):
     assert len(theirs.scene.lights) == 23
     assert theirs.scene.objects is before.objects
     assert len(mine.scene.lights) == 24
-    one.tab("File")
     one.press("Undo: add sphere")
     one.until(lambda: not mine.history.past, "undone")
     assert theirs.history.past, "what the other did stays"
@@ -176,8 +179,7 @@ def test_two_browsers_do_not_disturb_each_other(visit, studio):
     one.tab("Camera")
     one.page.get_by_label("orthographic").click(force=True)
     one.until(lambda: mine.history.past, "changed again")
-    one.page.reload()
-    one.button("Load model").wait_for()
+    one.reload("Undo: camera")
     one.until(
         lambda: [window.history for window in studio.windows] == [mine.history], "a reload keeps the scene and its past"
     )

@@ -16,12 +16,15 @@ from studio.editor.materials_panel import MaterialsPanel
 from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.placement import placement_of
 from studio.editor.scene_view import SceneView
+from studio.header import Header
+from studio.opening import lay
 from studio.own_files import put_own
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import MOST_FILES, Workspace
 from twin.description.description_file import read_scene
 from twin.description.description_writer import write_scene
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Subsurface, Texture
+from twin.description.object_mesh import built_in
 
 
 @pytest.fixture
@@ -171,12 +174,12 @@ def test_opening_and_beginning_anew_can_be_taken_back(furnished, settle, tmp_pat
     """Nothing is lost; and a scene that is taken back is saved to its own folder, not over the one opened meanwhile."""
     write_scene(replace(edits.start_scene(), name="other"), tmp_path / "a" / "other")
     theirs = (tmp_path / "a" / "other" / "scene.toml").read_text()
-    window = furnished(FilesPanel, CameraPanel)
+    window = furnished(Header, FilesPanel, CameraPanel)
     client = window.client
     client.says("width, px", 64)
-    client.says("scene", "a/other/scene.toml")
-    client.says("Open scene")
     settle(window)
+    lay(window.desk, window.workspace, tmp_path / "a" / "other" / "scene.toml")
+    window.refresh()
     assert window.scene.camera.width == 640
     assert client.input("name").value == "a/other", "the folder that it came from, below the workspace"
     client.says("Undo")
@@ -300,6 +303,23 @@ def test_a_drag_is_worked_out_in_the_windows_thread(furnished, settle, monkeypat
     np.testing.assert_allclose(now.scale, 2 * np.array([60.0, 60, 60]))
     np.testing.assert_allclose(now.middle_mm, middle, atol=1e-9)
     assert [label for label, *_ in window.history.past] == ["drag scale"]
+
+
+def test_the_past_keeps_no_vertices_but_the_meshes_own(furnished):
+    """What a scene works out of itself is let go with it; what the next one shares with it is not worked out again."""
+    first = edits.added(edits.added(edits.start_scene(), "one", built_in("cone")), "two", built_in("sphere"))
+    window = furnished(scene=first)
+    assert first.points is first.points
+    still, turned = first.objects
+    window.change("turn", lambda scene: edits.turned(scene, 1, np.array([1.0, 2, -700]), np.eye(3)))
+    assert "points" not in vars(first)
+    assert "placed" not in vars(turned)
+    assert "placed" in vars(still)
+    moved = window.scene
+    assert moved.points is moved.points
+    window.undo()
+    assert window.scene is first
+    assert "points" not in vars(moved)
 
 
 def test_what_a_browser_began_ends_after_what_is_at_work(furnished, no_preview):

@@ -11,8 +11,8 @@ from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
 from studio.editor import edits
-from studio.editor.editor_window import TOGETHER_S, History
 from studio.editor.placement import Placement, matrix_of, placement_of, quaternion, rotation_of
+from studio.history import TOGETHER_S, History
 from twin.description.description import Sampling
 from twin.description.description_file import read_scene
 from twin.description.description_tables import GridTable, LightTable, RingTable
@@ -201,18 +201,18 @@ def test_undo_gives_back_every_scene_exactly():
     """No edit touches what it is given; undo and redo walk through the very same scenes."""
     history, seen = History(one_object()), []
     for number, (label, edit) in enumerate(EDITS.items()):
-        seen.append((history.scene, fingerprint(history.scene)))
-        history = history.did(label, edit(history.scene), now_s=10.0 * number)
-        assert fingerprint(history.scene) != seen[-1][1], f"{label} changes something"
-    last = history.scene
+        seen.append((history.state, fingerprint(history.state)))
+        history = history.did(label, edit(history.state), now_s=10.0 * number)
+        assert fingerprint(history.state) != seen[-1][1], f"{label} changes something"
+    last = history.state
     for scene, mark in reversed(seen):
         history = history.undone()
-        assert history.scene is scene
+        assert history.state is scene
         assert fingerprint(scene) == mark
     assert history.undone() is history
     for _ in EDITS:
         history = history.redone()
-    assert history.scene is last
+    assert history.state is last
     assert history.redone() is history
     branched = history.undone().did("other", last, now_s=1e6)
     assert branched.redone() is branched, "a new change forgets what was taken back"
@@ -223,31 +223,13 @@ def test_digits_typed_are_undone_together():
     history = start
     for number, scene in enumerate(scenes):
         history = history.did("place 0", scene, 0.5 * TOGETHER_S * number, "place")
-    assert history.undone().scene is start.scene
+    assert history.undone().state is start.state
     later = history.did("place 0", scenes[0], 5 * TOGETHER_S, "place")
-    assert later.undone().scene is scenes[2]
+    assert later.undone().state is scenes[2]
     other = history.did("place 0", scenes[0], 1.1 * TOGETHER_S, "scale")
-    assert other.undone().scene is scenes[2], "another input's change is another"
+    assert other.undone().state is scenes[2], "another input's change is another"
     pressed = history.did("add", scenes[0], 1.1 * TOGETHER_S).did("add", scenes[1], 1.2 * TOGETHER_S)
-    assert pressed.undone().scene is scenes[0], "a button pressed twice"
-
-
-def test_the_past_keeps_no_vertices_but_the_meshes_own():
-    """What a scene works out of itself is let go with it; what the next one shares with it is not worked out again."""
-    scene = edits.added(one_object(), "second", built_in("sphere"))
-    assert scene.points is scene.points
-    still, turned = scene.objects
-    moved = edits.turned(scene, 1, np.array([1.0, 2, -700]), np.eye(3))
-    history = History(scene).did("turn", moved, 0.0)
-    assert "points" not in vars(scene)
-    assert "placed" not in vars(turned)
-    assert "placed" in vars(still)
-    assert moved.points is moved.points
-    back = history.undone()
-    assert "points" not in vars(moved)
-    assert back.scene.points is back.scene.points
-    back.redone()
-    assert "points" not in vars(scene)
+    assert pressed.undone().state is scenes[0], "a button pressed twice"
 
 
 def test_a_scene_edited_is_saved_and_read_again(tmp_path):

@@ -14,19 +14,25 @@ from viser.infra import _infra
 
 from scene.errors import SceneError
 from studio import guarded_server
+from studio.desk import Desk
 from studio.editor import edits
+from studio.editor.editor_window import EditorWindow, begun
+from studio.editor.files_panel import FilesPanel
 from studio.guarded_server import NAME
 from studio.messages import Unfit
+from studio.own_files import put_own
 from studio.review.folder import Review
 from studio.server import Studio
 from studio.workspace import MOST_UPLOAD, Workspace
+from twin.description.description_file import read_scene
+from twin.description.description_writer import write_scene
 
 pytestmark = [pytest.mark.render]
 
 
 @pytest.fixture(scope="module")
 def studio(tmp_path_factory):
-    running = Studio(Workspace.at(tmp_path_factory.mktemp("bench")), port=0)
+    running = Studio(Workspace.at(tmp_path_factory.mktemp("bench")), port=0, desk=Desk(area="Scene"))
     yield running
     running.close()
 
@@ -219,7 +225,7 @@ def test_a_folder_that_cannot_be_read_is_told_and_the_browser_not_kept_waiting(t
         raise OSError("the disk is gone")
 
     monkeypatch.setattr(Review, "read", read)
-    running = Studio(Workspace.at(tmp_path), port=0, review=(tmp_path, None))
+    running = Studio(Workspace.at(tmp_path), port=0, desk=Desk(area="Session", review=(tmp_path, None)))
     try:
         client = nobody(8)
         monkeypatch.setattr(running._server, "get_clients", lambda: {8: client})
@@ -247,3 +253,52 @@ def test_bad_arguments_are_told_in_one_message(tmp_path, arguments, told):
     assert ran.returncode == 2
     assert told in ran.stderr
     assert "Traceback" not in ran.stderr
+
+
+def test_a_report_is_given_out_alone_and_without_rights(studio, tmp_path):
+    """Of a folder that a window asked for, at an address that nobody guesses; no link leads out of the folder."""
+    own = studio.address.removeprefix("http://")
+
+    def asked(path, **headers):
+        connection = http.client.HTTPConnection(own, timeout=60)
+        try:
+            connection.request("GET", path, headers=headers)
+            answer = connection.getresponse()
+            return answer.status, answer.headers.get("Content-Security-Policy", ""), answer.read()
+        finally:
+            connection.close()
+
+    page = studio._guard.page
+    assert page.address_of(tmp_path) == "", "there is none yet"
+    (tmp_path / "report.html").write_text("<h1>found</h1>")
+    (tmp_path / "summary.json").write_text("{}")
+    address = page.address_of(tmp_path)
+    status_, policy, body = asked(address)
+    assert (status_, body) == (200, b"<h1>found</h1>")
+    assert policy.startswith("sandbox ")
+    assert "allow-same-origin" not in policy
+    assert asked(address, Origin="http://example.org")[0] == 403
+    assert asked("/report/x/report.html")[0] == 404
+    assert asked(address.rpartition("/")[0] + "/../../summary.json")[2] != b"{}"
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.html").symlink_to(tmp_path / "summary.json")
+    assert asked(page.address_of(tmp_path / "out"))[0] == 404
+
+
+def test_a_scene_that_another_window_saved_is_not_written_over_unseen(nobody, furnish, settle, tmp_path):
+    place, windows = Workspace.at(tmp_path), []
+    preview = SimpleNamespace(request=lambda *_: None, forget=lambda _: None)
+    put_own(tmp_path / "a", lambda folder: write_scene(edits.start_scene(), folder))
+    for number in (1, 2):
+        history = begun(place, read_scene(tmp_path / "a" / "scene.toml"), tmp_path / "a")
+        windows.append(EditorWindow(nobody(number), place, preview, history))
+        windows[-1].change("camera", resized(32 * number))
+        furnish(windows[-1], [FilesPanel])
+        windows[-1].client.says("Save scene")
+        settle(windows[-1])
+    assert read_scene(tmp_path / "a" / "scene.toml").camera.width == 64, "opened after the first had saved"
+    windows[0].client.told.clear()
+    windows[0].post(lambda: windows[0].panels[0]._save())
+    settle(windows[0])
+    assert "saved elsewhere" in windows[0].client.told[-1]
+    assert read_scene(tmp_path / "a" / "scene.toml").camera.width == 64

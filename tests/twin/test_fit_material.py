@@ -94,7 +94,8 @@ def test_roughness_and_specularity_come_back(roughness: float, specularity: floa
     assert f"more with {name} than with {other} (" in str(fit)
     assert abs(fit.surface.roughness / roughness - 1) < 0.005
     assert abs(fit.specularity / specularity - 1) < 0.01
-    assert fit.surface.covered == 1
+    # Hardly anything bare, if the evidence is level at all.
+    assert fit.surface.covered > 0.99
     assert "BIC falls" in str(fit)
     assert not fit.warnings
 

@@ -1,4 +1,4 @@
-"""A session begun in a real browser: from a folder of photographs to session.toml, to lights, to their review."""
+"""From a folder of photographs to the report in a real browser, without a terminal."""
 
 import json
 import shutil
@@ -7,61 +7,81 @@ import numpy as np
 import pytest
 
 from capture.session.session import load_session
-from capture.survey.folder_files import survey
 from scene.normals import angular_error_deg
 from scene.rooms import ROOT
-from studio.new_session.looking import Looking
 from studio.new_session.new_session_window import NewSessionWindow
-from studio.review.review_window import ReviewWindow
 from studio.server import Studio
 from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow]
 FIXTURE = ROOT / "fixtures" / "bumpy"
-FOUND = "Add a chrome ball"
+FOUND = "Write session"
+MOST_INTERACTIONS = 8
 
 
 @pytest.fixture
 def studio(tmp_path):
-    """A studio on the fixture's photographs and scan, without its session.toml."""
+    """A studio in whose workspace the fixture's photographs and scan lie, without a session.toml."""
     for part in ("raw", "scan"):
         shutil.copytree(FIXTURE / part, tmp_path / "bumpy" / part)
-    looking = Looking(survey(tmp_path / "bumpy"), tmp_path / "out" / "bumpy")
-    running = Studio(Workspace.at(tmp_path), port=0, looking=looking)
+    running = Studio(Workspace.at(tmp_path), port=0)
     yield running
     running.close()
 
 
-def settle(visitor):
-    """Wait until the window has done what it was told, and that is drawn."""
-    done = []
-    visitor.window.post(lambda: done.append(True))
-    visitor.until(lambda: done, "the window is at rest")
-    visitor.frames(4)
-
-
-def type_diameter(visitor, kind, value):
-    """Type the diameter of a kind of balls, and wait until the window has it.
-
-    Of what changes within 50 ms, in whatever input, viser's page sends the last alone. No person is that fast.
-    """
-    box = visitor.page.get_by_label(f"{kind} balls, mm", exact=True)
-    visitor.page.wait_for_timeout(200)
-    box.fill(str(value))
-    box.press("Tab")
-    visitor.until(lambda: visitor.window.capture.diameters_mm.get(kind) == value, f"the {kind} balls' diameter")
+def begin(visitor):
+    """Choose the folder, and begin a session in it."""
+    visitor.press("bumpy/")
+    visitor.button("One folder up").wait_for()
+    visitor.press("New session here")
+    visitor.button(FOUND).wait_for()
 
 
 @pytest.mark.full
-def test_from_a_folder_to_lights_in_one_page(visit, studio, tmp_path):
+def test_from_a_folder_to_the_report(visit, studio, tmp_path):
+    """Nothing but the page is used; the report that is shown in it is the session's own."""
+    visitor = visit(studio, "New session here")
+    visitor.settle()
+    visitor.keep("open")
+    begin(visitor)
+    visitor.fill("chrome balls, mm", 100)
+    visitor.fill("white balls, mm", 90)
+    visitor.settle()
+    visitor.keep("new_session")
+    visitor.press(FOUND)
+    visitor.button("Run everything").wait_for()
+    visitor.press("Run everything")
+    report = visitor.page.frame_locator("#studio-report")
+    report.get_by_text("iterative").first.wait_for(timeout=300_000)
+    assert visitor.interactions <= MOST_INTERACTIONS
+    visitor.settle()
+    visitor.keep("verdict")
+    out = tmp_path / "out" / "bumpy"
+    summary = json.loads((out / "summary.json").read_text())
+    assert {"ls", "iterative"} <= set(summary["compare"]["methods"])
+    truth = json.loads((FIXTURE / "truth.json").read_text())
+    lights = visitor.window.review.lights.seen_from(np.array(truth["object_centre_mm"]))
+    assert np.median(angular_error_deg(lights.directions, np.array(truth["directions_at_object"]))) < 1.5
+    # Its scripts have no part in the studio's own page.
+    frame = next(frame for frame in visitor.page.frames if "/report/" in frame.url)
+    assert frame.evaluate("self.origin") == "null"
+    # What is shown follows the tab: the view is the photograph's again, and the report's again.
+    visitor.tab("Balls")
+    visitor.page.locator("#studio-report").wait_for(state="detached")
+    visitor.tab("Verdict")
+    visitor.page.locator("#studio-report").wait_for()
+    outside = [url for url in visitor.asked if studio.address.split("//")[1] not in url]
+    assert all(url.startswith(("data:", "blob:")) for url in outside), "nothing is fetched from elsewhere"
+
+
+@pytest.mark.full
+def test_what_was_found_is_put_right_by_hand(visit, studio, tmp_path):
     folder = tmp_path / "bumpy"
     before = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    visitor = visit(studio, FOUND)
+    visitor = visit(studio, "New session here")
+    begin(visitor)
     window = visitor.window
     assert isinstance(window, NewSessionWindow)
-    assert window.capture is not None, "nothing can be put right before it was found"
-    settle(visitor)
-    visitor.keep("new_session")
     truth = json.loads((FIXTURE / "truth.json").read_text())
     centers = np.array([one["centre_px"] for one in truth["spheres"]])
     assert [ball.kind for ball in window.outlines] == ["chrome", "chrome", "white"]
@@ -70,50 +90,44 @@ def test_from_a_folder_to_lights_in_one_page(visit, studio, tmp_path):
 
     # The circle that is clicked is drawn larger by its rim.
     first, plane = window.outlines[0], window.plane
-    visitor.page.mouse.click(*visitor.on_screen(plane.place(first.center_px)))
+    visitor.click(plane.place(first.center_px))
     visitor.until(lambda: window.ball == 0, "the ball was clicked")
-    settle(visitor)
+    visitor.settle()
     rim = plane.place(np.add(first.center_px, [first.radius_px, 0]))
     hand = plane.place(np.add(first.center_px, [1.05 * first.radius_px, 0]))
     visitor.drag(visitor.on_screen(rim), visitor.on_screen(hand))
     visitor.until(lambda: window.outlines[0].is_moved, "the knob was dragged")
-    settle(visitor)
+    visitor.settle()
     visitor.keep("new_session_ball")
     dragged = window.outlines[0]
     assert dragged.radius_px == pytest.approx(1.05 * first.radius_px, rel=0.02)
     assert dragged.center_px == pytest.approx(first.center_px)
     window.post(lambda: window.choose_ball(1))
-    settle(visitor)
+    visitor.settle()
     visitor.press("Remove this ball")
     visitor.until(lambda: len(window.outlines) == 2, "a ball was removed")
-    type_diameter(visitor, "chrome", 100)
-    type_diameter(visitor, "white", 90)
-    visitor.until(lambda: window.draft.unit == "mm", "the balls' diameters tell the scan's unit")
-
-    visitor.tab("Write")
-    visitor.see("Nothing is missing, nothing assumed")
-    visitor.press("Write session.toml")
-    visitor.see("Is written to")
-    settle(visitor)
-    visitor.keep("new_session_written")
+    # By keys, and by the button.
+    visitor.page.locator("canvas").first.focus()
+    visitor.page.keyboard.press("Control+z")
+    visitor.until(lambda: len(window.outlines) == 3, "taken back by Ctrl-Z")
+    visitor.press("Redo: remove ball 2")
+    visitor.until(lambda: len(window.outlines) == 2, "removed again")
+    visitor.fill("chrome balls, mm", 100)
+    # A reload of the page loses nothing.
+    visitor.reload(FOUND)
+    window = visitor.window
+    assert (len(window.outlines), window.capture.diameters_mm["chrome"]) == (2, 100)
+    visitor.fill("white balls, mm", 90)
+    assert window.draft.unit == "mm", "the balls' diameters tell the scan's unit"
+    visitor.tab("session.toml")
+    text = window.text
+    visitor.press(FOUND)
+    visitor.button("Run everything").wait_for()
     after = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    assert after.pop(folder / "session.toml").decode() == window.text
+    assert after.pop(folder / "session.toml").decode() == text
     assert after == before
     chrome, white = load_session(folder).spheres
     assert (chrome.kind, chrome.diameter_mm, white.kind, white.diameter_mm) == ("chrome", 100.0, "white", 90.0)
     assert chrome.center_px == pytest.approx(dragged.center_px, abs=0.05)
     assert chrome.radius_px == pytest.approx(dragged.radius_px, abs=0.05)
     assert white.center_px is None, "the white ball was not touched"
-
-    visitor.press("Calibrate")
-    visitor.button("Photograph").wait_for()
-    visitor.until(lambda: isinstance(studio.windows[0], ReviewWindow), "the review takes the page")
-    (reviewing,) = studio.windows
-    assert reviewing.client is window.client
-    lights = reviewing.review.lights.seen_from(np.array(truth["object_centre_mm"]))
-    assert np.median(angular_error_deg(lights.directions, np.array(truth["directions_at_object"]))) < 1.5
-    visitor.window = reviewing
-    settle(visitor)
-    visitor.keep("new_session_review")
-    visitor.page.reload()
-    visitor.button("Photograph").wait_for()

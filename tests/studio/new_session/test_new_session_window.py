@@ -16,14 +16,14 @@ from studio.new_session.found_panel import FoundPanel
 from studio.new_session.looking import Looking
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
-from studio.new_session.write_panel import WritePanel
+from studio.new_session.write_panel import TextPanel, WritePanel
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
 from studio.widgets import fenced
 from studio.workspace import Workspace
 
 SIZE = Plane(80, 60)
-PANELS = (FoundPanel, DiametersPanel, PhotographsPanel, LensPanel, ObjectPanel, WritePanel, PhotographsView)
+PANELS = (FoundPanel, DiametersPanel, PhotographsPanel, LensPanel, ObjectPanel, TextPanel, WritePanel, PhotographsView)
 
 
 @pytest.fixture
@@ -32,10 +32,8 @@ def begun(folder, found, nobody, no_preview, furnish, settle, monkeypatch):
     monkeypatch.setattr("studio.new_session.looking.look", lambda files, progress: (progress(1, 2), found)[1])
 
     def furnished(*panels):
-        looking, reviewed = Looking(survey(folder), folder.parent / "out" / "jug"), []
-        workspace = Workspace.at(folder.parent)
-        window = NewSessionWindow(nobody(), workspace, no_preview, looking, lambda *place: reviewed.append(place))
-        window.tabs, window.reviewed, told = SimpleNamespace(visible=True), reviewed, Future()
+        looking, told = Looking(survey(folder), folder.parent / "out" / "jug"), Future()
+        window = NewSessionWindow(nobody(), Workspace.at(folder.parent), no_preview, looking)
         furnish(window, panels)
         window.open(window.files)
         looking.ask(window.files, lambda done, total: None, told.set_result)
@@ -60,7 +58,7 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     say("chrome balls, mm", 40.0)
     say("white balls, mm", 38.5)
     say("focal length, mm", 50.0)
-    say("Write session.toml")
+    say("Write session")
     assert "without the size of the sensor" in client.told[-1]
     say("sensor, mm", 36.0)
     say("photograph", "flash_2.png")
@@ -80,7 +78,7 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     say("ball", "1: chrome")
     say("centre, px", (21.0, 15.0))
     shown = window.text
-    say("Write session.toml")
+    say("Write session")
     assert (folder / "session.toml").read_text() == shown
     assert {path: path.read_bytes() for path in folder.rglob("*") if path.name != "session.toml"} == before
     session = load_session(folder)
@@ -89,12 +87,9 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     assert rows == [("chrome", 40.0, (21.0, 15.0), 8.0), ("chrome", 40.0, None, None)]
     assert session.mask == folder / "mask.png"
     assert (session.scan_unit, session.camera) == ("mm", Lens(focal_mm=50.0, sensor_mm=36.0))
-    say("white balls, mm", 20.0)
-    assert "nothing here changes it any more" in client.told[-1]
-    assert (folder / "session.toml").read_text() == shown
-    assert client.input("white balls, mm").value == 38.5, "the input shows what was written"
-    say("Open the review")
-    assert window.reviewed == [(folder.parent / "out" / "jug", folder)]
+    desk = window.desk
+    assert (desk.area, desk.review) == ("Session", (folder.parent / "out" / "jug", folder)), "it goes on there"
+    assert window.capture is None, "nothing here changes it any more"
 
 
 def test_a_file_that_is_there_is_not_written_over(begun, folder):
@@ -103,7 +98,7 @@ def test_a_file_that_is_there_is_not_written_over(begun, folder):
     with pytest.raises(SceneError, match="is there already"):
         window.write()
     assert (folder / "session.toml").read_text() == "# mine"
-    assert not window.is_written
+    assert window.desk.area == "Open"
 
 
 def test_what_cannot_be_read_again_is_not_left(begun, folder, monkeypatch):
@@ -118,10 +113,10 @@ def test_what_cannot_be_read_again_is_not_left(begun, folder, monkeypatch):
 
 
 def test_nothing_is_begun_outside_of_the_workspace(begun, folder, tmp_path):
-    window = begun(WritePanel)
+    window = begun()
     window.workspace = Workspace.at(folder)
     with pytest.raises(SceneError, match="lies outside of the workspace"):
-        window.panels[0]._run("calibrate")
+        window.write()
     assert not (folder / "session.toml").exists()
 
 
@@ -136,8 +131,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
     monkeypatch.setattr("studio.new_session.looking.look", lambda files, progress: found)
     looking = Looking(survey(top))
     assert [looking.out_of(one.folder).name for one in looking.folders] == ["cup", "jug"]
-    window = NewSessionWindow(nobody(), Workspace.at(tmp_path), no_preview, looking, lambda *place: None)
-    window.tabs = SimpleNamespace(visible=True)
+    window = NewSessionWindow(nobody(), Workspace.at(tmp_path), no_preview, looking)
     furnish(window, [FoundPanel])
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
     assert window.files.folder.name == "jug", "where there is something to do"
@@ -155,13 +149,13 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
     window.post(lambda: window.edit(replace(window.capture, diameters_mm={"white": 5.0})))
     turn(cup)
     assert window.capture is None
-    assert (window.tabs.visible, window.client.input("Open its review").visible) == (False, True)
+    assert window.client.input("Open its session").visible
     (top / "cup" / "session.toml").unlink()
     turn(cup)
     assert window.capture.diameters_mm == {}
     turn(jug)
     assert window.capture.diameters_mm == {"white": 5.0}
-    assert (window.tabs.visible, window.client.input("Open its review").visible) == (True, False)
+    assert not window.client.input("Open its session").visible
     with pytest.raises(SceneError, match="2 objects"):
         Looking(looking.folders, tmp_path / "out")
 
@@ -173,7 +167,7 @@ def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, set
     window = begun(FoundPanel)
     monkeypatch.setattr("studio.new_session.looking.look", fail)
     window.looking = Looking(window.looking.folders)
-    window.capture = None
+    window.desk.captures.clear()
     window.post(lambda: window.open(window.files))
     done = Future()
     window.looking.ask(window.files, lambda *share: None, done.set_result)
@@ -183,7 +177,6 @@ def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, set
     assert "2 of 5 photographs" in window.client.told[-1]
     assert "2 of 5 photographs" in window.panels[0]._state.content
     assert not window.panels[0]._bar.visible
-    assert not window.tabs.visible
 
 
 def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
@@ -219,28 +212,53 @@ def test_no_name_breaks_out_of_the_shown_file():
     assert shown.endswith("\n````")
 
 
-def test_the_command_begins_a_session_where_there_is_none(folder, monkeypatch):
+def test_typing_and_marking_are_undone_together_or_one_by_one(begun, settle):
+    window = begun(*PANELS)
+    window.client.says("chrome balls, mm", 40.0)
+    window.client.says("ball", "2: chrome")
+    window.client.says("Remove this ball")
+    settle(window)
+    assert (len(window.outlines), window.capture.diameters_mm) == (2, {"chrome": 40.0})
+    window.undo()
+    assert (len(window.outlines), window.capture.diameters_mm) == (3, {"chrome": 40.0})
+    window.undo()
+    assert not window.capture.diameters_mm
+    assert window.client.input("chrome balls, mm").value == 0.0
+    window.redo()
+    assert window.capture.diameters_mm == {"chrome": 40.0}
+
+
+def test_the_command_opens_what_a_path_is(folder, monkeypatch):
     """Before the page opens: no photographs, or an output folder outside of the workspace, end it with one message."""
-    asked = []
+    asked, opened = [], []
 
     def begin(place, **how):
-        asked.append(how)
+        asked.append(how["desk"])
+        return SimpleNamespace(address="http://127.0.0.1:1", close=lambda: None)
+
+    def wait(self, timeout=None):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("studio.server.Studio", begin)
+    monkeypatch.setattr("threading.Event.wait", wait)
+    monkeypatch.setattr("webbrowser.open", opened.append)
     monkeypatch.chdir(folder.parent)
-    with pytest.raises(KeyboardInterrupt):
-        studio(folder)
-    looking = asked[0]["looking"]
-    assert looking.out_of(folder) == folder.parent / "out" / "jug"
-    assert asked[0]["review"] is None
+
+    def opens(*arguments, **options):
+        with pytest.raises(KeyboardInterrupt):
+            studio(*arguments, **options)
+        return asked[-1]
+
+    assert opens(browser=False).area == "Open"
+    assert not opened
+    desk = opens(folder)
+    assert opened == ["http://127.0.0.1:1"], "the system's browser"
+    assert (desk.area, desk.looking.out_of(folder)) == ("New session", folder.parent / "out" / "jug")
     with pytest.raises(SceneError, match="lies outside of the workspace"):
-        studio(folder, workspace=folder)
+        studio(folder, out=folder.parent / "out", workspace=folder)
     (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')
-    with pytest.raises(KeyboardInterrupt):
-        studio(folder)
-    assert asked[1]["looking"] is None
-    assert asked[1]["review"] == (folder.parent / "out" / "jug", folder)
+    desk = opens(folder)
+    assert (desk.area, desk.review) == ("Session", (folder.parent / "out" / "jug", folder))
     (folder.parent / "empty").mkdir()
     with pytest.raises(SceneError, match="photometric stereo needs 3"):
         studio(folder.parent / "empty")

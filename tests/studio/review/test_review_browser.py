@@ -1,36 +1,40 @@
-"""A review in a real browser: a half-done folder corrected, a whole one laid over its photographs and picked on."""
+"""A session in a real browser: a half-done one put right, a whole one looked at, step by step, and picked on."""
 
 import numpy as np
 import pytest
 
 from capture.session.session import load_session
 from scene.rays import RayCaster
+from studio.desk import Desk
 from studio.photograph.plane import Plane
 from studio.review.scan_panel import ScanPanel
 from studio.review.scan_picks import met
 from studio.review.spatial_view import SCAN_SIZE
 from studio.server import Studio
+from studio.tabs import TabbedPanels
 from studio.workspace import Workspace
 
 pytestmark = [pytest.mark.slow]
-READY = "Photograph"
-
-
-def settle(visitor):
-    """Wait until the window has done what it was told, and that is drawn."""
-    done = []
-    visitor.window.post(lambda: done.append(True))
-    visitor.until(lambda: done, "the window is at rest")
-    visitor.frames(4)
-
-
-def click(visitor, point):
-    settle(visitor)
-    visitor.page.mouse.click(*visitor.on_screen(point))
+READY = "Show all of it"
 
 
 def panel(window, kind):
-    return next(one for one in window.panels if isinstance(one, kind))
+    (tabs,) = (one for one in window.panels if isinstance(one, TabbedPanels))
+    return next(one for one in tabs.made.values() if isinstance(one, kind))
+
+
+@pytest.fixture
+def at_session():
+    """Return what makes a studio at a session; all are closed in the end."""
+    running = []
+
+    def made(root, folder, session):
+        running.append(Studio(Workspace.at(root), port=0, desk=Desk(area="Session", review=(folder, session))))
+        return running[-1]
+
+    yield made
+    for one in running:
+        one.close()
 
 
 def strip_middle(window, index):
@@ -44,109 +48,133 @@ def strip_middle(window, index):
 
 
 @pytest.mark.full
-def test_a_half_done_session_is_put_right(visit, calibrated):
-    """No mask, no scan, no twin: said so. A ball is dragged wrong, calibrated again, kept; another window is left."""
-    studio = Studio(Workspace.at(calibrated.root), port=0, review=(calibrated.folder, calibrated.session))
-    try:
-        visitor, other = visit(studio, READY), visit(studio, READY)
-        window = visitor.window
-        for part in ("no mask", "no scan", "no twin"):
-            visitor.see(part)
-        visitor.keep("review_half")
-        found = window.outlines[0]
+def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
+    """No mask, no scan, no twin: said so. A ball is dragged wrong, run again, and found; another window is left."""
+    studio = at_session(calibrated.root, calibrated.folder, calibrated.session)
+    visitor, other = visit(studio, READY), visit(studio, READY)
+    window = visitor.window
+    for part in ("no mask", "no scan", "no twin"):
+        visitor.see(part)
+    visitor.keep("review_half")
+    found = window.outlines[0]
 
-        click(visitor, strip_middle(window, 3))
-        visitor.until(lambda: window.frame == 3, "the small picture was clicked")
-        visitor.see(window.review.material.frames.names[3])
+    visitor.click(strip_middle(window, 3))
+    visitor.until(lambda: window.frame == 3, "the small picture was clicked")
+    visitor.see(window.review.material.frames.names[3])
 
-        visitor.page.get_by_role("tab", name="Warnings", exact=True).click(force=True)
-        visitor.press("Show ball 1")
-        visitor.until(lambda: window.ball == 0, "the warning leads to its ball")
-        visitor.tab("Balls")
-        visitor.see("in 6 of 6 frames")
-        settle(visitor)
-        plane = Plane(320, 240)
-        knob = plane.place(np.add(found.center_px, [found.radius_px, 0]))
-        hand = plane.place(np.add(found.center_px, [1.1 * found.radius_px, 0]))
-        visitor.frames(3)
-        visitor.drag(visitor.on_screen(knob), visitor.on_screen(hand))
-        visitor.until(lambda: window.outlines[0].is_moved, "the knob was dragged")
-        settle(visitor)
-        assert window.outlines[0].radius_px == pytest.approx(1.1 * found.radius_px, rel=0.02)
-        assert window.outlines[0].center_px == pytest.approx(found.center_px)
-        visitor.keep("review_ball")
+    visitor.tab("Verdict")
+    visitor.see("There is no report yet")
+    visitor.press("Show ball 1")
+    visitor.until(lambda: window.ball == 0, "the warning leads to its ball")
+    visitor.see("in 6 of 6 frames")
+    visitor.settle()
+    plane = Plane(320, 240)
+    knob = plane.place(np.add(found.center_px, [found.radius_px, 0]))
+    hand = plane.place(np.add(found.center_px, [1.1 * found.radius_px, 0]))
+    visitor.drag(visitor.on_screen(knob), visitor.on_screen(hand))
+    visitor.until(lambda: window.outlines[0].is_moved, "the knob was dragged")
+    visitor.settle()
+    dragged = window.outlines[0]
+    assert dragged.radius_px == pytest.approx(1.1 * found.radius_px, rel=0.02)
+    assert dragged.center_px == pytest.approx(found.center_px)
+    visitor.keep("review_ball")
+    # A reload loses nothing of it; a whole drag is one thing to undo.
+    visitor.reload("Undo: resize ball 1")
+    window = visitor.window
+    assert window.outlines[0] == dragged
+    visitor.press("Undo: resize ball 1")
+    visitor.until(lambda: window.outlines[0] == found, "taken back")
+    visitor.press("Redo: resize ball 1")
+    visitor.until(lambda: window.outlines[0] == dragged, "made again")
 
-        visitor.press("Calibrate again")
-        visitor.see("Lights turn by")
-        row = visitor.page.get_by_role("row", name="1 chrome").inner_text().split("\t")
-        u, v = map(float, row[1].split(","))
-        # The outline is found again from a circle that is a tenth too large.
-        assert np.hypot(u - found.center_px[0], v - found.center_px[1]) < 0.1
-        assert float(row[2]) == pytest.approx(found.radius_px, abs=0.1)
-        visitor.keep("review_again")
-        visitor.press("Keep these balls")
-        visitor.see("Kept in")
-        (spec,) = load_session(calibrated.folder / "review").spheres
-        assert spec.radius_px == pytest.approx(2 * window.outlines[0].radius_px), "full-size pixels of halved frames"
-        assert (calibrated.session / "session.toml").read_text() == calibrated.text
+    visitor.press("Run up to Balls")
+    visitor.see("Kept")
+    visitor.until(lambda: window.reading, "the steps have ended")
+    (spec,) = load_session(calibrated.folder / "review").spheres
+    assert spec.radius_px == pytest.approx(2 * dragged.radius_px), "full-size pixels of halved frames"
+    assert (calibrated.session / "session.toml").read_text() == calibrated.text
+    # The outline is found again from a circle that is a tenth too large.
+    again = window.outlines[0]
+    assert np.hypot(*np.subtract(again.center_px, found.center_px)) < 0.1
+    assert again.radius_px == pytest.approx(found.radius_px, abs=0.1)
 
-        assert (other.window.frame, other.window.ball, other.window.outlines[0]) == (0, None, found)
-        visitor.tab("Lights")
-        visitor.press("Show in 3-D")
-        visitor.until(lambda: window.view == "Lights in 3-D", "the lights are shown")
-        visitor.frames(3)
-        visitor.keep("review_lights")
-        # What is not there is said, and the studio lives on.
-        window.post(lambda: window.show(overlay="mask"))
-        window.post(lambda: window.choose(view="Photograph"))
-        visitor.see("That cannot be done")
-        visitor.tab("Scan")
-        visitor.see("Not registered")
-        click(other, strip_middle(other.window, 1))
-        other.until(lambda: other.window.frame == 1, "the other window works")
-    finally:
-        studio.close()
+    assert (other.window.frame, other.window.ball, other.window.outlines[0]) == (0, None, found)
+    visitor.tab("Lights")
+    visitor.until(lambda: window.view == "Lights in 3-D", "the view follows the tab")
+    visitor.frames(3)
+    visitor.keep("review_lights")
+    # What is not there is said, and the studio lives on.
+    window.post(lambda: window.open_tab("Capture"))
+    window.post(lambda: window.show(overlay="mask"))
+    visitor.see("That cannot be done")
+    visitor.tab("Scan")
+    visitor.see("Not registered")
+    other.click(strip_middle(other.window, 1))
+    other.until(lambda: other.window.frame == 1, "the other window works")
 
 
 @pytest.mark.full
-def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path):
+def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path, at_session):
     """Four points clicked in the photograph and on the scan give the pose at which both were made."""
-    studio = Studio(Workspace.at(tmp_path), port=0, review=(made.folder, made.session))
-    try:
-        visitor = visit(studio, READY)
-        window = visitor.window
-        window.post(lambda: window.show(overlay="scan, normals", opacity=0.8))
-        visitor.see("Red: right")
-        visitor.tab("Twin")
-        visitor.page.locator('input[value="nothing"]:visible').click(force=True)
-        visitor.page.get_by_role("option", name="the twin, same flash").click(force=True)
-        visitor.see("The rendered frame of the same flash; differs by 1")
-        visitor.frames(2)
-        visitor.keep("review_twin")
+    visitor = visit(at_session(tmp_path, made.folder, made.session), READY)
+    window = visitor.window
+    visitor.tab("Twin")
+    visitor.see("The rendered frame of the same flash; differs by 1")
+    assert window.beside.caption == "twin"
+    visitor.keep("review_twin")
+    visitor.tab("Scan")
+    visitor.until(lambda: window.shown.overlay == "scan, shaded", "the scan lies over the photograph")
+    assert window.beside is None
+    visitor.press("Start picking")
+    visitor.until(lambda: window.on_photograph is not None, "picking has begun")
+    picks, mesh, plane = panel(window, ScanPanel), window.review.scan_mesh, Plane(160, 120)
+    scale = SCAN_SIZE / (2 * mesh.radius_mm)
+    towards = [(-25, 10), (22, 14), (3, -38), (8, 20)]
+    for count, (x, y) in enumerate(towards, 1):
+        point = met(RayCaster(mesh), mesh.center_mm + [x, y, 500.0], np.array([0.0, 0.0, -1.0]))
+        pixel = made.camera.project(made.pose.apply(point[None]))[0]
+        visitor.click(plane.place(pixel))
+        visitor.until(lambda: window.view == "Scan", "the scan is asked for")
+        visitor.click((point - mesh.center_mm) * scale)
+        visitor.until(lambda: window.picks.pairs == count, "the pair is whole")  # noqa: B023
+        np.testing.assert_allclose(window.picks.points[-1], point, atol=0.02 * mesh.radius_mm)
+        np.testing.assert_allclose(window.picks.pixels[-1], pixel, atol=1.0)
+    visitor.press("Pose from the picks")
+    visitor.see("px rms apart at the pose")
+    visitor.frames(2)
+    visitor.keep("review_picks")
+    assert (picks.found.pose.inverse() @ made.pose).angle_deg() < 10
+    visitor.press("Keep")
+    visitor.see("Kept")
+    assert load_session(made.folder / "review").picks == made.folder / "review" / "picks.csv"
 
-        visitor.tab("Scan")
-        window.post(lambda: window.choose(beside=None))
-        visitor.press("Start picking")
-        visitor.until(lambda: window.on_photograph is not None, "picking has begun")
-        picks, mesh, plane = panel(window, ScanPanel), window.review.scan_mesh, Plane(160, 120)
-        scale = SCAN_SIZE / (2 * mesh.radius_mm)
-        towards = [(-25, 10), (22, 14), (3, -38), (8, 20)]
-        for count, (x, y) in enumerate(towards, 1):
-            point = met(RayCaster(mesh), mesh.center_mm + [x, y, 500.0], np.array([0.0, 0.0, -1.0]))
-            pixel = made.camera.project(made.pose.apply(point[None]))[0]
-            click(visitor, plane.place(pixel))
-            visitor.until(lambda: window.view == "Scan", "the scan is asked for")
-            click(visitor, (point - mesh.center_mm) * scale)
-            visitor.until(lambda: window.picks.pairs == count, "the pair is whole")  # noqa: B023
-            np.testing.assert_allclose(window.picks.points[-1], point, atol=0.02 * mesh.radius_mm)
-            np.testing.assert_allclose(window.picks.pixels[-1], pixel, atol=1.0)
-        visitor.press("Pose from the picks")
-        visitor.see("px rms apart at the pose")
+
+def test_the_wheel_enlarges_what_is_under_the_pointer_and_a_drag_moves_it(visit, made, tmp_path, at_session):
+    """The photograph is never turned; in 3-D the same hand turns."""
+    visitor = visit(at_session(tmp_path, made.folder, made.session), READY)
+    window, plane, mouse = visitor.window, Plane(160, 120), visitor.page.mouse
+    visitor.settle()
+    visitor.page.wait_for_function("() => document.documentElement.dataset.flat === 'true'")
+    camera, pixel = window.client.camera, plane.place((110.0, 75.0))
+    at, high = visitor.on_screen(pixel), camera.position[2]
+    mouse.move(*at)
+    for _ in range(4):
+        mouse.wheel(0, -240)
         visitor.frames(2)
-        visitor.keep("review_picks")
-        assert (picks.found.pose.inverse() @ made.pose).angle_deg() < 10
-        visitor.press("Keep these picks")
-        visitor.see("Kept in")
-        assert load_session(made.folder / "review").picks == made.folder / "review" / "picks.csv"
-    finally:
-        studio.close()
+    visitor.until(lambda: camera.position[2] < 0.8 * high, "enlarged")
+    visitor.page.wait_for_timeout(300)
+    assert np.linalg.norm(visitor.on_screen(pixel) - at) < 8, "what was under the pointer stays there"
+    visitor.drag(at, at + [60, 40])
+    visitor.until(lambda: np.linalg.norm(visitor.on_screen(pixel) - at - [60, 40]) < 10, "it follows the hand")
+    np.testing.assert_allclose(camera.wxyz / np.sign(camera.wxyz[1]), [0, 1, 0, 0], atol=1e-3)
+    visitor.tab("Lights")
+    visitor.page.wait_for_function("() => document.documentElement.dataset.flat === 'false'")
+
+
+def test_a_page_that_saw_another_studio_is_told(visit, made, tmp_path, at_session):
+    visitor = visit(at_session(tmp_path, made.folder, made.session), READY)
+    visitor.page.wait_for_function("() => sessionStorage.getItem('studio-run')")
+    assert not visitor.page.get_by_role("alert").filter(has_text="started again").count()
+    visitor.page.evaluate("() => sessionStorage.setItem('studio-run', 'the one before')")
+    visitor.reload(READY)
+    visitor.see("The studio was started again")

@@ -1,4 +1,4 @@
-"""The steps run from a review: as they were run before, with what was kept, and what stops them."""
+"""The steps run from a session: as they were run before, with what was corrected, and what stops them."""
 
 import json
 import shutil
@@ -12,24 +12,22 @@ from lab.job import Outcome
 from lab.options import Solving, TwinSettings
 from lab.plan import STEPS
 from lab.run import run_session
-from rgbn.cli import app
-from scene.errors import SceneError
 from studio import background_process
 from studio.background_process import BackgroundProcess
 from studio.photograph.outlines import moved
-from studio.review.corrected_session import write_amended
-from studio.review.corrections import specs_of
+from studio.review import review_window
 from studio.review.review_window import ReviewWindow
-from studio.review.run_panel import RunPanel, options_of, process_arguments
+from studio.review.run_panel import RunPanel
+from studio.review.run_steps import settings_of
 from studio.workspace import Workspace
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 def test_what_stops_the_steps_is_told(made):
-    """The command line in its own process: photographs that are no pictures end it, with the line that says so."""
+    """In their own process: photographs that are no pictures end it, with the line that says so."""
     said, ended = [], []
-    arguments = process_arguments(made.session, made.folder.parent / "again")
+    arguments = ["-m", "studio.review.run_steps", str(made.session), str(made.folder.parent / "again"), "check"]
     BackgroundProcess(arguments, said.append, ended.append).wait()
     (fault,) = ended
     assert "flash_0.png" in fault
@@ -38,7 +36,7 @@ def test_what_stops_the_steps_is_told(made):
 
 
 def test_steps_are_run_as_they_were(tmp_path, monkeypatch):
-    """By the command line's own reading of the options: with them the steps are current, without any of them not."""
+    """With the settings that the summary names all is current, and without any of them it is not; the truth stays."""
     shutil.copytree(FIXTURE / "raw", tmp_path / "session" / "raw")
     text = (FIXTURE / "session.toml").read_text()
     (tmp_path / "session" / "session.toml").write_text(
@@ -52,41 +50,42 @@ def test_steps_are_run_as_they_were(tmp_path, monkeypatch):
     for name in list(STEPS):
         monkeypatch.setitem(STEPS, name, replace(step(name), needs=("solve", "twin") if name == "compare" else ()))
     monkeypatch.setattr("compare.report.report.write_report", lambda store, summary: None)
-    monkeypatch.setattr("rgbn.summary_table.tell", lambda job, summary, **how: None)
-    how = {
-        "solving": Solving(
-            "sbl,ls", "seed", ("Net=python net.py --data {data} --out '{out}'", "Other=x {data} {out}"), 60.0
-        ),
-        "twin": TwinSettings("many", 0.035, True, True),
-    }
+    programs = ("Net=python net.py --data {data} --out '{out}'", "Other=x {data} {out}")
     out = tmp_path / "out"
-    run_session(tmp_path / "session", "compare", out=out, **how)
+    how = {"solving": Solving("sbl,ls", "seed", programs), "twin": TwinSettings("many", 0.035, True, True)}
+    run_session(tmp_path / "session", "compare", out=out, truth=FIXTURE, **how)
     assert worked == ["solve", "twin", "compare"]
-    worked.clear()
-    options = options_of(json.loads((out / "summary.json").read_text()))
-    again = ["process", str(tmp_path / "session"), "--out", str(out)]
-    app([*again, *options], result_action="return_value")
-    assert worked == []
-    for left in options:
-        app([*again, *(option for option in options if option != left)], result_action="return_value")
-        assert "twin" in worked, f"{left} counts"
+    summary = json.loads((out / "summary.json").read_text())
+
+    def again(**left_out):
         worked.clear()
-        app([*again, *options], result_action="return_value")
-        worked.clear()
-    with pytest.raises(SceneError, match="known truth"):
-        options_of({"truth_check": {"held": True}})
-    assert options_of({}) == []
+        how = settings_of(summary | {"arguments": summary["arguments"] | left_out})
+        run_session(tmp_path / "session", "compare", out=out, **how)
+        return list(worked)
+
+    assert again() == []
+    for other in (
+        {"methods": ["ls", "Net", "Other"]},
+        {"profile": "default"},
+        {"external": {}, "methods": ["sbl", "ls"]},
+        {"twin": None},
+    ):
+        assert "twin" in again(**other), f"{other} counts"
+        again()
+    assert again(truth=None) == ["compare"], "without its truth the demo is judged anew"
+    assert settings_of({})["solving"].method is None
 
 
-def test_the_panel_runs_what_was_kept_as_the_session_is_now(made, nobody, no_preview, settle, monkeypatch):
-    """And says before with what: a folder that came from elsewhere may name a program."""
-    runs = []
+@pytest.fixture
+def opened(made, nobody, no_preview, monkeypatch):
+    """Return what opens a window on the folder that was made, whose runs are listed and end at once."""
+    runs, windows = [], []
 
     class Ran:
         def __init__(self, arguments, tell, ended):
-            verb, session, *options = arguments[2:]
-            assert (verb, options[:2]) == ("process", ["--out", str(made.folder)])
-            runs.append((load_session(Path(session)), options[2:]))
+            assert arguments[:2] == ["-m", "studio.review.run_steps"]
+            assert arguments[3] == str(made.folder)
+            runs.append((load_session(Path(arguments[2])), arguments[4]))
             tell("<b>solve</b> ...")
             ended("")
 
@@ -94,37 +93,83 @@ def test_the_panel_runs_what_was_kept_as_the_session_is_now(made, nobody, no_pre
             pass
 
     monkeypatch.setattr(background_process, "BackgroundProcess", Ran)
-    arguments = {"methods": ["ls", "Net"], "external": {"Net": "python `net` {data} {out}"}}
-    made.store.path("summary.json").write_text(json.dumps({"arguments": arguments}))
-    window = ReviewWindow(nobody(), Workspace.at(made.folder.parent), no_preview, made.folder, made.session)
-    window.read()
-    panel = RunPanel(window)
-    window.panels.append(panel)
-    window.refresh()
-    assert "--external=Net=python `net` {data} {out}" in panel._what.content
-    window.client.says("Run the steps")
+
+    def window(desk=None, number=1):
+        found = ReviewWindow(
+            nobody(number), Workspace.at(made.folder.parent), no_preview, made.folder, made.session, desk
+        )
+        found.read()
+        found.panels.append(RunPanel(found))
+        found.refresh()
+        windows.append(found)
+        return found
+
+    window.runs = runs
+    yield window
+    for one in windows:
+        one.close()
+        one.wait()
+
+
+def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(opened, made, settle):
+    """It says with what other programs: a folder that came from elsewhere may name any."""
+    arguments = {"methods": ["ls", "Net"], "external": {"Net": "python `net` {data} {out}"}, "truth": str(FIXTURE)}
+    made.store.path("summary.json").write_text(json.dumps({"arguments": arguments, "truth_check": {"a": 1}}))
+    window = opened()
+    window.open_tab("Verdict")
+    panel, runs = window.panels[-1], opened.runs
+    assert "Net=python `net` {data} {out}" in panel._what.content
+    window.client.says("Run everything")
     settle(window)
-    assert runs[0][0].folder == made.session
-    assert "\\<b\\>solve" in panel.work.text.content
-    write_amended(
-        window.review,
-        spheres=specs_of(window.review.session, moved(window.outlines, 0, (40.0, 30.0), made.camera), made.camera),
-    )
+    settle(window)
+    assert (runs[0][0].folder, runs[0][1]) == (made.session, "compare")
+    window.open_tab("Balls")
+    window.correct(moved(window.outlines, 0, (40.0, 30.0), made.camera))
     text = (made.session / "session.toml").read_text()
     (made.session / "session.toml").write_text(text + 'scan_unit = "cm"\n')
-    window.client.says("Run the steps")
+    assert "what you corrected" in panel._what.content
+    window.client.says("Run up to Balls")
     settle(window)
-    session, options = runs[1]
-    assert (session.scan_unit, session.spheres[0].center_px) == ("cm", (40.0, 30.0))
-    assert options == ["--method=ls", "--external=Net=python `net` {data} {out}"]
-    window.client.says("Forget what was kept")
-    window.client.says("Run the steps")
     settle(window)
-    assert runs[2][0].folder == made.session
-    made.store.path("summary.json").write_text(json.dumps({"arguments": arguments, "truth_check": {"a": 1}}))
-    window.client.says("Run the steps")
+    session, step = runs[1]
+    assert (session.scan_unit, session.spheres[0].center_px, step) == ("cm", (40.0, 30.0), "calibrate")
+    window.client.says("Run up to Balls")
     settle(window)
-    assert len(runs) == 3
-    assert "known truth" in window.client.told[-1]
+    assert runs[2][0].spheres[0].center_px == (40.0, 30.0), "what was kept stays so"
+    window.forget()
+    window.client.says("Run up to Balls")
+    settle(window)
+    assert runs[3][0].folder == made.session
+
+
+def test_corrections_are_undone_and_outlive_the_window(opened, made):
+    """A reload shows them as they were, not kept, and undo still takes them back."""
+    window = opened()
+    found = window.outlines
+    window.correct(moved(found, 0, (40.0, 30.0), made.camera), "move ball 1")
+    window.correct(moved(window.outlines, 1, (90.0, 40.0), made.camera), "move ball 2")
     window.close()
-    window.wait()
+    again = opened(window.desk, 2)
+    assert again.outlines[0].center_px == (40.0, 30.0)
+    assert not again.is_kept_so
+    again.undo()
+    assert again.outlines[1] == found[1]
+    again.undo()
+    assert (again.outlines, again.is_kept_so) == (found, True)
+    again.redo()
+    assert again.outlines[0].center_px == (40.0, 30.0)
+
+
+def test_what_another_window_kept_is_not_written_over_unseen(opened, made, settle):
+    """The second one is told once; that it keeps all the same is then its own decision."""
+    one, other = opened(), opened(number=2)
+    one.correct(moved(one.outlines, 0, (40.0, 30.0), made.camera))
+    other.correct(moved(other.outlines, 1, (90.0, 40.0), made.camera))
+    kept = one.write_kept() / "session.toml"
+    text = kept.read_text()
+    with pytest.raises(review_window.SceneError, match="another window"):
+        other.write_kept()
+    assert kept.read_text() == text
+    other.write_kept()
+    assert load_session(kept.parent).spheres[1].center_px == (90.0, 40.0)
+    one.close()

@@ -1,20 +1,15 @@
 """A review's window without a browser: what is clicked, what is missing, and what is written."""
 
 import threading
-from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 
 from scene import rays
 from scene.output_folder import open_record
 from studio.review.balls_panel import BallsPanel
-from studio.review.corrections import outlines_of
-from studio.review.folder import Review
 from studio.review.frames_panel import FramesPanel, WarningsPanel
 from studio.review.photograph_view import PhotographView
-from studio.review.recalibration import calibrate_again
 from studio.review.review_window import ReviewWindow
 from studio.review.spatial_view import SCAN_SIZE, SpatialView
 from studio.review.twin_panel import TwinPanel
@@ -71,39 +66,14 @@ def test_what_is_missing_is_said_once_and_breaks_no_refresh(reviewing, made, set
     assert not window.client.told
     made.store.path("frames", "frames.json").unlink()
     window = reviewing(TwinPanel, FramesPanel)
-    window.client.says("beside the photograph", "the twin, same flash")
-    settle(window)
-    (told,) = set(window.client.told)
-    assert "frames: " in told
-    assert "fault of the studio" not in told
-
-
-def test_calibrating_again_writes_nothing_into_the_folder(made, monkeypatch):
-    """Not even the photographs of a ball that was shot apart, which it decodes; those are of the right ball."""
-    raw = made.session / "raw"
-    for index, name in enumerate(made.lights.names):
-        for kind, level in (("flash", 90), ("ball", 30)):
-            picture = np.full((120, 160, 3), level + 10 * index, np.uint8)
-            cv2.imwrite(str(raw / name.replace("flash", kind)) + ".png", picture)
-    text = (made.session / "session.toml").read_text()
-    apart = 'kind = "white"\ndiameter_mm = 90.0\nframes = "raw/ball_*.png"\n'
-    (made.session / "session.toml").write_text(text.replace('kind = "white"\ndiameter_mm = 90.0\n', apart))
-    balls = [*made.spheres[:2], replace(made.spheres[2], apart=True)]
-    made.store.save_spheres(balls, made.camera)
-    review = Review.read(made.folder, made.session)
-    asked = []
-    monkeypatch.setattr("calibrate.calibrate.calibrate", lambda frames, camera, requests, **_: asked.extend(requests))
-    before = {path: path.stat().st_mtime_ns for path in made.folder.rglob("*")}
-    # One ball fewer than before: the others' numbers shift.
-    calibrate_again(review, outlines_of(review)[1:])
-    assert {path: path.stat().st_mtime_ns for path in made.folder.rglob("*")} == before
-    assert [request.kind for request in asked] == ["chrome", "white"]
-    seen = [asked[1].frames.read_pixels(index, np.array([5]), np.array([7]))[0].mean() for index in range(5)]
-    np.testing.assert_allclose(seen, (30 + 10 * np.arange(5)) / 255, atol=1e-3)
+    window.open_tab("Twin")
+    assert window.beside is None
+    assert not window.client.told
 
 
 def test_the_warnings_are_counted_as_the_folder_is_now(reviewing, made):
     window = reviewing(WarningsPanel)
+    window.open_tab("Verdict")
     folder = window.panels[0]._folder
     assert folder.label == "Warnings (1)"
     with open_record(made.folder) as record, record.making("solve", "by the test") as entry:

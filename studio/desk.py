@@ -1,0 +1,65 @@
+"""What a browser works on, over all areas: it outlives a reload of the page and a change of the area."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from studio.background_process import Works
+from studio.history import History
+from studio.new_session.looking import Looking
+
+Area = Literal["Open", "New session", "Session", "Scene"]
+AREAS: tuple[Area, ...] = get_args(Area)
+
+
+@dataclass(eq=False)
+class Sitting:
+    """What is corrected in a session.
+
+    found: As it was found when the folder was read. kept: What of it is in the folder's files.
+    seen: Digest of these files as this desk knows them.
+    """
+
+    history: History[Any]
+    found: Any
+    kept: Any
+    seen: str
+
+
+@dataclass(eq=False)
+class Desk:
+    """What lies before a person.
+
+    area: The one that is shown.
+    tabs: The open tab of each area.
+    folder: That is looked into to open something; None: the workspace.
+    scene: Of the scene that is made; None: a new one.
+    looking: The folders in which sessions are begun.
+    captures: Of each of these that was looked at, what was put right in it.
+    review: Output folder and session that is looked at; None for the second: the one that the folder names.
+    sittings: By output folder, what was corrected there.
+    to_run: The step up to which a session that is opened next is run at once; empty: it is not.
+    works: What is at work in the studio, for all of its desks.
+    """
+
+    area: Area = "Open"
+    tabs: dict[Area, str] = field(default_factory=dict)
+    folder: Path | None = None
+    scene: History[Any] | None = None
+    looking: Looking | None = None
+    captures: dict[Path, History[Any]] = field(default_factory=dict)
+    review: tuple[Path, Path | None] | None = None
+    sittings: dict[Path, Sitting] = field(default_factory=dict)
+    to_run: str = ""
+    works: Works = field(default_factory=Works)
+
+    @property
+    def has_work(self) -> bool:
+        """Whether something was changed here."""
+        histories = [self.scene, *self.captures.values(), *(one.history for one in self.sittings.values())]
+        return any(one is not None and (one.past or one.future) for one in histories)
+
+    def show_session(self, out: Path, session: Path | None, *, tab: str = "Capture", run: str = "") -> None:
+        """Go to a session."""
+        self.area, self.review, self.to_run = "Session", (out, session), run
+        self.tabs["Session"] = tab

@@ -1,0 +1,67 @@
+"""What a path is, and how it is laid on a desk: a folder of photographs, a session, an output folder, a scene."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Literal
+
+from capture.survey.folder_files import survey
+from lab.session_place import MANIFEST, is_output, is_session
+from scene.errors import SceneError
+from studio.desk import Desk
+from studio.editor.editor_window import FILE, begun
+from studio.new_session.looking import Looking
+from studio.review.folder import found_at
+from studio.workspace import Workspace
+
+Kind = Literal["results", "session", "scene", "folder"]
+MOST = 200
+"""Entries of a folder that are listed."""
+
+
+def kind_of(path: Path) -> Kind | None:
+    """Return what a path is; None: nothing that can be opened."""
+    if path.is_dir():
+        return "results" if is_output(path) else "session" if is_session(path) else "folder"
+    return "scene" if path.suffix == ".toml" and path.name != MANIFEST else None
+
+
+def entries(folder: Path) -> Iterator[tuple[Path, Kind]]:
+    """Yield what a folder holds that can be opened, folders first; what is hidden, and links, are left out."""
+    with os.scandir(folder) as found:
+        paths = sorted((Path(one.path) for one in found if not one.name.startswith(".") and not one.is_symlink()),
+                       key=lambda path: (path.is_file(), path.name))  # fmt: skip
+    for path in paths[:MOST]:
+        if kind := kind_of(path):
+            yield path, kind
+
+
+def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None) -> None:
+    """Lay on a desk what a path is.
+
+    out: Output folder of a session. Raises SceneError: it cannot be read, or lies outside of the workspace.
+    """
+    from twin.description.description_file import read_scene
+
+    kind = kind_of(source)
+    if kind == "folder":
+        looking = Looking(survey(source), out or workspace.root / "out", is_parent=out is None)
+        for one in looking.folders:
+            workspace.path(looking.out_of(one.folder))
+        desk.area, desk.looking = "New session", looking
+    elif source.is_dir() or source.name == MANIFEST:
+        place, session = found_at(source, out)
+        if out is None and kind != "results" and not place.is_relative_to(workspace.root):
+            place = workspace.root / "out" / place.name
+        desk.show_session(workspace.path(place), session)
+    elif kind == "scene" or source.suffix == ".toml":
+        path = workspace.description(str(source.resolve()))
+        desk.area = "Scene"
+        found = begun(workspace, read_scene(path), path.parent if path.name == FILE else None)
+        # What was made before can be taken back to.
+        desk.scene = desk.scene.did(f"open {path.stem}", found.state, 0.0) if desk.scene else found
+    else:
+        raise SceneError(
+            f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
+            "folder."
+        )
