@@ -212,7 +212,7 @@ def compare(
 
 @app.command(sort_key=9)
 def export(
-    session: Annotated[Path, Parameter(help=f"{SESSION} With --format mitsuba also a scene description, .toml.")],
+    session: Annotated[Path, Parameter(help=f"{SESSION} With --format mitsuba, gltf also a scene's .toml.")],
     /,
     *,
     format: Annotated[
@@ -220,7 +220,7 @@ def export(
         Parameter(
             alias="-f",
             help=f"Formats, with commas: {', '.join(FORMATS)}. all: every one of the lights. csv: tables of the lights "
-            "and, after compare, of the errors; mat: near_ps; mitsuba: the twin's scene.",
+            "and, after compare, of the errors; mat: near_ps; mitsuba, gltf: the twin's scene.",
         ),
     ],
     out: Out = None,

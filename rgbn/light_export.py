@@ -12,7 +12,8 @@ if TYPE_CHECKING:
 
 LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
 """What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
-FORMATS = (*LIGHTS, "mitsuba")
+SCENES = ("gltf", "mitsuba")
+FORMATS = (*LIGHTS, *SCENES)
 
 
 def formats_of(text: str) -> tuple[str, ...]:
@@ -26,7 +27,7 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
     Parameters
     ----------
     source : Path
-        A session, its output folder, or for `mitsuba` alone a scene description.
+        A session, its output folder, or for `mitsuba` and `gltf` alone a scene description.
     text : str
         Formats with commas, or `all`.
     out : Path or None
@@ -47,12 +48,12 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
     from rgbn.scene_export import export_scene
 
     names, paths, notes = formats_of(text), [], []
-    if lights := [name for name in names if name != "mitsuba"]:
+    if lights := [name for name in names if name not in SCENES]:
         with open_job(source, out=out) as job:
             paths, notes = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
-    if "mitsuba" in names:
-        made, more = export_scene(source, out)
-        paths, notes = [*paths, made[0]], [*notes, *more]
+    if scenes := [name for name in names if name in SCENES]:
+        made, more = export_scene(source, out, scenes)
+        paths, notes = [*paths, *made], [*notes, *more]
     return paths, notes
 
 

@@ -66,7 +66,7 @@ def _numbers(summary: Summary, statements: list[Statement], best: str | None) ->
     normals = page.number(real.get("median_deg"), 1, "°")
     if page.is_number(row.get("median_sigma_deg")):
         normals += f" ± {page.number(row['median_sigma_deg'], 1, '°')}"
-    answered = f"of the object answered {page.percent(row.get('coverage'))}" if real else "no measured error"
+    answered = f"{page.percent(row.get('coverage'))} of the object answered" if real else "no measured error"
     shared = (
         f"median {page.number((row.get('twin') or {}).get('median_deg'), 1, '°')} on the twin"
         if row.get("twin")

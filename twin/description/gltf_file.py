@@ -1,0 +1,101 @@
+"""A scene's objects as one binary glTF file, which standard viewers open: meshes, base colours, roughness."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from formats.pictures import srgb_from_linear
+from scene.errors import RenderError
+from scene.files import write_whole
+from twin.description.description import TwinScene
+from twin.description.materials import Diffuse, RoughPlastic, Texture
+from twin.description.object_mesh import ObjectMesh
+
+MM = 1e-3
+"""glTF counts in metres."""
+
+
+def write_gltf(scene: TwinScene, path: Path, told: dict[str, Any]) -> list[str]:
+    """Write a scene's objects as .glb; return what the file cannot say.
+
+    Parameters
+    ----------
+    scene : TwinScene
+        Its objects of matte or rough plastic surfaces. The camera's frame is glTF's own: x right, y up, z toward the
+        viewer; millimetres become metres.
+    path : Path
+    told : dict
+        What is said of the material, how far it misses the photographs: kept as the scene's `extras`.
+
+    Raises
+    ------
+    RenderError
+        An object is of metal, or of a material that was measured or put together: glTF's differs too much.
+
+    Notes
+    -----
+    glTF's material is a Lambertian body under a GGX coat of index 1.5 whose alpha is the square of `roughnessFactor`
+    [Khronos2021]. Base colours are sRGB, 8 bits.
+    """
+    import trimesh
+
+    made, notes = trimesh.Scene(metadata=told), set[str]()
+    for one in scene.objects:
+        material = scene.materials[one.material]
+        if not isinstance(material, Diffuse | RoughPlastic):
+            raise RenderError(
+                f"{one.name}: its material is {type(material).__name__.lower()}; glTF takes diffuse and rough_plastic. "
+                "Export the scene for Mitsuba instead."
+            )
+        made.add_geometry(_geometry(one.placed, material), node_name=one.name, geom_name=one.name)
+        notes.update(_lost(material))
+    data = made.export(file_type="glb")
+    assert isinstance(data, bytes)
+    with write_whole(path) as file:
+        file.write(data)
+    return [f"{path.name}: {note}" for note in sorted(notes)]
+
+
+def _geometry(mesh: ObjectMesh, material: Diffuse | RoughPlastic) -> Any:
+    import trimesh
+    from PIL import Image
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
+
+    reflectance = material.reflectance
+    # A matte surface is the roughest one, its coat still there: glTF has no other.
+    alpha = material.roughness if isinstance(material, RoughPlastic) else 1.0
+    surface: dict[str, Any] = {"roughnessFactor": float(np.sqrt(min(alpha, 1.0))), "metallicFactor": 0.0}
+    if isinstance(reflectance, Texture):
+        codes = np.round(255 * srgb_from_linear(reflectance.values)).astype(np.uint8)
+        surface["baseColorTexture"] = Image.fromarray(np.broadcast_to(codes, (*codes.shape[:2], 3)).copy())
+    elif reflectance != "vertex":
+        # The factor is linear in the file, and trimesh takes it as it is.
+        surface["baseColorFactor"] = [*(float(value) for value in reflectance), 1.0]
+    shape = trimesh.Trimesh(MM * mesh.vertices, mesh.faces, vertex_normals=_unit(mesh), process=False)
+    # trimesh counts t upward and turns it over as it writes.
+    texcoords = np.zeros((len(mesh.vertices), 2)) if mesh.texcoords is None else mesh.texcoords * [1, -1] + [0, 1]
+    shape.visual = TextureVisuals(texcoords, material=PBRMaterial(**surface))
+    if reflectance == "vertex" and mesh.colours is not None:
+        linear = np.clip(mesh.colours, 0, 1)
+        shape.visual.vertex_attributes["color"] = np.round(255 * np.c_[linear, np.ones(len(linear))]).astype(np.uint8)
+    return shape
+
+
+def _unit(mesh: ObjectMesh) -> Any:
+    if mesh.normals is None:
+        return None
+    return mesh.normals / np.maximum(np.linalg.norm(mesh.normals, axis=1, keepdims=True), 1e-12)
+
+
+def _lost(material: Diffuse | RoughPlastic) -> list[str]:
+    """Return what glTF has no word for."""
+    if isinstance(material, Diffuse):
+        return ["a matte surface has glTF's coat of roughness 1"]
+    lost = []
+    if not isinstance(material.specularity, Texture) and material.specularity != 1:
+        lost.append(f"glTF's coat is a full one; this has {material.specularity:.2f} of it")
+    if material.distribution != "ggx":
+        lost.append("glTF's facets are GGX's, these are Beckmann's")
+    return lost
