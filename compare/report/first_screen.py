@@ -23,7 +23,10 @@ def first_screen(
     first, *others = statements = verdict(summary)
     badge = f'<span class="badge {first.level} big">{page.LEVELS[first.level].capitalize()}</span>'
     advice = page.say("advice", first.level)
-    head = f'<p class="headline">{badge} {first.html}</p><p class="advice"><b>What to do:</b> {advice}</p>'
+    head = f'<p class="headline">{badge} {first.html}</p>'
+    if limits := _limits(summary, others):
+        head += f'<p class="advice"><b>Why:</b> {limits}</p>'
+    head += f'<p class="advice"><b>What to do:</b> {advice}</p>'
     tiles = "".join(_tile(*tile) for tile in _numbers(summary, statements, best))
     marked = [s for s in others if s.level in ("care", "bad") and s.topic not in ("Lights", "Ground truth", "Twin")]
     notes = "".join(f"<li>{s.topic} {page.badge(s.level)}</li>" for s in marked)
@@ -34,6 +37,15 @@ def first_screen(
     left = f'<div>{head}<ul class="tiles">{tiles}</ul>{notes}</div>'
     body = f'<div class="first">{left}{_picture(material, layers, summary, best)}</div>'
     return page.section("verdict", "What was found", body)
+
+
+def _limits(summary: Summary, statements: list[Statement]) -> str:
+    """Return what makes the error, as far as twin, ground truth and lights tell; nothing where no error is known."""
+    compared = summary.get("compare") or {}
+    if not compared.get("has_truth"):
+        return ""
+    named, truth = [f"{s.topic} {s.level}" for s in statements], compared.get("truth") or {}
+    return " ".join(page.say("limits", name, **truth) for name in named if name in page.words("limits"))
 
 
 def why_section(summary: Summary) -> str:
