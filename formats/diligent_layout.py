@@ -5,6 +5,7 @@ line a photograph), mask.png, and the true normals. What every output folder has
 """
 
 import io
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -164,7 +165,8 @@ def _read_names(found: Layout) -> None:
         found.faults.append(f"{FILENAMES}: missing; {there}. List the photographs there, one a line.")
         return
     names = found.listed = found.read(names_in, FILENAMES) or []
-    absent = [name for name in names if not (found.folder / name).is_file()]
+    # `Path.is_file` raises where a name is longer than the system allows.
+    absent = [name for name in names if not os.path.isfile(found.folder / name)]
     twice = sorted({name for name in names if names.count(name) > 1})
     if not names and not found.faults:
         found.faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")

@@ -43,6 +43,9 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
     """
     from twin.description.description_file import read_scene
 
+    if not source.exists():
+        # Given as the workspace knows it.
+        source = workspace.root / source
     kind = kind_of(source)
     if kind == "folder":
         looking = Looking(survey(source), out or workspace.root / "out", is_parent=out is None)
