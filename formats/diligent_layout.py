@@ -171,9 +171,7 @@ def _read_names(found: Layout) -> None:
     if not names and not found.faults:
         found.faults.append(f"{FILENAMES}: names no file. List the photographs there, one a line.")
     if absent:
-        found.faults.append(
-            f"{FILENAMES}: {listed(absent)} {_are(absent)} not in the folder. Add, or take off the list."
-        )
+        found.faults.append(f"{FILENAMES}: {listed(absent)} {_are(absent)} not in the folder. Add, or cross out.")
     if twice:
         found.faults.append(f"{FILENAMES}: names {listed(twice)} more than once. One line a photograph.")
     found.files = [] if absent or twice else names

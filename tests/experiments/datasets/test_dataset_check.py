@@ -208,6 +208,13 @@ def test_a_missing_file_is_told(dented, name, words):
     assert words in only_fault(dented)
 
 
+def test_a_name_that_no_file_can_have_is_told(dented):
+    """The operating system refuses to look for it; that is a fault of the list, not the end of the check."""
+    names = (dented / "filenames.txt").read_text().split()
+    (dented / "filenames.txt").write_text("\n".join(["a" * 600 + ".png", *names[1:]]))
+    assert "aaa.png is not in the folder" in only_fault(dented)
+
+
 def test_what_is_no_number_is_told(dented):
     text = (dented / POWER).read_text().splitlines()
     text[2] = "1 nan 1"
