@@ -5,6 +5,7 @@ and texture, and there only for the flashes that need them. A sample is one came
 ray and the BRDF's closed form.
 """
 
+import copy
 from typing import Any
 
 import numpy as np
@@ -50,10 +51,19 @@ class Direct:
         self._scene, self._film = scene, film
         self._flashes = Flashes(self._mi, lights)
         self._above = start_above(self._mi, scene)
-        self._brightness, bend = self._pilot()
-        self.tolerance = tolerance_for(bend, error)
-        samples = samples_for(bend, self.tolerance)
-        self.predicted_error, self.samples_per_pixel = predicted_error(bend, samples), float(samples.mean())
+        self._brightness, self._bend = self._pilot()
+        self._aim(error)
+
+    def _aim(self, error: float) -> None:
+        self.tolerance = tolerance_for(self._bend, error)
+        samples = samples_for(self._bend, self.tolerance)
+        self.predicted_error, self.samples_per_pixel = predicted_error(self._bend, samples), float(samples.mean())
+
+    def aimed_at(self, error: float) -> "Direct":
+        """Return the same scene and film at another error, by the same pilot."""
+        other = copy.copy(self)
+        other._aim(error)
+        return other
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
@@ -162,6 +172,6 @@ class Direct:
         # A frame that is nearly black need not be exact to a per cent of that.
         brightness = np.maximum(means, 0.1 * means.max() if seen else 1).astype(np.float32)
         bend = np.empty(images.shape[:4], np.float32)
-        for number in range(images.shape[1]):
-            bends(images[:, number], brightness, bend[:, number])
+        every = images.reshape(-1, side, side, 3), np.repeat(brightness, len(corners))
+        bends(*every, bend.reshape(-1, side, side))
         return brightness, bend

@@ -130,13 +130,12 @@ def _by_ours(
     """Return `Pilot.direct`, light of one surface and of more (F, h, w, 3), seconds and variance of the latter."""
     sampling = scene.sampling
     shapes = mitsuba_scene(scene)
-    direct, straight = [], None
+    # The most exact one compiles what all of them need.
+    first = Direct(shapes, small, scene.lights, error=TRIED[0] * sampling.error)
+    straight, direct = first.images(), []
     for part in TRIED:
-        engine = Direct(shapes, small, scene.lights, error=part * sampling.error)
-        images, seconds = _timed(engine.images)
-        straight = images if straight is None else straight
-        direct.append((engine.predicted_error, seconds * larger))
-    assert straight is not None
+        engine = first.aimed_at(part * sampling.error)
+        direct.append((engine.predicted_error, _timed(engine.images)[1] * larger))
     onward, onward_s, spread = np.zeros_like(straight), 0.0, 0.0
     if sampling.max_depth > 2:
         one, two = (
@@ -170,8 +169,7 @@ def _blocks(image: Images) -> Images:
 
 
 def _timed(work: Callable[[], Images]) -> tuple[Images, float]:
-    """Return what is made the second time, and in how many seconds: the first may compile."""
-    work()
+    """Return what is made, and in how many seconds: the first time it may compile."""
     start = time.perf_counter()
     made = work()
     return made, time.perf_counter() - start

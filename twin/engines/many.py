@@ -6,6 +6,7 @@ surface and end in cells that know what they send back under every flash (twin/e
 
 import os
 from concurrent.futures import ThreadPoolExecutor
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from twin.engines.variant import import_mitsuba
 
 SAMPLES_PER_CALL = 1 << 21
 FIRST_LOOK = 1 << 19
-"""Paths all over the film that find the cells, before any picture is made."""
+"""Paths all over the film that find the cells, before any picture is made in bands."""
 
 
 class Indirect:
@@ -38,12 +39,8 @@ class Indirect:
         self._count, self.samples = len(lights), self._sampler(samples).sample_count()
         self._above, self._bounces = start_above(self._mi, scene), max_depth - 3
         self._pool = ThreadPoolExecutor(os.cpu_count() or 1)
-        self._cells = RadianceCells(self._mi, scene, Flashes(self._mi, lights), bounces=self._bounces, seed=seed)
-        height, width = film.size
-        step = max(1, int(np.sqrt(height * width / FIRST_LOOK)))
-        rows, columns = np.mgrid[0:height:step, 0:width:step].reshape(2, -1)
-        looks = max(1, FIRST_LOOK // len(rows))
-        self._cells.cells(self._paths(rows, columns, looks, 0), self._pool)
+        flashes, how = Flashes(self._mi, lights), {"bounces": self._bounces, "paths": self.samples, "seed": seed}
+        self._empty = RadianceCells(self._mi, scene, flashes, **how)
 
     def images(self) -> NDArray[np.float32]:
         """Return (F, h, w, 3), linear, of the film's box."""
@@ -54,23 +51,17 @@ class Indirect:
     def band(self, rows: slice) -> NDArray[np.float32]:
         """Return (F, rows, w, 3) of some of the box's rows; the same whatever bands were rendered before."""
         start, height, width = rows.start, rows.stop - rows.start, self._film.size[1]
-        known = self._cells.copy()
-        try:
-            return self._band(start, height, width)
-        finally:
-            # What this band has learned is forgotten: the next must not depend on it.
-            self._cells = known
-
-    def _band(self, start: int, height: int, width: int) -> NDArray[np.float32]:
-        rows, columns = np.mgrid[start : start + height, 0:width].reshape(2, -1)
-        hits = self._paths(rows, columns, self.samples, start + 1)
-        owners = np.repeat(np.arange(len(rows), dtype=np.int32), self.samples)
+        # What a band has learned is forgotten: the next must not depend on it.
+        self._cells = (self._empty if height == self._film.size[0] else self._known).copy()
+        row, column = np.mgrid[start : start + height, 0:width].reshape(2, -1)
+        hits = self._paths(row, column, self.samples, start + 1)
+        owners = np.repeat(np.arange(len(row), dtype=np.int32), self.samples)
         glossy = np.nonzero(hits.glossy)[0]
         hits.keys[glossy] = NOWHERE
         cells = self._cells.cells(hits, self._pool)
-        out = np.zeros((len(rows), 3, self._count), np.float32)
+        out = np.zeros((len(row), 3, self._count), np.float32)
         if len(glossy):
-            out += self._by_way_of(hits.only(glossy), owners[glossy], len(rows), start)
+            out += self._by_way_of(hits.only(glossy), owners[glossy], len(row), start)
 
         def add(piece: slice) -> None:
             samples = slice(piece.start * self.samples, piece.stop * self.samples)
@@ -78,9 +69,19 @@ class Indirect:
             add_weighted(self._cells.radiance, cells[samples], hits.weights[samples], own, out)
 
         step = 4096
-        list(self._pool.map(add, [slice(i, min(i + step, len(rows))) for i in range(0, len(rows), step)]))
+        list(self._pool.map(add, [slice(i, min(i + step, len(row))) for i in range(0, len(row), step)]))
         out /= self.samples
         return np.ascontiguousarray(out.reshape(height, width, 3, -1).transpose(3, 0, 1, 2))
+
+    @cached_property
+    def _known(self) -> RadianceCells:
+        """The cells that all bands start from, so that they fit together; one that is all of the film needs none."""
+        height, width = self._film.size
+        step = max(1, int(np.sqrt(height * width / FIRST_LOOK)))
+        rows, columns = np.mgrid[0:height:step, 0:width:step].reshape(2, -1)
+        cells = self._empty.copy()
+        cells.cells(self._paths(rows, columns, max(1, FIRST_LOOK // len(rows)), 0), self._pool)
+        return cells
 
     def _by_way_of(self, hits: Hits, owners: NDArray[np.int32], count: int, number: int) -> NDArray[np.float32]:
         """Return (count, 3, F): what glossy surfaces send on to their owners, each path for itself.
@@ -119,4 +120,4 @@ class Indirect:
         y = dr.gather(mi.Float, mi.Float(rows.astype(np.float32)), pixel) + within.y - 0.5
         ray = camera_rays(mi, self._film, x, y, self._above)
         surface = self._scene.ray_intersect(ray, mi.RayFlags.All, True, True)
-        return self._cells.leave(surface, surface.is_valid(), sampler)
+        return self._empty.leave(surface, surface.is_valid(), sampler)

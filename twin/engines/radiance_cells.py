@@ -25,8 +25,8 @@ ANGLE = 0.15
 COARSEST = 1 / 16
 """Side of the largest cells, of the scene's diagonal; each level below has half of it."""
 LEVELS = 6
-POINTS = 8
-"""At most so many points of a cell are lit."""
+POINTS = 2, 8
+"""Of a cell, so many points are lit at most: by how many paths a pixel has."""
 BOUNCES = 4
 """Rays that go on from each of them."""
 
@@ -56,10 +56,12 @@ class RadianceCells:
     """The cells of a scene that have been met so far.
 
     bounces: How often light is sent on after the first surface that it meets and before the one that the camera sees.
+    paths: A pixel's; where these are few, a cell's own noise is less than theirs with few points too.
     """
 
-    def __init__(self, mi: Any, scene: Any, flashes: Flashes, *, bounces: int, seed: int = 0) -> None:
+    def __init__(self, mi: Any, scene: Any, flashes: Flashes, *, bounces: int, paths: int, seed: int = 0) -> None:
         self._mi, self._scene, self._flashes = mi, scene, flashes
+        self._points = int(np.clip(paths // 8, *POINTS))
         self._bounces, self._seed = bounces, seed
         low, high = np.array(scene.bbox().min).ravel(), np.array(scene.bbox().max).ravel()
         self._side = COARSEST * float(np.linalg.norm(high - low))
@@ -177,9 +179,9 @@ class RadianceCells:
         chosen = chosen[np.argsort(hits.keys[chosen], kind="stable")]
         keys, starts, met = np.unique(hits.keys[chosen], return_index=True, return_counts=True)
         cell = np.repeat(np.arange(len(keys)), met)
-        kept = np.arange(len(chosen)) - starts[cell] < POINTS
+        kept = np.arange(len(chosen)) - starts[cell] < self._points
         chosen, cell = chosen[kept], cell[kept]
-        share = 1 / np.minimum(met, POINTS).astype(np.float32)[cell]
+        share = 1 / np.minimum(met, self._points).astype(np.float32)[cell]
         first = len(self)
         self._enter(keys)
 
