@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from twin.material.material_samples import Samples
-from twin.material.reflection_models import Coat, shade
+from twin.material.reflection_models import SHADED, VECTORS, Coat, shade, vector
 
 Image = NDArray[np.float32]
 
@@ -50,35 +50,24 @@ def _on_all_cores(kernel: Callable, samples: Samples, weights: Image, *rest: Any
     return np.concatenate(found)
 
 
-@numba.njit(nogil=True, cache=True, inline="always")
-def _vector(row):
-    return row[0], row[1], row[2]
-
-
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, **VECTORS)
 def _reduce(pixels, surface):
     count, frames = pixels.toward.shape[:2]
-    out = np.zeros((count, 3, 3))
+    out, shaded = np.zeros((count, 3, 3)), np.empty((SHADED, frames))
     for p in range(count):
         rough = np.sqrt(surface.roughness * surface.roughness + pixels.spread[p])
-        normal, view = _vector(pixels.normals[p]), _vector(pixels.views[p])
-        sums = np.zeros((3, 6))
-        for f in range(frames):
-            weight = pixels.weights[p, f]
-            if weight[0] == 0 and weight[1] == 0 and weight[2] == 0:
-                continue
-            d, s = shade(normal, view, _vector(pixels.toward[p, f]), rough, surface)
-            for c in range(3):
-                w, e, v = weight[c], pixels.irradiance[p, f, c], pixels.values[p, f, c]
-                a, b = e * d, e * s
-                sums[c, 0] += w * a * a
-                sums[c, 1] += w * a * b
-                sums[c, 2] += w * b * b
-                sums[c, 3] += w * a * v
-                sums[c, 4] += w * b * v
-                sums[c, 5] += w * v * v
+        shade(vector(pixels.normals[p]), vector(pixels.views[p]), pixels.toward[p], rough, surface, shaded)
         for c in range(3):
-            dd, ds, ss, dv, sv, vv = sums[c]
+            dd, ds, ss, dv, sv, vv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for f in range(frames):
+                w, e, v = pixels.weights[p, f, c], pixels.irradiance[p, f, c], pixels.values[p, f, c]
+                a, b = e * shaded[0, f], e * shaded[1, f]
+                dd += w * a * a
+                ds += w * a * b
+                ss += w * b * b
+                dv += w * a * v
+                sv += w * b * v
+                vv += np.float64(w) * v * v
             if dd > 0:
                 out[p, c, 0] = ss - ds * ds / dd
                 out[p, c, 1] = sv - ds * dv / dd
@@ -94,16 +83,17 @@ def reduced(samples: Samples, weights: Image, surface: Coat) -> NDArray[np.float
     return _on_all_cores(_reduce, samples, weights, surface)
 
 
-@numba.njit(nogil=True, cache=True)
+@numba.njit(nogil=True, cache=True, **VECTORS)
 def _predict(pixels, strength, surface):
     count, frames = pixels.toward.shape[:2]
     predicted, slope = np.empty((count, frames, 3), np.float32), np.empty((count, frames, 3), np.float32)
     albedo = np.zeros((count, 3), np.float32)
-    body, coat = np.empty((frames, 3)), np.empty((frames, 3))
+    shaded = np.empty((3, SHADED, frames))
+    body, coat = shaded[:, 0], shaded[:, 1]
     for p in range(count):
         rough = np.sqrt(surface.roughness * surface.roughness + pixels.spread[p])
-        nx, ny, nz = pixels.normals[p]
-        view = _vector(pixels.views[p])
+        nx, ny, nz = vector(pixels.normals[p])
+        view = vector(pixels.views[p])
         # Two tangents: along the smallest component's cross product, and across.
         if abs(nz) < 0.9:
             tx, ty, tz = -ny, nx, 0.0 * nz
@@ -112,27 +102,24 @@ def _predict(pixels, strength, surface):
         length = np.sqrt(tx * tx + ty * ty + tz * tz)
         tx, ty, tz = tx / length, ty / length, tz / length
         ux, uy, uz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        for f in range(frames):
-            light = _vector(pixels.toward[p, f])
-            body[f, 0], coat[f, 0] = shade((nx, ny, nz), view, light, rough, surface)
-            tilted = nx + TILT * tx, ny + TILT * ty, nz + TILT * tz
-            body[f, 1], coat[f, 1] = shade(tilted, view, light, rough, surface)
-            tilted = nx + TILT * ux, ny + TILT * uy, nz + TILT * uz
-            body[f, 2], coat[f, 2] = shade(tilted, view, light, rough, surface)
+        tilted = ((nx, ny, nz), (nx + TILT * tx, ny + TILT * ty, nz + TILT * tz),
+                  (nx + TILT * ux, ny + TILT * uy, nz + TILT * uz))  # fmt: skip
+        for k in range(3):
+            shade(tilted[k], view, pixels.toward[p], rough, surface, shaded[k])
         for c in range(3):
             top, bottom = 0.0, 0.0
             for f in range(frames):
                 e, w = pixels.irradiance[p, f, c], pixels.weights[p, f, c]
-                a = e * body[f, 0]
-                top += w * a * (pixels.values[p, f, c] - e * strength[c] * coat[f, 0])
+                a = e * body[0, f]
+                top += w * a * (pixels.values[p, f, c] - e * strength[c] * coat[0, f])
                 bottom += w * a * a
             own = max(top / bottom, 0.0) if bottom > 0 else 0.0
             albedo[p, c] = own
             for f in range(frames):
                 e = pixels.irradiance[p, f, c]
-                here = own * body[f, 0] + strength[c] * coat[f, 0]
-                one = own * body[f, 1] + strength[c] * coat[f, 1] - here
-                two = own * body[f, 2] + strength[c] * coat[f, 2] - here
+                here = own * body[0, f] + strength[c] * coat[0, f]
+                one = own * body[1, f] + strength[c] * coat[1, f] - here
+                two = own * body[2, f] + strength[c] * coat[2, f] - here
                 predicted[p, f, c] = e * here
                 slope[p, f, c] = e * np.sqrt((one * one + two * two) / 2) / TILT
     return predicted, slope, albedo

@@ -28,6 +28,10 @@ TABLED = np.geomspace(0.01, 1, 17)
 """Roughnesses of which the renderer tells the transmittance; a smoother coat has that of the smoothest."""
 LAMBERT = -1.0
 """Stands for the roughness of a body that has none."""
+VECTORS: Any = {"error_model": "numpy", "fastmath": {"reassoc", "contract", "arcp", "nsz"}}
+"""For numba: what keeps it from vector instructions is given up, exceptions at divisions and the order of sums."""
+SHADED = 7
+"""Rows that `shade` works in."""
 FARTHEST = 46.0
 """Exponent of Beckmann's distribution beyond which there is nothing: e^-46 is 1e-20, where the renderer ends too."""
 
@@ -120,17 +124,32 @@ def matte() -> Coat:
     return Coat(1.0, 1.0, np.ones((2, NODES)))
 
 
-@numba.njit(nogil=True, cache=True, inline="always")
-def _beckmann(cosine2, a2):
-    """Return Beckmann's distribution [Beckmann1963] of facets, at a squared cosine to the normal: per solid angle."""
-    if 1 - cosine2 > FARTHEST * a2 * cosine2:
-        return 0.0
-    return np.exp((cosine2 - 1) / (a2 * cosine2)) / (np.pi * a2 * cosine2 * cosine2)
+@numba.njit(nogil=True, cache=True, **VECTORS)
+def _lobe(a2, beckmann, cosines, nv, out):
+    """Fill `out` (F,) with D G of facets of the squared roughness `a2`; `cosines` as `shade` has them.
+
+    Beckmann's D [Beckmann1963], with Smith's share of facets that a direction sees by the rational function of
+    [Walter2007]; or GGX.
+    """
+    nl, nh = cosines[0], cosines[2]
+    if beckmann:
+        of_view = _beckmann_unhidden(nv * nv, a2)
+        for f in range(len(out)):
+            nh2 = nh[f] * nh[f]
+            out[f] = 0.0
+            if nl[f] > 0 and 1 - nh2 <= FARTHEST * a2 * nh2:
+                facets = np.exp((nh2 - 1) / (a2 * nh2)) / (np.pi * a2 * nh2 * nh2)
+                out[f] = facets * _beckmann_unhidden(nl[f] * nl[f], a2) * of_view
+        return
+    of_view = 1 + np.sqrt(1 + a2 * (1 / (nv * nv) - 1))
+    for f in range(len(out)):
+        bottom = nh[f] * nh[f] * (a2 - 1) + 1
+        hidden = (1 + np.sqrt(1 + a2 * (1 / (nl[f] * nl[f]) - 1))) * of_view
+        out[f] = 4 * a2 / (np.pi * bottom * bottom * hidden)
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
 def _beckmann_unhidden(cosine2, a2):
-    """Return Smith's share of facets that a direction sees, by the rational function of [Walter2007]."""
     # cot / alpha; 1.6 and more: all are seen.
     if cosine2 >= 2.56 * a2 * (1 - cosine2):
         return 1.0
@@ -139,68 +158,89 @@ def _beckmann_unhidden(cosine2, a2):
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
-def _lobe(nh2, nl2, nv2, a2, beckmann):
-    """Return D G at squared cosines to the normal of half vector, light and view."""
-    if beckmann:
-        return _beckmann(nh2, a2) * _beckmann_unhidden(nl2, a2) * _beckmann_unhidden(nv2, a2)
-    bottom = nh2 * (a2 - 1) + 1
-    hidden = (1 + np.sqrt(1 + a2 * (1 / nl2 - 1))) * (1 + np.sqrt(1 + a2 * (1 / nv2 - 1)))
-    return 4 * a2 / (np.pi * bottom * bottom * hidden)
-
-
-@numba.njit(nogil=True, cache=True, inline="always")
 def _looked_up(table, cosine):
     """Return a table's value at a cosine, linear between its nodes."""
-    at = min(cosine, 1.0) * (len(table) - 1)
+    at = max(min(cosine, 1.0), 0.0) * (len(table) - 1)
     i = min(int(at), len(table) - 2)
     return table[i] + (at - i) * (table[i + 1] - table[i])
 
 
-@numba.njit(nogil=True, cache=True, inline="always")
-def _rough_body(nl, nv, c, roughness):
-    """Return a rough body's value over Lambert's, at cosines to the normal and of the half angle [Burley2012]."""
-    grazing = 2 * roughness * c * c - 0.5
-    return (1 + grazing * (1 - nl) ** 5) * (1 + grazing * (1 - nv) ** 5)
+@numba.njit(nogil=True, cache=True, **VECTORS)
+def _body(surface, cosines, nv, out):
+    """Fill `out` (F,) with the body's value under each light; `cosines` as `shade` has them."""
+    nl, c, covered = cosines[0], cosines[1], surface.covered
+    first, other = surface.transmittance[0], surface.transmittance[1]
+    of_view = covered * _looked_up(first, nv)
+    if surface.second > 0:
+        of_view *= 1 - surface.second
+    for f in range(len(out)):
+        out[f] = of_view * _looked_up(first, nl[f])
+    if surface.second > 0:
+        of_view = covered * surface.second * _looked_up(other, nv)
+        for f in range(len(out)):
+            out[f] += of_view * _looked_up(other, nl[f])
+    if surface.body < 0:
+        for f in range(len(out)):
+            out[f] = nl[f] * (1 - covered + out[f])
+        return
+    for f in range(len(out)):
+        # A rough body's value over Lambert's [Burley2012].
+        grazing = 2 * surface.body * c[f] * c[f] - 0.5
+        toward, from_it = 1 - min(nl[f], 1.0), 1 - min(nv, 1.0)
+        bare = (1 + grazing * toward**5) * (1 + grazing * from_it**5)
+        out[f] = nl[f] * ((1 - covered) * bare + out[f])
 
 
 @numba.njit(nogil=True, cache=True, inline="always")
-def shade(normal, view, light, roughness, surface):
-    """Return the body's and the coat's pixel values for unit normal, view and light: factors of albedo and strength.
+def vector(row):
+    """Return a row's three numbers."""
+    return np.float64(row[0]), np.float64(row[1]), np.float64(row[2])
 
-    Body: cos_l ((1 - covered) B + covered T(l) T(v)), B as `_rough_body` or 1; coat: pi F D G / (4 cos_v), G by Smith,
+
+@numba.njit(nogil=True, cache=True, **VECTORS)
+def shade(normal, view, lights, roughness, surface, out):
+    """Fill out[0] and out[1] with the body's and the coat's pixel values under each light: of albedo and strength 1.
+
+    Body: cos_l ((1 - covered) B + covered T(l) T(v)), B of [Burley2012] or 1; coat: pi F D G / (4 cos_v), G by Smith,
     each direction apart; D and G of GGX or Beckmann [Walter2007], or of two roughnesses mixed. The matte coat (index 1)
-    has the body cos_l and no coat. roughness: That of the surface, with what is added to it here.
+    has the body cos_l and no coat.
+
+    normal, view: Unit, three numbers each.
+    lights (F, 3): Unit.
+    roughness: That of the surface, with what is added to it here.
+    out (SHADED, F): Its other rows are scratch. All is done light by light in loops without exceptions, of which the
+        compiler makes vector instructions.
     """
     nx, ny, nz = normal
     vx, vy, vz = view
-    lx, ly, lz = light
-    index, transmittance, covered = surface.index, surface.transmittance, surface.covered
-    nl = nx * lx + ny * ly + nz * lz
     nv = nx * vx + ny * vy + nz * vz
-    if nl <= 0 or nv <= 0:
-        return 0.0, 0.0
-    hx, hy, hz = vx + lx, vy + ly, vz + lz
-    length = np.sqrt(hx * hx + hy * hy + hz * hz)
-    c = (hx * lx + hy * ly + hz * lz) / length
-    bare = 1.0 if surface.body < 0 else _rough_body(min(nl, 1.0), min(nv, 1.0), c, surface.body)
-    through = _looked_up(transmittance[0], nl) * _looked_up(transmittance[0], nv)
-    if surface.second > 0:
-        other = _looked_up(transmittance[1], nl) * _looked_up(transmittance[1], nv)
-        through += surface.second * (other - through)
-    diffuse = nl * ((1 - covered) * bare + covered * through)
-    if index == 1.0:
-        return diffuse, 0.0
-    nh = (nx * hx + ny * hy + nz * hz) / length
-    g = np.sqrt(index * index - 1 + c * c)
-    across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
-    fresnel = (across * across + along * along) / 2
+    if nv <= 0:
+        out[:2] = 0
+        return
+    index, cosines, fresnel, lobe, diffuse, gloss = surface.index, out[2:5], out[5], out[6], out[0], out[1]
+    for f in range(lights.shape[0]):
+        lx, ly, lz = lights[f, 0], lights[f, 1], lights[f, 2]
+        hx, hy, hz = vx + lx, vy + ly, vz + lz
+        length = np.sqrt(hx * hx + hy * hy + hz * hz)
+        c = (hx * lx + hy * ly + hz * lz) / length
+        cosines[0, f] = nx * lx + ny * ly + nz * lz
+        cosines[1, f] = c
+        cosines[2, f] = (nx * hx + ny * hy + nz * hz) / length
+        g = np.sqrt(index * index - 1 + c * c)
+        across, along = (c - g) / (c + g), (index * index * c - g) / (index * index * c + g)
+        fresnel[f] = (across * across + along * along) / 2
+    _body(surface, cosines, nv, diffuse)
     a2 = roughness * roughness
-    lobe = _lobe(nh * nh, nl * nl, nv * nv, a2, surface.beckmann)
+    _lobe(a2, surface.beckmann, cosines, nv, gloss)
     if surface.second > 0:
         a2 += surface.second_roughness * surface.second_roughness - surface.roughness * surface.roughness
-        other = _lobe(nh * nh, nl * nl, nv * nv, a2, surface.beckmann)
-        lobe += surface.second * (other - lobe)
-    return diffuse, np.pi * fresnel * lobe / (4 * nv)
+        _lobe(a2, surface.beckmann, cosines, nv, lobe)
+        for f in range(len(lobe)):
+            gloss[f] += surface.second * (lobe[f] - gloss[f])
+    for f in range(len(lobe)):
+        lit = cosines[0, f] > 0
+        diffuse[f] = diffuse[f] if lit else 0.0
+        gloss[f] = np.pi * fresnel[f] * gloss[f] / (4 * nv) if lit else 0.0
 
 
 @numba.njit(nogil=True, cache=True)
@@ -208,10 +248,8 @@ def reflected(surface, normals, views, lights):
     """Return (P, F) body and (P, F) coat of normals (P, 3), views (P, 3) and unit lights (P, F, 3)."""
     count, frames = lights.shape[:2]
     diffuse, gloss = np.empty((count, frames), np.float32), np.empty((count, frames), np.float32)
+    out = np.empty((SHADED, frames))
     for p in range(count):
-        normal = normals[p, 0], normals[p, 1], normals[p, 2]
-        view = views[p, 0], views[p, 1], views[p, 2]
-        for f in range(frames):
-            light = lights[p, f, 0], lights[p, f, 1], lights[p, f, 2]
-            diffuse[p, f], gloss[p, f] = shade(normal, view, light, surface.roughness, surface)
+        shade(vector(normals[p]), vector(views[p]), lights[p], surface.roughness, surface, out)
+        diffuse[p], gloss[p] = out[0], out[1]
     return diffuse, gloss
