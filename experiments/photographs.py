@@ -89,10 +89,10 @@ def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = F
 
 def by_flash(scene: TwinScene) -> Images:
     """Return a scene's pictures (F, H, W, 3) by the smallest engine that does its depth."""
-    from twin.engines.variant import FAST, pick_variant
+    from twin.engines.variant import SLOW, pick_variant
 
     # Stock Mitsuba is the only one that runs without LLVM; slow.
-    engine = "mitsuba" if pick_variant()[0] != FAST else "many" if scene.sampling.max_depth > 2 else "direct"
+    engine = "mitsuba" if pick_variant()[0] == SLOW else "many" if scene.sampling.max_depth > 2 else "direct"
     return rendered(scene, engine, PATHS)
 
 

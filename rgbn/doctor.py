@@ -88,13 +88,13 @@ def _rays() -> str:
 
 
 def _renderer() -> Finding:
-    from twin.engines.variant import FAST, pick_variant
+    from twin.engines.variant import SLOW, pick_variant
 
     try:
         variant, note = pick_variant()
     except Exception as error:
         return Finding("X", "renderer", f"{' '.join(str(error).split())}. Run: make setup")
-    return Finding("ok" if variant == FAST else "!", "renderer", f"{variant}: {note}" if note else variant)
+    return Finding("!" if variant == SLOW else "ok", "renderer", f"{variant}: {note}" if note else variant)
 
 
 def _machine() -> list[Finding]:

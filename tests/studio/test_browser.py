@@ -20,7 +20,7 @@ from studio.workspace import Workspace
 from twin.description.description import Sampling
 from twin.description.mesh_files import write_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = [pytest.mark.render, pytest.mark.slow]
 
@@ -34,7 +34,7 @@ def studio(tmp_path):
     write_mesh(root / "cone.ply", ObjectMesh(cone.vertices * [40, 40, 90], cone.faces, None, cone.texcoords))
     small = edits.with_camera(edits.start_scene(), width=96, height=72, focal_px=240.0, orthographic=False)
     # Direct light alone, without the pilot that chooses an engine: what is tested here is the way, not the renderer.
-    quick = replace(small, sampling=Sampling("direct" if pick_variant()[0] == FAST else "mitsuba", 16, 2))
+    quick = replace(small, sampling=Sampling("mitsuba" if pick_variant()[0] == SLOW else "direct", 16, 2))
     workspace = Workspace.at(root)
     running = Studio(workspace, port=0, desk=Desk(area="Scene", scene=begun(workspace, quick, None)))
     yield running
@@ -188,7 +188,7 @@ def test_two_browsers_do_not_disturb_each_other(visit, studio):
 @pytest.mark.full
 def test_a_picture_comes_at_once(visitor):
     """Not a matter of seconds, which a busy machine stretches: the first picture needs no refinement."""
-    if pick_variant()[0] != FAST:
+    if pick_variant()[0] == SLOW:
         pytest.skip("without the vectorised variant there is only the refined picture")
     drawn = visitor.preview(lambda: visitor.press("Add shape"))
     assert [one.is_refined for one in drawn] == [False] * (len(drawn) - 1) + [True]

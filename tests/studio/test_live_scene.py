@@ -15,11 +15,11 @@ from studio.editor.preview import Preview
 from twin.description.description import TwinObject
 from twin.description.materials import Conductor, Diffuse, RoughPlastic, Texture
 from twin.description.object_mesh import ObjectMesh, built_in
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = [
     pytest.mark.render,
-    pytest.mark.skipif(pick_variant()[0] != FAST, reason="the preview's first picture needs the vectorised variant"),
+    pytest.mark.skipif(pick_variant()[0] == SLOW, reason="the preview's first picture needs the vectorised variant"),
 ]
 SIZE = {"width": 48, "height": 36}
 

@@ -20,7 +20,7 @@ from twin.engines.direct import Direct
 from twin.engines.film import Film
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import FAST, import_mitsuba, pick_variant
+from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 from twin.material.coat_search import COVERED, CoatSearch, Fit
 from twin.material.fit_material import NAMES, fit_material
 from twin.material.material_light import material_scene
@@ -286,7 +286,7 @@ def test_the_facets_of_a_ball_that_stock_mitsuba_rendered_are_found(
 
 @pytest.mark.full
 @pytest.mark.render
-@pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
+@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 def test_a_rendered_ball_tells_its_material_and_its_shadow_does_not_count() -> None:
     import_mitsuba()
     lights = dome(12)

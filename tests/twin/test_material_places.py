@@ -17,7 +17,7 @@ from twin.description.materials import RoughPlastic
 from twin.description.object_mesh import ObjectMesh, built_in
 from twin.engines.direct import Direct
 from twin.engines.mitsuba_scene import mitsuba_scene
-from twin.engines.variant import FAST, import_mitsuba, pick_variant
+from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 from twin.material.fit_material import fit_material
 from twin.material.material_light import material_scene
 from twin.material.material_places import Places, material_places
@@ -137,7 +137,7 @@ def test_every_pixel_of_the_mask_is_of_the_nearest_sample() -> None:
 
 
 @pytest.mark.render
-@pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
+@pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 @pytest.mark.full
 def test_the_twin_of_two_materials_looks_like_the_object() -> None:
     import_mitsuba()

@@ -25,10 +25,10 @@ from twin.engines.engine_choice import Choice
 from twin.engines.layers import pieces_of, render_layers
 from twin.engines.render import render_scene, rendering_mark
 from twin.engines.unfinished import Unfinished
-from twin.engines.variant import FAST, pick_variant
+from twin.engines.variant import SLOW, pick_variant
 
 pytestmark = pytest.mark.render
-NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] != FAST, reason="no LLVM that works is here")
+NEEDS_LLVM = pytest.mark.skipif(pick_variant()[0] == SLOW, reason="no LLVM that works is here")
 ENGINES = ["mitsuba", pytest.param("direct", marks=NEEDS_LLVM), pytest.param("many", marks=NEEDS_LLVM)]
 
 BAND = 3 * 48 * 6 * 8

@@ -2,7 +2,9 @@
 
 import json
 import os
+import re
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -19,16 +21,18 @@ def machine(tmp_path, monkeypatch):
     (place / "libLLVM-19.so").symlink_to(place / "libLLVM.so.19.1")
     monkeypatch.setattr(variant, "_PLACES", (str(place / "libLLVM*.so*"),))
     monkeypatch.setattr(variant, "_cache_folder", lambda: tmp_path / "cache")
-    monkeypatch.setattr(variant, "_has_fast_variant", lambda: True)
+    monkeypatch.setattr(variant, "_has", lambda name: True)
+    monkeypatch.setattr(variant, "graphics_card", lambda: "")
+    monkeypatch.delenv(variant.REFUSED, raising=False)
     monkeypatch.setattr(sys, "prefix", str(tmp_path / "nowhere"))
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     asked = []
 
-    def probe(library):
-        asked.append(library.name)
-        return probe.works(library)
+    def probe(name, library=None):
+        asked.append(name if library is None else library.name)
+        return probe.card if library is None else probe.works(library)
 
-    probe.works = lambda library: True
+    probe.card, probe.works = True, lambda library: True
     monkeypatch.setattr(variant, "_probe", probe)
     return probe, asked
 
@@ -81,4 +85,59 @@ def test_a_spoilt_cache_costs_a_probe_and_nothing_else(machine, tmp_path):
 @pytest.mark.render
 def test_a_probe_that_dies_is_a_no(tmp_path):
     (tmp_path / "libLLVM-99.so").write_bytes(b"no library")
-    assert variant._probe(tmp_path / "libLLVM-99.so") is False
+    assert variant._probe(variant.FAST, tmp_path / "libLLVM-99.so") is False
+
+
+@pytest.mark.render
+@pytest.mark.skipif(bool(variant.graphics_card()), reason="a graphics card is here")
+def test_where_there_is_no_card_its_variant_does_not_render():
+    assert variant._probe(variant.GPU) is False
+
+
+def test_a_card_that_renders_is_taken_first_and_asked_once(machine, monkeypatch):
+    _, asked = machine
+    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
+    for _ in range(2):
+        assert variant.pick_variant() == ("cuda_ad_rgb", "on H100, 550.1")
+    assert asked == ["cuda_ad_rgb"]
+    # Another driver is another question.
+    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 560.2")
+    assert variant.pick_variant()[0] == "cuda_ad_rgb"
+    assert asked == ["cuda_ad_rgb"] * 2
+
+
+def test_a_card_that_renders_otherwise_gives_way_to_llvm_with_a_line(machine, monkeypatch):
+    probe, asked = machine
+    probe.card = False
+    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
+    name, note = variant.pick_variant()
+    assert name == "llvm_ad_rgb"
+    assert note.startswith("H100, 550.1 does not render as the processor does")
+    assert asked == ["cuda_ad_rgb", "libLLVM-19.so"]
+
+
+def test_a_card_that_the_user_refuses_is_not_asked(machine, monkeypatch):
+    _, asked = machine
+    monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
+    monkeypatch.setenv(variant.REFUSED, "no")
+    name, note = variant.pick_variant()
+    assert name == "llvm_ad_rgb"
+    assert "RGBN_GPU=no" in note
+    assert asked == ["libLLVM-19.so"]
+
+
+@pytest.mark.render
+def test_the_probe_compares_with_the_scalar_variant(monkeypatch):
+    assert variant._probe(variant.SLOW)
+    monkeypatch.setattr(variant, "_PROBE", variant._PROBE.replace("mean(sys.argv[1])", "1.03 * mean(sys.argv[1])"))
+    assert variant._probe(variant.SLOW) is False
+
+
+def test_no_code_but_this_names_a_variant():
+    root = Path(variant.__file__).parents[2]
+    rooms = [folder for folder in root.iterdir() if (folder / "__init__.py").exists() and folder.name != "tests"]
+    assert len(rooms) > 8
+    # `mitsuba -m llvm_ad_rgb` is a command line that is shown to people.
+    quoted = re.compile(r"""["'](llvm|cuda|scalar)_(ad_)?rgb["']""")
+    named = {file.name for room in rooms for file in room.rglob("*.py") if quoted.search(file.read_text())}
+    assert named == {"variant.py"}

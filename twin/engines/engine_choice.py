@@ -19,7 +19,7 @@ from twin.engines.flash_shading import give_memory_back
 from twin.engines.many import Indirect
 from twin.engines.mitsuba_scene import mitsuba_scene
 from twin.engines.path_tracing import PathTracer
-from twin.engines.variant import FAST, import_mitsuba, pick_variant
+from twin.engines.variant import SLOW, import_mitsuba, pick_variant
 
 Engine = Literal["direct", "many", "mitsuba"]
 Images = NDArray[np.float32]
@@ -224,8 +224,8 @@ def choose_engine(scene: TwinScene, film: Film) -> Choice:
 def _needs_mitsuba(scene: TwinScene) -> str:
     """Return why only stock Mitsuba can render a scene; empty if the others can too."""
     variant, note = pick_variant()
-    if variant != FAST:
-        return f"the others need the variant {FAST}, and {note}"
+    if variant == SLOW:
+        return f"the others need a vectorised variant of Mitsuba, and {note}"
     if scene.radii_mm.any():
         return "the lights have a size"
     mi = import_mitsuba()

@@ -22,7 +22,7 @@ from twin.engines.flash_shading import give_memory_back
 from twin.engines.layers import Piece, PieceRenderer, pieces_of, standing_light
 from twin.engines.path_tracing import PathTracer
 from twin.engines.unfinished import Unfinished
-from twin.engines.variant import SLOW, pick_variant
+from twin.engines.variant import SLOW, graphics_card, pick_variant
 from twin.ground_truth import ground_truth
 
 SAMPLES_PER_FRAME = 1 << 24
@@ -128,6 +128,8 @@ def render_scene(
     give_memory_back()
     if tell is not None:
         tell(str(choice))
+        if graphics_card():
+            tell("renderer: {}, {}".format(*pick_variant()))
     noise = _elsewhere(executor, _noise, scene, film, choice) if choice.engine == "mitsuba" else None
     standing = _elsewhere(executor, standing_light, scene, film, choice, apart)
     work = _Work(scene, film, choice, apart and store is not None, standing)
