@@ -152,7 +152,7 @@ def against_direct(side: int) -> tuple[list[str], dict[str, list[Point]]]:
     scene = stage(dome(96), side, 2)
     film, shapes = whole_picture(scene.camera), mitsuba_scene(scene)
     stock = {name: StockMitsuba(mi, scene, "direct", name) for name in SAMPLERS}
-    truth = reference(stock["multijitter"], [5, 41, 77], 512)
+    truth = reference(stock["multijitter"], [5, 41], 128)
     theirs = stock_curve(stock, truth, 96, [4, 16, 64])
     settings = {
         f"`direct`, error {100 * error:g} %": lambda error=error: Direct(

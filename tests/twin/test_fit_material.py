@@ -216,10 +216,25 @@ def test_the_residual_names_its_cause() -> None:
             assert explained.pop("normals") > 0.6
         assert max(explained, key=lambda name: explained[name]) == cause, (cause, explained)
         assert explained[cause] > 0.6, (cause, explained)
+        # What is wrong is wrong alike where it was not looked for.
+        assert left.parts[cause].foretells > 0.5, (cause, left.parts[cause])
     intensity = material_residual(wrong["intensity"], fit_material(wrong["intensity"], lights), lights).parts[
         "intensity"
     ]
     assert 0.02 < intensity.size < 0.04
+
+
+@pytest.mark.full
+def test_noise_foretells_nothing() -> None:
+    lights = dome(12)
+    samples, generator = made(0.3, 0.5, lights), np.random.default_rng(10_032)
+    noisy = (samples.values * (1 + 0.02 * generator.standard_normal(samples.values.shape))).astype(np.float32)
+    noisy = replace(samples, values=noisy)
+    parts = material_residual(noisy, fit_material(noisy, lights, ["ggx"]), lights).parts
+    for name, part in parts.items():
+        assert part.foretells < 0.02, (name, part)
+    # Two numbers a pixel, from six frames: they follow the noise, and the other frames pay for it.
+    assert parts["normals"].foretells < -0.2
 
 
 @pytest.mark.full

@@ -1,7 +1,7 @@
 """What a fitted material leaves of the photographs, frame by frame, and what would explain it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,8 @@ Array = NDArray[np.float64]
 
 SOME = 48_000
 """Samples, pixels times frames, that the parts are found on."""
+TOGETHER = 64
+"""Pixels to a block: neighbours err alike, and must not foretell each other."""
 LOBE, LAMBERT = 10, 6
 """Bends of the free curves that stand for another coat and another body: over the half angle, over the cosine to the
 light."""
@@ -32,12 +34,15 @@ class Part:
     explains: Share of the squared residual that goes, the freedom it takes allowed for; 0 if none.
     size: Root mean square of what was found, in `unit`.
     expected: Relative RMSE that the calibration's own sigma would leave; NaN where it tells none.
+    foretells: Share of the squared residual that goes on samples that it was not found on: the other half of the
+        pixels, in blocks; of the normals the other half of the frames. Below 0 if it makes them worse.
     """
 
     explains: float
     size: float
     unit: str
     expected: float = float("nan")
+    foretells: float = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +74,13 @@ class Residual:
 
     def __str__(self) -> str:
         """The line that is printed."""
-        told = ", ".join(f"{name} {100 * part.explains:.0f} %" for name, part in self.parts.items())
-        return f"relative RMSE {100 * self.whole:.2f} %; of its square, each alone would explain: {told}"
+        told = ", ".join(
+            f"{name} {100 * part.explains:.0f} % ({100 * part.foretells:.0f} %)" for name, part in self.parts.items()
+        )
+        return (
+            f"relative RMSE {100 * self.whole:.2f} %; of its square, each alone would explain (of samples that it was "
+            f"not found on): {told}"
+        )
 
 
 def material_residual(samples: Samples, fit: MaterialFit, lights: Lights) -> Residual:
@@ -104,7 +114,8 @@ def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple
     def changed(normals: NDArray, toward: NDArray) -> Array:
         return change(samples, fit, albedo, normals, toward)
 
-    project = _Eliminated(design, int(np.count_nonzero(usable)), residual)
+    second = samples.blocks(TOGETHER) % 2 == 1
+    project = _Eliminated(design, int(np.count_nonzero(usable)), residual, second)
     bent = np.stack([changed(samples.normals, turned(samples.toward, t)) for t in tangents(samples.toward)], -1)
     scaled = np.where(usable, values, 0).astype(np.float64)[..., None] * np.eye(3)
 
@@ -128,46 +139,82 @@ def _parts(samples: Samples, fit: MaterialFit, lights: Lights) -> Iterator[tuple
 
 
 class _Eliminated:
-    """Least squares on residuals (P, F, 3) with each pixel's albedo, of the columns `design`, free."""
+    """Least squares on residuals (P, F, 3) with each pixel's albedo, of the columns `design`, free.
 
-    def __init__(self, design: Array, pixels_lit: int, residual: Array) -> None:
-        self._design = design
-        self._square = np.maximum(np.einsum("pfc,pfc->pc", design, design), 1e-300)
+    second (P,): Which of the pixels are of the second half, where one half is to foretell the other.
+    """
+
+    def __init__(self, design: Array, pixels_lit: int, residual: Array, second: NDArray[np.bool_]) -> None:
+        self._design, self._halves = design, (~second, second)
         self._residual = self._free(residual)
         self._left = float(np.sum(self._residual**2))
-        self._freedom = 3 * pixels_lit - self._square.size
+        self._freedom = 3 * pixels_lit - design.shape[0] * design.shape[2]
 
-    def _free(self, columns: Array) -> Array:
-        share = np.einsum("pfc,pfc->pc", self._design, columns) / self._square
+    def _free(self, columns: Array, frames: slice = slice(None)) -> Array:
+        """Return columns less what the albedo that suits some of the frames best makes of them."""
+        design, own = self._design[:, frames], columns[:, frames]
+        share = np.einsum("pfc,pfc->pc", design, own) / np.maximum(np.einsum("pfc,pfc->pc", design, design), 1e-300)
         return columns - self._design * share[:, None]
 
     def part(
         self, columns: Array, unit: str, *, by_frame: bool = False, factor: float = 1.0, expected: float = np.nan
     ) -> Part:
         """Return the part of nuisances that do `columns` (P, F, 3, K): K for all frames, or for each by itself."""
-        over = np.einsum("pfc,pfck->fkpc", self._design, columns) / np.sqrt(self._square)
+        (one, first), (other, second) = (self._equations(columns, half, by_frame=by_frame) for half in self._halves)
+        solved, rank = _solved(one + other, first + second)
+        fall = 0.0
+        for here, right, there, theirs in ((one, first, other, second), (other, second, one, first)):
+            found = _solved(here, right)[0]
+            fall += float(2 * found @ theirs - found @ there @ found)
+        size = factor * float(np.sqrt(np.mean(solved**2)))
+        part = self._told(float(solved @ (first + second)), rank, size, unit)
+        return replace(part, expected=expected, foretells=fall / max(self._left, 1e-300))
+
+    def _equations(self, columns: Array, pixels: NDArray[np.bool_], *, by_frame: bool) -> tuple[Array, Array]:
+        design, columns = self._design[pixels], columns[pixels]
+        square = np.maximum(np.einsum("pfc,pfc->pc", design, design), 1e-300)
+        over = np.einsum("pfc,pfck->fkpc", design, columns) / np.sqrt(square)
         inner = np.einsum("pfck,pfcl->fkl", columns, columns)
-        right = np.einsum("pfck,pfc->fk", columns, self._residual)
+        right = np.einsum("pfck,pfc->fk", columns, self._residual[pixels])
         if not by_frame:
             over, inner, right = (sums.sum(0, keepdims=True) for sums in (over, inner, right))
-        over, right = over.reshape(right.size, -1), right.ravel()
-        # A constant factor on all lights is the albedo's: the smallest step of all is taken along such directions.
-        solved, _, rank, _ = np.linalg.lstsq(block_diag(*inner) - over @ over.T, right, rcond=1e-9)
-        return self._told(float(solved @ right), int(rank), factor * float(np.sqrt(np.mean(solved**2))), unit, expected)
+        over = over.reshape(right.size, -1)
+        return block_diag(*inner) - over @ over.T, right.ravel()
 
     def each_pixel(self, columns: Array) -> Part:
         """Return the part of two nuisances of each pixel's own, columns (P, F, 3, 2)."""
-        free = np.stack([self._free(columns[..., k]) for k in (0, 1)], -1)
-        inner, right = np.einsum("pfck,pfcl->pkl", free, free), np.einsum("pfck,pfc->pk", free, self._residual)
+        every = slice(None)
+        lean, right, good = self._lean(columns, every)
+        size = float(np.degrees(np.sqrt(np.median(np.sum(lean**2, 1)) / 2)))
+        part = self._told(float(np.sum(lean * right)), 2 * int(good.sum()), size, "deg, median")
+        before, after = 0.0, 0.0
+        for here, there in ((slice(0, None, 2), slice(1, None, 2)), (slice(1, None, 2), slice(0, None, 2))):
+            lean = self._lean(columns, here)[0]
+            left = self._free(self._residual, here)
+            free = np.stack([self._free(columns[..., k], here) for k in (0, 1)], -1)
+            before += float(np.sum(left[:, there] ** 2))
+            after += float(np.sum((left - np.einsum("pfck,pk->pfc", free, lean))[:, there] ** 2))
+        return replace(part, foretells=1 - after / max(before, 1e-300))
+
+    def _lean(self, columns: Array, frames: slice) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Return the leans (P, 2) that some frames tell, the right sides (P, 2), and where they tell any (P,)."""
+        free = np.stack([self._free(columns[..., k], frames) for k in (0, 1)], -1)[:, frames]
+        residual = self._free(self._residual, frames)[:, frames]
+        inner, right = np.einsum("pfck,pfcl->pkl", free, free), np.einsum("pfck,pfc->pk", free, residual)
         good = np.linalg.det(inner) > 1e-6 * (inner[:, 0, 0] * inner[:, 1, 1] + 1e-300)
         lean = np.zeros_like(right)
         lean[good] = np.linalg.solve(inner[good], right[good][..., None])[..., 0]
-        size = float(np.degrees(np.sqrt(np.median(np.sum(lean**2, 1)) / 2)))
-        return self._told(float(np.sum(lean * right)), 2 * int(good.sum()), size, "deg, median")
+        return lean, right, good
 
-    def _told(self, fall: float, freed: int, size: float, unit: str, expected: float = np.nan) -> Part:
+    def _told(self, fall: float, freed: int, size: float, unit: str) -> Part:
         left = max(self._left - fall, 0) / max(self._freedom - freed, 1)
-        return Part(float(max(1 - left / (self._left / self._freedom), 0)), size, unit, expected)
+        return Part(float(max(1 - left / (self._left / self._freedom), 0)), size, unit)
+
+
+def _solved(square: Array, right: Array) -> tuple[Array, int]:
+    # A constant factor on all lights is the albedo's: the smallest step of all is taken along such directions.
+    found, _, rank, _ = np.linalg.lstsq(square, right, rcond=1e-9)
+    return np.asarray(found, np.float64), int(rank)
 
 
 def _curves(samples: Samples, light: Array, albedo: Array) -> tuple[Array, Array]:

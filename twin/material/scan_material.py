@@ -1,6 +1,7 @@
 """The material of a registered scan, from photographs to albedo map: light from elsewhere off, fitted, divided."""
 
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,7 +32,7 @@ class ScanMaterial:
     fit: Of the whole object, as if it were of one material.
     places: One material, the same, or two.
     labels (H, W): Which of them a pixel of the mask is of; -1 beyond.
-    residual: Of `places`.
+    samples, lights: What it was fitted to.
     onward: Light by way of other parts of the object, that was subtracted: root mean square over that of the values. 0
         where it could not be rendered.
     albedo (H, W, 3): Of the body: pixel value of what faces a light of intensity 1 where no coat is in the way. NaN
@@ -45,12 +46,18 @@ class ScanMaterial:
     fit: MaterialFit
     places: Places
     labels: NDArray[np.int8]
-    residual: Residual
+    samples: Samples
+    lights: Lights
     onward: float
     albedo: NDArray[np.float32]
     normals: NDArray[np.float32] | None = None
     tilts: str = ""
     trouble: tuple[str, ...] = ()
+
+    @cached_property
+    def residual(self) -> Residual:
+        """What `places` leave, and what would explain it."""
+        return _residual(self.samples, self.places, self.lights)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -143,8 +150,7 @@ def scan_material(
                     normals[own.rows, own.columns] = own.normals
                 if len(own):
                     albedo[own.rows, own.columns] = albedo_of(own, one)
-    residual = _residual(samples, places, lights)
-    return ScanMaterial(fit, places, labels, residual, onward, albedo, normals, tilts, trouble)
+    return ScanMaterial(fit, places, labels, samples, lights, onward, albedo, normals, tilts, trouble)
 
 
 def albedo_of(samples: Samples, fit: MaterialFit) -> NDArray[np.float32]:
@@ -181,6 +187,9 @@ def _residual(samples: Samples, places: Places, lights: Lights) -> Residual:
             float(np.sqrt(sum(w * getattr(part, key) ** 2 for w, part in zip(weight, own, strict=True))))
             for key in ("size", "expected")
         )
-        explains = float(sum(w * part.explains for w, part in zip(weight, own, strict=True)))
-        parts[name] = Part(explains, size, first.unit, expected)
+        explains, foretells = (
+            float(sum(w * getattr(part, key) for w, part in zip(weight, own, strict=True)))
+            for key in ("explains", "foretells")
+        )
+        parts[name] = Part(explains, size, first.unit, expected, foretells)
     return Residual(float(np.sqrt(squares.sum() / bright.sum())), per_frame, parts)
