@@ -233,8 +233,8 @@ def test_noise_foretells_nothing() -> None:
     parts = material_residual(noisy, fit_material(noisy, lights, ["ggx"]), lights).parts
     for name, part in parts.items():
         assert part.foretells < 0.02, (name, part)
-    # Two numbers a pixel, from six frames: they follow the noise, and the other frames pay for it.
-    assert parts["normals"].foretells < -0.2
+    # From 18 values of six frames, two numbers more than the albedo's three: (1 + 5 / 18) / (1 + 3 / 18) = 1.1.
+    assert -0.2 < parts["normals"].foretells < -0.05
 
 
 @pytest.mark.full
