@@ -99,7 +99,7 @@ def opening(faces: int) -> list[tuple[str, float, float]]:
             ("read", *clocked(lambda: made.update(mesh=read_mesh(path)))),
             ("made small for the 3-D view", *clocked(lambda: display_mesh(made["mesh"]))),
             (
-                "first picture, of all its triangles",
+                "first picture",
                 *clocked(
                     lambda: live.picture(
                         edits.added(edits.start_scene(), "it", made["mesh"]), 0, width=WIDTH, height=HEIGHT
