@@ -29,7 +29,7 @@ HEAD = """# Example reports
 
 What a session's report says when all is well, when something is missing, and when something is wrong. Each picture is
 the report's first screen; under *the whole page* is all of it, with its viewer. `make gallery` makes the reports, the
-pictures and this page; `make docs` then takes the reports into the site. How to read them: 
+pictures and this page; `make docs` then takes the reports into the site. How to read them:
 [Read the report](guide/read-the-report.md).
 """
 

@@ -24,7 +24,7 @@ def first_screen(
     badge = f'<span class="badge {first.level} big">{page.LEVELS[first.level].capitalize()}</span>'
     advice = page.say("advice", first.level)
     head = f'<p class="headline">{badge} {first.html}</p>'
-    head += f'<p class="advice"><b>Why:</b> {_limits(summary, others)}</p>'
+    head += f'<p class="advice"><b>Why:</b> {_limits(summary, others, warnings)}</p>'
     head += f'<p class="advice"><b>What to do:</b> {advice}</p>'
     tiles = "".join(_tile(*tile) for tile in _numbers(summary, statements, best))
     marked = [s for s in others if s.level in ("care", "bad") and s.topic not in ("Lights", "Ground truth", "Twin")]
@@ -38,14 +38,16 @@ def first_screen(
     return page.section("verdict", "What was found", body)
 
 
-def _limits(summary: Summary, statements: list[Statement]) -> str:
+def _limits(summary: Summary, statements: list[Statement], warnings: list[tuple[str, str]]) -> str:
     """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
     compared = summary.get("compare") or {}
     if not compared.get("has_truth"):
         return page.say("limits", "without truth")
     named, truth = [f"{s.topic} {s.level}" for s in statements], compared.get("truth") or {}
-    told = " ".join(page.say("limits", name, **truth) for name in named if name in page.words("limits"))
-    return told or page.say("limits", "not told")
+    told = [page.say("limits", name, **truth) for name in named if name in page.words("limits")]
+    warned = {step for step, _ in warnings if step in ("calibrate", "align")}
+    told += [page.say("limits", "warned", steps=" and ".join(sorted(warned)))] if warned else []
+    return " ".join(told) or page.say("limits", "not told")
 
 
 def why_section(summary: Summary) -> str:

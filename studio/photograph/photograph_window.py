@@ -7,9 +7,8 @@ from typing import Any
 
 from scene.camera import Camera
 from studio.browser_window import BrowserWindow
-from studio.desk import Desk
+from studio.desk import Desk, History
 from studio.editor.preview import Preview
-from studio.history import History
 from studio.photograph.outlines import Outlines, under
 from studio.photograph.plane import Plane
 from studio.workspace import Workspace
