@@ -63,7 +63,8 @@ class BrowserWindow:
             self._refresh_panels()
 
     def _refresh_panels(self) -> None:
-        raise NotImplementedError
+        for panel in self.panels:
+            self.attempt(panel.refresh)
 
     @property
     def tab(self) -> str:

@@ -1,6 +1,5 @@
 """What a browser works on, over all areas, and its past: it outlives a reload of the page and a change of the area."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeVar, get_args
@@ -50,10 +49,6 @@ class History(Generic[State]):
             return self
         (label, state), *future = self.future
         return History(state, (*self.past, (label, self.state)), tuple(future))
-
-    def changed(self, edit: Callable[[State], State]) -> "History[State]":
-        """Return the history with another state in the place of this one: nothing to undo."""
-        return History(edit(self.state), self.past, self.future)
 
 
 Area = Literal["Open", "New session", "Session", "Scene"]

@@ -90,10 +90,6 @@ class OpenWindow(BrowserWindow):
         """The one that is looked into."""
         return self.desk.folder or self.workspace.root
 
-    def _refresh_panels(self) -> None:
-        for panel in self.panels:
-            self.attempt(panel.refresh)
-
     def look_into(self, folder: Path) -> None:
         """Show another folder of the workspace."""
         self.desk.folder = self.workspace.path(folder)

@@ -52,8 +52,7 @@ class PhotographWindow(BrowserWindow):
     def _refresh_panels(self) -> None:
         if self.ball is not None and self.ball >= len(self.outlines):
             self.ball = None
-        for panel in self.panels:
-            self.attempt(panel.refresh)
+        super()._refresh_panels()
 
     def choose(self, **changes: Any) -> None:
         """Look at another `ball` or whatever else is kept here; what is not said stays."""
