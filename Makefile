@@ -5,7 +5,7 @@ READY := .venv/.ready
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TEST = $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: setup lock demo docs test test-all test-full test-latest lint check clean
+.PHONY: setup lock demo gallery docs test test-all test-full test-latest lint check clean
 
 setup: $(READY)
 
@@ -31,6 +31,11 @@ lock:
 
 demo: setup
 	@$(BIN)/rgbn demo
+
+# Example reports: docs/gallery.md, with the reports in docs/_gallery, from where `make docs` takes them.
+gallery: setup
+	@$(PYTHON) rgbn/system_libraries.py --browser
+	$(BIN)/python -m benchmarks.write_gallery
 
 # The site: docs/_build/html/index.html. The pages that the code writes are written first.
 docs: setup

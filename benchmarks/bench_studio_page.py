@@ -9,7 +9,6 @@ by a run that has just ended. Medians of five.
 
 import argparse
 import os
-import shutil
 import tempfile
 import time
 from pathlib import Path
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.bench_studio import LARGE, bumpy_ball
+from benchmarks.chromium import SCREEN, chromium
 from benchmarks.pages import put
 from scene.camera import Camera
 from scene.frames import PEDESTAL, Frames
@@ -32,7 +32,6 @@ from twin.description.object_mesh import ObjectMesh
 
 DOCS = Path(__file__).resolve().parents[1] / "docs" / "evidence"
 WIDTH, HEIGHT, FRAMES, TIMES = 6000, 4000, 24, 5
-ARGUMENTS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SEEN = """([name, before]) => new Promise(done => {
   function look() {
     let found = null;
@@ -75,7 +74,7 @@ def of_session(browser: Any, root: Path) -> dict[str, float]:
     opened, changed, name = [], [], "/photograph/picture"
     try:
         for _ in range(TIMES):
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page = browser.new_page(viewport=SCREEN)
             start = page.evaluate(NOW)
             page.goto(studio.address)
             shown, at = page.evaluate(SEEN, [name, ""])
@@ -100,7 +99,7 @@ def of_model(browser: Any, root: Path) -> dict[str, float]:
     seconds = []
     try:
         for _ in range(TIMES):
-            page = browser.new_page(viewport={"width": 1280, "height": 800})
+            page = browser.new_page(viewport=SCREEN)
             page.goto(studio.address)
             name = "/object_0/mesh"
             page.get_by_role("button", name="Load model", exact=True).wait_for()
@@ -121,18 +120,13 @@ def of_model(browser: Any, root: Path) -> dict[str, float]:
 
 def main() -> None:
     """Print the table; with --write put it into docs/evidence/studio.md."""
-    from playwright.sync_api import sync_playwright
-
     parser = argparse.ArgumentParser()
     parser.add_argument("--write", action="store_true")
     write, rows = parser.parse_args().write, {}
-    path = os.environ.get("RGBN_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
+    with chromium() as browser:
         for measure in (of_session, of_model):
             with tempfile.TemporaryDirectory() as folder:
                 rows |= measure(browser, Path(folder))
-        browser.close()
     text = "| in headless Chromium | seconds |\n|---|---|\n"
     text += "".join(f"| {what} | {seconds:.2f} |\n" for what, seconds in rows.items())
     text += f"\nMeasured on {os.cpu_count()} cores by `benchmarks/bench_studio_page.py`; medians of {TIMES}.\n"

@@ -1,13 +1,16 @@
 """The documentation as a site, by `make docs`. Nothing is fetched from the net, neither to build it nor to read it."""
 
 from importlib.metadata import version as version_of
+from pathlib import Path
 
 project = "rgbn"
 author = "the rgbn developers"
 version = release = version_of("rgbn")
 
 extensions = ["myst_parser"]
-exclude_patterns = ["_build"]
+exclude_patterns = ["_build", "_gallery"]
+# The example reports, where `make gallery` has made them.
+html_extra_path = ["_gallery"] if (Path(__file__).parent / "_gallery").is_dir() else []
 myst_enable_extensions = ["tasklist"]
 myst_heading_anchors = 3
 # `toml` stands in the pages as people write it, `...` and all.

@@ -220,13 +220,15 @@ def export(
         Parameter(
             alias="-f",
             help=f"Formats, with commas: {', '.join(FORMATS)}. all: every one of the lights. csv: tables of the lights "
-            "and, after compare, of the errors; mat: near_ps; mitsuba, gltf: the twin's scene.",
+            "and, after compare, of the errors; mat: near_ps; meshroom: photographs and camera as "
+            "SfMData, with AliceVision's lights; relight: the photographs as one relightable picture, for "
+            "OpenLIME and RelightLab; mitsuba, gltf: the twin's scene.",
         ),
     ],
     out: Out = None,
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
-    """Write the lights, or the twin's scene, for another program into OUT/export, after the steps that it needs."""
+    """Write lights, a relightable picture or the twin's scene for another program, after the steps that it needs."""
     from rgbn.light_export import export_session
 
     paths, notes = export_session(session, format, out, sfm)

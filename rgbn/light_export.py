@@ -1,4 +1,4 @@
-"""`rgbn export`: a session's lights as files of other programs, and its numbers as tables."""
+"""`rgbn export`: a session's lights and photographs as files of other programs, and its numbers as tables."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 LIGHTS = ("alicevision", "csv", "diligent", "dome", "lp", "mat")
 """What `all` writes: the formats of `formats.light_files`, and tables. Here they are known without loading anything."""
 SCENES = ("gltf", "mitsuba")
-FORMATS = (*LIGHTS, *SCENES)
+FORMATS = (*LIGHTS, "meshroom", "relight", *SCENES)
 
 
 def formats_of(text: str) -> tuple[str, ...]:
@@ -59,8 +59,10 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
 
 def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -> tuple[list[Path], list[str]]:
     from formats.light_files.light_formats import export_lights
+    from formats.sfm_data import write_sfm
     from lab.plan import EXPORTED, STEPS
     from lab.summary import write_tables
+    from rgbn.relight_export import export_relight
 
     job.run(STEPS, "calibrate")
     if job.store.load_lights().is_unknown and job.session.scan:
@@ -74,10 +76,17 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
                 if name == "csv":
                     compared = job.done.get("compare", {}).get("result", {})
                     made, more = write_tables(store, folder, compared), []
+                elif name == "relight":
+                    made, more = export_relight(store, job.session.name)
                 else:
                     if lights.is_unknown:
                         lights.check()
-                    made, more = export_lights(folder, name, lights, camera, files=files, sfm=sfm)
+                    views, said = sfm, []
+                    if name == "meshroom":
+                        name, views = "alicevision", folder / "cameras.sfm"
+                        said = write_sfm(views, camera, [path.resolve() for path in job.session.flash])
+                    made, more = export_lights(folder, name, lights, camera, files=files, sfm=views)
+                    made, more = [*made, *([views] if said else [])], [*said, *more]
             except SceneError as error:
                 if not left_out:
                     raise

@@ -13,9 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import ValidationError
 
 from scene.errors import SceneError
-from studio.desk import Area, Desk
+from studio.desk import Area, Desk, History
 from studio.editor.preview import Preview
-from studio.history import History
 from studio.workspace import Workspace
 
 Array = NDArray[np.float64]
@@ -64,7 +63,8 @@ class BrowserWindow:
             self._refresh_panels()
 
     def _refresh_panels(self) -> None:
-        raise NotImplementedError
+        for panel in self.panels:
+            self.attempt(panel.refresh)
 
     @property
     def tab(self) -> str:

@@ -1,38 +1,70 @@
-"""Meshes as the browser's 3-D view shows them: at most so many triangles. What is rendered is the whole mesh."""
+"""Meshes as they are shown while nobody looks closely: in the 3-D view, and in the first picture after a change."""
+
+import threading
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
 
-from twin.description.object_mesh import ObjectMesh
+from scene.same_rows import first_of_same
+from twin.description.object_mesh import ObjectMesh, smooth
 
-MOST_FACES = 60_000
-"""That are sent to a browser; a software renderer still turns them."""
+MOST_FACES = 70_000
+"""That are sent to a browser; a software renderer still turns them. The built-in shapes have fewer."""
+_COARSE: WeakKeyDictionary[ObjectMesh, ObjectMesh] = WeakKeyDictionary()
+_LOCK = threading.Lock()
 
 
-def display_mesh(mesh: ObjectMesh, *, most_faces: int = MOST_FACES) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
-    """Return vertices (V, 3) and faces (T, 3) that look like the mesh from afar.
+def display_mesh(mesh: ObjectMesh) -> ObjectMesh:
+    """Return the mesh, or where it has more than `MOST_FACES`, one that looks like it from afar.
 
-    Vertices are gathered in the cells of a cubic grid and stand at their mean; faces with two corners in one cell go.
-    The grid is made coarser until few enough are left. An outline moves by less than a cell.
+    It is made once for as long as the mesh is used: the view and the preview ask for the same.
+    """
+    if len(mesh.faces) <= MOST_FACES:
+        return mesh
+    with _LOCK:
+        if mesh not in _COARSE:
+            _COARSE[mesh] = clustered(mesh, MOST_FACES)
+        return _COARSE[mesh]
+
+
+def clustered(mesh: ObjectMesh, most_faces: int) -> ObjectMesh:
+    """Return a mesh of at most so many faces, its vertices gathered in the cells of a cubic grid [Rossignac1993].
+
+    They stand at their cell's mean, with the mean of their texture coordinates and colours; faces with two corners in
+    one cell go. The grid is made coarser until few enough are left. An outline moves by less than a cell.
     """
     vertices, faces = mesh.vertices, mesh.faces
-    if len(faces) <= most_faces:
-        return vertices.astype(np.float32), faces.astype(np.uint32)
     low = vertices.min(0)
     extent = float((vertices.max(0) - low).max()) or 1.0
     # A surface of area a few extents squared has about this many cells.
     cells = int(np.sqrt(most_faces / 2))
     while True:
-        grid = np.minimum(((vertices - low) / extent * cells).astype(np.int64), cells)
-        key = (grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2]
-        _, cell, count = np.unique(key, return_inverse=True, return_counts=True)
+        grid = ((vertices - low) * (cells / extent)).astype(np.int32)
+        cell, count = _numbered((grid[:, 0] * (cells + 1) + grid[:, 1]) * (cells + 1) + grid[:, 2], (cells + 1) ** 3)
         merged = cell[faces]
-        whole = (merged != np.roll(merged, 1, 1)).all(1)
-        merged = merged[whole]
+        a, b, c = merged.T
+        merged = merged[(a != b) & (b != c) & (c != a)].astype(np.int64)
         # Of faces with the same corners one will do, turned as the first was.
-        _, first = np.unique(np.sort(merged, 1), axis=0, return_index=True) if len(merged) else (None, np.zeros(0, int))
-        if len(first) <= most_faces:
+        merged = merged[first_of_same(np.sort(merged, 1)) == np.arange(len(merged))]
+        if len(merged) <= most_faces:
             break
-        cells = int(cells * min(0.9, np.sqrt(most_faces / len(first))))
-    means = np.stack([np.bincount(cell, vertices[:, axis]) for axis in range(3)], 1) / count[:, None]
-    return means.astype(np.float32), merged[np.sort(first)].astype(np.uint32)
+        cells = int(cells * min(0.9, np.sqrt(most_faces / len(merged))))
+
+    def means(values: NDArray[np.float64] | None) -> NDArray[np.float64] | None:
+        return (
+            None if values is None else np.stack([np.bincount(cell, column) for column in values.T], 1) / count[:, None]
+        )
+
+    places = means(vertices)
+    assert places is not None
+    return smooth(places, merged, means(mesh.texcoords), means(mesh.colours))
+
+
+def _numbered(keys: NDArray[np.int32], limit: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
+    """Number the keys that there are, below a limit: return the number of each key, and how often each stands there."""
+    counts = np.bincount(keys, minlength=limit)
+    there = np.flatnonzero(counts)
+    numbers = np.empty(limit, np.int32)
+    numbers[there] = np.arange(len(there), dtype=np.int32)
+    return numbers[keys], counts[there]

@@ -1,17 +1,23 @@
-"""What a path is, and how it is laid on a desk: a folder of photographs, a session, an output folder, a scene."""
+"""What a path is, how it is laid on a desk, and the area in which one is chosen.
+
+A path is a folder of photographs, a session, an output folder or a scene.
+"""
 
 import os
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from capture.survey.folder_files import survey
 from lab.session_place import MANIFEST, is_output, is_session
 from scene.errors import SceneError
+from studio.browser_window import BrowserWindow
 from studio.desk import Desk
 from studio.editor.editor_window import FILE, begun
-from studio.new_session.looking import Looking
+from studio.new_session.found_capture import Looking
 from studio.review.folder import found_at
+from studio.widgets import Layers, code
 from studio.workspace import Workspace
 
 Kind = Literal["results", "session", "scene", "folder"]
@@ -68,3 +74,64 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
             f"{source}: neither a folder nor a scene description, .toml. Give photographs, a session or its output "
             "folder."
         )
+
+
+HERE = {"folder": "New session here", "session": "Open this session", "results": "Open these results"}
+"""What is done with the folder itself, by what it is."""
+
+
+class OpenWindow(BrowserWindow):
+    """What a browser opens things in: folders below the workspace."""
+
+    area = "Open"
+
+    @property
+    def folder(self) -> Path:
+        """The one that is looked into."""
+        return self.desk.folder or self.workspace.root
+
+    def look_into(self, folder: Path) -> None:
+        """Show another folder of the workspace."""
+        self.desk.folder = self.workspace.path(folder)
+        self.refresh()
+
+    def open(self, path: Path) -> None:
+        """Open something in the area that is for it."""
+        lay(self.desk, self.workspace, self.workspace.path(path))
+        self.turn()
+
+
+class OpenPanel:
+    """The folders and scenes in a folder; what is to be done with the folder itself."""
+
+    def __init__(self, window: OpenWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._layers = Layers()
+        self._where = gui.add_markdown("")
+        self._up = window.button("One folder up", lambda: window.look_into(window.folder.parent))
+        self._begin = window.button(HERE["folder"], lambda: window.open(window.folder), kind="main")
+        self._list = gui.add_folder("In this folder")
+        window.button("New scene", lambda: window.go("Scene"))
+
+    def refresh(self) -> None:
+        """List the folder as it is now."""
+        window, folder = self._window, self._window.folder
+        self._where.content = (
+            f"{code(str(folder))}\n\nChoose a folder of photographs, a session, its output folder, or a scene."
+        )
+        self._up.visible = folder != window.workspace.root
+        self._begin.label = HERE[kind_of(folder) or "folder"]
+        found = tuple(entries(folder))
+        self._layers.draw("entries", (folder, found), lambda: self._add(found))
+
+    def _add(self, found: tuple[tuple[Path, Kind], ...]) -> list[Any]:
+        window = self._window
+        with self._list:
+            if not found:
+                return [window.client.gui.add_markdown("Nothing that can be opened.")]
+            return [
+                window.button(f"{path.name}/", partial(window.look_into, path))
+                if kind == "folder"
+                else window.button(f"{path.name}: {kind}", partial(window.open, path))
+                for path, kind in found
+            ]

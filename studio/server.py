@@ -10,7 +10,7 @@ from typing import Any
 from scene.errors import SceneError
 from studio.background_process import Works
 from studio.browser_window import BrowserWindow
-from studio.desk import Desk
+from studio.desk import Desk, History
 from studio.editor.camera_panel import CameraPanel, PreviewPanel
 from studio.editor.editor_window import EditorWindow, begun
 from studio.editor.files_panel import FilesPanel
@@ -20,26 +20,21 @@ from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.preview import Preview
 from studio.editor.scene_view import SceneView
 from studio.guarded_server import GuardedServer
-from studio.header import Header
-from studio.history import History
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
-from studio.new_session.found_panel import FoundPanel
+from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
-from studio.new_session.write_panel import TextPanel, WritePanel
-from studio.open_window import OpenPanel, OpenWindow
+from studio.opening import OpenPanel, OpenWindow
 from studio.review.balls_panel import BallsPanel
 from studio.review.frames_panel import FramesPanel, WarningsPanel, marks_of
 from studio.review.light_sigmas import LightSigmas
 from studio.review.photograph_view import PhotographView
+from studio.review.result_panels import SolvePanel, TwinPanel, VerdictPanel
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
 from studio.review.scan_panel import ScanPanel
-from studio.review.solve_panel import SolvePanel
 from studio.review.spatial_view import SpatialView
-from studio.review.twin_panel import TwinPanel
-from studio.review.verdict_panel import VerdictPanel
-from studio.tabs import TabbedPanels
+from studio.tabs import Header, TabbedPanels
 from studio.workspace import Workspace
 from twin.description.description import TwinScene
 

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from align.scan.scan_surface import Surface, connected, first_of_same, group_numbers, renumber
+from align.scan.scan_surface import Surface, connected, renumber
+from scene.same_rows import first_of_same, group_numbers
 
 NEAR = 0.1
 """Border vertices closer than this share of the shortest edge at either are one."""

@@ -24,12 +24,11 @@ def first_screen(
     badge = f'<span class="badge {first.level} big">{page.LEVELS[first.level].capitalize()}</span>'
     advice = page.say("advice", first.level)
     head = f'<p class="headline">{badge} {first.html}</p>'
-    if limits := _limits(summary, others):
-        head += f'<p class="advice"><b>Why:</b> {limits}</p>'
+    head += f'<p class="advice"><b>Why:</b> {_limits(summary, others, warnings)}</p>'
     head += f'<p class="advice"><b>What to do:</b> {advice}</p>'
     tiles = "".join(_tile(*tile) for tile in _numbers(summary, statements, best))
     marked = [s for s in others if s.level in ("care", "bad") and s.topic not in ("Lights", "Ground truth", "Twin")]
-    notes = "".join(f"<li>{s.topic} {page.badge(s.level)}</li>" for s in marked)
+    notes = "".join(f"<li>{page.badge(s.level)} {_shortened(s.topic, s.text)}</li>" for s in marked)
     notes += "".join(f"<li>{_shortened(step, text)}</li>" for step, text in warnings[:MOST_WARNINGS])
     counted = {0: "none", 1: "one"}.get(len(warnings), "many")
     told = page.say("warnings", counted, count=str(len(warnings)))
@@ -39,13 +38,16 @@ def first_screen(
     return page.section("verdict", "What was found", body)
 
 
-def _limits(summary: Summary, statements: list[Statement]) -> str:
-    """Return what makes the error, as far as twin, ground truth and lights tell; nothing where no error is known."""
+def _limits(summary: Summary, statements: list[Statement], warnings: list[tuple[str, str]]) -> str:
+    """Return what makes the error, as far as twin, ground truth and lights tell, or why that is not known."""
     compared = summary.get("compare") or {}
     if not compared.get("has_truth"):
-        return ""
+        return page.say("limits", "without truth")
     named, truth = [f"{s.topic} {s.level}" for s in statements], compared.get("truth") or {}
-    return " ".join(page.say("limits", name, **truth) for name in named if name in page.words("limits"))
+    told = [page.say("limits", name, **truth) for name in named if name in page.words("limits")]
+    warned = {step for step, _ in warnings if step in ("calibrate", "align")}
+    told += [page.say("limits", "warned", steps=" and ".join(sorted(warned)))] if warned else []
+    return " ".join(told) or page.say("limits", "not told")
 
 
 def why_section(summary: Summary) -> str:
@@ -74,30 +76,32 @@ def _numbers(summary: Summary, statements: list[Statement], best: str | None) ->
     sigma = next(
         (part[key] for part in (calibrate, lights) for key in ("direction_sigma_deg_median",) if part.get(key)), None
     )
-    intensity = calibrate.get("intensity_sigma_median")
+    intensity, off = calibrate.get("intensity_sigma_median"), align.get("residual_px")
     normals = page.number(real.get("median_deg"), 1, "°")
     if page.is_number(row.get("median_sigma_deg")):
         normals += f" ± {page.number(row['median_sigma_deg'], 1, '°')}"
-    answered = f"{page.percent(row.get('coverage'))} of the object answered" if real else "no measured error"
-    shared = (
-        f"median {page.number((row.get('twin') or {}).get('median_deg'), 1, '°')} on the twin"
-        if row.get("twin")
-        else "no twin"
+    answered = f"{page.percent(row.get('coverage'))} of the object answered" if real else "nothing to measure it by"
+    twin = (row.get("twin") or {}).get("median_deg")
+    outline = f"outline off by {page.number(off, 2, 'px')}" if page.is_number(off) else "no scan was registered"
+    strength = f"intensity ± {page.percent(intensity, 1)}" if page.is_number(intensity) else "intensity not known"
+    alike = (
+        f"1: the same places; median error {page.number(twin, 1, '°')}" if page.is_number(twin) else "there is no twin"
     )
-    return [
-        ("Error, median", "errors", levels.get("Normals", "unknown"), normals, answered),
-        (
-            "Ground truth ±", "registration", levels.get("Ground truth", "unknown"),
+    numbers = {
+        "Normals": ("Median error", "errors", normals, answered),
+        "Ground truth": (
+            "Truth uncertain by",
+            "registration",
             page.number(truth.get("sigma_deg_median"), 1, "°"),
-            f"outline off by {page.number(align.get('residual_px'), 2, 'px')}",
+            outline,
         ),
-        (
-            "Lights ±", "lights", levels.get("Lights", "unknown"), page.number(sigma, 2, "°"),
-            f"intensity ± {page.percent(intensity, 1)}",
-        ),
-        ("Twin fails alike", "twin", levels.get("Twin", "unknown"), page.number(row.get("pearson"), 2),
-         f"Pearson, of 1; {shared}"),
-    ]  # fmt: skip
+        "Lights": ("Lights uncertain by", "lights", page.number(sigma, 2, "°"), strength),
+        "Twin": ("Twin errs alike", "twin", page.number(row.get("pearson"), 2), alike),
+    }
+    return [
+        (title, anchor, levels.get(topic, "unknown"), value, more)
+        for topic, (title, anchor, value, more) in numbers.items()
+    ]
 
 
 def _picture(material: Material, layers: Layers | None, summary: Summary, best: str | None) -> str:

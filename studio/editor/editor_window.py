@@ -8,10 +8,9 @@ from typing import Any
 
 from scene.current import file_digest
 from studio.browser_window import BrowserWindow
-from studio.desk import Desk
+from studio.desk import Desk, History
 from studio.editor.edits import start_scene
 from studio.editor.preview import Drawn, Preview
-from studio.history import History
 from studio.workspace import MOST_FILES, Listing, Workspace
 from twin.description.description import TwinScene
 

@@ -88,7 +88,7 @@ class FilesPanel:
 
     def _render(self) -> list[str]:
         path = self._save()
-        return ["-m", "studio.editor.rendering", str(path), str(path.parent / "dataset")]
+        return ["-m", "studio.studio_run", "render", str(path), str(path.parent / "dataset")]
 
     def _rendered(self) -> None:
         where = self._window.workspace.name(self._dataset)

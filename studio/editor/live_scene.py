@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from studio.display_mesh import display_mesh
 from studio.editor.edits import some, start_scene
 from twin.description.description import Environment, TwinObject, TwinScene
 from twin.description.materials import Material
@@ -39,12 +40,14 @@ class LiveScene:
     def picture(self, scene: TwinScene, light: int, *, width: int, height: int, error: float = ROUGH_ERROR) -> Picture:
         """Return the light of one flash that meets one surface, (h, w, 3) linear, at most `width` x `height`.
 
-        A disc is taken for a point, and of a mirror nothing is seen: `refining` shows them. The picture has the shape
-        of the camera's. Raises RenderError: the camera sees nothing, or the vectorised variant does not run here.
+        A disc is taken for a point, of a mirror nothing is seen, and a large mesh is a coarse one: `refining` shows
+        them. The picture has the shape of the camera's. Raises RenderError: the camera sees nothing, or the vectorised
+        variant does not run here.
         """
         from twin.engines.direct import Direct
 
-        small = fitted(scene, width, height)
+        coarse = tuple(replace(one, mesh=display_mesh(one.mesh)) for one in scene.objects)
+        small = fitted(replace(scene, objects=coarse), width, height)
         small.film()  # Whether the camera sees anything.
         film = whole_film(small)
         self._update(small)

@@ -15,7 +15,6 @@ from studio.editor.placement import placement_of, quaternion, rotation_of
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
 from twin.description.description import TwinObject, TwinScene
 from twin.description.materials import Diffuse, Material, Principled, RoughPlastic
-from twin.description.object_mesh import ObjectMesh
 
 Array = NDArray[np.float64]
 PICKED, PLAIN = (255, 140, 0), (250, 210, 60)
@@ -27,7 +26,6 @@ class SceneView:
     def __init__(self, window: EditorWindow) -> None:
         self._window, self._view = window, window.client.scene
         self._layers = Layers()
-        self._meshes: dict[int, tuple[ObjectMesh, Any]] = {}
 
     def refresh(self) -> None:
         """Show the window's scene; only what changed is sent."""
@@ -50,8 +48,6 @@ class SceneView:
             key = (place.tobytes(), lights.reference_point_mm.tobytes(), is_picked, is_lit, spread)
             layers.draw(name, key, lambda i=index, p=is_picked, lit=is_lit: self._add_light(i, p, lit, spread))
         layers.draw("camera", scene.camera, self._add_camera)
-        here = {id(one.mesh) for one in scene.objects}
-        self._meshes = {key: pair for key, pair in self._meshes.items() if key in here}
 
     def _add_object(self, index: int, is_picked: bool, colour: tuple[int, int, int]) -> list[Any]:
         one = self._window.scene.objects[index]
@@ -74,11 +70,10 @@ class SceneView:
 
     def _own(self, one: TwinObject, rotation: Array, middle: Array) -> tuple[Any, Any, float]:
         """Return the display mesh in the gizmo's frame, and half its longest side, in the view's units."""
-        if id(one.mesh) not in self._meshes:
-            self._meshes[id(one.mesh)] = (one.mesh, display_mesh(one.mesh))
-        vertices, faces = self._meshes[id(one.mesh)][1]
+        shown = display_mesh(one.mesh)
+        faces = shown.faces
         linear = one.matrix[:3, :3]
-        placed = vertices @ linear.T + one.matrix[:3, 3]
+        placed = shown.vertices @ linear.T + one.matrix[:3, 3]
         own = ((placed - middle) @ rotation * UNITS_PER_MM).astype(np.float32)
         if np.linalg.det(linear) < 0:
             faces = faces[:, ::-1]

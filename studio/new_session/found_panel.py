@@ -1,6 +1,7 @@
-"""What was found, in a few lines above all tabs; and which of several objects it is about."""
+"""What was found, in a few lines above all tabs; what session.toml would say and assume; the button that writes it."""
 
 import os
+import re
 from pathlib import Path
 
 from lab.init.draft import Draft
@@ -8,7 +9,7 @@ from lab.init.draft_notes import notes_of
 from lab.session_place import MANIFEST
 from scene.spheres import KINDS
 from studio.new_session.new_session_window import NewSessionWindow
-from studio.widgets import code, plain
+from studio.widgets import code, fenced, plain
 
 
 class FoundPanel:
@@ -70,3 +71,37 @@ def _balls_text(draft: Draft) -> str:
         apart = ", shot apart" if any(ball.files for ball in own) else ""
         told += [f"{len(own)} {kind} ({', '.join(known)}{apart})"] if own else []
     return "; ".join(told) or "none"
+
+
+class TextPanel:
+    """What is assumed, and what would be written."""
+
+    def __init__(self, window: NewSessionWindow) -> None:
+        self._window, gui = window, window.client.gui
+        self._notes, self._text = gui.add_markdown(""), gui.add_markdown("")
+
+    def refresh(self) -> None:
+        """Follow the window."""
+        if self._window.capture is None:
+            return
+        notes = [f"- ⚠ {plain(note)}" for note in notes_of(self._window.draft)]
+        self._notes.content = "\n".join(["**What is missing or assumed**", "", *notes] if notes else [])
+        # The columns of comments would be cut off here.
+        self._text.content = fenced(re.sub(r" {2,}#", "  #", self._window.text), "toml")
+
+
+class WritePanel:
+    """Write session.toml; what is run then, the session's own tabs have."""
+
+    def __init__(self, window: NewSessionWindow) -> None:
+        self._window = window
+        self._write = window.button("Write session", window.write, kind="main")
+        self._where = window.client.gui.add_markdown("")
+
+    def refresh(self) -> None:
+        """Follow the window."""
+        window = self._window
+        self._write.visible = window.capture is not None
+        if window.capture is not None:
+            out = window.workspace.name(window.out)
+            self._where.content = f"Writes {code(str(window.manifest))}. Results go to {code(out)}."

@@ -15,12 +15,10 @@ from lab.session_place import MANIFEST
 from scene.camera import Camera
 from scene.errors import SceneError
 from scene.files import write_text
-from studio.desk import Desk
+from studio.desk import Desk, History
 from studio.editor.preview import Preview
-from studio.history import History
 from studio.new_session.edited_capture import EditedCapture, as_found
-from studio.new_session.found_capture import FoundCapture
-from studio.new_session.looking import Looking
+from studio.new_session.found_capture import FoundCapture, Looking
 from studio.photograph.outlines import Outlines
 from studio.photograph.photograph_window import PhotographWindow
 from studio.photograph.plane import Plane

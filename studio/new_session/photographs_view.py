@@ -6,8 +6,7 @@ from compare.report.picture_strip import INK, PictureStrip
 from lab.init.contact_sheet import COLOURS
 from studio.new_session.edited_capture import UNUSED, EditedCapture
 from studio.new_session.new_session_window import NewSessionWindow
-from studio.photograph.ball_crop import add_crop
-from studio.photograph.outline_marks import OutlineMarks
+from studio.photograph.outline_marks import OutlineMarks, add_crop
 from studio.photograph.plane import ROOT, Plane
 from studio.photograph.shown_photograph import add_photograph, add_strip, look_at_photograph
 from studio.widgets import Layers

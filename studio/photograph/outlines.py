@@ -1,24 +1,15 @@
 """Balls as they are outlined on a photograph, and what a hand does to them."""
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
 from scene.spheres import Kind, Sphere
+from studio.photograph.plane import Plane
 
 SMALLEST_PX = 4.0
 """A ball of a smaller radius tells nothing."""
-
-
-class HasSize(Protocol):
-    """What has a picture's width and height, pixels: its plane in the view, its camera."""
-
-    @property
-    def width(self) -> int: ...
-
-    @property
-    def height(self) -> int: ...
 
 
 @dataclass(frozen=True)
@@ -44,22 +35,22 @@ class Outline:
 Outlines = tuple[Outline, ...]
 
 
-def moved(balls: Outlines, index: int, center_px: tuple[float, float], picture: HasSize) -> Outlines:
+def moved(balls: Outlines, index: int, center_px: tuple[float, float], plane: Plane) -> Outlines:
     """Return the balls, one of them elsewhere, its centre inside the picture."""
-    return _with(balls, index, center_px=_inside(center_px, picture))
+    return _with(balls, index, center_px=_inside(center_px, plane))
 
 
-def resized(balls: Outlines, index: int, radius_px: float, picture: HasSize) -> Outlines:
+def resized(balls: Outlines, index: int, radius_px: float, plane: Plane) -> Outlines:
     """Return the balls, one of them larger or smaller."""
-    largest = max(picture.width, picture.height)
+    largest = max(plane.width, plane.height)
     return _with(balls, index, radius_px=float(min(max(radius_px, SMALLEST_PX), largest)))
 
 
-def added(balls: Outlines, kind: Kind, center_px: tuple[float, float], picture: HasSize) -> Outlines:
+def added(balls: Outlines, kind: Kind, center_px: tuple[float, float], plane: Plane) -> Outlines:
     """Return the balls and one more, as large as most of them."""
     seen = [ball.radius_px for ball in balls if not ball.apart]
-    radius = float(np.median(seen)) if seen else max(picture.width / 20, SMALLEST_PX)
-    return (*balls, Outline(kind, _inside(center_px, picture), radius, None, True))
+    radius = float(np.median(seen)) if seen else max(plane.width / 20, SMALLEST_PX)
+    return (*balls, Outline(kind, _inside(center_px, plane), radius, None, True))
 
 
 def removed(balls: Outlines, index: int) -> Outlines:
@@ -78,9 +69,9 @@ def under(balls: Outlines, pixel: tuple[float, float]) -> int | None:
     return int(np.argmin(away)) if away and min(away) < 1 else None
 
 
-def _inside(center_px: tuple[float, float], picture: HasSize) -> tuple[float, float]:
-    u = min(max(float(center_px[0]), 0.0), picture.width - 1.0)
-    return u, min(max(float(center_px[1]), 0.0), picture.height - 1.0)
+def _inside(center_px: tuple[float, float], plane: Plane) -> tuple[float, float]:
+    u = min(max(float(center_px[0]), 0.0), plane.width - 1.0)
+    return u, min(max(float(center_px[1]), 0.0), plane.height - 1.0)
 
 
 def _with(balls: Outlines, index: int, **changes: Any) -> Outlines:

@@ -7,9 +7,8 @@ from typing import Any
 
 from scene.camera import Camera
 from studio.browser_window import BrowserWindow
-from studio.desk import Desk
+from studio.desk import Desk, History
 from studio.editor.preview import Preview
-from studio.history import History
 from studio.photograph.outlines import Outlines, under
 from studio.photograph.plane import Plane
 from studio.workspace import Workspace
@@ -53,8 +52,7 @@ class PhotographWindow(BrowserWindow):
     def _refresh_panels(self) -> None:
         if self.ball is not None and self.ball >= len(self.outlines):
             self.ball = None
-        for panel in self.panels:
-            self.attempt(panel.refresh)
+        super()._refresh_panels()
 
     def choose(self, **changes: Any) -> None:
         """Look at another `ball` or whatever else is kept here; what is not said stays."""

@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from studio.photograph.ball_crop import add_crop
 from studio.photograph.outline_marks import KNOB as MOVED
-from studio.photograph.outline_marks import OutlineMarks, closed
+from studio.photograph.outline_marks import OutlineMarks, add_crop, closed
 from studio.photograph.plane import Plane, add_lines
 from studio.review.highlight_misses import mirrored_px, residuals_px, rms_px
 from studio.review.review_window import ReviewWindow

@@ -22,6 +22,7 @@ from scene.mesh import Mesh
 from scene.output_folder import read_record
 from scene.spheres import Sphere
 from scene.store import Store
+from twin.description.object_mesh import ObjectMesh
 
 if TYPE_CHECKING:
     from scene.rays import RayCaster
@@ -156,6 +157,11 @@ class Review:
         if session is None or session.scan is None:
             raise SceneError(self.why_no_session or "object.scan: the session names no scan. Add it to session.toml.")
         return load_scan(session.scan, session.scan_unit, ball_diameter_mm=session.scan_ball_diameter_mm)
+
+    @cached_property
+    def scan_shape(self) -> ObjectMesh:
+        """The same as what the views show."""
+        return ObjectMesh(self.scan_mesh.vertices, self.scan_mesh.faces)
 
     @cached_property
     def scan_rays(self) -> "RayCaster":

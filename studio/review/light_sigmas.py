@@ -14,12 +14,6 @@ SHOWN_DEG = 4.0
 """A sigma drawn this large is seen well."""
 
 
-def directions_deg(lights: Lights) -> Array:
-    """Return (N, 2): angle from the camera's axis, and azimuth, 0 right and 90 up as the camera sees it."""
-    x, y, z = lights.directions.T
-    return np.stack([np.degrees(np.arctan2(np.hypot(x, y), z)), np.degrees(np.arctan2(y, x))], -1)
-
-
 def light_places(lights: Lights) -> Array:
     """Return (N, 3), mm, where lights are drawn: near ones where they are, distant ones a metre toward them."""
     if lights.positions_mm is not None:
@@ -82,22 +76,21 @@ class LightSigmas:
         review, index = self._window.review, self._window.frame
         lights = review.lights
         assert lights is not None
-        zenith, azimuth = directions_deg(lights)[index]
-        sigma = lights.direction_sigma_deg[index]
+        facts, sigma = lights.facts()["frames"][index], lights.direction_sigma_deg[index]
         lines = [
             f"**{index + 1} {plain(lights.names[index])}**, {lights.model}",
-            f"- {zenith:.1f}° from the camera's axis, azimuth {azimuth % 360:.1f}° (0° right, 90° up)",
+            f"- {facts['zenith_deg']:.1f}° from the camera's axis, azimuth {facts['azimuth_deg']:.1f}° (0° right, "
+            "90° up)",
             f"- sigma {sigma:.2f}°" if np.isfinite(sigma) else "- sigma: not known, the lights were given",
-            f"- intensity {lights.intensities[index].mean():.3f}" + _percent(lights.intensity_sigma[index]),
+            f"- intensity {facts['intensity_mean']:.3f}" + _percent(lights.intensity_sigma[index]),
         ]
         if lights.positions_mm is not None:
-            away = float(np.linalg.norm(lights.positions_mm[index] - lights.reference_point_mm))
             covariance = self._window.review.position_covariance_mm2
             told = "; how uncertain its place is, is not in this folder: calibrate again to have its ellipsoid"
             if covariance is not None and np.isfinite(covariance[index]).all():
                 along = lights.directions[index]
                 told = f" ± {np.sqrt(along @ covariance[index] @ along):.1f} mm"
-            lines.append(f"- {away:.0f} mm from the object{told}")
+            lines.append(f"- {facts['distance_mm']:.0f} mm from the object{told}")
         lines += [f"- **{plain(flag)}**" for flag in lights.flags[index]]
         return "\n".join(lines)
 

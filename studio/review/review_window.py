@@ -14,14 +14,12 @@ from scene.current import file_digest
 from scene.errors import SceneError
 from scene.lights import Lights
 from scene.normals import angular_error_deg
-from studio.desk import Desk, Sitting
+from studio.desk import Desk, History, Sitting
 from studio.editor.preview import Preview
-from studio.history import History
 from studio.photograph.outlines import Outlines
 from studio.photograph.photograph_window import PhotographWindow
 from studio.photograph.plane import Plane
-from studio.review.corrected_session import PICKS, forget_kept, write_amended
-from studio.review.corrections import outlines_of, specs_of
+from studio.review.corrected_session import PICKS, forget_kept, outlines_of, specs_of, write_amended
 from studio.review.folder import KEPT, Review, is_kept
 from studio.review.photograph_picture import Look
 from studio.review.scan_picks import Picks, write_picks

@@ -42,7 +42,7 @@ class RunPanel:
     def _arguments(self) -> list[str]:
         window = self._window
         session = window.session_to_run()
-        return ["-m", "studio.review.run_steps", str(session.resolve()), str(window.folder), STEPS[window.tab]]
+        return ["-m", "studio.studio_run", STEPS[window.tab], str(session.resolve()), str(window.folder)]
 
 
 def _programs(summary: Any) -> list[str]:

@@ -5,21 +5,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.mesh import Mesh
-from studio.display_mesh import MOST_FACES, display_mesh
+from studio.display_mesh import display_mesh
 from studio.editor.placement import quaternion
 from studio.photograph.plane import add_numbered
 from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor, light_places
 from studio.review.review_window import ReviewWindow
 from studio.review.scan_picks import met
 from studio.widgets import NO_SHADOW, UNITS_PER_MM, Layers, add_light_arrow
-from twin.description.object_mesh import ObjectMesh
 
 Array = NDArray[np.float64]
 LIGHTS, SCAN = "/lights", "/scan"
 CHOSEN, PLAIN, CLAY, STEEL, CHALK = (26, 115, 232), (250, 210, 60), (205, 190, 170), (150, 155, 165), (240, 240, 240)
-CONTEXT_FACES = 20_000
-"""Of the object when it only shows where the lights shine."""
 SCAN_SIZE = 6.0
 """Of the scan when it is shown alone, in the view's units."""
 
@@ -63,9 +59,9 @@ class SpatialView:
         if review.session is None or review.session.scan is None or not review.store.path("pose.json").exists():
             return []
         scale = review.store.load_scan_scale()
-        vertices, faces = _display(review.scan_mesh, CONTEXT_FACES)
-        placed = (review.store.load_pose().apply(scale * vertices) * UNITS_PER_MM).astype(np.float32)
-        return [self._view.add_mesh_simple(f"{LIGHTS}/object", placed, faces, color=CLAY, **NO_SHADOW)]
+        shown = display_mesh(review.scan_shape)
+        placed = (review.store.load_pose().apply(scale * shown.vertices) * UNITS_PER_MM).astype(np.float32)
+        return [self._view.add_mesh_simple(f"{LIGHTS}/object", placed, shown.faces, color=CLAY, **NO_SHADOW)]
 
     def _add_balls(self) -> list[Any]:
         review = self._window.review
@@ -111,11 +107,10 @@ class SpatialView:
         return handles
 
     def _add_scan(self) -> list[Any]:
-        mesh = self._window.review.scan_mesh
+        mesh, shown = self._window.review.scan_mesh, display_mesh(self._window.review.scan_shape)
         scale = SCAN_SIZE / (2 * mesh.radius_mm)
-        vertices, faces = _display(mesh)
-        shown = ((vertices - mesh.center_mm) * scale).astype(np.float32)
-        handle = self._view.add_mesh_simple(f"{SCAN}/mesh", shown, faces, color=CLAY, **NO_SHADOW)
+        places = ((shown.vertices - mesh.center_mm) * scale).astype(np.float32)
+        handle = self._view.add_mesh_simple(f"{SCAN}/mesh", places, shown.faces, color=CLAY, **NO_SHADOW)
 
         def clicked(origin: Array, direction: Array) -> None:
             use, review = self._window.on_scan, self._window.review
@@ -136,8 +131,3 @@ class SpatialView:
         mesh = review.scan_mesh
         places = [tuple((np.array(point) - mesh.center_mm) * SCAN_SIZE / (2 * mesh.radius_mm)) for point in points]
         return add_numbered(self._view, f"{SCAN}/mark", places, 0.05, CHOSEN)
-
-
-def _display(mesh: Mesh, most_faces: int = MOST_FACES) -> tuple[Array, NDArray[np.uint32]]:
-    vertices, faces = display_mesh(ObjectMesh(mesh.vertices, mesh.faces), most_faces=most_faces)
-    return vertices.astype(np.float64), faces

@@ -214,7 +214,7 @@ def test_statistics_on_the_page_are_those_of_the_comparison(page, session):
 def test_the_methods_are_ranked_on_top_with_what_they_doubt(page, session):
     methods = session.summary["compare"]["methods"]
     best, other = sorted(methods, key=lambda name: methods[name]["real"]["median_deg"])
-    assert f"those of {best}" in page.texts["verdict"]
+    assert f"those of method {best}" in page.texts["verdict"]
     top = page.texts["normals"]
     assert top.index("All methods, against") < top.index(f"{best}take care") < top.index(f"{other}take care")
     assert "3 pixels see fewer than four lit samples" in top
@@ -360,7 +360,7 @@ def test_given_lights_an_orthographic_camera_and_balls_apart(session, tmp_path):
     summary["compare"] = compare(store)
     page = Page(write_report(store, summary))
     assert "orthographic" in page.texts["why"]
-    assert "Camera take care" in page.texts["verdict"]
+    assert "take care Camera" in page.texts["verdict"]
     assert "taken as distant" in page.texts["lights"]
     assert "not known" in page.texts["lights"]
     assert page.texts["balls"].count("only the fit is drawn") == 3

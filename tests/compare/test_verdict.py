@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from compare.report.first_screen import first_screen
 from compare.report.page import Sentence, number, percent, plain, round_number, words
 from compare.report.verdict import ranking, ranking_table, verdict
 
@@ -133,6 +134,26 @@ def test_a_common_tilt_points_to_lights_or_pose():
     row = summary["compare"]["methods"]["ls"]
     row["real_rotation_deg"], row["real_median_unrotated_deg"] = 1.9, 0.4
     assert levels(summary)["Common tilt"] == "care"
+
+
+def why(summary, warnings=()):
+    """Return what the first screen says of the cause."""
+    html = first_screen(None, None, summary, list(warnings), "ls")
+    return plain(html.split("<b>Why:</b>")[1].split("</p>")[0]).strip()
+
+
+def test_the_first_screen_always_says_why_or_that_nothing_tells():
+    assert "rendered twin fails at the same pixels" in why(summary_of())
+    bare = summary_of()
+    for method in bare["compare"]["methods"].values():
+        del method["twin"]
+    assert "Nothing here tells" in why(bare)
+    bare["compare"]["methods"]["ls"] |= {"real_rotation_deg": 4.0, "real_median_unrotated_deg": 0.5}
+    assert "One turn common to all normals" in why(bare)
+    told = why(bare, [("calibrate", "ball 1: no highlight"), ("twin", "rough"), ("calibrate", "again")])
+    assert told.endswith("Of calibrate there are warnings: read them first.")
+    bare["compare"] = {"has_truth": False}
+    assert "Nothing independent was given" in why(bare)
 
 
 def test_without_truth_nothing_is_called_good_and_disagreement_is_told():

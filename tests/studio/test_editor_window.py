@@ -16,9 +16,9 @@ from studio.editor.materials_panel import MaterialsPanel
 from studio.editor.objects_panel import ObjectsPanel
 from studio.editor.placement import placement_of
 from studio.editor.scene_view import SceneView
-from studio.header import Header
 from studio.opening import lay
 from studio.own_files import put_own
+from studio.tabs import Header
 from studio.widgets import UNITS_PER_MM
 from studio.workspace import MOST_FILES, Workspace
 from twin.description.description_file import read_scene

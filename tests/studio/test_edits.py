@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from scene.current import fingerprint
 from scene.errors import RenderError
 from scene.pose import rotation_from_vector
+from studio.desk import TOGETHER_S, History
 from studio.editor import edits
 from studio.editor.placement import Placement, matrix_of, placement_of, quaternion, rotation_of
-from studio.history import TOGETHER_S, History
 from twin.description.description import Sampling
 from twin.description.description_file import read_scene
 from twin.description.description_tables import GridTable, LightTable, RingTable

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from scene.pose import rotation_from_vector
-from studio.display_mesh import display_mesh
+from studio.display_mesh import clustered, display_mesh
 from studio.editor import edits
 from studio.editor.live_scene import LiveScene, refining
 from studio.editor.placement import placement_of
@@ -118,15 +118,27 @@ def test_only_the_newest_wish_is_refined_and_a_fault_is_told():
         preview.close()
 
 
-def test_the_display_mesh_has_few_triangles_and_the_same_outline():
+def test_the_display_mesh_has_few_triangles_the_same_outline_and_the_same_colours():
     sphere = built_in("sphere")
-    whole = ObjectMesh(sphere.vertices * [60, 40, 20], sphere.faces)
-    vertices, faces = display_mesh(whole, most_faces=5000)
-    assert 1500 < len(faces) <= 5000
-    radii = np.linalg.norm(vertices / [60, 40, 20], axis=1)
+    whole = ObjectMesh(sphere.vertices * [60, 40, 20], sphere.faces, colours=sphere.vertices / 4 + 0.5)
+    few = clustered(whole, 5000)
+    assert 1500 < len(few.faces) <= 5000
+    radii = np.linalg.norm(few.vertices / [60, 40, 20], axis=1)
     assert abs(radii - 1).max() < 0.05
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    np.testing.assert_allclose(few.colours, few.vertices / [60, 40, 20] / 4 + 0.5, atol=1e-9)
+    a, b, c = (few.vertices[few.faces[:, k]] for k in range(3))
     volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6
     assert volume == pytest.approx(4 / 3 * np.pi * 60 * 40 * 20, rel=0.05), "closed, and turned outward"
-    same, _ = display_mesh(whole, most_faces=10**6)
-    np.testing.assert_allclose(same, whole.vertices, rtol=1e-6)
+    assert display_mesh(whole) is display_mesh(whole)
+    assert display_mesh(sphere) is not display_mesh(whole)
+
+
+def test_the_first_picture_of_a_large_mesh_is_that_of_the_whole_but_for_its_grain(monkeypatch):
+    scene = edits.added(edits.start_scene(), "ball", built_in("sphere"))
+    whole = LiveScene().picture(scene, 0, **SIZE)
+    monkeypatch.setattr("studio.display_mesh.MOST_FACES", 8000)
+    coarse = LiveScene().picture(scene, 0, **SIZE)
+    assert not np.array_equal(coarse, whole)
+    seen = (coarse > 0) & (whole > 0)
+    assert seen.sum() > 0.97 * (whole > 0).sum()
+    assert np.median(abs(coarse - whole)[seen]) < 0.02 * whole.max()

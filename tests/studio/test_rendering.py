@@ -24,7 +24,7 @@ def small_scene(folder, samples):
 
 
 def start_rendering(scene, out, tell, ended):
-    return BackgroundProcess(["-m", "studio.editor.rendering", scene, out], tell, ended)
+    return BackgroundProcess(["-m", "studio.studio_run", "render", scene, out], tell, ended)
 
 
 def pieces(told):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.mesh import Mesh
+from scene.same_rows import first_of_same
 
 Array = NDArray[np.float64]
 
@@ -40,7 +41,7 @@ class ObjectMesh:
         normals, faces = self.normals, self.faces
         if np.linalg.det(linear) < 0:
             faces = faces[:, ::-1]
-        if normals is not None:
+        if normals is not None and not np.array_equal(linear, np.eye(3)):
             length = np.linalg.norm(normals, axis=1, keepdims=True)
             normals = normals @ np.linalg.inv(linear)
             now = np.linalg.norm(normals, axis=1, keepdims=True)
@@ -51,9 +52,9 @@ class ObjectMesh:
 
 def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, colours: Array | None) -> ObjectMesh:
     """Return a mesh whose normals are those of its faces, weighted by area; vertices at one place share theirs."""
-    places, which = np.unique(vertices, axis=0, return_inverse=True)
-    which = which.reshape(-1)
-    normals = Mesh(places, which[faces]).vertex_normals[which]
+    # Adding zero makes -0 and 0 the same bits.
+    first = first_of_same(vertices + 0.0)
+    normals = Mesh(vertices, first[faces]).vertex_normals[first]
     return ObjectMesh(vertices, faces, normals, texcoords, colours)
 
 

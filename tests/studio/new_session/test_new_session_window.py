@@ -12,11 +12,10 @@ from capture.survey.folder_files import survey
 from scene.errors import SceneError
 from studio.new_session import new_session_window
 from studio.new_session.capture_panels import DiametersPanel, LensPanel, ObjectPanel, PhotographsPanel
-from studio.new_session.found_panel import FoundPanel
-from studio.new_session.looking import Looking
+from studio.new_session.found_capture import Looking
+from studio.new_session.found_panel import FoundPanel, TextPanel, WritePanel
 from studio.new_session.new_session_window import NewSessionWindow
 from studio.new_session.photographs_view import PhotographsView
-from studio.new_session.write_panel import TextPanel, WritePanel
 from studio.photograph.plane import Plane
 from studio.studio_command import studio
 from studio.widgets import fenced
@@ -29,7 +28,7 @@ PANELS = (FoundPanel, DiametersPanel, PhotographsPanel, LensPanel, ObjectPanel, 
 @pytest.fixture
 def begun(folder, found, nobody, no_preview, furnish, settle, monkeypatch):
     """Return what makes a window on the folder with its panels, as soon as it was looked at."""
-    monkeypatch.setattr("studio.new_session.looking.look", lambda files, progress: (progress(1, 2), found)[1])
+    monkeypatch.setattr("studio.new_session.found_capture.look", lambda files, progress: (progress(1, 2), found)[1])
 
     def furnished(*panels):
         looking, told = Looking(survey(folder), folder.parent / "out" / "jug"), Future()
@@ -128,7 +127,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
         for path in found.draft.photographs["flash"]:
             (top / name / path.name).write_bytes(path.read_bytes())
     (top / "cup" / "session.toml").write_text("")
-    monkeypatch.setattr("studio.new_session.looking.look", lambda files, progress: found)
+    monkeypatch.setattr("studio.new_session.found_capture.look", lambda files, progress: found)
     looking = Looking(survey(top))
     assert [looking.out_of(one.folder).name for one in looking.folders] == ["cup", "jug"]
     window = NewSessionWindow(nobody(), Workspace.at(tmp_path), no_preview, looking)
@@ -165,7 +164,7 @@ def test_why_nothing_can_be_made_of_a_folder_stays_on_the_page(begun, found, set
         raise SceneError("jug: 2 of 5 photographs can be read.")
 
     window = begun(FoundPanel)
-    monkeypatch.setattr("studio.new_session.looking.look", fail)
+    monkeypatch.setattr("studio.new_session.found_capture.look", fail)
     window.looking = Looking(window.looking.folders)
     window.desk.captures.clear()
     window.post(lambda: window.open(window.files))
@@ -192,7 +191,7 @@ def test_what_fails_is_told_and_can_be_asked_again(folder, found, monkeypatch):
             raise answer
         return answer
 
-    monkeypatch.setattr("studio.new_session.looking.look", look)
+    monkeypatch.setattr("studio.new_session.found_capture.look", look)
     looking, told = Looking(survey(folder)), []
     for _ in range(3):
         done = Future()

@@ -16,15 +16,14 @@ from scene.output_folder import open_record
 from scene.rays import RayCaster
 from studio.photograph.outlines import Outline, added, moved, removed, resized
 from studio.photograph.plane import Plane
-from studio.review.corrected_session import forget_kept, write_amended
-from studio.review.corrections import outlines_of, specs_of
+from studio.review.corrected_session import forget_kept, outlines_of, specs_of, write_amended
 from studio.review.folder import Review, found_at, targets
-from studio.review.frame_strip import CLIPPED, WARNED, frame_strip
 from studio.review.frames_panel import lacks_text
 from studio.review.photograph_picture import CLIPPED_COLOUR, Look, photograph
+from studio.review.photograph_view import CLIPPED, WARNED, frame_strip
+from studio.review.result_panels import twin_picture
 from studio.review.review_window import turned_deg
 from studio.review.scan_picks import Picks, met, pose_of, write_picks
-from studio.review.twin_panel import twin_picture
 
 PLANE = Plane(160, 120)
 

@@ -10,7 +10,7 @@ from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
 from studio.review.highlight_misses import mirrored_px, residuals_px, rms_px
-from studio.review.light_sigmas import covariance_mm2, directions_deg, ellipsoid_of, fitting_factor
+from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor
 from twin.description.light_groups import direction
 
 CAMERA = Camera(640, 480, 900.0, 910.0, 330.7, 228.1, (0.02, -0.01, 1e-3, -5e-4, 0.0))
@@ -53,7 +53,8 @@ def test_what_a_highlight_misses_is_counted_in_pixels_right_and_down():
 
 def test_right_is_0_degrees_and_up_is_90():
     one = replace(lights(near=False, count=1), directions=np.array([[0.25, 0.4330127, 0.8660254]]))
-    np.testing.assert_allclose(directions_deg(one), [[30, 60]], atol=1e-5)
+    (facts,) = one.facts()["frames"]
+    assert (facts["zenith_deg"], facts["azimuth_deg"]) == pytest.approx((30, 60), abs=1e-5)
 
 
 def test_sigmas_are_drawn_so_large_that_they_are_seen():

@@ -18,7 +18,7 @@ from studio.photograph.outlines import moved
 from studio.review import review_window
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
-from studio.review.run_steps import settings_of
+from studio.studio_run import settings_of
 from studio.workspace import Workspace
 
 FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
@@ -27,7 +27,7 @@ FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 def test_what_stops_the_steps_is_told(made):
     """In their own process: photographs that are no pictures end it, with the line that says so."""
     said, ended = [], []
-    arguments = ["-m", "studio.review.run_steps", str(made.session), str(made.folder.parent / "again"), "check"]
+    arguments = ["-m", "studio.studio_run", "check", str(made.session), str(made.folder.parent / "again")]
     BackgroundProcess(arguments, said.append, ended.append).wait()
     (fault,) = ended
     assert "flash_0.png" in fault
@@ -83,9 +83,9 @@ def opened(made, nobody, no_preview, monkeypatch):
 
     class Ran:
         def __init__(self, arguments, tell, ended):
-            assert arguments[:2] == ["-m", "studio.review.run_steps"]
-            assert arguments[3] == str(made.folder)
-            runs.append((load_session(Path(arguments[2])), arguments[4]))
+            assert arguments[:2] == ["-m", "studio.studio_run"]
+            assert arguments[4] == str(made.folder)
+            runs.append((load_session(Path(arguments[3])), arguments[2]))
             tell("<b>solve</b> ...")
             ended("")
 

@@ -10,9 +10,9 @@ from scene.output_folder import open_record
 from studio.review.balls_panel import BallsPanel
 from studio.review.frames_panel import FramesPanel, WarningsPanel
 from studio.review.photograph_view import PhotographView
+from studio.review.result_panels import TwinPanel
 from studio.review.review_window import ReviewWindow
 from studio.review.spatial_view import SCAN_SIZE, SpatialView
-from studio.review.twin_panel import TwinPanel
 from studio.workspace import Workspace
 
 

@@ -1,10 +1,18 @@
-"""`python -m studio.review.run_steps SESSION OUT STEP`: the steps up to one, as the output folder was made before."""
+"""What a studio's processes do, with lines on the standard error.
+
+`python -m studio.studio_run STEP SESSION OUT`: the steps up to one, as the output folder was made before; `render` for
+the step: `rgbn twin SCENE.toml --out OUT`, a line for each piece.
+"""
 
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from lab.progress import say
+
+RENDER = "render"
 
 
 def settings_of(summary: dict[str, Any]) -> dict[str, Any]:
@@ -27,17 +35,27 @@ def settings_of(summary: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+@contextmanager
+def _lines(label: str) -> Iterator[Callable[[int, int], None]]:
+    yield lambda done, total: say(f"{label}: {done} of {total}")
+
+
 def main() -> int:
     """Run; return the exit code."""
     from compare.report.facts import read_optional
+    from experiments.scene_twin import render_description
+    from lab.options import AS_GIVEN
     from lab.run import run_session
     from scene.errors import SceneError
     from scene.store import Store
 
-    session, out, step = sys.argv[1:]
-    summary = read_optional(Store(Path(out)), "summary.json")
+    step, (source, out) = sys.argv[1], map(Path, sys.argv[2:])
     try:
-        run_session(Path(session), step, out=Path(out), **settings_of(summary if isinstance(summary, dict) else {}))
+        if step == RENDER:
+            render_description(source, out, AS_GIVEN, bar=_lines)
+        else:
+            summary = read_optional(Store(out), "summary.json")
+            run_session(source, step, out=out, **settings_of(summary if isinstance(summary, dict) else {}))
     except SceneError as error:
         say(f"rgbn: {error}")
         return 2

@@ -1,0 +1,179 @@
+"""Example reports as pages of the documentation: docs/gallery.md, pictures of their first screens, and the reports.
+
+    make gallery        # .venv/bin/python -m benchmarks.write_gallery [--out out/gallery]
+
+Each session is taken the whole way, as `rgbn process` does, into the folder --out; what is current is not done again.
+The reports themselves go to docs/_gallery, which git leaves out and `make docs` takes into the site. Sessions of
+others' data are left out where the data are not there.
+"""
+
+import argparse
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.chromium import SCREEN, chromium
+from benchmarks.fault_sessions import BUNNY
+from benchmarks.real_captures import REAL
+from compare.report.facts import all_warnings
+from compare.report.page import LEVELS
+from compare.report.verdict import verdict
+from rgbn.examples import fixture_folder
+
+DOCS = Path(__file__).resolve().parents[1] / "docs"
+HEAD = """# Example reports
+
+What a session's report says when all is well, when something is missing, and when something is wrong. Each picture is
+the report's first screen; under *the whole page* is all of it, with its viewer. `make gallery` makes the reports, the
+pictures and this page; `make docs` then takes the reports into the site. How to read them:
+[Read the report](guide/read-the-report.md).
+"""
+
+
+@dataclass(frozen=True)
+class Example:
+    """One report of the gallery.
+
+    make: Writes the session into an empty folder, given the folder of all outputs; returns what is processed.
+    """
+
+    name: str
+    title: str
+    what: str
+    make: Callable[[Path, Path], Path]
+
+
+def _without_scan(place: Path, outputs: Path) -> Path:
+    """Copy the demo's session, but for its scan."""
+    shutil.copytree(fixture_folder(), place, dirs_exist_ok=True)
+    text = (place / "session.toml").read_text()
+    (place / "session.toml").write_text(text[: text.index("[object]")])
+    return place
+
+
+def _other_lights(place: Path, outputs: Path) -> Path:
+    """Copy the demo's photographs and true normals; each flash gets the direction of the next one."""
+    shutil.copytree(fixture_folder(), place, dirs_exist_ok=True)
+    text = (place / "session.toml").read_text()
+    count, *rows = (outputs / "demo" / "lights.lp").read_text().splitlines()
+    names, vectors = zip(*(row.split(" ", 1) for row in rows), strict=True)
+    shifted = [f"{name} {vector}" for name, vector in zip(names, (*vectors[1:], vectors[0]), strict=True)]
+    (place / "lights.lp").write_text("\n".join([count, *shifted]) + "\n")
+    truth = np.load(place / "truth.npz")
+    np.save(place / "normals.npy", np.where(truth["mask"][..., None], truth["normals"], np.nan).astype(np.float32))
+    end = '[lights]\nfile = "lights.lp"\n\n[object]\nnormals = "normals.npy"\n'
+    (place / "session.toml").write_text(text[: text.index("[[spheres]]")] + end)
+    return place
+
+
+def _given(folder: Path) -> Callable[[Path, Path], Path]:
+    return lambda place, outputs: folder
+
+
+EXAMPLES = (
+    Example(
+        "demo",
+        "All is well",
+        "The session of `make demo`: twelve flashes, three balls, a scan.",
+        _given(fixture_folder()),
+    ),
+    Example(
+        "bunny",
+        "A glossy object, rendered by another program",
+        "A glazed rabbit beside balls, rendered by a program that shares no code with this one.",
+        _given(BUNNY),
+    ),
+    Example(
+        "cat",
+        "A capture of others",
+        "`catPNG` of the [DiLiGenT benchmark](https://doi.org/10.1109/CVPR.2016.403): lights and true normals are "
+        "given, nothing tells how well they are known.",
+        _given(REAL / "diligent" / "catPNG"),
+    ),
+    Example(
+        "photographs", "No scan", "The demo's photographs and balls without the scan: no error is known.", _without_scan
+    ),
+    Example(
+        "lights",
+        "The wrong lights",
+        "The demo's photographs with a light file in which each flash has the direction of the next one.",
+        _other_lights,
+    ),
+)
+
+
+def processed(example: Example, outputs: Path) -> Path | None:
+    """Return the output folder of an example; None where its data are not there."""
+    from lab.run import run_session
+
+    place = outputs / "sessions" / example.name
+    shutil.rmtree(place, ignore_errors=True)
+    place.mkdir(parents=True)
+    session = example.make(place, outputs)
+    if not session.is_dir():
+        print(f"left out: {example.name}, {session.name} is not there")
+        return None
+    out = outputs / example.name
+    run_session(session, "compare", out=out, truth=session if example.name == "demo" else None)
+    return out
+
+
+def told(example: Example, out: Path) -> str:
+    """Return an example's part of the page."""
+    summary = json.loads((out / "summary.json").read_text())
+    first, warnings = verdict(summary)[0], all_warnings(summary)
+    lines = [
+        f"## {example.title}",
+        "",
+        example.what,
+        "",
+        f"**{LEVELS[first.level].capitalize()}.** {first.text}",
+        "",
+        f"![The first screen of the report](gallery/{example.name}.webp)",
+        "",
+        f'<p><a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; '
+        f"{len(warnings) or 'no'} warning{'s' if len(warnings) != 1 else ''}.</p>",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def photographed(reports: dict[str, Path]) -> None:
+    """Write pictures of the reports' first screens into docs/gallery."""
+    import io
+
+    from PIL import Image
+
+    (DOCS / "gallery").mkdir(exist_ok=True)
+    with chromium() as browser:
+        for name, path in reports.items():
+            page = browser.new_page(viewport=SCREEN, reduced_motion="reduce")
+            page.goto(path.resolve().as_uri())
+            page.wait_for_timeout(500)
+            Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(
+                DOCS / "gallery" / f"{name}.webp", quality=80, method=6
+            )
+            page.close()
+
+
+def main() -> None:
+    """Make sessions, reports, pictures and the page."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--out", type=Path, default=Path("out") / "gallery")
+    outputs = parser.parse_args().out
+    done = {example: out for example in EXAMPLES if (out := processed(example, outputs)) is not None}
+    site = DOCS / "_gallery"
+    shutil.rmtree(site, ignore_errors=True)
+    site.mkdir()
+    for example, out in done.items():
+        shutil.copy(out / "report.html", site / f"{example.name}.html")
+    photographed({example.name: out / "report.html" for example, out in done.items()})
+    (DOCS / "gallery.md").write_text("\n".join([HEAD, *(told(example, out) for example, out in done.items())]))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,114 @@
+"""Relightable pictures as the viewers OpenLIME and RelightLab take them: info.json, planes of coefficients, a page.
+
+Of each pixel and channel the picture under a light from (x, y, z), unit, the camera's frame, is a sum over terms of the
+light's direction times a coefficient [Malzbender2001], [Gautron2004]. A plane is a JPEG of one term's coefficients, its
+channels the picture's; info.json has what turns its codes c, 0 to 1, into coefficients: scale (c - bias).
+"""
+
+import json
+from html import escape
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from scene.files import write_text, write_whole
+
+Array = NDArray[np.float64]
+QUALITY = 95
+"""Of the JPEGs."""
+LOWEST_RAD = 0.15
+"""Above the plane of the picture: `hsh` takes lower lights as if they stood there, as the viewers do."""
+PAGE = """<!DOCTYPE html>
+<html lang="en">
+<meta charset="utf-8">
+<title>{title}</title>
+<style>html, body, .view {{ margin: 0; height: 100%; background: #222; }}</style>
+<div class="view"></div>
+<!-- OpenLIME's own files, beside this one: https://github.com/cnr-isti-vclab/openlime -->
+<script src="openlime.min.js"></script>
+<script>
+  const viewer = new OpenLIME.Viewer(".view");
+  viewer.addLayer("rti", new OpenLIME.Layer({{ type: "rti", layout: "image", url: "info.json", normals: false }}));
+  new OpenLIME.UIBasic(viewer, {{ skin: "skin.svg" }}).actions.light.active = true;
+</script>
+</html>
+"""
+
+
+def terms(kind: str, directions: Array) -> Array:
+    """Return the terms (F, K) of lights from unit `directions` (F, 3).
+
+    kind: `ptm`, the 6 of a polynomial in x and y; `hsh`, the 9 hemispherical harmonics up to order 2, in the viewers'
+    order.
+    """
+    x, y, z = directions.T
+    if kind == "ptm":
+        return np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], 1)
+    phi = np.arctan2(y, x)
+    c = np.cos(np.minimum(np.arccos(np.clip(z, -1, 1)), np.pi / 2 - LOWEST_RAD))
+    s = np.sqrt(c - c * c)
+    return np.stack(
+        [
+            np.full_like(x, 1 / np.sqrt(2 * np.pi)),
+            np.sqrt(6 / np.pi) * np.cos(phi) * s,
+            np.sqrt(3 / (2 * np.pi)) * (2 * c - 1),
+            np.sqrt(6 / np.pi) * np.sin(phi) * s,
+            np.sqrt(30 / np.pi) * np.cos(2 * phi) * (c * c - c),
+            np.sqrt(30 / np.pi) * np.cos(phi) * (2 * c - 1) * s,
+            np.sqrt(5 / (2 * np.pi)) * (1 - 6 * c + 6 * c * c),
+            np.sqrt(30 / np.pi) * np.sin(phi) * (2 * c - 1) * s,
+            np.sqrt(30 / np.pi) * np.sin(2 * phi) * (c * c - c),
+        ],
+        1,
+    )
+
+
+def write_relight(
+    folder: Path, title: str, kind: str, coefficients: NDArray[np.float32], directions: Array
+) -> list[Path]:
+    """Write index.html, a page for OpenLIME, info.json, plane_0.jpg and so on.
+
+    coefficients : (K, h, w, 3) float32
+    directions : (F, 3)
+        Of the lights that they were fitted to.
+    """
+    from PIL import Image
+
+    folder.mkdir(parents=True, exist_ok=True)
+    low, high = coefficients.min((1, 2)).astype(float), coefficients.max((1, 2)).astype(float)
+    scale = np.maximum(high - low, 1e-6)
+    height, width = coefficients.shape[1:3]
+    paths = [folder / "index.html", folder / "info.json"]
+    for index, plane in enumerate(coefficients):
+        codes = np.round(255 * (plane - low[index]) / scale[index]).astype(np.uint8)
+        paths.append(folder / f"plane_{index}.jpg")
+        with write_whole(paths[-1]) as file:
+            Image.fromarray(codes).save(file, "JPEG", quality=QUALITY, subsampling=0)
+    material = {"scale": scale.ravel().tolist(), "bias": (-low / scale).ravel().tolist()}
+    info = {"width": width, "height": height, "format": "jpg", "type": kind, "colorspace": "rgb",
+            "lights": np.round(directions, 6).ravel().tolist(), "nplanes": 3 * len(coefficients), "quality": QUALITY,
+            "materials": [material]}  # fmt: skip
+    write_text(paths[1], json.dumps(info) + "\n")
+    write_text(paths[0], PAGE.format(title=escape(title)))
+    return paths
+
+
+def tell(folder: Path, told: dict[str, float]) -> None:
+    """Add to info.json, under `rgbn`, how far the picture misses the photographs; viewers pass it over."""
+    info = json.loads((folder / "info.json").read_text())
+    write_text(folder / "info.json", json.dumps({**info, "rgbn": told}) + "\n")
+
+
+def read_relight(folder: Path) -> tuple[str, NDArray[np.float32]]:
+    """Return the kind of the terms, and their coefficients (K, h, w, 3), as a viewer has them of the files.
+
+    What it shows under a light is the sum of coefficients times `terms`, cut off at 0 and 1.
+    """
+    from PIL import Image
+
+    info = json.loads((folder / "info.json").read_text())
+    scale, bias = (np.array(info["materials"][0][name], np.float32).reshape(-1, 3) for name in ("scale", "bias"))
+    planes = (np.asarray(Image.open(folder / f"plane_{k}.jpg"), np.float32) / 255 for k in range(len(scale)))
+    values = [(plane - b) * s for plane, s, b in zip(planes, scale, bias, strict=True)]
+    return info["type"], np.stack(values).astype(np.float32, copy=False)

@@ -1,0 +1,57 @@
+"""AliceVision's SfMData (.sfm) of photographs from one place: views, one camera, one pose, for Meshroom."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.files import write_text
+
+VERSION = ["1", "2", "6"]
+SENSOR_MM = 36.0
+"""Width of the sensor that is stated: only the focal length's ratio to it says anything."""
+
+
+def write_sfm(path: Path, camera: Camera, photographs: Sequence[Path]) -> list[str]:
+    """Write all photographs as views of one camera that stands in the origin; return notes.
+
+    The world is the camera's frame as OpenCV has it: x right, y down, z away. Views count from 1, in the order given.
+    The focal length is in millimetres of a sensor `SENSOR_MM` wide, the principal point, pixels, from the middle of the
+    picture, distortion Brown's radial one of three terms.
+
+    Raises
+    ------
+    CalibrationError
+        The camera is orthographic, which SfMData has no word for.
+    """
+    if camera.is_orthographic:
+        raise CalibrationError(
+            "camera: it is taken as orthographic, and SfMData takes a focal length. Give fx, fy, cx, cy under [camera]."
+        )
+    k1, k2, p1, p2, k3 = camera.distortion
+    notes = [f"cameras.sfm: its camera is from {camera.source}"]
+    if p1 or p2:
+        notes.append("cameras.sfm: tangential distortion (p1, p2) is left out")
+    focal = camera.fx / camera.width * SENSOR_MM
+    offset = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
+    size = {"width": str(camera.width), "height": str(camera.height)}
+    intrinsic = {
+        "intrinsicId": "1", **size, "sensorWidth": str(SENSOR_MM),
+        "sensorHeight": repr(SENSOR_MM * camera.height / camera.width), "serialNumber": "rgbn", "type": "pinhole",
+        "initializationMode": "calibrated", "initialFocalLength": repr(focal), "focalLength": repr(focal),
+        "pixelRatio": repr(camera.fx / camera.fy), "pixelRatioLocked": "true",
+        "principalPoint": list(map(repr, offset)),
+        "distortionInitializationMode": "calibrated", "distortionType": "radialk3",
+        "distortionParams": [repr(float(value)) for value in (k1, k2, k3)], "locked": "true",
+    }  # fmt: skip
+    views = [
+        {"viewId": str(index), "poseId": "1", "frameId": str(index), "intrinsicId": "1", "path": str(one), **size}
+        for index, one in enumerate(photographs, 1)
+    ]
+    turn = {"rotation": ["1", "0", "0", "0", "1", "0", "0", "0", "1"], "center": ["0", "0", "0"]}
+    pose = {"poseId": "1", "pose": {"transform": turn, "locked": "1"}}
+    data = {"version": VERSION, "views": views, "intrinsics": [intrinsic], "poses": [pose]}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    write_text(path, json.dumps(data, indent=1) + "\n")
+    return notes

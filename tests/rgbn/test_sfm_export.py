@@ -1,0 +1,67 @@
+"""AliceVision's SfMData: its camera projects as ours does, its views are the lights'."""
+
+import json
+
+import numpy as np
+import pytest
+
+from formats.light_files.light_formats import export_lights
+from formats.light_files.light_json import read_json
+from formats.sfm_data import write_sfm
+from scene.camera import FROM_OPENCV, Camera
+from scene.errors import CalibrationError
+from scene.lights import Lights
+from scene.normals import unit
+
+CAMERA = Camera(640, 480, 900.0, 905.0, 330.7, 228.1, (0.1, -0.05, 0.0, 0.0, 0.02))
+
+
+def as_projected(path, points):
+    """Return pixels (P, 2) of points (P, 3) in the file's world, by the file's numbers alone."""
+    data = json.loads(path.read_text())
+    (lens,), (pose,) = data["intrinsics"], data["poses"]
+    rotation = np.array(pose["pose"]["transform"]["rotation"], float).reshape(3, 3)
+    center = np.array(pose["pose"]["transform"]["center"], float)
+    local = (points - center) @ rotation.T
+    x, y = (local[:, :2] / local[:, 2:]).T
+    k1, k2, k3 = map(float, lens["distortionParams"])
+    square = x * x + y * y
+    factor = 1 + k1 * square + k2 * square**2 + k3 * square**3
+    focal = float(lens["focalLength"]) / float(lens["sensorWidth"]) * float(lens["width"])
+    size, offset = np.array([float(lens["width"]), float(lens["height"])]), np.array(lens["principalPoint"], float)
+    u, v = focal * x * factor, focal / float(lens["pixelRatio"]) * y * factor
+    return np.stack([u, v], 1) + offset + (size - 1) / 2
+
+
+def test_the_camera_projects_as_ours(tmp_path):
+    files = [tmp_path / f"flash_{index}.dng" for index in range(5)]
+    notes = write_sfm(tmp_path / "out" / "cameras.sfm", CAMERA, files)
+    assert notes == ["cameras.sfm: its camera is from session.toml"]
+    points = np.random.default_rng(1).uniform([-90, -70, -600], [90, 70, -400], (50, 3))
+    seen = as_projected(tmp_path / "out" / "cameras.sfm", points @ FROM_OPENCV)
+    np.testing.assert_allclose(seen, CAMERA.project(points), atol=1e-6)
+
+
+def test_its_views_are_those_of_the_lights(tmp_path):
+    """In another order than the names': a light that goes by its place in the list would be another's."""
+    files = [tmp_path / name for name in ("c.dng", "a.dng", "b.dng")]
+    write_sfm(tmp_path / "cameras.sfm", CAMERA, files)
+    directions = unit(np.array([[0.5, 0.1, 1], [-0.4, 0.2, 1], [0.1, -0.6, 1]]))
+    lights = Lights(("c", "a", "b"), directions, np.ones((3, 3)))
+    export_lights(
+        tmp_path, "alicevision", lights, CAMERA, files=tuple(one.name for one in files), sfm=tmp_path / "cameras.sfm"
+    )
+    paths = {str(one["viewId"]): one["path"] for one in json.loads((tmp_path / "cameras.sfm").read_text())["views"]}
+    assert paths == {str(index): str(one) for index, one in enumerate(files, 1)}
+    read = read_json(tmp_path / "lights_alicevision.json")
+    assert read.names == ("c", "a", "b")
+    np.testing.assert_allclose(read.directions, directions, atol=1e-9)
+
+
+def test_what_it_cannot_say_is_told(tmp_path):
+    tangential = Camera(640, 480, 900.0, 900.0, 320.0, 240.0, (0.0, 0.0, 0.01, 0.0, 0.0))
+    assert any("tangential" in note for note in write_sfm(tmp_path / "a.sfm", tangential, []))
+    parallel = Camera(640, 480, 1.0, 1.0, 320.0, 240.0, projection="orthographic")
+    with pytest.raises(CalibrationError, match="orthographic"):
+        write_sfm(tmp_path / "b.sfm", parallel, [])
+    assert not (tmp_path / "b.sfm").exists()
