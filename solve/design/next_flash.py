@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Criterion = Literal["normal", "A", "D"]
-"""What is to be small: the normals' variance; the trace of the covariance of albedo x normal; its log determinant."""
+"""What is to be small: the normals' sigma; the trace of the covariance of albedo x normal; its log determinant."""
+ROUNDS, LEAST_GAIN = 5, 1e-6
+"""Of exchanges: how often each flash is tried, and the relative gain that counts."""
 UNKNOWN = 1.0
 """Standard deviation of b, in albedos, before the first flash: nobody knows the normal."""
 
@@ -35,16 +37,16 @@ def known_before(b: Array, information: Array | None = None) -> Array:
 def score(b: Array, covariances: Array, criterion: Criterion = "normal") -> float:
     """Return the criterion, mean over pixels.
 
-    normal: squared sigma of the normal, radians, one tangent axis, at most 1 before the first flash. A: trace of the
-    covariance over albedo^2. D: log determinant of the covariance over albedo^2.
+    normal: sigma of the normal, radians, one tangent axis, 1 before the first flash: as the mean angle between normals
+    and truth, it lets no single dark pixel outweigh all others. A: trace of the covariance over albedo^2. D: log
+    determinant of the covariance over albedo^2.
     """
     square = np.sum(b * b, -1)
     if criterion == "D":
         return float(np.mean(np.linalg.slogdet(covariances / square[:, None, None])[1]))
-    trace = np.trace(covariances, axis1=1, axis2=2) / square
     if criterion == "A":
-        return float(np.mean(trace))
-    return float(np.mean(trace - np.einsum("pi,pij,pj->p", b, covariances, b) / square**2) / 2)
+        return float(np.mean(np.trace(covariances, axis1=1, axis2=2) / square))
+    return float(np.mean(np.sqrt(_across(b, covariances, square))))
 
 
 def gains(
@@ -82,18 +84,26 @@ def gains(
     log det C' = log det C - log(1 + v^T C v / s^2).
     """
     square = np.sum(b * b, -1)
-    found = np.zeros(len(vectors))
+    found, across = np.zeros(len(vectors)), _across(b, covariances, square)
     for c, (vector, sigma, lit) in enumerate(zip(vectors, noise, seen, strict=True)):
         moved = np.einsum("pij,pj->pi", covariances, vector)
         known = np.maximum(np.sum(moved * vector, 1), 0)
         if criterion == "D":
             found[c] = np.mean(np.where(lit, np.log1p(known / sigma**2), 0))
             continue
-        fallen = np.sum(moved * moved, 1)
-        if criterion == "normal":
-            fallen = (fallen - np.sum(moved * b, 1) ** 2 / square) / 2
-        found[c] = np.mean(np.where(lit, fallen / (sigma**2 + known) / square, 0))
+        share = np.where(lit, 1 / (sigma**2 + known) / square, 0)
+        if criterion == "A":
+            found[c] = np.mean(share * np.sum(moved * moved, 1))
+            continue
+        fallen = share * (np.sum(moved * moved, 1) - np.sum(moved * b, 1) ** 2 / square) / 2
+        found[c] = np.mean(np.sqrt(across) - np.sqrt(np.maximum(across - fallen, 0)))
     return found
+
+
+def _across(b: Array, covariances: Array, square: Array) -> Array:
+    """Return the variance (P,) of the normals, radians^2, mean of the two tangent axes."""
+    along = np.einsum("pi,pij,pj->p", b, covariances, b) / square
+    return np.maximum(np.trace(covariances, axis1=1, axis2=2) - along, 0) / square / 2
 
 
 def with_flash(covariances: Array, vector: Array, noise: Array, seen: NDArray[np.bool_]) -> Array:
@@ -127,3 +137,41 @@ def choose_flashes(
         flashes.append(best)
         scores.append(score(b, covariances, criterion))
     return Chosen(np.array(flashes, np.intp), covariances, np.array(scores))
+
+
+def exchange_flashes(
+    b: Array,
+    start: Array,
+    vectors: Array,
+    noise: Array,
+    seen: NDArray[np.bool_],
+    flashes: NDArray[np.intp],
+    criterion: Criterion = "normal",
+) -> NDArray[np.intp]:
+    """Return a set of as many candidates that no exchange of one improves, in the order in which they help most.
+
+    What one after the other was best is not always the best set. `start` (P, 3, 3): the covariances without any of
+    them; the rest as in `choose_flashes`.
+
+    Notes
+    -----
+    One flash after the other is taken out, and the best candidate put in its place [Fedorov1972].
+    """
+    weight = np.where(seen, 1 / np.square(noise), 0)
+    chosen = list(map(int, flashes))
+    before = np.linalg.inv(start)
+    for _ in range(ROUNDS):
+        changed = False
+        for place, old in enumerate(chosen):
+            others = chosen[:place] + chosen[place + 1 :]
+            told = np.einsum("fpi,fpj->pij", vectors[others] * weight[others][..., None], vectors[others])
+            gain = gains(b, np.linalg.inv(before + told), vectors, noise, seen, criterion)
+            gain[others] = -np.inf
+            best = int(gain.argmax())
+            if gain[best] > gain[old] * (1 + LEAST_GAIN):
+                chosen[place], changed = best, True
+        if not changed:
+            break
+    some = np.array(chosen)
+    order = choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some), criterion).flashes
+    return some[order]

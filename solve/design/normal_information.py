@@ -87,11 +87,9 @@ def lights_covariance(pulls: Array, slopes: Array, covariance: Array) -> Array:
         variance = np.einsum("fpk,fkl,fpl->fp", slopes, covariance, slopes)
         return noise_covariance(pulls, np.sqrt(np.maximum(variance, 0)))
     flashes, pixels, count = slopes.shape
-    # d b / d number, (P, 3, F K): by the root of the covariance, so that the result is never negative.
     change = np.einsum("fpi,fpk->pifk", pulls, slopes).reshape(pixels, 3, flashes * count)
-    values, axes = np.linalg.eigh(covariance.reshape(flashes * count, -1))
-    moved = change @ (axes * np.sqrt(np.maximum(values, 0)))
-    return moved @ moved.swapaxes(1, 2)
+    together = covariance.reshape(flashes * count, -1)
+    return (change.reshape(-1, flashes * count) @ together).reshape(change.shape) @ change.swapaxes(1, 2)
 
 
 def sigma_of_normals(b: Array, covariance: Array) -> Array:

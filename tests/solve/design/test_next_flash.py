@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scene.normals import unit
-from solve.design.next_flash import choose_flashes, gains, known_before, score, with_flash
+from solve.design.next_flash import choose_flashes, exchange_flashes, gains, known_before, score, with_flash
 from solve.design.normal_information import information
 from tests.solve.design.test_normal_information import upper
 
@@ -59,6 +59,25 @@ def test_greedy_is_near_the_known_optimum_of_a_flat_patch(count):
         trace = np.trace(np.linalg.inv(directions.T @ directions)) * NOISE**2
         assert 9 * NOISE**2 / count <= trace * (1 + 1e-9)
         assert trace < 1.15 * 9 * NOISE**2 / count
+
+
+@pytest.mark.parametrize("criterion", ["normal", "A", "D"])
+def test_an_exchange_never_harms_and_finds_the_best_set_of_all(criterion):
+    from itertools import combinations
+
+    b, vectors, noise, seen = case(4, flashes=9, pixels=20)
+    start = known_before(b)
+
+    def worth(flashes):
+        some = list(flashes)
+        return score(b, known_before(b, information(vectors[some], noise[some], seen[some])), criterion)
+
+    greedy = choose_flashes(b, start, vectors, noise, seen, 4, criterion).flashes
+    better = exchange_flashes(b, start, vectors, noise, seen, greedy, criterion)
+    assert len(set(better)) == 4
+    best = min(worth(some) for some in combinations(range(9), 4))
+    assert worth(better) <= worth(greedy) + 1e-12
+    assert worth(better) == pytest.approx(best, rel=0.02, abs=0.02)
 
 
 def test_the_next_flash_lights_what_lay_in_shadow():
