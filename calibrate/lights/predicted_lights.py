@@ -92,10 +92,15 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     highlights to `FLOOR_PX`, more on balls of under `SMALL_PX`.
     """
     chrome = [sphere for sphere in spheres if sphere.kind == "chrome"]
-    if not chrome or camera.is_orthographic:
+    if not chrome:
         raise CalibrationError(
-            f"plan: {len(chrome)} chrome balls and a {camera.projection} camera; expected one ball or more, and a "
-            "perspective camera: give its focal length."
+            f"balls: {len(spheres)} white ones and none of chrome. Chrome balls tell where the flashes are: take two or "
+            "more."
+        )
+    if camera.is_orthographic or not all(sphere.diameter_mm for sphere in chrome):
+        raise CalibrationError(
+            "lights: without the camera's focal length and the balls' diameters nothing can be said of the flashes' "
+            "places. State [camera] and diameter_mm in session.toml."
         )
     radius = np.array([sphere.radius_px for sphere in chrome])
     sigma = FLOOR_PX * np.hypot(1, (SMALL_PX / radius) ** 2)

@@ -98,13 +98,14 @@ def _new_set_up(source: Path | None, thing: ObjectOptions, camera: CameraOptions
     if source is None:
         mesh, told = simple_shape(thing.shape, thing.size_mm), f"object: a {thing.shape} of {thing.size_mm:g} mm"
     else:
-        from align.scan.mended_scan import load_scan
+        from align.scan.mended_scan import SUFFIXES, load_scan
 
         if not source.exists():
             raise SceneError(f"{source}: there is no such scan or session.")
-        if thing.unit in (None, "unknown"):
+        unit = thing.unit or "unknown"
+        if unit == "unknown" and source.suffix.lower() in SUFFIXES:
             raise SceneError(f"{source}: a scan's file does not tell its unit. Give it: --unit mm (or cm, m, inch).")
-        mesh = load_scan(source, thing.unit)
+        mesh = load_scan(source, unit)
         told = f"object: {source.name}, {len(mesh.faces):,} faces, {thing.seen_from} toward the camera"
     lens = usual_camera(camera.focal_mm, camera.sensor_mm, camera.pixels)
     mesh, where = before_camera(mesh, lens, camera.distance_mm, thing.seen_from)
