@@ -2,13 +2,16 @@
 
     python -m benchmarks.bench_plan [errors] [flashes] [speed] [--runs 10]
 
-Each part keeps its rows in out/bench-plan/PART.json, and the page is written from the parts that there are. Twenty
-minutes of two cores for `errors`, five for `flashes`. Seeds 1 to 99 are the page's; develop on others.
+Each part writes its own table; its rows, and every shoot, are kept in out/bench-plan, so that a run that was cut off
+goes on. Twenty minutes of two cores for `errors`, five for `flashes`. Seeds 1 to 99 are the page's; develop on others.
 """
 
 import argparse
 import json
 import os
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
@@ -16,12 +19,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from benchmarks.pages import put
 from benchmarks.plan_captures import Case
-from benchmarks.plan_comparison import OBJECTS, compare_arrangements
+from benchmarks.plan_comparison import OBJECTS, TARGET, compare_arrangements
+from experiments.shapes import SHAPES
+from formats.meshes.ply_write import write_ply
+from scene.rays import import_open3d
 
-PAGE, KEPT = Path("docs/evidence/plan.md"), Path("out/bench-plan")
+ROOT = Path(__file__).resolve().parents[1]
+PAGE, KEPT = ROOT / "docs" / "evidence" / "plan.md", ROOT / "out" / "bench-plan"
 CASES = (
     Case("sphere, dome of 12", "sphere", "dome", 12, seed=1),
     Case("sphere, dome of 24, two balls of 40 mm, ISO 100", "sphere", "dome", 24, (40.0, 40.0), iso=100, seed=2),
@@ -58,7 +66,10 @@ def errors_of(number: int, runs: int) -> dict[str, Any]:
     normals = np.array([one["normals"] for one in found], np.float64)
     known = np.isfinite(normals).all((0, 2)) & (predicted.sigma_deg < 90)
     mean = normals.mean(0)
-    spread = np.degrees(np.sqrt(((normals - mean) ** 2).sum(-1).sum(0) / (2 * (runs - 1))))
+    freedom = 2 * (runs - 1)
+    spread = np.degrees(np.sqrt(((normals - mean) ** 2).sum(-1).sum(0) / freedom))
+    # The median of so few shoots' standard deviations lies below the true one.
+    spread /= np.sqrt(chi2.median(freedom) / freedom)
     mean /= np.linalg.norm(mean, axis=1, keepdims=True)
     constant = np.degrees(np.linalg.norm(mean - case.pixels.normals, axis=1))
     return {
@@ -88,37 +99,97 @@ def measured_flashes() -> list[dict[str, Any]]:
 
 def measured_speed() -> list[dict[str, Any]]:
     """Return the seconds of `rgbn plan` on a scan of `FACES` faces."""
-    import subprocess
-    import sys
-    import tempfile
-
-    from experiments.shapes import SHAPES
-    from formats.meshes.ply_write import write_ply
-    from lab.shoot.flash_places import CANDIDATES as USUAL
-
-    assert USUAL == CANDIDATES
-    shape = SHAPES["knot"](1.0)
+    rows = []
     with tempfile.TemporaryDirectory() as folder:
         scan = Path(folder) / "knot.ply"
-        faces = np.asarray(shape.faces)[:, :3]
-        step = max(1, len(faces) // FACES)
-        write_ply(scan, shape.vertices * 75.0, faces)
-        words = [sys.executable, "-m", "rgbn", "plan", str(scan), "--unit", "mm", "--flashes", "24", "--out"]
-        rows = []
+        faces = _write_scan(scan)
+        words = [sys.executable, "-c", "from rgbn.cli import main; main()"]
+        words += ["plan", str(scan), "--unit", "mm", "--flashes", "24"]
         for gloss in ("matte", "gloss"):
             before, start = os.times(), time.perf_counter()
-            out = str(Path(folder) / gloss)
-            subprocess.run([*words, out, "--gloss", gloss], check=True, capture_output=True)
+            out = ["--out", str(Path(folder) / gloss), "--gloss", gloss]
+            subprocess.run([*words, *out], check=True, capture_output=True)
             after = os.times()
             spent = after.children_user + after.children_system - before.children_user - before.children_system
-            rows.append({"gloss": gloss, "faces": len(faces) // step * step, "processor_s": spent,
-                         "wall_s": time.perf_counter() - start})  # fmt: skip
+            rows.append({"gloss": gloss, "faces": faces, "processor_s": spent, "wall_s": time.perf_counter() - start})
+            print(rows[-1], flush=True)
     return rows
 
 
-PARTS: dict[str, Callable[..., list[dict[str, Any]]]] = {
-    "errors": measured_errors, "flashes": measured_flashes, "speed": measured_speed
-}  # fmt: skip
+def _write_scan(path: Path) -> int:
+    """Write a knot of about `FACES` faces; return how many."""
+    open3d, shape = import_open3d(), SHAPES["knot"](1.0)
+    mesh = open3d.geometry.TriangleMesh(
+        open3d.utility.Vector3dVector(75.0 * shape.vertices),
+        open3d.utility.Vector3iVector(shape.faces.astype(np.int32)),
+    ).simplify_quadric_decimation(FACES)
+    faces = np.asarray(mesh.triangles)
+    write_ply(path, {"x y z": np.asarray(mesh.vertices)}, faces)
+    return len(faces)
+
+
+def error_rows(rows: list[dict[str, Any]]) -> str:
+    """Return the table of predicted against found sigma."""
+    ratios = np.array([row["predicted_deg"] / row["found_deg"] for row in rows])
+    off = np.maximum(ratios, 1 / ratios) - 1
+    lines = [
+        f"{len(rows)} set-ups, {rows[0]['shoots']} shoots each: within {BAR:.0%} in {int((off <= BAR).sum())}, within "
+        f"{STRETCH:.0%} in {int((off <= STRETCH).sum())}; median ratio {np.median(ratios):.2f}, worst "
+        f"{ratios[int(off.argmax())]:.2f}.",
+        "",
+        "| set-up | pixels | sigma predicted | found | ratio | of it by the lights | light directions predicted "
+        "| found | as `calibrate` states | what all shoots share |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
+    for row, ratio in zip(rows, ratios, strict=True):
+        degrees = ("predicted_deg", "found_deg")
+        rest = ("by_lights_deg", "light_predicted_deg", "light_found_deg", "light_stated_deg", "constant_deg")
+        cells = [row["case"], str(row["pixels"]), *(f"{row[name]:.3f}°" for name in degrees), f"{ratio:.2f}"]
+        lines.append("| " + " | ".join([*cells, *(f"{row[name]:.3f}°" for name in rest)]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def flash_rows(rows: list[dict[str, Any]]) -> str:
+    """Return the table of flashes needed."""
+    names = [f"{plan} / {other}" for plan in ("next best", "planned") for other in ("even", "random")]
+    means = {name: float(np.mean([row[name] for row in rows])) for name in names}
+    lines = [
+        "Mean over the objects: " + ", ".join(f"{name} {mean:.2f}" for name, mean in means.items()) + ".",
+        "",
+        f"| object | samples in shadow or gloss | error of {TARGET} even / random | " + " | ".join(names) + " |",
+        "|---|---|---|" + "---|" * len(names),
+    ]
+    for row in rows:
+        at = row["counts"].index(TARGET)
+        even, random = (row["errors_deg"][name][at] for name in ("even", "random"))
+        cells = [row["object"], f"{row['shadowed']:.0%}", f"{even:.2f}° / {random:.2f}°"]
+        lines.append("| " + " | ".join([*cells, *(f"{row[name]:.2f}" for name in names)]) + " |")
+    shown = [4, 6, 8, 12, 16, 24, 36, 48]
+    lines += ["", "Mean error, degrees, of the next best flash / the even dome / random places, by flashes:", ""]
+    lines += ["| object | " + " | ".join(map(str, shown)) + " |", "|---|" + "---|" * len(shown)]
+    for row in rows:
+        cells = []
+        for count in shown:
+            at = row["counts"].index(count)
+            cells.append(" / ".join(f"{row['errors_deg'][name][at]:.2f}" for name in ("next best", "even", "random")))
+        lines.append("| " + " | ".join([row["object"], *cells]) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def speed_rows(rows: list[dict[str, Any]]) -> str:
+    """Return the table of seconds."""
+    lines = ["| object | faces | candidates | processor seconds | seconds by the clock |", "|---|---|---|---|---|"]
+    for row in rows:
+        spent = f"{row['processor_s']:.1f} | {row['wall_s']:.1f}"
+        lines.append(f"| {row['gloss']} | {row['faces']:,} | {CANDIDATES} | {spent} |")
+    return "\n".join(lines) + "\n"
+
+
+PARTS: dict[str, tuple[Callable[..., list[dict[str, Any]]], Callable[[list[dict[str, Any]]], str]]] = {
+    "errors": (measured_errors, error_rows),
+    "flashes": (measured_flashes, flash_rows),
+    "speed": (measured_speed, speed_rows),
+}
 
 
 def main() -> None:
@@ -129,8 +200,10 @@ def main() -> None:
     arguments = parser.parse_args()
     KEPT.mkdir(parents=True, exist_ok=True)
     for part in arguments.parts:
-        rows = PARTS[part](arguments.runs) if part == "errors" else PARTS[part]()
+        measure, written = PARTS[part]
+        rows = measure(arguments.runs) if part == "errors" else measure()
         (KEPT / f"{part}.json").write_text(json.dumps(rows, indent=1))
+        put(PAGE, part, written(rows))
 
 
 if __name__ == "__main__":

@@ -94,8 +94,8 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     chrome = [sphere for sphere in spheres if sphere.kind == "chrome"]
     if not chrome:
         raise CalibrationError(
-            f"balls: {len(spheres)} white ones and none of chrome. Chrome balls tell where the flashes are: take two or "
-            "more."
+            f"balls: {len(spheres)} white ones and none of chrome. Chrome balls tell where the flashes are: take two "
+            "or more."
         )
     if camera.is_orthographic or not all(sphere.diameter_mm for sphere in chrome):
         raise CalibrationError(
