@@ -171,7 +171,7 @@ class Case:
         return np.where(attached[:, 0] | cast[:, 0], 0.0, np.maximum(value, 0) * (1000 / far[:, 0]) ** 2)
 
     def normals(self, run: int) -> tuple[Array, Array, float]:
-        """Return one shoot's normals (P, 3) at the judged pixels, NaN where unknown; its lights' errors, stated sigma."""
+        """Return one shoot's normals (P, 3) at the judged pixels, NaN where unknown; lights' errors, stated sigma."""
         frames, world, positions = self.photograph(run)
         middle = self.set_up.middle_mm
         found = calibrate(frames, CAMERA, world.requests(hints=True))

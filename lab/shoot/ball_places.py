@@ -10,7 +10,6 @@ from calibrate.lights.predicted_lights import PredictedLights, predict_lights
 from lab.shoot.set_up import SetUp
 from scene.camera import Camera
 from scene.errors import SceneError
-from scene.rays import RayCaster
 from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
@@ -49,7 +48,7 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
     SceneError
         There is no room in the picture.
     """
-    camera, caster = set_up.camera, RayCaster(set_up.mesh)
+    camera = set_up.camera
     outline = camera.project(set_up.mesh.vertices)
     low, high = np.nanmin(outline, 0), np.nanmax(outline, 0)
     stood: list[Sphere] = []
@@ -69,7 +68,7 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
             )
         places = places[free]
         centers = camera.points_at_depth(places, depth)
-        shaded = np.array([_hidden(caster, center, positions) for center in centers])
+        shaded = shaded_shares(set_up, centers, positions)
         sunny = shaded <= max(SHADED, float(shaded.min()))
         away = np.hypot(*((places - (low + high) / 2) / [camera.width, camera.height]).T)
         for other in stood:
@@ -80,15 +79,12 @@ def stand_balls(set_up: SetUp, positions: Array, kinds: Sequence[tuple[Kind, flo
     return stood
 
 
-def shaded_share(set_up: SetUp, sphere: Sphere, positions: Array) -> float:
-    """Return the share of flashes that the object hides from a ball's middle."""
-    return _hidden(RayCaster(set_up.mesh), sphere.center_mm(set_up.camera), positions)
-
-
-def _hidden(caster: RayCaster, center: Array, positions: Array) -> float:
-    toward = positions - center
+def shaded_shares(set_up: SetUp, centers: Array, positions: Array) -> Array:
+    """Return (K,) the share of flashes at positions (F, 3) that the object hides from points (K, 3)."""
+    toward = (positions - centers[:, None]).reshape(-1, 3)
     far = np.linalg.norm(toward, axis=1)
-    return float(caster.blocked(np.broadcast_to(center, toward.shape), toward / far[:, None], far).mean())
+    hidden = set_up.caster.blocked(np.repeat(centers, len(positions), 0), toward / far[:, None], far)
+    return hidden.reshape(len(centers), -1).mean(1)
 
 
 def _border(camera: Camera, inset: float) -> Array:

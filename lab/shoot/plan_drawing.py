@@ -12,6 +12,7 @@ SIDE, EDGE = 560.0, 34.0
 RINGS_DEG = (15, 30, 45, 60, 75)
 NEW, THERE, CHROME, WHITE = "#0072B2", "#9aa5b0", "#59636e", "#fff"
 FONT = 'font-size="12"'
+HALO = 'font-size="12" font-weight="600" stroke="white" stroke-width="3" paint-order="stroke"'
 CHART = Frame(56.0, 16.0, 540.0, 236.0)
 TICKS = (4, 6, 8, 12, 16, 24, 36, 48, 60, 100, 150, 200)
 
@@ -47,12 +48,6 @@ def top_view(facts: dict[str, Any]) -> str:
         parts.append(_text(left + 4, top + 13, "the picture", "start", 'fill="#8a949e" font-size="11"'))
     outline = " ".join(f"{u:.1f},{v:.1f}" for u, v in (at(*corner) for corner in facts["object"]["outline_mm"]))
     parts.append(f'<polygon points="{outline}" fill="#f3e3c3" stroke="#b08d4a"/>')
-    for number, ball in enumerate(facts["balls"], 1):
-        u, v = at(ball["right_mm"], ball["up_mm"])
-        radius = max(scale * ball["diameter_mm"] / 2, 4.0)
-        paint = CHROME if ball["kind"] == "chrome" else WHITE
-        parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}" fill="{paint}" stroke="#1d2329"/>')
-        parts.append(_text(u, v - radius - 4, f"{'C' if ball['kind'] == 'chrome' else 'W'}{number}", "middle", FONT))
     for row in rows:
         x, y, _ = row["direction"]
         u, v = at(row["distance_mm"] * x, row["distance_mm"] * y)
@@ -64,6 +59,12 @@ def top_view(facts: dict[str, Any]) -> str:
         parts.append(_text(u, v + 4, str(row["number"]), "middle", 'fill="#fff" font-size="11" font-weight="600"'))
         parts.append("</g>")
         parts.append(_text(u, v + 22, f"{row['height_mm'] / 10:.0f}", "middle", f'fill="{paint}" font-size="10"'))
+    for number, ball in enumerate(facts["balls"], 1):
+        u, v = at(ball["right_mm"], ball["up_mm"])
+        radius = max(scale * ball["diameter_mm"] / 2, 4.0)
+        paint = CHROME if ball["kind"] == "chrome" else WHITE
+        parts.append(f'<circle cx="{u:.1f}" cy="{v:.1f}" r="{radius:.1f}" fill="{paint}" stroke="#1d2329"/>')
+        parts.append(_text(u, v - radius - 4, f"{'C' if ball['kind'] == 'chrome' else 'W'}{number}", "middle", HALO))
     for hour, (x, y) in {"12": (0, 1), "3": (1, 0), "6": (0, -1), "9": (-1, 0)}.items():
         parts.append(
             _text(

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.shoot.ball_places import BallChoice, shaded_share
+from lab.shoot.ball_places import BallChoice, shaded_shares
 from lab.shoot.set_up import EXPOSURE, SetUp
 from lab.shoot.shoot_plan import Predicted, ShootPlan
 from scene.files import plain
@@ -131,7 +131,7 @@ def _ball(set_up: SetUp, sphere: Sphere, positions: Array) -> dict[str, Any]:
         "center_mm": center,
         "right_mm": float(away[0]),
         "up_mm": float(away[1]),
-        "shaded_share": shaded_share(set_up, sphere, positions) if len(set_up.mesh.faces) else None,
+        "shaded_share": float(shaded_shares(set_up, center[None], positions)[0]) if len(set_up.mesh.faces) else None,
     }
 
 

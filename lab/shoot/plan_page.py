@@ -124,7 +124,7 @@ def _exposure(facts: dict[str, Any]) -> list[str]:
         first,
         f"Camera {camera['distance_mm'] / 10:.0f} cm from the object's middle; a pixel shows "
         f"{camera['mm_per_px']:.2g} mm.",
-        f"The object, {facts['object']['size_mm']:.0f} mm across, is taken to be {facts['object']['gloss']}.",
+        f"Object: {facts['object']['size_mm']:.0f} mm across; its surface is taken for {facts['object']['gloss']}.",
         "RAW; exposure, ISO, aperture, focus, white balance and flash power by hand.",
     ]
 

@@ -1,6 +1,7 @@
 """What will be photographed, by what camera, how bright and how noisy."""
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from lab.shoot.plan_options import View
 from scene.camera import Camera
 from scene.mesh import Mesh
+from scene.rays import RayCaster
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.camera.virtual_camera import Sensor
 
@@ -66,6 +68,11 @@ class SetUp:
     is_mosaic: bool = True
     said: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def caster(self) -> RayCaster:
+        """The object, ready for rays."""
+        return RayCaster(self.mesh)
 
     @property
     def middle_mm(self) -> Array:
