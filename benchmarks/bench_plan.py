@@ -164,7 +164,7 @@ def flash_rows(rows: list[dict[str, Any]]) -> str:
         even, random = (row["errors_deg"][name][at] for name in ("even", "random"))
         cells = [row["object"], f"{row['shadowed']:.0%}", f"{even:.2f}° / {random:.2f}°"]
         lines.append("| " + " | ".join([*cells, *(f"{row[name]:.2f}" for name in names)]) + " |")
-    shown = [4, 6, 8, 12, 16, 24, 36, 48]
+    shown = [4, 6, 8, 12, 16, 24, 32, 48]
     lines += ["", "Mean error, degrees, of the next best flash / the even dome / random places, by flashes:", ""]
     lines += ["| object | " + " | ".join(map(str, shown)) + " |", "|---|" + "---|" * len(shown)]
     for row in rows:

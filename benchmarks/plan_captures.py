@@ -180,7 +180,7 @@ class Case:
         true = positions - middle
         true /= np.linalg.norm(true, axis=1, keepdims=True)
         off = np.degrees(np.arccos(np.clip(np.sum(true * lights.directions, 1), -1, 1)))
-        return estimate.normals[self.judged], off, float(np.median(found.lights.direction_sigma_deg))
+        return estimate.normals[self.judged].astype(np.float64), off, float(np.median(found.lights.direction_sigma_deg))
 
 
 def _mesh(case: Case) -> Mesh:
