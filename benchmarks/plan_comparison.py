@@ -157,22 +157,29 @@ def compare_arrangements(thing: Thing) -> dict[str, Any]:
         "errors_deg": found,
         "pixels": len(pixels.points),
     }
-    for plan in ("next best", "planned"):
-        for other in ("even", "random"):
-            wanted = found[other][COUNTS.index(TARGET)]
-            row[f"{plan} / {other}"] = needed(found[plan], wanted) / needed(found[other], wanted)
+    row |= shares(found)
     row["shadowed"] = float(1 - shown.seen.mean())
     return row
 
 
 def needed(errors: list[float], wanted: float) -> float:
-    """Return the number of flashes from which on the error stays at most as wanted, between the counts by log-log."""
-    below = np.array(errors) <= wanted
-    if not below[-1]:
+    """Return the number of flashes at which an error is first reached, between the counts by log-log; inf: never."""
+    reached = np.array(errors) <= wanted
+    if not reached.any():
         return float("inf")
-    first = len(errors) - int(np.argmin(below[::-1])) if not below.all() else 0
+    first = int(reached.argmax())
     if first == 0:
         return float(COUNTS[0])
     low, high = np.log(errors[first - 1]), np.log(errors[first])
     share = (low - np.log(wanted)) / (low - high)
     return float(np.exp(np.log(COUNTS[first - 1]) + share * np.log(COUNTS[first] / COUNTS[first - 1])))
+
+
+def shares(found: dict[str, list[float]]) -> dict[str, float]:
+    """Return what share of the flashes each plan needs for the error of `TARGET` flashes that are even, or random."""
+    out = {}
+    for plan in ("next best", "planned"):
+        for other in ("even", "random"):
+            wanted = found[other][COUNTS.index(TARGET)]
+            out[f"{plan} / {other}"] = needed(found[plan], wanted) / needed(found[other], wanted)
+    return out
