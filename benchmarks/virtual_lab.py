@@ -17,8 +17,9 @@ from experiments.photographs import (
     by_surrounding,
     rendered,
 )
-from experiments.scenes import cap, near_lights, patches, placed, ring
+from experiments.scenes import near_lights, patches, placed
 from scene.camera import Camera
+from scene.light_layouts import cap, ring
 from scene.lights import Lights
 from scene.normals import unit
 from twin.description.description import Sampling, TwinObject, TwinScene

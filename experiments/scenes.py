@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from experiments.recipe import Dataset, Recipe
 from experiments.shapes import SHAPES
 from scene.camera import Camera
+from scene.light_layouts import cap, directions_of, ring
 from scene.lights import Lights
 from twin.description.description import Sampling, TwinObject, TwinScene
 from twin.description.materials import Conductor, Diffuse, Material, RoughPlastic, Texture, seed_materials
@@ -22,7 +23,6 @@ MEAN_FREE_PATH_MM = 2 * RADIUS_MM / 50
 FILLS = 0.88
 """Share of the picture's width that a shape's diameter takes, at its middle's distance."""
 PATCHES = 24
-GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 POWER_SPREAD = 0.08
 DISTANCES = (0.7, 1.3)
@@ -77,25 +77,6 @@ def _directions_of(recipe: Recipe) -> Array:
     return (ring if recipe.lights == "ring" else cap)(recipe.count, recipe.polar_deg)
 
 
-def cap(count: int, half_angle_deg: float) -> Array:
-    """Return unit vectors (N, 3) evenly over a cap about z: equal areas, each turned on by the golden angle."""
-    number = np.arange(count)
-    z = 1 - (1 - np.cos(np.radians(half_angle_deg))) * (number + 0.5) / count
-    return _directions(z, GOLDEN_ANGLE * number)
-
-
-def ring(count: int, polar_deg: float, first: float = 0.0) -> Array:
-    """Return unit vectors (N, 3) evenly on a ring about z; the first so many steps from x toward y."""
-    azimuth = 2 * np.pi * (np.arange(count) + first) / count
-    return _directions(np.full(count, np.cos(np.radians(polar_deg))), azimuth)
-
-
-def _directions(z: Array, azimuth: Array) -> Array:
-    """Return unit vectors (N, 3) of z and azimuth, radians from x toward y."""
-    across = np.sqrt(1 - z**2)
-    return np.stack([across * np.cos(azimuth), across * np.sin(azimuth), z], -1)
-
-
 def near_lights(names: Sequence[str], directions: Array, distances_mm: Array, power: Array, middle: Array) -> Lights:
     """Return lights (N) at their distances from a middle (3,)."""
     places = middle + distances_mm[:, None] * directions
@@ -132,7 +113,7 @@ def dataset_scene(dataset: Dataset) -> TwinScene:
         # Another stream than the photons', which begins with the seed too.
         generator = np.random.default_rng([recipe.seed, count, 1])
         z = generator.uniform(np.cos(np.radians(recipe.polar_deg)), 1, count)
-        directions = _directions(z, generator.uniform(0, 2 * np.pi, count))
+        directions = directions_of(z, generator.uniform(0, 2 * np.pi, count))
         away = dataset.near_mm * generator.uniform(*DISTANCES, count)
         power = (1 + POWER_SPREAD * generator.standard_normal(count)) * (dataset.near_mm / away) ** 2
     near = near_lights(lights.names, directions, away, power, lights.reference_point_mm)

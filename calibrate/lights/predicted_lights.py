@@ -1,0 +1,150 @@
+"""What balls will tell of the lights, before a photograph is taken: the adjustment's covariance at its solution."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from calibrate.lights.adjustment import STEP, Adjustment, Observed
+from calibrate.lights.directions import toward_camera, two_across
+from calibrate.lights.from_chrome import ROUND
+from calibrate.lights.reflected_disc import FLOOR_PX
+from calibrate.silhouette.ball_silhouette import TABLE_FLOOR_PX
+from scene.camera import Camera
+from scene.errors import CalibrationError
+from scene.normals import unit
+from scene.spheres import Sphere
+
+Array = NDArray[np.float64]
+INTENSITY_SIGMA, UNKNOWN_INTENSITY = 0.003, 0.1
+"""Relative, one frame: what a white ball of 20 to 100 px leaves in virtual photographs; what hand-held flashes of one
+setting vary by, where no white ball measures them."""
+SMALL_PX = 13.0
+"""Radius of a ball that shows a flash of 50 mm a metre away as a point: on smaller ones its place is told worse."""
+TURNS = 60
+"""Of the iteration to where a ball mirrors a light: each brings it nearer by the ball's radius over its distance."""
+
+
+@dataclass(frozen=True)
+class PredictedLights:
+    """How well F lights will be known.
+
+    Parameters
+    ----------
+    direction_sigma_deg : (F,) float64
+        At the reference point, one tangent axis.
+    range_sigma : (F,) float64
+        Relative, of the distance to the reference point; about 0.7 where nothing tells it.
+    position_covariance_mm2 : (F, 3, F, 3) float64
+        Of all positions together: balls, diameters and camera move all lights alike.
+    intensity_sigma : float
+        Relative, one frame.
+    """
+
+    direction_sigma_deg: Array
+    range_sigma: Array
+    position_covariance_mm2: Array
+    intensity_sigma: float
+
+    @property
+    def position_sigma_mm(self) -> Array:
+        """(F,) root mean square over the three axes."""
+        own = np.einsum("fifi->f", self.position_covariance_mm2)
+        return np.sqrt(np.maximum(own, 0) / 3)
+
+
+def mirrored_at(camera: Camera, sphere: Sphere, positions: Array) -> Array:
+    """Return the pixels (F, 2) at which a mirror ball shows lights at positions (F, 3), mm.
+
+    Notes
+    -----
+    The normal halves the angle between view and light: n = unit(v + l), x = c + R n, again from there until it rests.
+    """
+    center, radius = sphere.center_mm(camera), sphere.radius_mm
+    points = np.broadcast_to(center, positions.shape)
+    for _ in range(TURNS):
+        points = center + radius * unit(toward_camera(camera, points) + unit(positions - points))
+    return camera.project(points)
+
+
+def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, reference: Array) -> PredictedLights:
+    """Return how well balls will tell lights at positions (F, 3), mm, with the errors that `calibrate` states.
+
+    Parameters
+    ----------
+    camera : Camera
+        Perspective; its `focal_sigma` and `center_sigma_px` count.
+    spheres : sequence of Sphere
+        Where the balls will stand, of known diameter; one of chrome at least. White ones give the intensities.
+    positions : (F, 3) float
+    reference : (3,) float
+        Where directions are wanted: the object's middle, mm.
+
+    Raises
+    ------
+    CalibrationError
+        No chrome ball, or an orthographic camera.
+
+    Notes
+    -----
+    (J^T J)^-1 of `Adjustment`, at the true lights, with exact highlights: outlines to `TABLE_FLOOR_PX` and `ROUND`,
+    highlights to `FLOOR_PX`, more on balls of under `SMALL_PX`.
+    """
+    chrome = [sphere for sphere in spheres if sphere.kind == "chrome"]
+    if not chrome:
+        raise CalibrationError(
+            f"balls: {len(spheres)} white ones and none of chrome. Chrome balls tell where the flashes are: take two "
+            "or more."
+        )
+    if camera.is_orthographic or not all(sphere.diameter_mm for sphere in chrome):
+        raise CalibrationError(
+            "lights: without the camera's focal length and the balls' diameters nothing can be said of the flashes' "
+            "places. State [camera] and diameter_mm in session.toml."
+        )
+    radius = np.array([sphere.radius_px for sphere in chrome])
+    sigma = FLOOR_PX * np.hypot(1, (SMALL_PX / radius) ** 2)
+    seen = Observed(
+        camera,
+        chrome,
+        [(TABLE_FLOOR_PX**2 + (ROUND * r) ** 2) * np.eye(3) for r in radius],
+        np.stack([mirrored_at(camera, sphere, positions) for sphere in chrome]),
+        np.repeat(sigma[:, None], len(positions), 1),
+        np.asarray(reference, np.float64),
+        diameter_sigma=np.array([sphere.diameter_sigma for sphere in chrome]),
+    )
+    problem = Adjustment(seen, near=True)
+    away = positions - problem.reference
+    distance = np.linalg.norm(away, axis=1)
+    # The starts are the lights themselves: the solution is known.
+    x = problem.start()
+    problem.origin = away / distance[:, None]
+    problem.side, problem.up = two_across(problem.origin)
+    x[problem.first_light + 2 :: 3] = np.log(1 / distance)
+    slopes = problem.slopes(x)
+    covariance = np.linalg.inv(slopes.T @ slopes)
+    columns = problem.first_light + np.arange(3 * len(positions))
+    own = np.sqrt(np.diag(covariance)[columns].reshape(-1, 3))
+    moved = _position_slopes(problem, x)
+    flat = moved.reshape(-1, len(x))
+    joint = (flat @ covariance @ flat.T).reshape(len(positions), 3, len(positions), 3)
+    intensity = INTENSITY_SIGMA if any(sphere.kind == "white" for sphere in spheres) else UNKNOWN_INTENSITY
+    turn = np.degrees(np.sqrt((own[:, 0] ** 2 + own[:, 1] ** 2) / 2))
+    return PredictedLights(turn, own[:, 2], joint, intensity)
+
+
+def _position_slopes(problem: Adjustment, x: Array) -> Array:
+    """Return the derivatives (F, 3, n) of the positions by all unknowns; a light's by the other lights' are zero."""
+    slopes = np.zeros((problem.lights, 3, len(x)))
+    every = np.arange(problem.lights)
+
+    def difference(step: Array) -> Array:
+        return (problem.positions_at(x + step) - problem.positions_at(x - step)) / (2 * STEP)
+
+    for column in range(problem.first_ball):
+        slopes[..., column] = difference(STEP * np.eye(len(x))[column])
+    for k in range(3):
+        step = np.zeros(len(x))
+        step[problem.first_light + k :: 3] = STEP
+        slopes[every, :, problem.first_light + 3 * every + k] = difference(step)
+    return slopes

@@ -1,0 +1,177 @@
+"""Which flash to add: the one that most improves what all pixels know, and so on, one after the other."""
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Criterion = Literal["normal", "A", "D"]
+"""What is to be small: the normals' sigma; the trace of the covariance of albedo x normal; its log determinant."""
+ROUNDS, LEAST_GAIN = 5, 1e-6
+"""Of exchanges: how often each flash is tried, and the relative gain that counts."""
+UNKNOWN = 1.0
+"""Standard deviation of b, in albedos, before the first flash: nobody knows the normal."""
+
+
+class Chosen(NamedTuple):
+    """Flashes in the order in which they help most."""
+
+    flashes: NDArray[np.intp]  # (N,) indices of the candidates
+    covariances: Array  # (P, 3, 3) of b, with all of them
+    scores: Array  # (N + 1,) the criterion before, and after each of them; see `score`
+
+
+def known_before(b: Array, information: Array | None = None) -> Array:
+    """Return the covariance of b (P, 3) before the next flash, with the information (P, 3, 3) that there is.
+
+    Notes
+    -----
+    To the information comes that of a normal of which nothing is known: |b|^-2 in every direction. It keeps a pixel
+    that no flash reaches, or only two, finite, and is nothing beside three flashes.
+    """
+    nothing = np.eye(3) / np.maximum(UNKNOWN**2 * np.sum(b * b, -1), 1e-300)[:, None, None]
+    return np.linalg.inv(nothing if information is None else nothing + information)
+
+
+def score(b: Array, covariances: Array, criterion: Criterion = "normal") -> float:
+    """Return the criterion, mean over pixels.
+
+    normal: sigma of the normal, radians, one tangent axis, 1 before the first flash: as the mean angle between normals
+    and truth, it lets no single dark pixel outweigh all others. A: trace of the covariance over albedo^2. D: log
+    determinant of the covariance over albedo^2.
+    """
+    square = np.sum(b * b, -1)
+    if criterion == "D":
+        return float(np.mean(np.linalg.slogdet(covariances / square[:, None, None])[1]))
+    if criterion == "A":
+        return float(np.mean(np.trace(covariances, axis1=1, axis2=2) / square))
+    return float(np.mean(np.sqrt(_across(b, covariances, square))))
+
+
+def gains(
+    b: Array,
+    covariances: Array,
+    vectors: Array,
+    noise: Array,
+    seen: NDArray[np.bool_],
+    criterion: Criterion = "normal",
+) -> Array:
+    """Return by how much each candidate flash would lower the criterion; see `score`.
+
+    Parameters
+    ----------
+    b : (P, 3) float
+        Albedo x normal.
+    covariances : (P, 3, 3) float
+        Of b so far, finite; see `known_before`.
+    vectors : (C, P, 3) float
+        The candidates' light vectors at the pixels.
+    noise : (C, P) float
+        Standard deviation of each sample; with sqrt(noise^2 + slopes . covariance . slopes) also the error of a
+        light's own calibration counts, see `normal_information.lights_covariance`.
+    seen : (C, P) bool
+        False in shadow or in a highlight.
+
+    Returns
+    -------
+    gains : (C,) float64
+        At least 0, mean over pixels.
+
+    Notes
+    -----
+    One sample is a rank-one change of J [Sherman1950]: C' = C - C v v^T C / (s^2 + v^T C v), and
+    log det C' = log det C - log(1 + v^T C v / s^2).
+    """
+    square = np.sum(b * b, -1)
+    found, across = np.zeros(len(vectors)), _across(b, covariances, square)
+    for c, (vector, sigma, lit) in enumerate(zip(vectors, noise, seen, strict=True)):
+        moved = np.einsum("pij,pj->pi", covariances, vector)
+        known = np.maximum(np.sum(moved * vector, 1), 0)
+        if criterion == "D":
+            found[c] = np.mean(np.where(lit, np.log1p(known / sigma**2), 0))
+            continue
+        share = np.where(lit, 1 / (sigma**2 + known) / square, 0)
+        if criterion == "A":
+            found[c] = np.mean(share * np.sum(moved * moved, 1))
+            continue
+        fallen = share * (np.sum(moved * moved, 1) - np.sum(moved * b, 1) ** 2 / square) / 2
+        found[c] = np.mean(np.sqrt(across) - np.sqrt(np.maximum(across - fallen, 0)))
+    return found
+
+
+def _across(b: Array, covariances: Array, square: Array) -> Array:
+    """Return the variance (P,) of the normals, radians^2, mean of the two tangent axes."""
+    along = np.einsum("pi,pij,pj->p", b, covariances, b) / square
+    return np.maximum(np.trace(covariances, axis1=1, axis2=2) - along, 0) / square / 2
+
+
+def with_flash(covariances: Array, vector: Array, noise: Array, seen: NDArray[np.bool_]) -> Array:
+    """Return the covariances (P, 3, 3) with one more flash: its vectors (P, 3), its noise and where seen (P,)."""
+    moved = np.einsum("pij,pj->pi", covariances, vector)
+    weight = np.where(seen, 1 / (np.square(noise) + np.maximum(np.sum(moved * vector, 1), 0)), 0)
+    return covariances - weight[:, None, None] * moved[:, :, None] * moved[:, None, :]
+
+
+def choose_flashes(
+    b: Array,
+    covariances: Array,
+    vectors: Array,
+    noise: Array,
+    seen: NDArray[np.bool_],
+    count: int,
+    criterion: Criterion = "normal",
+) -> Chosen:
+    """Return the `count` candidates, each once, that one after the other help most.
+
+    Takes what `gains` takes. Greedy: each flash is the best one given those before it. For D that is at least 1 - 1/e
+    of the best set's gain [Nemhauser1978].
+    """
+    left, flashes = np.ones(len(vectors), bool), []
+    scores = [score(b, covariances, criterion)]
+    for _ in range(min(count, len(vectors))):
+        gain = gains(b, covariances, vectors[left], noise[left], seen[left], criterion)
+        best = int(np.flatnonzero(left)[gain.argmax()])
+        covariances = with_flash(covariances, vectors[best], noise[best], seen[best])
+        left[best] = False
+        flashes.append(best)
+        scores.append(score(b, covariances, criterion))
+    return Chosen(np.array(flashes, np.intp), covariances, np.array(scores))
+
+
+def exchange_flashes(
+    b: Array,
+    start: Array,
+    vectors: Array,
+    noise: Array,
+    seen: NDArray[np.bool_],
+    flashes: NDArray[np.intp],
+    criterion: Criterion = "normal",
+) -> NDArray[np.intp]:
+    """Return a set of as many candidates that no exchange of one improves, in the order in which they help most.
+
+    What one after the other was best is not always the best set. `start` (P, 3, 3): the covariances without any of
+    them; the rest as in `choose_flashes`.
+
+    Notes
+    -----
+    One flash after the other is taken out, and the best candidate put in its place [Fedorov1972].
+    """
+    weight = np.where(seen, 1 / np.square(noise), 0)
+    chosen = list(map(int, flashes))
+    before = np.linalg.inv(start)
+    for _ in range(ROUNDS):
+        changed = False
+        for place, old in enumerate(chosen):
+            others = chosen[:place] + chosen[place + 1 :]
+            told = np.einsum("fpi,fpj->pij", vectors[others] * weight[others][..., None], vectors[others])
+            gain = gains(b, np.linalg.inv(before + told), vectors, noise, seen, criterion)
+            gain[others] = -np.inf
+            best = int(gain.argmax())
+            if gain[best] > gain[old] * (1 + LEAST_GAIN):
+                chosen[place], changed = best, True
+        if not changed:
+            break
+    some = np.array(chosen)
+    order = choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some), criterion).flashes
+    return some[order]

@@ -1,0 +1,145 @@
+"""How well flashes tell the normals, before any photograph is solved: Fisher information, pixel by pixel.
+
+P pixels, F flashes. A Lambertian pixel shows v . b + noise, v = intensity x direction of the light there (its
+fall-off included), b = albedo x normal.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+LEAST = 1e-9
+"""Least share of the largest eigenvalue of an information that counts: under it the lit lights lie in a plane."""
+
+
+def information(vectors: Array, noise: Array, seen: NDArray[np.bool_] | None = None) -> Array:
+    """Return the Fisher information of b.
+
+    Parameters
+    ----------
+    vectors : (F, P, 3) float
+        Light vectors, as `Lights.at` gives them for one channel; (F, 1, 3) for distant lights.
+    noise : (F, P) float
+        Standard deviation of each sample, in the units of albedo x vectors; what broadcasts to it.
+    seen : (F, P) bool, optional
+        False in shadow, in a highlight, where clipped. Default: all samples count.
+
+    Returns
+    -------
+    information : (P, 3, 3) float64
+
+    Notes
+    -----
+    J = sum_f seen_f v_f v_f^T / noise_f^2, the inverse of the least covariance of b [Drbohlav2005]. For n unit vectors
+    trace J^-1 >= 9 noise^2 / n, with equality where sum v v^T = n / 3: n >= 3 lights evenly on a ring 54.7 degrees from
+    its axis.
+    """
+    vectors, weight = _weights(vectors, noise, seen)
+    return _moments(vectors, weight)
+
+
+def pulls(vectors: Array, weights: Array) -> Array:
+    """Return what weighted least squares makes of the samples m: b = sum_f pulls_f m_f.
+
+    Parameters
+    ----------
+    vectors : (F, P, 3) float
+    weights : (F, P) float
+        At least 0; 0 for samples that the solver leaves out. 1 / noise^2 gives the inverse of `information`.
+
+    Returns
+    -------
+    pulls : (F, P, 3) float64
+        NaN where the samples in use do not span space.
+    """
+    vectors, weights = _full(vectors, weights)
+    inverse = inverted(_moments(vectors, weights))
+    return weights[..., None] * np.einsum("pij,fpj->fpi", inverse, vectors)
+
+
+def noise_covariance(pulls: Array, noise: Array) -> Array:
+    """Return the covariance (P, 3, 3) of b by the noise (F, P) of the samples, which `pulls` (F, P, 3) weigh."""
+    scaled = pulls * np.broadcast_to(noise, pulls.shape[:2])[..., None]
+    return np.einsum("fpi,fpj->pij", scaled, scaled)
+
+
+def lights_covariance(pulls: Array, slopes: Array, covariance: Array) -> Array:
+    """Return the covariance of b by errors of the lights: directions, positions, intensities.
+
+    Parameters
+    ----------
+    pulls : (F, P, 3) float
+    slopes : (F, P, K) float
+        What a sample of each pixel changes by with each of the light's K numbers: b . d(vector) / d(number).
+    covariance : (F, K, K) or (F, K, F, K) float
+        Of the numbers: each light's own, or of all lights together. Balls, camera and diameters move all lights
+        alike, and more flashes do not average that away.
+
+    Returns
+    -------
+    covariance : (P, 3, 3) float64
+
+    Notes
+    -----
+    To first order db = -J^-1 sum_f w_f v_f (b . dv_f): each light's error acts as one of its sample.
+    """
+    if covariance.ndim == 3:
+        variance = np.einsum("fpk,fkl,fpl->fp", slopes, covariance, slopes)
+        return noise_covariance(pulls, np.sqrt(np.maximum(variance, 0)))
+    flashes, pixels, count = slopes.shape
+    change = np.einsum("fpi,fpk->pifk", pulls, slopes).reshape(pixels, 3, flashes * count)
+    together = covariance.reshape(flashes * count, -1)
+    return (change.reshape(-1, flashes * count) @ together).reshape(change.shape) @ change.swapaxes(1, 2)
+
+
+def sigma_of_normals(b: Array, covariance: Array) -> Array:
+    """Return the standard deviation of the normals, degrees along one tangent axis.
+
+    Parameters
+    ----------
+    b : (P, 3) float
+        Albedo x normal.
+    covariance : (P, 3, 3) float
+        Of b.
+
+    Returns
+    -------
+    sigma_deg : (P,) float64
+        As `Estimate.sigma_deg`; at most 90, NaN where the covariance is unknown. The angle between the estimated and
+        the true normal has the root mean square sqrt(2) sigma, and, where both axes are alike, the mean 1.25 sigma.
+
+    Notes
+    -----
+    sigma^2 = (trace C - n^T C n) / (2 |b|^2): what of C lies across the normal.
+    """
+    square = np.sum(b * b, -1)
+    along = np.einsum("pi,pij,pj->p", b, covariance, b)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        across = np.trace(covariance, axis1=1, axis2=2) - along / square
+        sigma = np.degrees(np.sqrt(0.5 * np.maximum(across, 0) / square))
+    return np.minimum(sigma, 90.0)
+
+
+def inverted(information: Array) -> Array:
+    """Return the inverses (P, 3, 3); NaN where the lights in use do not span space."""
+    values, axes = np.linalg.eigh(information)
+    spans = values[:, 0] > LEAST * values[:, 2]
+    with np.errstate(divide="ignore"):
+        parts = np.where(spans[:, None], 1 / np.maximum(values, 1e-300), np.nan)
+    return (axes * parts[:, None]) @ axes.swapaxes(1, 2)
+
+
+def _weights(vectors: Array, noise: Array, seen: NDArray[np.bool_] | None) -> tuple[Array, Array]:
+    weight = 1 / np.square(np.asarray(noise, np.float64))
+    return _full(vectors, weight if seen is None else np.where(seen, weight, 0.0))
+
+
+def _full(vectors: Array, weights: Array) -> tuple[Array, Array]:
+    """Return vectors (F, P, 3) and weights (F, P) of what broadcasts to them."""
+    shape = np.broadcast_shapes(vectors.shape[:2], np.shape(weights))
+    return np.broadcast_to(vectors, (*shape, 3)), np.broadcast_to(weights, shape)
+
+
+def _moments(vectors: Array, weights: Array) -> Array:
+    """Return sum_f weights v v^T (P, 3, 3)."""
+    return np.einsum("fpi,fpj->pij", vectors * weights[..., None], vectors)

@@ -1,0 +1,93 @@
+"""The next flash: its gain is what recomputing says; it goes where the shadow is; greedy is near the optimum."""
+
+import numpy as np
+import pytest
+
+from scene.normals import unit
+from solve.design.next_flash import choose_flashes, exchange_flashes, gains, known_before, score, with_flash
+from solve.design.normal_information import information
+from tests.solve.design.test_normal_information import upper
+
+NOISE = 0.01
+
+
+def case(seed, flashes=20, pixels=30):
+    rng = np.random.default_rng(seed)
+    vectors = upper(rng, flashes) * rng.uniform(0.7, 1.3, (flashes, pixels, 1))
+    noise, seen = rng.uniform(0.005, 0.02, (flashes, pixels)), rng.random((flashes, pixels)) < 0.7
+    normals = unit(rng.normal(size=(pixels, 3)) * [0.5, 0.5, 0] + [0, 0, 1])
+    return normals * rng.uniform(0.2, 0.9, (pixels, 1)), vectors, noise, seen
+
+
+@pytest.mark.parametrize("criterion", ["normal", "A", "D"])
+def test_a_gain_is_what_recomputing_says(criterion):
+    b, vectors, noise, seen = case(0)
+    so_far = information(vectors[:3], noise[:3], seen[:3])
+    before = known_before(b, so_far)
+    found = gains(b, before, vectors[3:], noise[3:], seen[3:], criterion)
+    for c in range(3, len(vectors)):
+        after = known_before(b, so_far + information(vectors[[c]], noise[[c]], seen[[c]]))
+        assert with_flash(before, vectors[c], noise[c], seen[c]) == pytest.approx(after, rel=1e-6, abs=1e-12)
+        change = score(b, before, criterion) - score(b, after, criterion)
+        assert found[c - 3] == pytest.approx(change, rel=1e-6, abs=1e-12)
+    assert (found > 0).all()
+    assert gains(b, before, vectors, noise, np.zeros_like(seen), criterion) == pytest.approx(0)
+
+
+def test_the_order_of_candidates_is_of_no_matter():
+    b, vectors, noise, seen = case(1)
+    order = np.random.default_rng(2).permutation(len(vectors))
+    first = choose_flashes(b, known_before(b), vectors, noise, seen, 6)
+    again = choose_flashes(b, known_before(b), vectors[order], noise[order], seen[order], 6)
+    assert (order[again.flashes] == first.flashes).all()
+    assert len(set(first.flashes)) == 6
+    assert (np.diff(first.scores) < 0).all()
+    assert score(b, first.covariances) == pytest.approx(first.scores[-1])
+
+
+@pytest.mark.parametrize("count", [3, 4, 6, 12])
+def test_greedy_is_near_the_known_optimum_of_a_flat_patch(count):
+    """9 sigma^2 / n is the least trace of n flashes; one after the other from a dense dome comes near."""
+    index = np.arange(2000) + 0.5
+    z, turn = 1 - index / 2000, np.pi * (1 + 5**0.5) * index
+    across = np.sqrt(1 - z * z)
+    dome = np.stack([across * np.cos(turn), across * np.sin(turn), z], 1)[:, None]
+    b, noise, seen = np.array([[0, 0, 1.0]]), np.full((2000, 1), NOISE), np.ones((2000, 1), bool)
+    for criterion in ("A", "D"):
+        chosen = choose_flashes(b, known_before(b), dome, noise, seen, count, criterion)
+        directions = dome[chosen.flashes, 0]
+        trace = np.trace(np.linalg.inv(directions.T @ directions)) * NOISE**2
+        assert 9 * NOISE**2 / count <= trace * (1 + 1e-9)
+        assert trace < 1.15 * 9 * NOISE**2 / count
+
+
+@pytest.mark.parametrize("criterion", ["normal", "A", "D"])
+def test_an_exchange_never_harms_and_finds_the_best_set_of_all(criterion):
+    from itertools import combinations
+
+    b, vectors, noise, seen = case(4, flashes=9, pixels=20)
+    start = known_before(b)
+
+    def worth(flashes):
+        some = list(flashes)
+        return score(b, known_before(b, information(vectors[some], noise[some], seen[some])), criterion)
+
+    greedy = choose_flashes(b, start, vectors, noise, seen, 4, criterion).flashes
+    better = exchange_flashes(b, start, vectors, noise, seen, greedy, criterion)
+    assert len(set(better)) == 4
+    best = min(worth(some) for some in combinations(range(9), 4))
+    assert worth(better) <= worth(greedy) + 1e-12
+    assert worth(better) == pytest.approx(best, rel=0.02, abs=0.02)
+
+
+def test_the_next_flash_lights_what_lay_in_shadow():
+    """Flashes from the right leave half of the pixels dark: the best of the rest comes from the left."""
+    directions = unit(np.array([[1, 0.5, 1], [1, -0.5, 1], [1, 0, 1.5], [1, 0.2, 1], [-1, 0.3, 1], [0.2, 1, 1]]))
+    pixels = np.array([0, 0, 1, 1])  # 1: behind a wall on its right
+    b = np.tile([0, 0, 0.7], (4, 1))
+    seen = np.where(pixels == 1, directions[:, :1] < 0.5, True)
+    vectors, noise = np.repeat(directions[:, None], 4, 1), np.full((6, 4), NOISE)
+    before = known_before(b, information(vectors[:3], noise[:3], seen[:3]))
+    gain = gains(b, before, vectors[3:], noise[3:], seen[3:])
+    assert gain.argmax() in (1, 2)
+    assert gain[0] < 0.05 * gain.max()
