@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from capture.audit.audit import blown_warnings, movement_warnings
 from capture.audit.camera_settings import exposure_by_room, gaps_in_numbering, mixed_settings, reference_exposure
+from capture.audit.focus import focus_warnings
 from capture.audit.frame_facts import reduced
 from capture.audit.missing_flashes import doubles, misfires
 from capture.photographs.kept import KeptStack
@@ -20,7 +21,10 @@ from scene.errors import CaptureError
 from scene.frames import Frames
 
 LOOKED_BACK = 12
-"""Frames among which a movement is sought, the newest: what moved before was told before."""
+"""The newest frames: among them a movement is sought, and a lost focus; what happened before was told before."""
+
+FEWEST = 8
+"""Frames from which on a movement is sought: among fewer, light that moves looks like it."""
 
 
 class FramesSoFar:
@@ -53,7 +57,7 @@ class FramesSoFar:
         return Frames(names, stack, gain * by_room, codes, saturation, is_mosaic), told
 
     def warnings(self, frames: Frames, flash: list[Shot], ambient: list[Shot]) -> list[str]:
-        """Return all that the audit says of the frames so far."""
+        """Return what the audit says of the frames so far by their reduced pictures and their settings."""
         facts = [shot.facts for shot in flash]
         light = np.stack([fact.small * factor for fact, factor in zip(facts, frames.gain, strict=True)])
         dim = self._ambient[2]
@@ -77,8 +81,15 @@ class FramesSoFar:
                 told += str(error).splitlines()
         told += doubles(frames.names, facts, light)
         told += blown_warnings(frames.names, facts)
+        return told
+
+    @staticmethod
+    def late_warnings(frames: Frames, flash: list[Shot]) -> list[str]:
+        """Return what takes seconds to find: a lost focus and a movement, by tiles of the newest frames."""
         last = slice(-LOOKED_BACK, None)
-        return told + movement_warnings(frames.only(last), facts[last])
+        recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
+        moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
+        return [*focus_warnings(recent, facts), *moved]
 
 
 class Told:

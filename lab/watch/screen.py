@@ -47,13 +47,16 @@ class Screen:
         """Show what happened."""
         say(f"  {text}")
 
-    def refresh(self) -> None:
-        """Show what is known by now."""
+    def refresh(self, seconds: float = 0.0) -> None:
+        """Show what is known by now; `seconds`: what it took to find out."""
         write_status(self.out, self.shoot, self.warnings, self.wanted_deg)
-        text = "\n".join(f"  {line}" for line in state_of(self.shoot, self.wanted_deg))
+        lines = state_of(self.shoot, self.wanted_deg)
+        if self.shoot.verdicts and (light := self.shoot.light_of(self.shoot.verdicts[-1])):
+            lines.insert(0, f"{self.shoot.verdicts[-1].name}: flash at {light_text(light)}")
+        text = "\n".join(f"  {line}" for line in lines)
         if text != self._said:
             self._said = text
-            say(text)
+            say(f"{text}\n  ({seconds:.1f} s)")
 
 
 class LiveScreen(Screen):
@@ -79,7 +82,7 @@ class LiveScreen(Screen):
 
         self._live.console.print(Text(text, style="dim"))
 
-    def refresh(self) -> None:
+    def refresh(self, seconds: float = 0.0) -> None:
         write_status(self.out, self.shoot, self.warnings, self.wanted_deg)
         self._draw()
 
@@ -102,17 +105,16 @@ def screen_for(shoot: Shoot, out: Path, wanted_deg: float) -> Iterator[Screen]:
 
 def line_of(verdict: Verdict) -> str:
     """Return a verdict as a line."""
-    return f"{verdict.name}: {verdict.role}, {'; '.join([*_light(verdict), f'{verdict.seconds:.1f} s'])}"
+    warned = f", {len(verdict.warnings)} warning{'s' * (len(verdict.warnings) != 1)}" if verdict.warnings else ""
+    return f"{verdict.name}: {verdict.role}{warned} ({verdict.seconds:.1f} s)"
 
 
-def _light(verdict: Verdict) -> list[str]:
-    light = verdict.light
-    if light is None:
-        return []
-    away = f" {light['distance_mm']:.0f} mm away" if light["distance_mm"] is not None else ""
+def light_text(light: dict[str, Any]) -> str:
+    """Return where a flash stands, in words; `light`: its row of `Lights.facts`."""
+    away = f", {light['distance_mm']:.0f} mm away" if light["distance_mm"] is not None else ""
     sigma = light["direction_sigma_deg"]
-    known = "" if sigma is None else f" to {sigma:.2g} degrees"
-    return [f"flash at {light['zenith_deg']:.0f} degrees from the axis, {light['azimuth_deg']:.0f} around{away}{known}"]
+    known = "" if sigma is None else f" (to {sigma:.2g})"
+    return f"{light['zenith_deg']:.0f} degrees from the axis{known}, {side_of(light['azimuth_deg'])}{away}"
 
 
 def state_of(shoot: Shoot, wanted_deg: float) -> list[str]:
@@ -185,8 +187,8 @@ def _screen(shoot: Shoot, wanted_deg: float) -> Any:
         table.add_column(title, justify="right" if title == "seconds" else "left", no_wrap=title != "flash")
     for verdict in shoot.verdicts[-SHOWN:]:
         style = "red" if verdict.warnings else ""
-        light = (_light(verdict) or [""])[0].removeprefix("flash at ")
-        cells = (verdict.name, verdict.role, light, f"{verdict.seconds:.1f}")
+        light = shoot.light_of(verdict)
+        cells = (verdict.name, verdict.role, light_text(light) if light else "", f"{verdict.seconds:.1f}")
         table.add_row(*(Text(cell, style=style) for cell in cells))
     sides = Table(box=None, show_header=False, padding=(0, 3, 0, 0))
     sides.add_row(Text("\n".join(dome(shoot)), style="cyan"), table)

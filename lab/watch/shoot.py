@@ -1,7 +1,7 @@
 """A shoot under way: each new photograph judged with all before it."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,6 @@ from lab.watch.judge import FramesSoFar, Told
 from lab.watch.lights_so_far import LightsSoFar
 from lab.watch.normals_so_far import Known, NormalsSoFar
 from lab.watch.shots import Shot, Sorted, sort_shots
-from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 
@@ -29,8 +28,6 @@ class Verdict:
         flash, ambient, dark, flat, board, chrome, white, or left out.
     warnings : tuple of str
         What is new with it.
-    light : dict or None
-        Its row of `Lights.facts`, where balls tell it by now.
     seconds : float
         From when it was found whole to here.
     """
@@ -38,7 +35,6 @@ class Verdict:
     name: str
     role: str
     warnings: tuple[str, ...]
-    light: dict[str, Any] | None = None
     seconds: float = 0.0
 
 
@@ -91,7 +87,10 @@ class Shoot:
         self._shots[digest] = replace(shot, path=path, small=replace(shot.small, path=path))
 
     def add(self, shots: Sequence[Shot], start: float) -> list[Verdict]:
-        """Judge new photographs, all at once, and return what is to be said of each; `start`: when they came."""
+        """Say of new photographs, all at once, what is seen at a glance; `start`: when they came.
+
+        Did the flash fire, exposure, clipping, the same light twice, the numbering. `follow` says the rest.
+        """
         self._shots |= {shot.digest: shot for shot in shots}
         self.sorted = sort_shots(self.shots, self.folder)
         flash, ambient = self.sorted.flash, self.sorted.ambient
@@ -99,57 +98,68 @@ class Shoot:
         if flash:
             self._stack, said = self._frames.frames(flash, ambient)
             said += self._frames.warnings(self._stack, flash, ambient)
-            self.lights_so_far.update(self._stack, [shot.exif for shot in flash])
-            said += self.lights_so_far.warnings
-        paths = {shot.path.stem: shot.digest for shot in self.shots}
-        fresh = self._told.new(said, paths)
-        rows = {row["name"]: row for row in self.lights.facts()["frames"]} if self.lights else {}
+        fresh = self._new(said)
         verdicts = []
         for shot in shots:
             name = self._frame_name(shot)
-            own = self._told.new([self.sorted.told[shot.digest]], paths) if shot.digest in self.sorted.told else []
+            own = self._new([self.sorted.told[shot.digest]]) if shot.digest in self.sorted.told else []
             own = [f"{shot.path.stem}: {text}" for text in own]
             mine = [text for text in fresh if name in text]
             fresh = [text for text in fresh if text not in mine]
-            seconds = time.monotonic() - start
-            verdicts.append(Verdict(shot.name, self._role(shot), (*own, *mine), rows.get(name), seconds))
+            verdicts.append(Verdict(shot.name, self._role(shot), (*own, *mine), time.monotonic() - start))
         if fresh and verdicts:
-            last = verdicts[-1]
-            verdicts[-1] = replace(last, warnings=(*last.warnings, *fresh))
+            verdicts[-1] = replace(verdicts[-1], warnings=(*verdicts[-1].warnings, *fresh))
         self.verdicts += verdicts
         return verdicts
 
-    def think(self) -> list[str]:
-        """Do what takes seconds, while no photograph waits: balls, the object, its sigma; return new warnings."""
-        flash = self.sorted.flash
+    def follow(self) -> Iterator[list[str]]:
+        """Say the rest of the photographs so far, part by part: lights, focus and movement, balls; yield new warnings.
+
+        Lights are read from the reduced pictures: `process` reads them from the whole ones, and finer.
+        """
+        flash, lights = self.sorted.flash, self.lights_so_far
         if self._stack is None or not flash:
-            return []
+            return
         exif = [shot.exif for shot in flash]
-        lights = self.lights_so_far
+        small, step = self._small(), flash[0].small.step
+        if not lights.is_due(len(flash)):
+            lights.update(small, exif, step)
+            yield self._new(lights.warnings)
+        yield self._new(self._frames.late_warnings(self._stack, flash))
         if lights.is_due(len(flash)):
-            lights.find_balls(self._stack, exif)
+            lights.find_balls(small, exif, step)
             said = list(lights.warnings)
-            lights.update(self._stack, exif)
-            return self._told.new([*said, *lights.warnings], [shot.path.stem for shot in self.shots])
-        return []
+            lights.update(small, exif, step)
+            yield self._new([*said, *lights.warnings])
 
     def look_at_object(self) -> None:
         """Bring what is known of the normals up to date; seconds where the object is looked for anew."""
-        found, flash = self.lights_so_far.found, self.sorted.flash
-        if found is None or found.camera is None or self._stack is None:
+        found = self.lights_so_far.found
+        if not self.sorted.flash or found is None or found.camera is None or self._stack is None:
             return
-        chosen = [shot for shot, name in zip(flash, self._stack.names, strict=True) if name in set(found.lights.names)]
-        small = frames_of([shot.small for shot in chosen], [shot.small for shot in self.sorted.ambient])
-        small = replace(small, names=found.lights.names)
-        step = chosen[0].small.step
-        camera = _reduced(found.camera, small, step)
-        balls = [
-            replace(one, center_px=(one.center_px + 0.5) / step - 0.5, radius_px=one.radius_px / step)
-            for one in found.spheres
-        ]
+        named = set(found.lights.names)
+        places = [i for i, name in enumerate(self._stack.names) if name in named]
+        small = self._small()
+        small = replace(small, names=found.lights.names, codes=small.codes[places], gain=small.gain[places])
         if self._normals.is_due(len(small)):
-            self._normals.find_object(small, camera, balls)
-        self.known = self._normals.update(small, camera, found.lights)
+            self._normals.find_object(small, found.camera, found.spheres)
+        self.known = self._normals.update(small, found.camera, found.lights)
+
+    def light_of(self, verdict: Verdict) -> dict[str, Any] | None:
+        """Return the row of `Lights.facts` of a photograph; None where its light is not known."""
+        shot = next((one for one in self.sorted.flash if one.name == verdict.name), None)
+        if shot is None or self.lights is None:
+            return None
+        name = self._frame_name(shot)
+        return next((row for row in self.lights.facts()["frames"] if row["name"] == name), None)
+
+    def _new(self, texts: list[str]) -> list[str]:
+        return self._told.new(texts, [shot.path.stem for shot in self.shots])
+
+    def _small(self) -> Frames:
+        assert self._stack is not None
+        small = frames_of([shot.small for shot in self.sorted.flash], [shot.small for shot in self.sorted.ambient])
+        return replace(small, names=self._stack.names, gain=self._stack.gain)
 
     def _frame_name(self, shot: Shot) -> str:
         places = [one.digest for one in self.sorted.flash]
@@ -160,7 +170,3 @@ class Shoot:
     def _role(self, shot: Shot) -> str:
         some = {"flash": self.sorted.flash, "ambient": self.sorted.ambient, **self.sorted.others}
         return next((role for role, shots in some.items() if shot in shots), "left out")
-
-
-def _reduced(camera: Camera, small: Frames, step: int) -> Camera:
-    return camera.scaled(small.width, small.height, 1 / step, 1 / step)

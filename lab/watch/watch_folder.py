@@ -21,9 +21,6 @@ from lab.watch.shoot import Shoot
 from lab.watch.take import Taken, Taking
 from scene.output_folder import open_record
 
-QUIET_S = 0.3
-"""Seconds without a new photograph after which there is time to think."""
-
 
 def watch_folder(
     folder: Path,
@@ -109,7 +106,7 @@ def _loop(
     until_idle_s: float | None,
 ) -> None:
     clock = hot.clock
-    last, thought, was_there = clock(), -1, True
+    last, judged, was_there = clock(), -1, True
     while True:
         files = hot.whole()
         if hot.is_there != was_there:
@@ -120,15 +117,19 @@ def _loop(
             tell(taking.take(files), now)
             last = clock()
             continue
-        if thought != len(shoot.verdicts) and now - last > QUIET_S:
-            for text in shoot.think():
-                screen.warn(text)
-                alarm.warn(text)
-            # What was found out may have taken long: a photograph that came meanwhile goes first.
-            if not hot.whole():
+        if judged != len(shoot.verdicts):
+            judged = len(shoot.verdicts)
+            for warnings in shoot.follow():
+                for text in warnings:
+                    screen.warn(text)
+                    alarm.warn(text)
+                # A photograph that came meanwhile goes first.
+                if hot.whole():
+                    judged = -1
+                    break
+            else:
                 shoot.look_at_object()
-                thought = len(shoot.verdicts)
-            screen.refresh()
+            screen.refresh(clock() - now)
             continue
         if until_idle_s is not None and now - last > until_idle_s and not hot.is_waiting:
             return
