@@ -32,7 +32,7 @@ class Screen:
     def __init__(self, shoot: Shoot, out: Path, wanted_deg: float) -> None:
         self.shoot, self.out, self.wanted_deg = shoot, out, wanted_deg
         self.warnings: list[str] = []
-        self._said = ""
+        self._said: list[str] = []
 
     def verdict(self, verdict: Verdict) -> None:
         """Show what is said of a photograph."""
@@ -52,11 +52,12 @@ class Screen:
         write_status(self.out, self.shoot, self.warnings, self.wanted_deg)
         lines = state_of(self.shoot, self.wanted_deg)
         if self.shoot.verdicts and (light := self.shoot.light_of(self.shoot.verdicts[-1])):
-            lines.insert(0, f"{self.shoot.verdicts[-1].name}: flash at {light_text(light)}")
-        text = "\n".join(f"  {line}" for line in lines)
-        if text != self._said:
-            self._said = text
-            say(f"{text}\n  ({seconds:.1f} s)")
+            lines.insert(1, f"{self.shoot.verdicts[-1].name}: flash at {light_text(light)}")
+        # What is as it was need not be said again.
+        fresh = [line for line in lines if line not in self._said]
+        self._said = lines
+        if fresh:
+            say("\n".join(f"  {line}" for line in fresh) + (f" ({seconds:.1f} s)" if seconds >= 0.1 else ""))
 
 
 class LiveScreen(Screen):

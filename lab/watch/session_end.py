@@ -29,9 +29,7 @@ def check_folder(folder: Path, record: Record | None = None) -> None:
     """
     if not folder.is_dir():
         lacks = "is no folder" if folder.exists() else "there is no such folder"
-        raise SessionError(
-            f"{folder}: {lacks}. Make the folder that the camera's program is to write into, or mount it."
-        )
+        raise SessionError(f"{folder}: {lacks}. Give the folder that the camera's program writes into.")
     if (folder / FILENAMES).is_file():
         raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
     manifest = folder / MANIFEST
