@@ -30,7 +30,8 @@ class Alarm:
     """
 
     def __init__(self, command: str | None = None, *, bell: bool = True) -> None:
-        self._bell = bell and sys.stderr.isatty()
+        # The terminal itself: a screen that is drawn anew takes the place of standard error.
+        self._terminal = sys.stderr if bell and sys.stderr.isatty() else None
         self._words: list[str] = []
         if command is not None:
             try:
@@ -54,8 +55,8 @@ class Alarm:
 
     def warn(self, text: str) -> None:
         """Ring, and hand the warning to the command."""
-        if self._bell:
-            print("\a", end="", file=sys.stderr, flush=True)
+        if self._terminal is not None:
+            print("\a", end="", file=self._terminal, flush=True)
         # A word that begins with a dash would be an option.
         self._waiting.put(f"rgbn: {text}")
 

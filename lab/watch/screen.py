@@ -184,13 +184,23 @@ def _screen(shoot: Shoot, wanted_deg: float) -> Any:
     from rich.text import Text
 
     table = Table(box=None, expand=False, padding=(0, 2, 0, 0))
-    for title in ("photograph", "role", "flash", "seconds"):
-        table.add_column(title, justify="right" if title == "seconds" else "left", no_wrap=title != "flash")
+    for title in ("photograph", "role", "from axis", "side", "mm away", "sigma", "seconds"):
+        table.add_column(title, justify="left" if title in ("photograph", "role", "side") else "right", no_wrap=True)
     for verdict in shoot.verdicts[-SHOWN:]:
-        style = "red" if verdict.warnings else ""
         light = shoot.light_of(verdict)
-        cells = (verdict.name, verdict.role, light_text(light) if light else "", f"{verdict.seconds:.1f}")
-        table.add_row(*(Text(cell, style=style) for cell in cells))
+        cells = (verdict.name, verdict.role, *(_cells(light) if light else [""] * 4), f"{verdict.seconds:.1f}")
+        table.add_row(*(Text(cell, style="red" if verdict.warnings else "") for cell in cells))
     sides = Table(box=None, show_header=False, padding=(0, 3, 0, 0))
     sides.add_row(Text("\n".join(dome(shoot)), style="cyan"), table)
     return Group(sides, Text("\n".join(state_of(shoot, wanted_deg)), style="bold"))
+
+
+def _cells(light: dict[str, Any]) -> list[str]:
+    """Return where a flash stands, for a table."""
+    away, sigma = light["distance_mm"], light["direction_sigma_deg"]
+    return [
+        f"{light['zenith_deg']:.0f}°",
+        side_of(light["azimuth_deg"]),
+        "" if away is None else f"{away:.0f}",
+        "" if sigma is None else f"{sigma:.2g}°",
+    ]

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -122,10 +123,12 @@ class Shoot:
             return
         exif = [shot.exif for shot in flash]
         small, step = self._small(), flash[0].small.step
-        if not lights.is_due(len(flash)):
-            lights.update(small, exif, step)
-            yield self._new(lights.warnings)
-        yield self._new(self._frames.late_warnings(self._stack, flash))
+        with ThreadPoolExecutor(1) as beside:
+            late = beside.submit(self._frames.late_warnings, self._stack, flash)
+            if not lights.is_due(len(flash)):
+                lights.update(small, exif, step)
+                yield self._new(lights.warnings)
+            yield self._new(late.result())
         if lights.is_due(len(flash)):
             lights.find_balls(small, exif, step)
             said = list(lights.warnings)
