@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from calibrate.calibration import Aim, Calibration, Notes
 from calibrate.detection.balls import Ball, NoProbeError, find_balls
 from calibrate.detection.coarse import Progress
+from calibrate.detection.detect import Rejected
 from calibrate.flags import flag_warnings
 from calibrate.known_lights.with_known import EQUALLY_BRIGHT, with_known_lights
 from calibrate.lights.directions import unknown_view_deg
@@ -78,7 +79,20 @@ def calibrate(
     """
     if known_lights is not None:
         return with_known_lights(frames, camera, requests, known_lights, progress=progress)
-    balls, rejected, warnings = find_balls(frames, camera, requests, progress=progress)
+    return lights_of_balls(frames, camera, *find_balls(frames, camera, requests, progress=progress))
+
+
+def lights_of_balls(
+    frames: Frames,
+    camera: Camera,
+    balls: Sequence[Ball],
+    rejected: tuple[Rejected, ...] = (),
+    warnings: Sequence[str] = (),
+) -> Calibration:
+    """Return what balls that were found say of every frame's light; see `calibrate`.
+
+    Only what lies around the balls is read of the frames.
+    """
     notes = Notes(warnings=list(warnings), flags=[[] for _ in frames.names])
     spheres = _placed([ball.sphere for ball in balls], notes)
     reference = _reference(camera, spheres)
@@ -119,7 +133,7 @@ def calibrate(
 def _aim_from_chrome(
     frames: Frames,
     camera: Camera,
-    balls: list[Ball],
+    balls: Sequence[Ball],
     spheres: list[Sphere],
     shading: Shading,
     reference: Array,

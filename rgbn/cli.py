@@ -17,6 +17,7 @@ from rgbn.exit_codes import end_by
 from rgbn.init_command import init
 from rgbn.light_export import FORMATS
 from rgbn.plan_command import plan
+from rgbn.watch_command import watch
 from studio.studio_command import studio
 
 app = App(
@@ -241,6 +242,7 @@ def export(
 
 app.command(init, sort_key=0)
 app.command(plan, sort_key=0)
+app.command(watch, sort_key=0)
 app.command(sweep, sort_key=10)
 app.command(studio, sort_key=12)
 app.command(dataset)

@@ -1,5 +1,6 @@
 """`rgbn init` as the command line has it."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,8 +10,72 @@ from scene.errors import SceneError
 from scene.length_units import Unit
 
 if TYPE_CHECKING:
+    from lab.init.answers import Answers
     from lab.init.draft import Draft
     from scene.spheres import Kind
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class Told:
+    """What no photograph tells of a capture, as the command line says it; each field's help says what it is."""
+
+    chrome: Annotated[
+        tuple[str, ...],
+        Parameter(
+            help="Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first.",
+            negative="",
+        ),
+    ] = ()
+    white: Annotated[tuple[str, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = ()
+    unit: Annotated[
+        Unit | None,
+        Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
+    ] = None
+    focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None
+    sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm: 36 for full frame.")] = None
+    pixel_um: Annotated[float | None, Parameter(help="Instead: distance from pixel to pixel, micrometres.")] = None
+    crop_factor: Annotated[float | None, Parameter(help="Instead: 1.5 or 1.6 for APS-C, 2 for four thirds.")] = None
+    distance_mm: Annotated[
+        float | None, Parameter(help="From the camera to the balls, by a tape: it tells the focal length.")
+    ] = None
+    linear: Annotated[
+        bool | None, Parameter(help="Whether values of 8-bit files are proportional to light. Default: asked.")
+    ] = None
+
+    def answers(self) -> "Answers":
+        """Return it as `lab.init` takes it.
+
+        Raises
+        ------
+        SceneError
+            A length that is none, or two options that tell the same.
+        """
+        from capture.session.session_types import Lens
+        from lab.init.answers import Answers, lengths_of
+
+        said = {key: getattr(self, key) for key in ("focal_mm", "sensor_mm", "pixel_um", "crop_factor")}
+        sensors = [
+            f"--{key.replace('_', '-')}" for key in ("sensor_mm", "pixel_um", "crop_factor") if said[key] is not None
+        ]
+        for key, value in {**said, "distance_mm": self.distance_mm}.items():
+            if value is not None and not 0 < value < 1e5:
+                raise SceneError(f"--{key.replace('_', '-')} {value:g}: expected a length above 0.")
+        if len(sensors) > 1:
+            raise SceneError(f"{', '.join(sensors)}: each tells the size of the sensor. Give one of them.")
+        if self.distance_mm is not None and self.focal_mm is not None:
+            raise SceneError("--focal-mm, --distance-mm: each tells the focal length. Give one of them.")
+        words: dict[Kind, tuple[str, ...]] = {"chrome": self.chrome, "white": self.white}
+        diameters: dict[Kind, tuple[float, ...]] = {}
+        for kind, some in words.items():
+            try:
+                diameters |= {kind: lengths_of(" ".join(some))} if some else {}
+            except ValueError as error:
+                raise SceneError(f"--{kind} {error}.") from None
+        return Answers(diameters, self.unit, Lens(**said), self.distance_mm, self.linear)
+
+
+TOLD = Told()
 
 
 def init(
@@ -20,59 +85,12 @@ def init(
     yes: Annotated[
         bool, Parameter(name=["--yes", "-y"], help="Ask nothing: what is not known is assumed, and said.", negative="")
     ] = False,
-    chrome: Annotated[
-        tuple[str, ...],
-        Parameter(
-            help="Diameter of the chrome balls, mm: one for all, or one for each, largest in the picture first.",
-            negative="",
-        ),
-    ] = (),
-    white: Annotated[tuple[str, ...], Parameter(help="Diameter of the white balls, mm.", negative="")] = (),
-    unit: Annotated[
-        Unit | None,
-        Parameter(help="Unit of the scan. Default: told by the object's size in the picture."),
-    ] = None,
-    focal_mm: Annotated[float | None, Parameter(help="Focal length engraved on the lens, mm. Default: EXIF's.")] = None,
-    sensor_mm: Annotated[float | None, Parameter(help="Width of the sensor, mm: 36 for full frame.")] = None,
-    pixel_um: Annotated[float | None, Parameter(help="Instead: distance from pixel to pixel, micrometres.")] = None,
-    crop_factor: Annotated[float | None, Parameter(help="Instead: 1.5 or 1.6 for APS-C, 2 for four thirds.")] = None,
-    distance_mm: Annotated[
-        float | None, Parameter(help="From the camera to the balls, by a tape: it tells the focal length.")
-    ] = None,
-    linear: Annotated[
-        bool | None, Parameter(help="Whether values of 8-bit files are proportional to light. Default: asked.")
-    ] = None,
+    told: Told = TOLD,
 ) -> None:
     """Look at a folder of photographs, show what it holds, ask what no file tells, and write its session.toml."""
-    from capture.session.session_types import Lens
-    from lab.init.answers import Answers, lengths_of
     from lab.init.init_session import init_sessions
 
-    said = {"focal_mm": focal_mm, "sensor_mm": sensor_mm, "pixel_um": pixel_um, "crop_factor": crop_factor}
-    sensors = [
-        f"--{key.replace('_', '-')}" for key in ("sensor_mm", "pixel_um", "crop_factor") if said[key] is not None
-    ]
-    for key, value in {**said, "distance_mm": distance_mm}.items():
-        if value is not None and not 0 < value < 1e5:
-            raise SceneError(f"--{key.replace('_', '-')} {value:g}: expected a length above 0.")
-    if len(sensors) > 1:
-        raise SceneError(f"{', '.join(sensors)}: each tells the size of the sensor. Give one of them.")
-    if distance_mm is not None and focal_mm is not None:
-        raise SceneError("--focal-mm, --distance-mm: each tells the focal length. Give one of them.")
-    words: dict[Kind, tuple[str, ...]] = {"chrome": chrome, "white": white}
-    diameters: dict[Kind, tuple[float, ...]] = {}
-    for kind, some in words.items():
-        try:
-            diameters |= {kind: lengths_of(" ".join(some))} if some else {}
-        except ValueError as error:
-            raise SceneError(f"--{kind} {error}.") from None
-    answers = Answers(
-        diameters,
-        unit,
-        Lens(focal_mm=focal_mm, sensor_mm=sensor_mm, pixel_um=pixel_um, crop_factor=crop_factor),
-        distance_mm,
-        linear,
-    )
+    answers = told.answers()
     made, _ = init_sessions(folder, answers, silent=yes, shown=_show)
     for one in made:
         print(f"written  {one.manifest}")

@@ -43,13 +43,13 @@ def audit(
     ambient = None if frames.ambient is None else reduced(frames.ambient)
     if ambient is not None:
         light = light - ambient
-    moved = _moved(frames, facts)
+    moved = movement_warnings(frames, facts)
     return (
         *mixed_settings(session, exif, ambient_exif),
         *gaps_in_numbering(session),
         *misfires(frames.names, light, ambient),
         *doubles(frames.names, facts, light),
-        *_blown(frames.names, facts),
+        *blown_warnings(frames.names, facts),
         *moved,
         *encoding_warnings(session, frames),
         *compression_warnings(session),
@@ -58,7 +58,8 @@ def audit(
     )
 
 
-def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
+def blown_warnings(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
+    """Name frames of which a large part is clipped."""
     share = np.array([fact.blown_share for fact in facts])
     blown = [names[i] for i in np.flatnonzero(share > BLOWN)]
     if not blown:
@@ -70,7 +71,8 @@ def _blown(names: tuple[str, ...], facts: list[FrameFacts]) -> list[str]:
     ]
 
 
-def _moved(frames: Frames, facts: list[FrameFacts]) -> list[str]:
+def movement_warnings(frames: Frames, facts: list[FrameFacts]) -> list[str]:
+    """Name frames that lie beside the others, or the frame from which on all do."""
     found = movement(frames, facts)
     if found.step is not None:
         here, (right, down) = found.step.first, found.step.shift_px

@@ -16,6 +16,7 @@ from capture.audit.frame_facts import FrameFacts, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
 from capture.photographs.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
+from capture.photographs.kept import Kept, kept_folder
 from capture.photographs.photograph import SATURATION
 from capture.session.session_types import Session
 from scene.camera import Camera
@@ -82,7 +83,8 @@ def decode(
     steps = _Steps(progress, len(session.flash) + len(session.ambient) + len(session.dark) + len(session.flat))
     scratch = {key: store.path("frames", f".{key}.npy.{os.getpid()}.tmp") for key in ("dark", "flat")}
     try:
-        recipe = Recipe(session.encoding, session.half, session.flash[0])
+        kept = Kept(kept_folder(store.folder), session.encoding, session.half)
+        recipe = Recipe(session.encoding, session.half, session.flash[0], kept=kept if kept.folder.is_dir() else None)
         first = read_photograph(session.flash[0], recipe)
         height, width, _ = first.codes.shape
         if isinstance(session.camera, Camera):
@@ -120,6 +122,8 @@ def decode(
             del frames, codes
         saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
+        # Now they are in the store.
+        kept.clear()
     finally:
         for path in scratch.values():
             remove(path)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts, facts_of, reduced
 from capture.photographs.images import FLOAT16_MAX, read_image
+from capture.photographs.kept import Kept
 from capture.photographs.photograph import SATURATION, Photograph
 from capture.photographs.raw import read_raw
 from capture.session.globs import kind_of
@@ -36,6 +37,8 @@ class Recipe:
         (H, W, 3) float32 .npy: subtracted; divided by.
     saturation : float
         Linear value from which a sample is clipped, where the sensor is known to end below the files' white.
+    kept : Kept or None
+        Photographs that were decoded before.
     """
 
     encoding: Encoding
@@ -47,6 +50,7 @@ class Recipe:
     dark: Path | None = None
     flat: Path | None = None
     saturation: float = SATURATION
+    kept: Kept | None = None
 
     @property
     def is_corrected(self) -> bool:
@@ -66,7 +70,10 @@ class Job:
 
 def read_photograph(file: Path, recipe: Recipe) -> Photograph:
     """Read one file, uncorrected; CaptureError if unreadable, or of another size or kind than `recipe.like`."""
-    if kind_of(file) == "raw":
+    known = recipe.kept.load_file(file, sensor_range=recipe.sensor_range) if recipe.kept else None
+    if known is not None:
+        photograph = known
+    elif kind_of(file) == "raw":
         photograph = read_raw(file, sensor_range=recipe.sensor_range, half=recipe.half)
     else:
         photograph = read_image(file, recipe.encoding, half=recipe.half)

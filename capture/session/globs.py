@@ -5,7 +5,7 @@ import glob
 import os
 import re
 from collections import Counter
-from pathlib import Path
+from pathlib import Path, PurePath
 
 RAW_SUFFIXES = (
     *(".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".raf", ".orf", ".rw2", ".rwl"),
@@ -19,13 +19,13 @@ MOST_FOLDERS = 10_000
 """That `**` may lead through."""
 
 
-def kind_of(path: Path) -> str | None:
+def kind_of(path: PurePath) -> str | None:
     """Return "raw", "image" or "exr" by the file's suffix; None if no reader knows it."""
     kinds = {"raw": RAW_SUFFIXES, "image": IMAGE_SUFFIXES, "exr": (".exr",)}
     return next((kind for kind, suffixes in kinds.items() if path.suffix.lower() in suffixes), None)
 
 
-def natural_key(path: Path) -> tuple:
+def natural_key(path: PurePath) -> tuple:
     """Return the sort key that puts flash_9 before flash_10."""
     parts = re.split(r"(\d+)", str(path))
     return tuple((int(part), "") if i % 2 else (-1, part.lower()) for i, part in enumerate(parts)), str(path)

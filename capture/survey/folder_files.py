@@ -6,7 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from capture.session.globs import expand, kind_of, natural_key
 from formats.light_files.light_formats import SUFFIXES as LIGHTS_SUFFIXES
@@ -71,9 +71,8 @@ def survey(folder: Path) -> list[FolderFiles]:
     if not folder.is_dir():
         lacks = "is no folder" if folder.exists() else "there is no such folder"
         raise SessionError(f"{folder}: {lacks}. Give the folder that holds the photographs.")
-    files, left_out = _without_doubles(sorted(_files(folder), key=natural_key), folder)
-    whole = FolderFiles(folder, left_out=left_out)
-    _sort(files, whole)
+    files = list(files_below(folder))
+    whole = sorted_files(files, folder)
     flash = whole.photographs.get("flash", [])
     if len(flash) < FEWEST:
         raise SessionError(
@@ -81,6 +80,33 @@ def survey(folder: Path) -> list[FolderFiles]:
             f"photometric stereo needs {FEWEST} or more, RAW or 16-bit. Give the folder that holds them, or one above."
         )
     return _by_object(whole, flash)
+
+
+def sorted_files(files: Iterable[Path], folder: Path) -> FolderFiles:
+    """Return files of one folder by what their names say of them, of each photograph the file that holds most."""
+    kept, left_out = _without_doubles(sorted(files, key=natural_key), folder)
+    whole = FolderFiles(folder, left_out=left_out)
+    _sort(kept, whole)
+    return whole
+
+
+def files_below(folder: Path) -> Iterator[Path]:
+    """Yield the files of a folder and of all below it; hidden ones are left out.
+
+    Raises
+    ------
+    SessionError
+        There are more than a capture has.
+    """
+    count = 0
+    for place, names, files in os.walk(folder):
+        names[:] = sorted(name for name in names if not name.startswith((".", "__")))
+        for name in files:
+            count += 1
+            if count > MOST:
+                raise SessionError(f"{folder}: holds more than {MOST} files. Give the folder of one capture.")
+            if not name.startswith("."):
+                yield Path(place, name)
 
 
 def pattern_of(files: list[Path], folder: Path) -> str | list[str]:
@@ -110,24 +136,12 @@ def _escaped(name: str) -> str:
     return re.sub(r"([*?\[])", r"[\1]", name)
 
 
-def _files(folder: Path) -> Iterator[Path]:
-    count = 0
-    for place, names, files in os.walk(folder):
-        names[:] = sorted(name for name in names if not name.startswith((".", "__")))
-        for name in files:
-            count += 1
-            if count > MOST:
-                raise SessionError(f"{folder}: holds more than {MOST} files. Give the folder of one capture.")
-            if not name.startswith("."):
-                yield Path(place, name)
-
-
 def _without_doubles(files: list[Path], folder: Path) -> tuple[list[Path], list[str]]:
     """Leave out a photograph that another of the same name shows better: a JPEG beside its RAW file."""
     kept: dict[Path, Path] = {}
     doubles: list[Path] = []
     others = [path for path in files if kind_of(path) is None]
-    for path in sorted((path for path in files if kind_of(path)), key=_rank):
+    for path in sorted((path for path in files if kind_of(path)), key=rank_of):
         first = kept.setdefault(path.with_suffix(""), path)
         if first != path:
             doubles.append(path)
@@ -146,7 +160,8 @@ def _without_doubles(files: list[Path], folder: Path) -> tuple[list[Path], list[
     return sorted([*kept.values(), *others], key=natural_key), told
 
 
-def _rank(path: Path) -> int:
+def rank_of(path: PurePath) -> int:
+    """Return which of two photographs of one name is kept: that of the lower rank."""
     kinds = (kind_of(path), path.suffix.lower())
     return min((BETTER.index(kind) for kind in kinds if kind in BETTER), default=len(BETTER))
 

@@ -3,13 +3,14 @@
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.photograph import Photograph
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
 from scene.errors import SceneError
@@ -57,6 +58,13 @@ class Small:
         """Mean of the channels, linear, (h, w)."""
         return decode(self.codes).mean(axis=-1)
 
+    @cached_property
+    def boxes(self) -> NDArray[np.float32]:
+        """`light` in boxes: single pixels are noise in the dark."""
+        light = self.light
+        height, width = light.shape[0] // BOX, light.shape[1] // BOX
+        return light[: height * BOX, : width * BOX].reshape(height, BOX, width, BOX).mean((1, 3))
+
 
 def read_small(
     files: Sequence[Path], encoding: Encoding, *, done: Callable[[], None] | None = None
@@ -80,9 +88,13 @@ def _read(path: Path, encoding: Encoding, *, half: bool) -> "Small | str":
         photograph = read_photograph(path, Recipe(encoding, half, path))
     except SceneError as error:
         return str(error)
+    return small_of(path, photograph, full=2 if half else 1)
+
+
+def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
+    """Return a photograph reduced; `full`: pixels of the file in one of its own, along a side."""
     height, width, _ = photograph.codes.shape
     step = max(1, -(-max(height, width) // LONGEST_PX))
-    full = 2 if half else 1
     return Small(path, _reduced(photograph.codes, step), width * full, height * full, step * full, photograph.is_mosaic)
 
 
@@ -112,8 +124,7 @@ def by_light(pictures: list[Small]) -> dict[str, list[Small]]:
     A flash adds light: nowhere is a flash frame darker than the ambient one. An ambient frame is darker than most, and
     no other frame is darker than it anywhere. A dark frame shows nothing at all.
     """
-    # In boxes: single pixels are noise in the dark.
-    light = [_boxes(one.light) for one in pictures]
+    light = [one.boxes for one in pictures]
     mean = np.array([float(one.mean()) for one in light])
     usual = float(np.median(mean))
     unlit = [n for n in np.argsort(mean) if mean[n] < UNLIT * usual]
@@ -124,11 +135,6 @@ def by_light(pictures: list[Small]) -> dict[str, list[Small]]:
     found = {"dark": dark, "ambient": [n for n in unlit if n not in dark]}
     found["flash"] = [n for n in range(len(light)) if n not in unlit]
     return {role: [pictures[n] for n in sorted(places)] for role, places in found.items() if places}
-
-
-def _boxes(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    height, width = light.shape[0] // BOX, light.shape[1] // BOX
-    return light[: height * BOX, : width * BOX].reshape(height, BOX, width, BOX).mean((1, 3))
 
 
 def _is_unlit(own: NDArray, others: list[NDArray], usual: float) -> bool:

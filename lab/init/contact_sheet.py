@@ -27,7 +27,7 @@ def contact_sheet(draft: Draft) -> NDArray[np.uint8]:
     import cv2
 
     frames = draft.small
-    some = frames.some(MOST)
+    some = frames.only(slice(None, None, -(-len(frames) // MOST)))
     linear = some.read()
     mean, *pictures = (Exposure.for_picture(one).develop(one) for one in (linear.mean(axis=0), *linear))
     size = WIDTH, round(WIDTH * frames.height / frames.width)

@@ -12,8 +12,11 @@ from scene.errors import CalibrationError, SceneError
 from scene.spheres import KINDS, Sphere
 
 
-def with_balls(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
-    """Find the balls, in the frames or in photographs of their own, and ask for their diameters."""
+def with_balls(draft: Draft, files: FolderFiles, asking: Asking, found: list[DraftBall] | None = None) -> Draft:
+    """Find the balls, in the frames or in photographs of their own, and ask for their diameters.
+
+    `found`: those in the frames, where they are known.
+    """
     apart, notes = _shot_apart(files, len(draft.photographs["flash"]))
     for path in files.lights if not apart else ():
         fault = _unreadable_lights(path, draft)
@@ -22,17 +25,28 @@ def with_balls(draft: Draft, files: FolderFiles, asking: Asking) -> Draft:
         draft = draft.noting(f"{path.name} is not used: {fault}")
     if apart and files.lights:
         notes.append(f"{files.lights[0].name} is not used: the balls' own photographs tell the lights.")
-    if not apart:
+    if not apart and found is None:
         say("looking for balls ...")
-    draft = replace(draft.noting(*notes), balls=tuple(apart or found_balls(draft)))
+        found = found_balls(draft)
+    return replace(draft.noting(*notes), balls=tuple(with_diameters(apart or found or [], asking)))
+
+
+def with_diameters(balls: list[DraftBall], asking: Asking) -> list[DraftBall]:
+    """Return balls, of each kind the largest first, with the diameters that are known or asked for.
+
+    Raises
+    ------
+    SessionError
+        Diameters were given, neither one for all balls of a kind nor one for each.
+    """
     known: list[DraftBall] = []
     for kind in KINDS:
-        own = [ball for ball in draft.balls if ball.kind == kind]
+        own = [ball for ball in balls if ball.kind == kind]
         if not own:
             continue
         given = asking.diameters(kind, [ball.center_px for ball in own if ball.radius_px], len(own))
         known += [replace(ball, diameter_mm=mm) for ball, mm in zip(own, given or (None,) * len(own), strict=True)]
-    return replace(draft, balls=tuple(known))
+    return known
 
 
 def _unreadable_lights(path: Path, draft: Draft) -> str:
@@ -55,8 +69,13 @@ def found_balls(draft: Draft) -> list[DraftBall]:
         found, _, _ = find_balls(draft.small, draft.small_camera, [])
     except CalibrationError:
         return []
-    spheres = sorted((one.sphere for one in found), key=lambda sphere: (sphere.kind, -sphere.radius_px))
-    return [DraftBall(one.kind, *_full_size(one, draft.step)) for one in spheres]
+    return drafted([one.sphere for one in found], draft.step)
+
+
+def drafted(spheres: list[Sphere], step: int = 1) -> list[DraftBall]:
+    """Return balls that were found in frames of which a pixel is `step` of the photographs' wide, the largest first."""
+    ordered = sorted(spheres, key=lambda sphere: (sphere.kind, -sphere.radius_px))
+    return [DraftBall(one.kind, *_full_size(one, step)) for one in ordered]
 
 
 def _full_size(sphere: Sphere, step: int) -> tuple[tuple[float, float], float]:

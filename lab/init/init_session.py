@@ -88,10 +88,10 @@ def draft_of(files: FolderFiles, asking: Asking) -> Draft:
         return prepare(files, asking, progress)
 
 
-def write_session(draft: Draft) -> Made:
+def write_session(draft: Draft, out: Path | None = None) -> Made:
     """Write session.toml into the folder, and the contact sheet into its output folder."""
     manifest = draft.folder / MANIFEST
-    out = default_out(draft.folder, draft.name)
+    out = out or default_out(draft.folder, draft.name)
     with open_record(out, input_folders=[draft.folder]) as record:
         record.forget([PART])
         with record.part_of(PART):

@@ -14,7 +14,7 @@ from capture.survey.board_layout import find_board
 from capture.survey.folder_files import FEWEST, FolderFiles
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, read_small
 from lab.init.answers import Asking
-from lab.init.draft import Draft
+from lab.init.draft import Draft, DraftBall
 from lab.init.draft_balls import with_balls
 from lab.init.scan_unit import object_across_px, read_scan
 from scene.errors import SceneError, SessionError
@@ -32,11 +32,18 @@ def prepare(files: FolderFiles, asking: Asking, progress: Progress | None = None
     SessionError
         Too few photographs can be read or are of one size; answers do not fit what was found.
     """
-    draft = _look(files, asking, progress)
+    return completed(_look(files, asking, progress), files, asking)
+
+
+def completed(draft: Draft, files: FolderFiles, asking: Asking, balls: list[DraftBall] | None = None) -> Draft:
+    """Return a draft whose photographs have their roles with all else: camera, balls, mask, scan; see `prepare`.
+
+    `balls`: as they were found already; None: they are looked for.
+    """
     lens = asking.answers.lens
     if draft.board is not None or lens != Lens() or not asking.answers.distance_mm:
         draft = with_camera(draft, lens)
-    draft = with_balls(draft, files, asking)
+    draft = with_balls(draft, files, asking, balls)
     draft = _given(draft, files, asking)
     return _by_distance(draft, asking)
 
@@ -44,7 +51,7 @@ def prepare(files: FolderFiles, asking: Asking, progress: Progress | None = None
 def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> Draft:
     """Decode small; give the photographs whose names tell nothing their roles."""
     flash, notes = files.photographs["flash"], list(files.left_out)
-    linear, encoding = _encoding(flash[0], asking)
+    linear, encoding = encoding_of(flash[0], asking)
     boards, dims = files.photographs.get("board", []), files.photographs.get("ambient", [])
     every, count = [*flash, *dims, *boards], 0
 
@@ -96,7 +103,7 @@ def _look(files: FolderFiles, asking: Asking, progress: Progress | None) -> Draf
     )  # fmt: skip
 
 
-def _encoding(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
+def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
     """Return what session.toml is to say of the values' coding, None for nothing, and the coding."""
     if kind_of(first) != "image":
         return None, "linear"

@@ -188,6 +188,15 @@ def test_names_that_are_no_globs(tmp_path, draft):
     assert session.name == folder.name
 
 
+@pytest.mark.parametrize("count", [3, 12, 13, 17, 18, 40])
+def test_the_sheet_is_as_wide_for_any_number_of_frames(draft, count):
+    """Of 13 to 17 all were shown, more than a row of the sheet holds, and `init` ended with an error of ours."""
+    small = draft.small
+    names, codes = tuple(f"f{i}" for i in range(count)), np.repeat(small.codes[:1], count, axis=0)
+    many = replace(draft, small=replace(small, names=names, codes=codes, gain=np.ones(count)))
+    assert contact_sheet(many).shape[1] == contact_sheet(draft).shape[1]
+
+
 def test_the_sheet_shows_every_ball_where_it_is(draft):
     """Each circle's colour stands on its outline, and nowhere without the ball."""
     sheet, without = (contact_sheet(replace(draft, balls=balls)).astype(int) for balls in (draft.balls, ()))
