@@ -85,12 +85,13 @@ def _show(facts: dict[str, Any]) -> None:
             "lights",
             f"directions to {lights['direction_sigma_deg']:.2g}°, positions to {lights['position_sigma_mm']:.2g} mm",
         ),
-        ("written", str(folder / "plan.html")),
-        ("", str(folder / "plan.json")),
     ]
     console = Console()
     for part in (flashes, balls, fact_table("", rows)):
         console.print(part)
+    for name in ("plan.html", "plan.json"):
+        # As they are, to be copied: a long path is not wrapped.
+        print(f"written  {folder / name}")
     console.print(answer_of(facts))
     for text in facts["warnings"]:
         console.print(f"warning: {text}", style="yellow")
