@@ -35,6 +35,7 @@ from studio.review.photograph_view import PhotographView
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
 from studio.review.scan_panel import ScanPanel
+from studio.review.shoot_panel import ShootPanel
 from studio.review.solve_panel import SolvePanel
 from studio.review.spatial_view import SpatialView
 from studio.review.twin_panel import TwinPanel
@@ -160,7 +161,8 @@ class Studio:
         tabs = TabbedPanels(window, SESSION_TABS, "Steps", lambda: marks_of(window))
         # The tabs say what stands beside the photograph; what tells of files comes after what is looked at.
         warnings, run = WarningsPanel(window), RunPanel(window)
-        window.panels += [tabs, PhotographView(window), SpatialView(window), warnings, run]
+        shoot = ShootPanel(window)
+        window.panels += [tabs, PhotographView(window), SpatialView(window), shoot, warnings, run]
         window.open_tab(window.tab)
 
     def _new_desk(self) -> Desk:
