@@ -33,6 +33,7 @@ from studio.review.result_panels import SolvePanel, TwinPanel, VerdictPanel
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
 from studio.review.scan_panel import ScanPanel
+from studio.review.shoot_panel import ShootPanel
 from studio.review.spatial_view import SpatialView
 from studio.tabs import Header, TabbedPanels
 from studio.workspace import Workspace
@@ -155,7 +156,8 @@ class Studio:
         tabs = TabbedPanels(window, SESSION_TABS, "Steps", lambda: marks_of(window))
         # The tabs say what stands beside the photograph; what tells of files comes after what is looked at.
         warnings, run = WarningsPanel(window), RunPanel(window)
-        window.panels += [tabs, PhotographView(window), SpatialView(window), warnings, run]
+        shoot = ShootPanel(window)
+        window.panels += [tabs, PhotographView(window), SpatialView(window), shoot, warnings, run]
         window.open_tab(window.tab)
 
     def _new_desk(self) -> Desk:

@@ -15,14 +15,14 @@ WORK = "watch"
 """Of the record: what a watch writes beside its session."""
 
 
-def write_status(out: Path, shoot: Shoot, warnings: list[str], wanted_deg: float) -> None:
+def write_status(out: Path, shoot: Shoot, warnings: list[str], wanted_deg: float, *, is_over: bool = False) -> None:
     """Write watch.json, and watch-sigma.png where the normals are known."""
     record = record_for(out / STATUS)
     assert record is not None
     with record.part_of(WORK):
         if shoot.known is not None:
             write_png(out / MAP, sigma_picture(shoot.known.sigma_deg, wanted_deg))
-        write_json(out / STATUS, status_of(shoot, warnings, wanted_deg))
+        write_json(out / STATUS, {"is_over": is_over, **status_of(shoot, warnings, wanted_deg)})
 
 
 def status_of(shoot: Shoot, warnings: list[str], wanted_deg: float) -> dict[str, Any]:

@@ -14,10 +14,12 @@ from lab.init.init_session import write_session
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
+from lab.session_place import note_session
 from lab.watch.alarm import Alarm
 from lab.watch.screen import Screen, screen_for
 from lab.watch.session_end import check_folder, draft_of_shoot, left_out, note_manifest
 from lab.watch.shoot import Shoot
+from lab.watch.status import write_status
 from lab.watch.take import Taken, Taking
 from scene.output_folder import open_record
 
@@ -61,6 +63,8 @@ def watch_folder(
         ledger = Ledger(record.scratch("watch") / "ledger.json")
         check_folder(folder, record)
         shoot = Shoot(folder, asking)
+        # By it the studio knows the folder, before there is a session.
+        note_session(record, folder)
         with (
             HotFolder(folder, ledger.whole, clock=clock) as hot,
             screen_for(shoot, record.folder, wanted_deg) as screen,
@@ -84,6 +88,7 @@ def watch_folder(
                 tell(taking.resume(), clock())
                 _loop(hot, taking, shoot, screen, tell, alarm, until_idle_s)
         say("the shoot is over")
+        write_status(record.folder, shoot, screen.warnings, wanted_deg, is_over=True)
         notes = [*left_out(shoot.sorted, shoot.shots), *taking.unreadable.values()]
         draft = draft_of_shoot(folder, shoot.sorted, asking, shoot.lights_so_far.balls, notes)
     made = write_session(draft, out)
