@@ -23,7 +23,7 @@ def machine(tmp_path, monkeypatch):
     monkeypatch.setattr(variant, "_cache_folder", lambda: tmp_path / "cache")
     monkeypatch.setattr(variant, "_has", lambda name: True)
     monkeypatch.setattr(variant, "graphics_card", lambda: "")
-    monkeypatch.delenv(variant.REFUSED, raising=False)
+    monkeypatch.setenv(variant.ASKED, "yes")
     monkeypatch.setattr(sys, "prefix", str(tmp_path / "nowhere"))
     monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
     asked = []
@@ -116,13 +116,13 @@ def test_a_card_that_renders_otherwise_gives_way_to_llvm_with_a_line(machine, mo
     assert asked == ["cuda_ad_rgb", "libLLVM-19.so"]
 
 
-def test_a_card_that_the_user_refuses_is_not_asked(machine, monkeypatch):
+def test_a_card_that_nobody_asks_for_is_left_alone(machine, monkeypatch):
     _, asked = machine
     monkeypatch.setattr(variant, "graphics_card", lambda: "H100, 550.1")
-    monkeypatch.setenv(variant.REFUSED, "no")
+    monkeypatch.delenv(variant.ASKED)
     name, note = variant.pick_variant()
     assert name == "llvm_ad_rgb"
-    assert "RGBN_GPU=no" in note
+    assert "RGBN_GPU=yes" in note
     assert asked == ["libLLVM-19.so"]
 
 

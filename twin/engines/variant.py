@@ -21,7 +21,7 @@ from scene.files import write_json
 from scene.reading import json_of
 
 GPU, FAST, SLOW = "cuda_ad_rgb", "llvm_ad_rgb", "scalar_rgb"
-REFUSED = "RGBN_GPU"
+ASKED = "RGBN_GPU"
 """Environment variable that keeps the twin off the graphics card, if it is `no`."""
 AGREES = 0.02
 """Of a picture's mean: so far may the variant that is tried differ from the scalar one."""
@@ -106,8 +106,9 @@ def pick_variant() -> tuple[str, str]:
         For the summary: the card or the library used, why a card is not, or what to install for a fast variant.
     """
     card, note = graphics_card(), ""
-    if card and os.environ.get(REFUSED, "").casefold() == "no":
-        note = f"{card} is not used, as {REFUSED}=no asks; "
+    # Not by itself: nobody has rendered a twin on one yet.
+    if card and os.environ.get(ASKED, "").casefold() != "yes":
+        note = f"{card} is not used ({ASKED}=yes asks for it); "
     elif card and _has(GPU):
         if _works(GPU, card):
             return GPU, f"on {card}"
