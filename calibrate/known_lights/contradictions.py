@@ -53,7 +53,7 @@ STRENGTH_ROUNDS, STRENGTHS = 4, (0.1, 10)  # turns in which unknown strengths ar
 def _orders(count: int) -> Iterator[tuple[str, NDArray[np.intp]]]:
     """Yield orders in which a file of lights may be, in words, but for exchanged pairs."""
     here = np.arange(count)
-    yield from ((f"{k} frames later", np.roll(here, k)) for k in range(1, count))
+    yield from ((f"{k} frame{'s' * (k > 1)} later", np.roll(here, k)) for k in range(1, count))
     yield "in reverse order", here[::-1]
 
 

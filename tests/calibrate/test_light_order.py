@@ -42,7 +42,7 @@ def test_the_right_order_is_not_doubted(session):
 @pytest.mark.parametrize(
     ("order", "words"),
     [
-        (np.roll(np.arange(COUNT), -1), "1 frames later"),
+        (np.roll(np.arange(COUNT), -1), "1 frame later"),
         (np.arange(COUNT)[::-1], "in reverse order"),
         ([0, 1, 7, 3, 4, 5, 6, 2, 8, 9], "flash_002 and flash_007 exchanged"),
         ([4, 9, 2, 0, 7, 1, 8, 6, 3, 5], "do not belong to these photographs, or their order is lost"),

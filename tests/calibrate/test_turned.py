@@ -40,7 +40,7 @@ def blurred(rows, degrees, seed=1):
         (lambda d: d[:, [1, 0, 2]] * [1, -1, 1], "turned by 90 degrees to the left"),
         (lambda d: d[:, [1, 0, 2]] * [-1, 1, 1], "turned by 90 degrees to the right"),
         (lambda d: d[::-1], "reverse order"),
-        (lambda d: np.roll(d, -1, 0), "1 frames later"),
+        (lambda d: np.roll(d, -1, 0), "1 frame later"),
         (lambda d: directions(seed=77), "no flip or roll"),
     ],
 )
