@@ -29,10 +29,14 @@ def first_screen(
     tiles = "".join(_tile(*tile) for tile in _numbers(summary, statements, best))
     marked = [s for s in others if s.level in ("care", "bad") and s.topic not in ("Lights", "Ground truth", "Twin")]
     notes = "".join(f"<li>{page.badge(s.level)} {_shortened(s.topic, s.text)}</li>" for s in marked)
-    notes += "".join(f"<li>{_shortened(step, text)}</li>" for step, text in warnings[:MOST_WARNINGS])
+    notes = f"<ul>{notes}</ul>" if notes else ""
     counted = {0: "none", 1: "one"}.get(len(warnings), "many")
     told = page.say("warnings", counted, count=str(len(warnings)))
-    notes = f'<div class="notes"><p>{told}</p><ul>{notes}</ul></div>'
+    # That no step warned is no comfort beside what the verdict marks.
+    if warnings or not notes:
+        listed = "".join(f"<li>{_shortened(step, text)}</li>" for step, text in warnings[:MOST_WARNINGS])
+        notes += f"<p>{told}</p><ul>{listed}</ul>" if listed else f"<p>{told}</p>"
+    notes = f'<div class="notes">{notes}</div>'
     left = f'<div>{head}<ul class="tiles">{tiles}</ul>{notes}</div>'
     body = f'<div class="first">{left}{_picture(material, layers, summary, best)}</div>'
     return page.section("verdict", "What was found", body)
@@ -85,7 +89,9 @@ def _numbers(summary: Summary, statements: list[Statement], best: str | None) ->
     outline = f"outline off by {page.number(off, 2, 'px')}" if page.is_number(off) else "no scan was registered"
     strength = f"intensity ± {page.percent(intensity, 1)}" if page.is_number(intensity) else "intensity not known"
     alike = (
-        f"1: the same places; median error {page.number(twin, 1, '°')}" if page.is_number(twin) else "there is no twin"
+        f"1: at the same places, 0: unrelated; its median error {page.number(twin, 1, '°')}"
+        if page.is_number(twin)
+        else "there is no twin"
     )
     numbers = {
         "Normals": ("Median error", "errors", normals, answered),

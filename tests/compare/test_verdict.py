@@ -151,9 +151,21 @@ def test_the_first_screen_always_says_why_or_that_nothing_tells():
     bare["compare"]["methods"]["ls"] |= {"real_rotation_deg": 4.0, "real_median_unrotated_deg": 0.5}
     assert "One turn common to all normals" in why(bare)
     told = why(bare, [("calibrate", "ball 1: no highlight"), ("twin", "rough"), ("calibrate", "again")])
-    assert told.endswith("Of calibrate there are warnings: read them first.")
+    assert told.endswith("There are warnings from calibrate: read them first.")
     bare["compare"] = {"has_truth": False}
     assert "Nothing independent was given" in why(bare)
+
+
+def test_that_no_step_warned_is_not_said_above_what_the_verdict_marks():
+    summary = summary_of()
+    assert "No step gave a warning" in first_screen(None, None, summary, [], "ls")
+    summary["compare"]["methods"]["ls"] |= {"real_rotation_deg": 1.9, "real_median_unrotated_deg": 0.4}
+    html = first_screen(None, None, summary, [], "ls")
+    assert "No step gave a warning" not in html
+    assert "Common tilt" in html
+    # What is counted is what is listed below the count.
+    listed = first_screen(None, None, summary, [("calibrate", "a"), ("align", "b")], "ls").split("2 warnings")[1]
+    assert listed.count("<li>") == 2
 
 
 def test_without_truth_nothing_is_called_good_and_disagreement_is_told():
