@@ -15,6 +15,8 @@ from twin.material.reflection_models import SHADED, VECTORS, Coat, shade, vector
 
 Image = NDArray[np.float32]
 
+WORTH_A_THREAD = 30_000
+"""Samples, pixels times frames, below which to hand them over takes as long as what is done with them."""
 TILT = 1e-3
 """Radians, of the finite differences."""
 
@@ -40,7 +42,10 @@ def _pool(_process: int) -> ThreadPoolExecutor:
 def _on_all_cores(kernel: Callable, samples: Samples, weights: Image, *rest: Any) -> Any:
     """Run a kernel on pieces of the pixels; return its answers put together."""
     arrays = [weights if name == "weights" else getattr(samples, name) for name in _Pixels._fields]
-    pieces = np.array_split(np.arange(len(samples)), os.cpu_count() or 1)
+    count = min(os.cpu_count() or 1, samples.usable.size // WORTH_A_THREAD)
+    if count < 2:
+        return kernel(_Pixels(*arrays), *rest)
+    pieces = np.array_split(np.arange(len(samples)), count)
     slices = [slice(piece[0], piece[-1] + 1) for piece in pieces if len(piece)]
     # A forked process has none of its parent's threads.
     pool = _pool(os.getpid())

@@ -74,7 +74,9 @@ class Samples:
         """Return some of the pixels."""
         whole = dict(self.__dict__)
         share = whole.pop("pixel_share")
-        return Samples(**{name: array[which] for name, array in whole.items()}, pixel_share=share)
+        # Without gaps in memory: the kernels are compiled once, and for that.
+        some = {name: np.ascontiguousarray(array[which]) for name, array in whole.items()}
+        return Samples(**some, pixel_share=share)
 
 
 def samples_of_scan(
