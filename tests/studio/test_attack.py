@@ -121,6 +121,9 @@ async def window(studio, *, ready=True):
         found = Window(opened)
         await found.say(CAMERA)
         if ready:
+            # The studio opens where it was left last: the attack presses the buttons of other areas too.
+            await found.until(lambda: any(one["props"].get("label") == "to Scene" for one in found.inputs.values()))
+            await found.press("to Scene")
             await found.until(
                 lambda: any((one["props"].get("label") or "").startswith("Add shape") for one in found.inputs.values())
             )

@@ -88,7 +88,7 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     visitor.until(lambda: window.outlines[0] == dragged, "made again")
 
     visitor.press("Run up to Balls")
-    visitor.see("Kept")
+    visitor.see("your own session.toml is as it was")
     visitor.until(lambda: window.reading, "the steps have ended")
     (spec,) = load_session(calibrated.folder / "review").spheres
     assert spec.radius_px == pytest.approx(2 * dragged.radius_px), "full-size pixels of halved frames"
@@ -145,7 +145,7 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path, at_se
     visitor.keep("review_picks")
     assert (picks.found.pose.inverse() @ made.pose).angle_deg() < 10
     visitor.press("Keep")
-    visitor.see("Kept")
+    visitor.see("your own session.toml is as it was")
     assert load_session(made.folder / "review").picks == made.folder / "review" / "picks.csv"
 
 
