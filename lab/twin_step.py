@@ -1,5 +1,6 @@
 """The verb `twin`: the registered scan rendered under the calibrated lights, and solved like the photographs."""
 
+import shutil
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -75,7 +76,8 @@ def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
     # As the twin was rendered: another pilot would take longer than these frames.
     sampling = replace(scene.sampling, engine=choice.engine, samples=choice.samples)
     with progress_bar("twin: frames not fitted to") as progress:
-        how: Any = {"executor": job.executor, "progress": progress}
+        scratch = job.record.scratch("foretold")
+        how: Any = {"executor": job.executor, "progress": progress, "scratch": scratch}
         try:
             found = session_relighting(
                 job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames,
@@ -84,6 +86,8 @@ def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
         except RenderError as error:
             say(f"twin: not held against frames that it was not fitted to. {error}")
             return None
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
     say(f"twin: {found}")
     return found.facts()
 

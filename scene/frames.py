@@ -178,8 +178,10 @@ class Frames:
 
 def encode(linear: NDArray) -> NDArray[np.uint16]:
     """Return uint16 codes of linear values; see `Frames`."""
-    codes = np.round(np.asarray(linear, np.float32) * (WHITE - PEDESTAL)) + PEDESTAL
-    return np.clip(codes, 0, 65535).astype(np.uint16)
+    codes = np.multiply(linear, np.float32(WHITE - PEDESTAL), dtype=np.float32)
+    np.round(codes, out=codes)
+    codes += PEDESTAL
+    return np.clip(codes, 0, 65535, out=codes).astype(np.uint16)
 
 
 def decode(codes: NDArray) -> NDArray[np.float32]:

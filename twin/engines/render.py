@@ -5,6 +5,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, as_completed
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -94,6 +95,7 @@ def render_scene(
     progress: Callable[[int, int], None] | None = None,
     tell: Callable[[str], None] | None = None,
     store: Store | None = None,
+    scratch: Path | None = None,
 ) -> Rendering:
     """Render a scene, one frame for each light.
 
@@ -112,9 +114,11 @@ def render_scene(
     store : Store or None
         Frames go to its `frames/codes.npy`, memory-mapped, and the true maps beside: `truth_normals.npy` and so on, see
         `twin.ground_truth`; with `apart` also `truth_direct.npy` and `truth_indirect.npy`, (F, H, W, 3) float16, and
-        `truth_standing.npy`, (H, W, 3) float32, where there is an environment. Without a store frames stay in memory.
+        `truth_standing.npy`, (H, W, 3) float32, where there is an environment. Without a store: see `scratch`.
         Until it is done a rendering lies in `scene.record.scratch_for` the store: of a run that was killed, the same
         rendering keeps what is there, and does only what lacks.
+    scratch : Path or None
+        Folder for a rendering without a store, memory-mapped; the caller removes it. None: memory.
 
     Raises
     ------
@@ -122,7 +126,7 @@ def render_scene(
         The camera sees nothing.
     """
     started = time.perf_counter()
-    film, folder = scene.film(), None if store is None else scratch_for(store.folder)
+    film, folder = scene.film(), scratch if store is None else scratch_for(store.folder)
     kept = Unfinished(folder, "" if folder is None else rendering_mark(scene, apart))
     choice = _elsewhere(executor, _choose, scene, film) if kept.notes is None else Choice(**kept.notes)
     give_memory_back()

@@ -18,7 +18,7 @@ from twin.material.material_samples import MOST, Samples, samples_at, samples_of
 from twin.material.tilted_normals import foretells_better, likeliest_normals
 from twin.visibility import Sight
 
-SAMPLES_AT_ONCE = 1 << 20
+SAMPLES_AT_ONCE = 1 << 18
 TURNS = 2
 """Of albedo and light from elsewhere."""
 MOST_SAMPLES, LEAST_PIXELS = 250_000, 4_000
