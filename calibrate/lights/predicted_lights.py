@@ -10,7 +10,7 @@ from calibrate.lights.adjustment import STEP, Adjustment, Observed
 from calibrate.lights.directions import toward_camera, two_across
 from calibrate.lights.from_chrome import ROUND
 from calibrate.lights.reflected_disc import FLOOR_PX
-from calibrate.silhouette.ball_silhouette import TABLE_FLOOR_PX
+from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.normals import unit
@@ -22,6 +22,8 @@ INTENSITY_SIGMA, UNKNOWN_INTENSITY = 0.003, 0.1
 setting vary by, where no white ball measures them."""
 SMALL_PX = 13.0
 """Radius of a ball that shows a flash of 50 mm a metre away as a point: on smaller ones its place is told worse."""
+USUAL_BLUR_PX = 0.9
+"""Standard deviation of a sharp picture's blur, its mosaic included."""
 TURNS = 60
 """Of the iteration to where a ball mirrors a light: each brings it nearer by the ball's radius over its distance."""
 
@@ -88,7 +90,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
 
     Notes
     -----
-    (J^T J)^-1 of `Adjustment`, at the true lights, with exact highlights: outlines to `TABLE_FLOOR_PX` and `ROUND`,
+    (J^T J)^-1 of `Adjustment`, at the true lights, with exact highlights: outlines to `table_floor_px` and `ROUND`,
     highlights to `FLOOR_PX`, more on balls of under `SMALL_PX`.
     """
     chrome = [sphere for sphere in spheres if sphere.kind == "chrome"]
@@ -107,7 +109,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     seen = Observed(
         camera,
         chrome,
-        [(TABLE_FLOOR_PX**2 + (ROUND * r) ** 2) * np.eye(3) for r in radius],
+        [(table_floor_px(r, USUAL_BLUR_PX) ** 2 + (ROUND * r) ** 2) * np.eye(3) for r in radius],
         np.stack([mirrored_at(camera, sphere, positions) for sphere in chrome]),
         np.repeat(sigma[:, None], len(positions), 1),
         np.asarray(reference, np.float64),

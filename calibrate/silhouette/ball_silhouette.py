@@ -43,9 +43,10 @@ SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its c
 SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
 TABLE_EXPLAINS = 0.975  # share of a chrome edge's variance from which on the mirrored table is taken for its cause,
 TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # on a ball at least so large, whose radius it locates to this sigma
-TABLE_FLOOR_PX, TABLE_DOUBT_PX = 0.05, 6.0
-"""What bends the mirrored table's outline beyond its residuals' scatter, sigma: in any case, and times the share of the
-variance that is left: the table is no plane, things stand on it, or a wall throws light."""
+TABLE_FLOOR_PX, TABLE_BLURS, TABLE_DOUBT_PX = 0.05, 26.0, 6.0
+"""What bends the mirrored table's outline beyond its residuals' scatter, sigma: on a large ball; radius, in blurs, of a
+ball so small that the blur mixes what it mirrors, and as much comes to it; and times the share of the variance that is
+left: the table is no plane, things stand on it, or a wall throws light."""
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
@@ -92,6 +93,11 @@ def fit_outline(
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
     return _fit_chrome(frames, read, camera, best[0], sphere, plane, float(best_softness)) or best[0]
+
+
+def table_floor_px(radius_px: float, blur_px: float) -> float:
+    """Return the least sigma of an outline that is fitted by the table that the ball mirrors, px."""
+    return TABLE_FLOOR_PX * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
 
 
 def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
@@ -228,7 +234,8 @@ def _fit_chrome(
     for near, known in tries if sphere.radius_px > TABLE_FROM_PX else ():
         table = fit_mirrored_table(frames, camera, near, blur_px=softness, plane=known)
         if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
-            doubt = np.hypot(TABLE_FLOOR_PX, TABLE_DOUBT_PX * (1 - table.explained))
+            floor = table_floor_px(table.sphere.radius_px, table.blur_px)
+            doubt = np.hypot(floor, TABLE_DOUBT_PX * (1 - table.explained))
             covariance = table.covariance + doubt**2 * np.eye(3)
             if table.covariance[2, 2] < TABLE_LOCATES_PX**2:
                 return replace(_finished(edge, table.sphere, covariance, table.blur_px), by_table=True)

@@ -6,9 +6,9 @@ import pytest
 from calibrate.lights.adjustment import Observed
 from calibrate.lights.directions import mirrored_rays
 from calibrate.lights.positions import fit_lights
-from calibrate.lights.predicted_lights import mirrored_at, predict_lights
+from calibrate.lights.predicted_lights import USUAL_BLUR_PX, mirrored_at, predict_lights
 from calibrate.lights.reflected_disc import FLOOR_PX
-from calibrate.silhouette.ball_silhouette import TABLE_FLOOR_PX
+from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.light_layouts import cap
@@ -55,14 +55,15 @@ def test_the_sigma_is_that_of_the_fit_to_noisy_highlights_and_outlines():
     predicted = predict_lights(CAMERA, BALLS, POSITIONS, REFERENCE)
     rng, turns, moves = np.random.default_rng(0), [], []
     exact = np.stack([mirrored_at(CAMERA, sphere, POSITIONS) for sphere in BALLS])
+    floor = np.array([table_floor_px(sphere.radius_px, USUAL_BLUR_PX) for sphere in BALLS])
     for _ in range(30):
-        outlines = TABLE_FLOOR_PX * rng.standard_normal((3, 3))
+        outlines = floor[:, None] * rng.standard_normal((3, 3))
         drawn = [
             Sphere("chrome", s.center_px + d[:2], s.radius_px + d[2], s.diameter_mm)
             for s, d in zip(BALLS, outlines, strict=True)
         ]
         noisy = exact + FLOOR_PX * rng.standard_normal(exact.shape)
-        covariances = [TABLE_FLOOR_PX**2 * np.eye(3)] * 3
+        covariances = [px**2 * np.eye(3) for px in floor]
         fit = fit_lights(Observed(CAMERA, drawn, covariances, noisy, np.full((3, 10), FLOOR_PX), REFERENCE), near=True)
         turns.append(angular_error_deg(fit.directions, unit(POSITIONS - REFERENCE)))
         moves.append(fit.positions_mm - POSITIONS)
