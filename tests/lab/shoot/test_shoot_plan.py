@@ -1,5 +1,6 @@
 """A plan: its slopes by differences, its sigma by Monte Carlo, when it stops, where balls stand."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ from lab.shoot.ball_places import ball_choices, light_sigmas, stand_balls
 from lab.shoot.flash_places import Reach
 from lab.shoot.flash_samples import lights_at, pixels_of
 from lab.shoot.plan_facts import clock, plan_facts
-from lab.shoot.plan_page import plan_page
+from lab.shoot.plan_page import MOST_ROWS, plan_page
 from lab.shoot.set_up import SetUp, before_camera, simple_shape, usual_camera
 from lab.shoot.shoot_plan import (
     enough,
@@ -144,3 +145,17 @@ def test_the_page_is_whole_and_says_what_the_plan_says(pixels, spheres):
         position = np.array(row["position_mm"]) - facts["object"]["middle_mm"]
         assert row["aside_mm"] ** 2 + position[2] ** 2 == pytest.approx(row["distance_mm"] ** 2)
     assert [clock(a) for a in (90, 0, 270, 180, 45, 82.5)] == ["12:00", "3:00", "6:00", "9:00", "1:30", "12:15"]
+
+
+@pytest.mark.full
+def test_the_page_is_one_sheet(chromium, pixels, spheres):
+    """With as many flashes as its table holds, and warnings."""
+    plan = plan_shoot(pixels, spheres, REACH, MOST_ROWS, accuracy_deg=0.001)
+    facts = plan_facts(plan, {}, [], 0.001) | {"name": "relief"}
+    assert len(facts["flashes"]) == MOST_ROWS
+    assert facts["warnings"]
+    page = chromium.new_page()
+    page.set_content(plan_page(facts))
+    printed = page.pdf(format="A4", prefer_css_page_size=True)
+    page.close()
+    assert len(re.findall(rb"/Type\s*/Page\b", printed)) == 1
