@@ -62,7 +62,7 @@ class FramesSoFar:
         light = np.stack([fact.small * factor for fact, factor in zip(facts, frames.gain, strict=True)])
         dim = self._ambient[2]
         if dim is not None:
-            light = light - dim
+            light -= dim
         session = Session(
             self.folder.name,
             self.folder,

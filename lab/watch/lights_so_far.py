@@ -3,6 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from calibrate.calibrate import lights_of_balls
 from calibrate.calibration import Calibration
 from calibrate.detection.balls import Ball, find_balls
@@ -19,6 +22,8 @@ from scene.frames import Frames
 
 FIRST, AGAIN = 4, 3
 """Frames with which balls are first looked for; how many times as many there are when they are looked for again."""
+NEWEST, REFIT = 8, 1.25
+"""Frames that are fitted with each new one; how many times as many there are when all are fitted together again."""
 
 
 class LightsSoFar:
@@ -33,7 +38,7 @@ class LightsSoFar:
     def __init__(self, asking: Asking) -> None:
         self._asking = asking
         self._balls: list[Ball] = []
-        self._looked_with, self._step = 0, 1
+        self._looked_with, self._fitted_with, self._step = 0, 0, 1
         self.unseen: set[str] = set()
         """Names of frames whose light no ball shows."""
         self.found: Calibration | None = None
@@ -60,7 +65,7 @@ class LightsSoFar:
             self.warnings = [] if self._balls else [str(error)]
             return
         if len(found) >= len(self._balls):
-            self._balls = self._with_diameters(found)
+            self._balls, self._fitted_with = self._with_diameters(found), 0
 
     def camera(self, frames: Frames, exif: Sequence[Exif], step: int) -> Camera:
         """Return the camera of the frames as it is known; one as most are where it is not."""
@@ -70,14 +75,20 @@ class LightsSoFar:
         return camera.scaled(frames.width, frames.height, 1 / step, 1 / step)
 
     def update(self, frames: Frames, exif: Sequence[Exif], step: int) -> None:
-        """Fit the lights of all frames so far; see `find_balls`."""
+        """Fit the lights of all frames now and then, of the newest between; see `find_balls`."""
         if not self._balls:
             return
         self.warnings = []
         seen = [i for i, name in enumerate(frames.names) if name not in self.unseen]
         try:
-            self.found = self._lights(frames, self.camera(frames, exif, step), seen)
-            self.warnings += self.found.warnings
+            found = None
+            if self.found is not None and len(seen) < REFIT * self._fitted_with:
+                newest = self._lights(frames, self.found.camera, seen[-NEWEST:])
+                found = joined(self.found, newest, [frames.names[i] for i in seen])
+            if found is None:
+                found, self._fitted_with = self._lights(frames, self.camera(frames, exif, step), seen), len(seen)
+            self.found = found
+            self.warnings += found.warnings
         except CalibrationError as error:
             self.warnings.append(str(error))
             lost = [name for name in frames.names if name in str(error) and name not in self.unseen]
@@ -86,7 +97,8 @@ class LightsSoFar:
                 self.unseen.update(lost)
                 self.update(frames, exif, step)
 
-    def _lights(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
+    def _lights(self, frames: Frames, camera: Camera | None, seen: list[int]) -> Calibration:
+        assert camera is not None
         if len(seen) < len(frames):
             names = tuple(frames.names[i] for i in seen)
             frames = replace(frames, names=names, codes=frames.codes[seen], gain=frames.gain[seen])
@@ -110,3 +122,34 @@ class LightsSoFar:
             replace(ball, sphere=replace(ball.sphere, diameter_mm=one.diameter_mm))
             for ball, one in zip(ordered, known, strict=True)
         ]
+
+
+def joined(before: Calibration, newest: Calibration, names: Sequence[str]) -> Calibration | None:
+    """Return `newest` with the lights of the other frames of `names` as they were before.
+
+    None where that cannot be: a frame is in neither, none is in both, or one has near lights, the other distant ones.
+    """
+    old, new = before.lights, newest.lights
+    place = {name: (old, i) for i, name in enumerate(old.names)} | {name: (new, i) for i, name in enumerate(new.names)}
+    both = [name for name in old.names if name in new.names]
+    if not both or old.model != new.model or not set(names) <= set(place):
+        return None
+    # Intensities are relative to the mean of the frames that were fitted together.
+    scale = np.mean([old.intensities[old.names.index(n)] / new.intensities[new.names.index(n)] for n in both], 0)
+    new = replace(new, intensities=scale * new.intensities)
+    rows = [(old if place[name][0] is old else new, place[name][1]) for name in names]
+
+    def of(field: str) -> NDArray[np.float64]:
+        return np.stack([getattr(lights, field)[i] for lights, i in rows])
+
+    lights = replace(
+        new,
+        names=tuple(names),
+        directions=of("directions"),
+        intensities=of("intensities"),
+        positions_mm=None if new.positions_mm is None else of("positions_mm"),
+        direction_sigma_deg=of("direction_sigma_deg"),
+        intensity_sigma=of("intensity_sigma"),
+        flags=tuple(lights.flags[i] for lights, i in rows),
+    )
+    return replace(newest, lights=lights.normalised())

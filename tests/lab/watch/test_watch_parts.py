@@ -7,13 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calibrate.calibration import Calibration
 from capture.photographs.kept import Kept, KeptStack
 from lab.watch.alarm import Alarm
 from lab.watch.judge import Told
+from lab.watch.lights_so_far import joined
 from lab.watch.screen import side_of
 from lab.watch.shots import read_shot, sort_shots
 from scene.current import file_digest
 from scene.errors import CaptureError, SceneError
+from scene.lights import Lights
+from scene.normals import unit
 
 RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
 
@@ -147,3 +151,30 @@ def test_a_file_that_never_becomes_a_photograph_is_told_once(run_rgbn, tmp_path,
     assert code == 2
     assert err.count("warning: broken.dng: has not become a photograph.") == 1
     assert "0 photographs show the flash" in err
+
+
+def test_lights_of_the_newest_frames_are_joined_to_those_before():
+    """The whole, of parts that are relative to their own means; what is gone is left out, what nobody knows is told."""
+    rng, names = np.random.default_rng(0), tuple("abcdefgh")
+    positions, strength = rng.normal(0, 300, (8, 3)) + [0, 0, 900], rng.uniform(0.5, 2, (8, 3))
+    sigma = rng.uniform(0.1, 1, (2, 8))
+    flags = tuple((name,) for name in names)
+
+    def part(rows):
+        some = np.arange(8)[rows]
+        lights = Lights(
+            tuple(names[i] for i in some), unit(positions[some]), strength[some], positions[some], np.zeros(3),
+            sigma[0, some], sigma[1, some], flags=tuple(flags[i] for i in some),
+        )  # fmt: skip
+        return Calibration([], lights.normalised(), np.zeros((0, len(some), 2)))
+
+    whole = part(slice(None)).lights
+    found = joined(part(slice(0, 6)), part(slice(3, 8)), names).lights
+    for field in ("names", "flags", "directions", "intensities", "positions_mm", "direction_sigma_deg"):
+        if field in ("names", "flags"):
+            assert getattr(found, field) == getattr(whole, field)
+        else:
+            np.testing.assert_allclose(getattr(found, field), getattr(whole, field), err_msg=field)
+    assert joined(part(slice(0, 6)), part(slice(3, 8)), names[1:]).lights.names == names[1:]
+    assert joined(part(slice(0, 5)), part(slice(3, 7)), names) is None, "nobody knows h"
+    assert joined(part(slice(0, 4)), part(slice(4, 8)), names) is None, "no frame tells the factor between the parts"
