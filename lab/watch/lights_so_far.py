@@ -65,7 +65,8 @@ class LightsSoFar:
             self.warnings = [] if self._balls else [str(error)]
             return
         if len(found) >= len(self._balls):
-            self._balls, self._fitted_with = self._with_diameters(found), 0
+            self._balls = self._with_diameters(found)
+            self.fit_all()
 
     def camera(self, frames: Frames, exif: Sequence[Exif], step: int) -> Camera:
         """Return the camera of the frames as it is known; one as most are where it is not."""
@@ -81,10 +82,7 @@ class LightsSoFar:
         self.warnings = []
         seen = [i for i, name in enumerate(frames.names) if name not in self.unseen]
         try:
-            found = None
-            if self.found is not None and len(seen) < REFIT * self._fitted_with:
-                newest = self._lights(frames, self.found.camera, seen[-NEWEST:])
-                found = joined(self.found, newest, [frames.names[i] for i in seen])
+            found = self._with_newest(frames, seen)
             if found is None:
                 found, self._fitted_with = self._lights(frames, self.camera(frames, exif, step), seen), len(seen)
             self.found = found
@@ -97,8 +95,22 @@ class LightsSoFar:
                 self.unseen.update(lost)
                 self.update(frames, exif, step)
 
-    def _lights(self, frames: Frames, camera: Camera | None, seen: list[int]) -> Calibration:
-        assert camera is not None
+    def fit_all(self) -> None:
+        """Fit all frames together next: one has become another photograph."""
+        self._fitted_with = 0
+
+    def _with_newest(self, frames: Frames, seen: list[int]) -> Calibration | None:
+        """Return the lights so far with those of the newest frames; None where all are to be fitted together."""
+        if self.found is None or self.found.camera is None or len(seen) >= REFIT * self._fitted_with:
+            return None
+        try:
+            newest = self._lights(frames, self.found.camera, seen[-NEWEST:])
+        except CalibrationError:
+            # So few may all lie in one plane, or show too little by themselves.
+            return None
+        return joined(self.found, newest, [frames.names[i] for i in seen])
+
+    def _lights(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
         if len(seen) < len(frames):
             names = tuple(frames.names[i] for i in seen)
             frames = replace(frames, names=names, codes=frames.codes[seen], gain=frames.gain[seen])
@@ -130,14 +142,14 @@ def joined(before: Calibration, newest: Calibration, names: Sequence[str]) -> Ca
     None where that cannot be: a frame is in neither, none is in both, or one has near lights, the other distant ones.
     """
     old, new = before.lights, newest.lights
-    place = {name: (old, i) for i, name in enumerate(old.names)} | {name: (new, i) for i, name in enumerate(new.names)}
     both = [name for name in old.names if name in new.names]
-    if not both or old.model != new.model or not set(names) <= set(place):
+    if not both or old.model != new.model or not set(names) <= {*old.names, *new.names}:
         return None
     # Intensities are relative to the mean of the frames that were fitted together.
     scale = np.mean([old.intensities[old.names.index(n)] / new.intensities[new.names.index(n)] for n in both], 0)
     new = replace(new, intensities=scale * new.intensities)
-    rows = [(old if place[name][0] is old else new, place[name][1]) for name in names]
+    place = {name: (lights, i) for lights in (old, new) for i, name in enumerate(lights.names)}
+    rows = [place[name] for name in names]
 
     def of(field: str) -> NDArray[np.float64]:
         return np.stack([getattr(lights, field)[i] for lights, i in rows])

@@ -81,10 +81,12 @@ class Shoot:
         """Leave out photographs that count no more: others stand in their place."""
         for digest in digests & set(self._shots):
             del self._shots[digest]
+            self.lights_so_far.fit_all()
 
     def rename(self, digest: str, path: Path) -> None:
         """Note that a photograph has another name now."""
         shot = self._shots[digest]
+        self.lights_so_far.fit_all()
         self._shots[digest] = replace(shot, path=path, small=replace(shot.small, path=path))
 
     def add(self, shots: Sequence[Shot], start: float) -> list[Verdict]:

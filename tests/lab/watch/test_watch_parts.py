@@ -8,16 +8,22 @@ import numpy as np
 import pytest
 
 from calibrate.calibration import Calibration
+from calibrate.detection.balls import Ball
 from capture.photographs.kept import Kept, KeptStack
+from lab.init.answers import Answers, Asking
+from lab.watch import lights_so_far
 from lab.watch.alarm import Alarm
 from lab.watch.judge import Told
-from lab.watch.lights_so_far import joined
+from lab.watch.lights_so_far import NEWEST, LightsSoFar, joined
 from lab.watch.screen import side_of
 from lab.watch.shots import read_shot, sort_shots
+from scene.camera import Camera
 from scene.current import file_digest
 from scene.errors import CaptureError, SceneError
+from scene.frames import Frames
 from scene.lights import Lights
 from scene.normals import unit
+from scene.spheres import Sphere
 
 RAW = Path(__file__).parents[3] / "fixtures" / "bumpy" / "raw"
 
@@ -178,3 +184,40 @@ def test_lights_of_the_newest_frames_are_joined_to_those_before():
     assert joined(part(slice(0, 6)), part(slice(3, 8)), names[1:]).lights.names == names[1:]
     assert joined(part(slice(0, 5)), part(slice(3, 7)), names) is None, "nobody knows h"
     assert joined(part(slice(0, 4)), part(slice(4, 8)), names) is None, "no frame tells the factor between the parts"
+
+
+def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph_was_replaced(monkeypatch):
+    """Twenty flashes, the last of them along one arc, as a hand goes."""
+    rng, fitted = np.random.default_rng(1), []
+    tilt = np.radians(np.linspace(10, 60, 10))
+    arc = np.stack([np.sin(tilt), 0 * tilt, np.cos(tilt)], -1)
+    directions = np.concatenate([unit(rng.normal(0, 1, (10, 3)) + [0, 0, 3]), arc])
+    names = tuple(f"flash_{i:02d}" for i in range(20))
+    camera = Camera(4, 3, 5.0, 5.0, 1.5, 1.0)
+    frames = Frames(names, np.zeros((20, 3, 4, 3), np.uint16), np.ones(20))
+
+    def by_balls(some, camera, balls):
+        fitted.append(len(some))
+        rows = [names.index(name) for name in some.names]
+        sigma = np.full(len(rows), 0.1)
+        lights = Lights(some.names, directions[rows], np.ones((len(rows), 3)), None, np.zeros(3), sigma, sigma)
+        lights.check()
+        return Calibration([], lights, np.zeros((0, len(rows), 2)), camera=camera)
+
+    monkeypatch.setattr(lights_so_far, "lights_of_balls", by_balls)
+    monkeypatch.setattr(LightsSoFar, "camera", lambda *_: camera)
+    watched = LightsSoFar(Asking(Answers({}), silent=True))
+    watched._balls = [Ball(Sphere("chrome", np.ones(2), 1.0), np.eye(3), frames, None)]
+    for count, expected in ((10, [10]), (11, [NEWEST]), (20, [20])):
+        fitted.clear()
+        watched.update(frames.only(slice(0, count)), [], 1)
+        assert fitted == expected, count
+        assert watched.found.lights.names == names[:count]
+        assert not watched.warnings
+    fitted.clear()
+    watched.update(frames, [], 1)
+    assert fitted == [NEWEST, 20], "the newest eight lie in one plane"
+    watched.fit_all()
+    fitted.clear()
+    watched.update(frames, [], 1)
+    assert fitted == [20]
