@@ -13,6 +13,7 @@ from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
 from scene.errors import CalibrationError
+from scene.lights import Lights
 from scene.normals import unit
 from scene.spheres import Sphere
 
@@ -133,6 +134,24 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
     intensity = INTENSITY_SIGMA if any(sphere.kind == "white" for sphere in spheres) else UNKNOWN_INTENSITY
     turn = np.degrees(np.sqrt((own[:, 0] ** 2 + own[:, 1] ** 2) / 2))
     return PredictedLights(turn, own[:, 2], joint, intensity)
+
+
+def known_alike(lights: Lights, positions: Array, reference: Array) -> PredictedLights:
+    """Return lights at positions (F, 3), mm, each as well known as the median one of `lights`, and by itself.
+
+    For flashes that no ball of known size tells: of a session whose lights were given, or are distant.
+    """
+    away = positions - reference
+    distance = np.linalg.norm(away, axis=1)
+    toward = away / distance[:, None]
+    turn, intensity = (
+        float(np.median(np.nan_to_num(sigma))) for sigma in (lights.direction_sigma_deg, lights.intensity_sigma)
+    )
+    across = np.eye(3) - toward[:, :, None] * toward[:, None, :]
+    every = np.arange(len(positions))
+    joint = np.zeros((len(positions), 3, len(positions), 3))
+    joint[every, :, every] = across * ((np.radians(turn) * distance) ** 2)[:, None, None]
+    return PredictedLights(np.full(len(positions), turn), np.zeros(len(positions)), joint, intensity)
 
 
 def _position_slopes(problem: Adjustment, x: Array) -> Array:

@@ -35,7 +35,11 @@ class Shown(NamedTuple):
 
     def only(self, flashes: NDArray) -> "Shown":
         """Return some of the flashes."""
-        return Shown(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
+        return Shown(*(part[flashes] for part in self))
+
+    def followed_by(self, other: "Shown") -> "Shown":
+        """Return these flashes and others."""
+        return Shown(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
 
 
 def lights_at(positions: Array, reference: Array, power: Array | float = 1.0) -> Lights:
@@ -49,7 +53,10 @@ def lights_at(positions: Array, reference: Array, power: Array | float = 1.0) ->
 
 @dataclass(frozen=True, eq=False)
 class ObjectPixels:
-    """The object's pixels for which a plan is made."""
+    """The object's pixels for which a plan is made.
+
+    `scatter`: standard deviation of a sample about its shading beside the sensor's noise, as a share of it.
+    """
 
     set_up: SetUp
     points: Array  # (P, 3) mm
@@ -57,6 +64,7 @@ class ObjectPixels:
     flat: Array  # (P, 3) the faces' own normals
     albedo: Array  # (P,)
     casts_shadows: bool = True
+    scatter: float = 0.0
 
     @property
     def b(self) -> Array:
@@ -99,6 +107,7 @@ class ObjectPixels:
         noise = np.sqrt(variance) / (white * strength * (GRAY @ neutral))
         seen &= value < 1
         bright = float(np.quantile(body[seen], 0.99)) if seen.any() else 1.0
+        noise = np.hypot(noise, self.scatter * body)
         seen &= coat < OUTLIER * np.maximum(noise, FLOOR * bright)
         return Shown(vectors, noise, seen)
 

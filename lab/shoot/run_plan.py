@@ -116,8 +116,6 @@ def _new_set_up(source: Path | None, thing: ObjectOptions, camera: CameraOptions
 
 
 def _planned(under_way: Any, set_up: Any, flashes: int, shoot: ShootOptions) -> dict[str, Any]:
-    import numpy as np
-
     from lab.shoot.ball_places import ball_choices, stand_balls
     from lab.shoot.flash_places import Reach
     from lab.shoot.flash_samples import pixels_of
@@ -125,14 +123,10 @@ def _planned(under_way: Any, set_up: Any, flashes: int, shoot: ShootOptions) -> 
     from lab.shoot.shoot_plan import even_arrangement, plan_shoot
 
     reach = Reach(shoot.layout, shoot.from_deg, shoot.to_deg, shoot.flash_mm, shoot.azimuths_deg)
-    choices, so_far = [], None
+    choices = []
     if under_way is not None:
-        pixels, so_far, spheres = under_way
-        if reach.distance_mm is None and so_far.positions_mm is not None:
-            usual = np.median(np.linalg.norm(so_far.positions_mm - pixels.set_up.middle_mm, axis=1))
-            reach = replace(reach, distance_mm=float(usual))
-        if len(so_far) >= flashes:
-            flashes = len(so_far)
+        pixels, spheres, reach = under_way.pixels, under_way.spheres, under_way.within(reach)
+        flashes = max(flashes, len(under_way.lights))
     else:
         pixels = pixels_of(set_up)
         positions = reach.positions(set_up.middle_mm, set_up.size_mm)
@@ -145,7 +139,7 @@ def _planned(under_way: Any, set_up: Any, flashes: int, shoot: ShootOptions) -> 
         else:
             choices = ball_choices(set_up, positions[::3])
             spheres = stand_balls(set_up, positions, _best_choice(choices, shoot.accuracy_deg))
-    how = {"accuracy_deg": shoot.accuracy_deg, "criterion": shoot.criterion, "so_far": so_far}
+    how = {"accuracy_deg": shoot.accuracy_deg, "criterion": shoot.criterion, "so_far": under_way}
     plan = plan_shoot(pixels, spheres, reach, flashes, **how)
     while plan.flashes < plan.count:
         # Fewer are enough: the best set of so many, which may need still fewer.

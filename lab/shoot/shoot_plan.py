@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.lights.predicted_lights import PredictedLights
+from calibrate.lights.predicted_lights import PredictedLights, known_alike
 from lab.shoot.ball_places import light_sigmas
 from lab.shoot.flash_places import Reach, out_of_view
 from lab.shoot.flash_samples import ObjectPixels, Shown, lights_at
+from lab.shoot.under_way import UnderWay
 from scene.lights import Lights
 from scene.spheres import Sphere
 from solve.design.next_flash import Criterion, choose_flashes, exchange_flashes, known_before
@@ -182,7 +183,8 @@ def plan_shoot(
     *,
     accuracy_deg: float | None = None,
     criterion: Criterion = "normal",
-    so_far: Lights | None = None,
+    so_far: UnderWay | None = None,
+    look_ahead: int = LOOK_AHEAD,
 ) -> ShootPlan:
     """Return the `count` flashes that one after the other help most, and what they give.
 
@@ -197,17 +199,25 @@ def plan_shoot(
     accuracy_deg : float, optional
         Wanted median error of the normals: the angle to the truth.
     criterion : {"normal", "A", "D"}
-    so_far : Lights, optional
-        Flashes that there are already.
+    so_far : UnderWay, optional
+        The shoot whose pixels and balls these are: flashes that there are already.
+    look_ahead : int
+        Flashes beyond those wanted, to say whether they would help.
     """
     middle, size = pixels.set_up.middle_mm, pixels.set_up.size_mm
     candidates = out_of_view(pixels.set_up.camera, reach.positions(middle, size))
-    there = np.zeros((0, 3)) if so_far is None else _placed(so_far, middle)
-    n = len(there)
-    positions = np.concatenate([there, candidates])
-    shown = pixels.under(lights_at(positions, middle))
+    shown, positions, n = pixels.under(lights_at(candidates, middle)), candidates, 0
+    if so_far is not None:
+        there = _placed(so_far.lights, middle)
+        shown, positions, n = so_far.shown.followed_by(shown), np.concatenate([there, candidates]), len(there)
+
+    def known_lights(flashes: NDArray) -> PredictedLights:
+        if so_far is not None and not so_far.has_known_balls:
+            return known_alike(so_far.lights, positions[flashes], middle)
+        return light_sigmas(pixels.set_up, spheres, positions[flashes])
+
     slopes = light_slopes(positions, middle, pixels.points, pixels.b)
-    noise = own_noise(shown, slopes, joint_covariance(light_sigmas(pixels.set_up, spheres, positions)))
+    noise = own_noise(shown, slopes, joint_covariance(known_lights(np.arange(len(positions)))))
     told = information(shown.vectors[:n], noise[:n], shown.seen[:n]) if n else None
     rest = shown.only(np.arange(n, len(positions)))
     start = known_before(pixels.b, told)
@@ -218,7 +228,7 @@ def plan_shoot(
     left = np.setdiff1d(np.arange(len(candidates)), chosen)
     told = information(*shown._replace(noise=noise).only(np.concatenate([np.arange(n), n + chosen])))
     then = known_before(pixels.b, told)
-    more = choose_flashes(pixels.b, then, *rest.only(left), LOOK_AHEAD, criterion).flashes
+    more = choose_flashes(pixels.b, then, *rest.only(left), look_ahead, criterion).flashes
     order = np.concatenate([np.arange(n), n + chosen, n + left[more]])
     predicted: list[Predicted | None] = []
     for used in range(1, len(order) + 1):
@@ -226,14 +236,13 @@ def plan_shoot(
         if used < max(FEWEST, n):
             predicted.append(None)
             continue
-        known = light_sigmas(pixels.set_up, spheres, positions[some])
-        predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known)))
+        predicted.append(predict(pixels, shown.only(some), slopes[some], joint_covariance(known_lights(some))))
     errors = [one.error_deg for one in predicted if one is not None]
     reached, rests = enough(errors, accuracy_deg, len(predicted) - len(errors) + 1)
     last = order[: max(count, n)]
     return ShootPlan(
         pixels, list(spheres), reach, positions[order], predicted, len(last), n,
-        light_sigmas(pixels.set_up, spheres, positions[last]), reached, rests,
+        known_lights(last), reached, rests,
     )  # fmt: skip
 
 

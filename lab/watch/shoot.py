@@ -148,7 +148,7 @@ class Shoot:
         small = replace(small, names=found.lights.names, codes=small.codes[places], gain=small.gain[places])
         if self._normals.is_due(len(small)):
             self._normals.find_object(small, found.camera, found.spheres)
-        self.known = self._normals.update(small, found.camera, found.lights)
+        self.known = self._normals.update(small, found.camera, found.lights, found.spheres)
 
     def light_of(self, verdict: Verdict) -> dict[str, Any] | None:
         """Return the row of `Lights.facts` of a photograph; None where its light is not known."""

@@ -20,8 +20,8 @@ from lab.shoot.shoot_plan import (
     plan_shoot,
     predict,
 )
+from lab.shoot.under_way import UnderWay
 from scene.errors import SceneError
-from scene.lights import Lights
 from scene.normals import angular_error_deg, unit
 
 CAMERA = usual_camera(pixels=(1500, 1000))
@@ -95,13 +95,21 @@ def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, sphe
     middle = pixels.set_up.middle_mm
     places = REACH.positions(middle, 120.0)
     right = places[places[:, 0] > 150][:8]
-    plan = plan_shoot(pixels, spheres, REACH, 9, so_far=lights_at(right, middle))
-    assert plan.there == 8
-    assert plan.positions_mm[:8] == pytest.approx(right)
-    assert plan.positions_mm[8, 0] < 0
-    alone = replace(lights_at(right, middle), positions_mm=None)
-    assert isinstance(alone, Lights)
-    assert plan_shoot(pixels, spheres, REACH, 9, so_far=alone).positions_mm[8, 0] < 0
+    lights = lights_at(right, middle)
+    for given in (lights, replace(lights, positions_mm=None, direction_sigma_deg=np.linspace(0.5, 0.9, 8))):
+        so_far = UnderWay(pixels, np.zeros((0, 2), int), given, spheres, pixels.under(given))
+        plan = plan_shoot(pixels, spheres, REACH, 9, so_far=so_far)
+        assert plan.there == 8
+        assert plan.positions_mm[8, 0] < 0
+        if given is lights:
+            assert plan.positions_mm[:8] == pytest.approx(right)
+        else:
+            # No ball tells the places of distant lights: the next one is as well known as those before.
+            assert plan.lights.direction_sigma_deg == pytest.approx(np.full(9, 0.7))
+            own = np.einsum("fifj->fij", plan.lights.position_covariance_mm2)
+            away = np.linalg.norm(plan.positions_mm[:9] - middle, axis=1)
+            turn = np.degrees(np.sqrt(np.trace(own, axis1=1, axis2=2) / 2)) / away
+            assert turn == pytest.approx(np.full(9, 0.7))
 
 
 def test_when_more_flashes_do_not_help():
