@@ -131,6 +131,7 @@ def _lights_from_normals(job: Job, frames: Frames, camera: Camera, without: str)
 def align(job: Job) -> Outcome:
     """Find the object; register the scan; write the ground truth."""
     from align.mask.object_mask import find_object
+    from capture.audit.part_movement import part_warnings, parts_of
     from capture.session.requests import read_mask
     from solve.axes_test import lights_in_other_axes
 
@@ -140,7 +141,7 @@ def align(job: Job) -> Outcome:
     given = read_mask(session.mask, frames.height, frames.width) if session.mask else None
     found = find_object(frames, camera, spheres, mask_given=given)
     lights = lights.seen_from(_object_point(camera, spheres, lights, found.mask))
-    warnings, result = list(found.warnings), None
+    warnings, result = [*found.warnings, *part_warnings(frames, parts_of(spheres, camera, found.mask))], None
     if session.lights_file and not spheres:
         told = lights_in_other_axes(frames, lights, found.mask)
         warnings += [told] if told else []

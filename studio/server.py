@@ -45,6 +45,8 @@ SESSION_TABS = {"Capture": FramesPanel, "Balls": BallsPanel, "Lights": LightSigm
                 "Solve": SolvePanel, "Twin": TwinPanel, "Verdict": VerdictPanel}  # fmt: skip
 NEW_SESSION_TABS = {"Balls": DiametersPanel, "Photographs": PhotographsPanel, "Camera": LensPanel,
                     "Object": ObjectPanel, "session.toml": TextPanel}  # fmt: skip
+PANEL_PX, SHOOT_PX = 430, 820
+"""Width of the panels; of a shoot's, which is read from the tripod and has nothing beside it."""
 WARM = -1
 """The window of nobody."""
 MOST_LEFT = 8
@@ -133,7 +135,7 @@ class Studio:
             window.panels.append(Header(window))
             window.panels[0].refresh()
             window.client.gui.main_panel.dock_right()
-            window.client.gui.main_panel.set_width(430)
+            window.client.gui.main_panel.set_width(PANEL_PX)
             if isinstance(window, ReviewWindow):
                 self._furnish_session(window)
             elif isinstance(window, NewSessionWindow):
@@ -153,10 +155,14 @@ class Studio:
     def _furnish_session(self, window: ReviewWindow) -> None:
         window.address_of = self._guard.page.address_of
         window.read()
+        shoot = ShootPanel(window)
+        if shoot.is_alone:
+            window.client.gui.main_panel.set_width(SHOOT_PX)
+            window.panels.append(shoot)
+            return
         tabs = TabbedPanels(window, SESSION_TABS, "Steps", lambda: marks_of(window))
         # The tabs say what stands beside the photograph; what tells of files comes after what is looked at.
         warnings, run = WarningsPanel(window), RunPanel(window)
-        shoot = ShootPanel(window)
         window.panels += [tabs, PhotographView(window), SpatialView(window), shoot, warnings, run]
         window.open_tab(window.tab)
 

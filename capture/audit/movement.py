@@ -75,10 +75,10 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     units = _orientations(small, floor)
     jolt, jolted = _jolts(small, floor)
     middle = np.array([small[0].shape[1], small[0].shape[0]]) / 2
-    corners = _tiles_of_either_half(units[~jolted])
+    corners = tiles_of_either_half(units[~jolted])
     if len(corners) >= FEWEST_TILES:
-        votes = [_step_votes(units[~jolted, y : y + TILE_PX, x : x + TILE_PX]) for y, x in corners]
-        found = _find_step(votes, np.array(corners)[:, ::-1] + TILE_PX / 2 - middle)
+        votes = [step_votes(units[~jolted, y : y + TILE_PX, x : x + TILE_PX]) for y, x in corners]
+        found = find_step(votes, np.array(corners)[:, ::-1] + TILE_PX / 2 - middle)
         if found is not None:
             return replace(still, step=_among(found, ~jolted, scale))
     corners = edge_tiles(sharpness(units[~jolted]), int(np.sum(~jolted)), TILE_PX, MOST_TILES)
@@ -102,11 +102,11 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
         half = int(steady.sum()) // 2
         clear = sharpness(units[steady][:half]).sum() + sharpness(units[steady][half:]).sum()
         place = np.array([left, top]) + TILE_PX / 2 - middle * scale
-        candidates.append((clear, _correlations(units, steady, REACH), _step_votes(units[steady]), place))
+        candidates.append((clear, _correlations(units, steady, REACH), step_votes(units[steady]), place))
     # What looked sharp when reduced may be a soft limb, whose edge shifts with the light.
     candidates.sort(key=lambda candidate: -candidate[0])
     _, planes, votes, places = zip(*candidates[:MOST_TILES], strict=True)
-    found = _find_step(votes, np.array(places))
+    found = find_step(votes, np.array(places))
     if found is not None:
         return replace(still, step=_among(found, steady, 1.0))
     fine, fine_moved = _vote(planes, steady)
@@ -172,13 +172,13 @@ def _vote(tiles, steady: NDArray[np.bool_]) -> tuple[NDArray, NDArray[np.bool_]]
     return shift, (length > limit) & (preferring > 0.6)
 
 
-def _tiles_of_either_half(units: NDArray[np.complex64]) -> list[tuple[int, int]]:
+def tiles_of_either_half(units: NDArray[np.complex64], tile: int = TILE_PX) -> list[tuple[int, int]]:
     """Return (row, column) of tiles with edges that stand in the first half of the frames, or in the second."""
     half = len(units) // 2
-    return edge_tiles((sharpness(units[:half]) + sharpness(units[half:])) / 2, half, TILE_PX, MOST_TILES)
+    return edge_tiles((sharpness(units[:half]) + sharpness(units[half:])) / 2, half, tile, MOST_TILES)
 
 
-def _step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
+def step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
     """Return a tile's (F, h, w) votes (K, rows, columns): before each frame, the frames after against those before."""
     count = len(units)
     places = np.arange(FEWEST_BESIDE, count - FEWEST_BESIDE + 1)
@@ -190,17 +190,18 @@ def _step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
     return correlations(after * np.abs(after) ** 2, before, REACH)
 
 
-def _find_step(votes, middles: NDArray[np.float64]) -> Step | None:
+def find_step(votes, middles: NDArray[np.float64], gain: float = GAIN) -> Step | None:
     """Return the movement that stays, if there is one: tiles vote for a shift and a turn in common [Ballard1981].
 
-    `votes` are the tiles', see `_step_votes`; `middles` (T, 2) their (u, v) from the picture's middle.
+    `votes` are the tiles', see `step_votes`; `middles` (T, 2) their (u, v) from the picture's middle; `gain` the least
+    that counts, see `GAIN`.
     """
     planes = np.stack(votes)
     if not planes.shape[1]:
         return None
     still = planes[:, :, REACH_PX, REACH_PX].mean(0)
     farthest = max(float(np.linalg.norm(middles, axis=1).max()), 1.0)
-    best = (GAIN, -1, 0.0, np.zeros((1, 1)))
+    best = (gain, -1, 0.0, np.zeros((1, 1)))
     for turn in np.arange(-REACH_PX // 2, REACH_PX // 2 + 1) / farthest:
         total = _turned(planes, middles, turn)
         gains = total.max((1, 2)) - still

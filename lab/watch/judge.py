@@ -12,6 +12,7 @@ from capture.audit.camera_settings import exposure_by_room, gaps_in_numbering, m
 from capture.audit.focus import focus_warnings
 from capture.audit.frame_facts import reduced
 from capture.audit.missing_flashes import doubles, misfires
+from capture.audit.part_movement import Part, part_warnings
 from capture.photographs.kept import KeptStack
 from capture.photographs.photograph import SATURATION
 from capture.session.globs import frame_names
@@ -84,12 +85,12 @@ class FramesSoFar:
         return told
 
     @staticmethod
-    def late_warnings(frames: Frames, flash: list[Shot]) -> list[str]:
-        """Return what takes seconds to find: a lost focus and a movement, by tiles of the newest frames."""
+    def late_warnings(frames: Frames, flash: list[Shot], parts: list[Part]) -> list[str]:
+        """Return what takes seconds to find in the newest frames: a lost focus, a movement of all, or of `parts`."""
         last = slice(-LOOKED_BACK, None)
         recent, facts = frames.only(last), [shot.facts for shot in flash[last]]
         moved = movement_warnings(recent, facts) if len(facts) >= FEWEST else []
-        return [*focus_warnings(recent, facts), *moved]
+        return [*focus_warnings(recent, facts), *(moved or part_warnings(recent, parts))]
 
 
 class Told:

@@ -67,10 +67,11 @@ class Known:
 
 
 class NormalsSoFar:
-    """The object's mask, found once and again, and its normals' sigma."""
+    """The object, found once and again, and its normals' sigma."""
 
     def __init__(self) -> None:
-        self._mask: NDArray[np.bool_] | None = None
+        self.mask: NDArray[np.bool_] | None = None
+        """The object's (h, w); None before it is found."""
         self._looked_with = 0
         self.why = "waits for lights"
         """Why nothing is known; empty where it is."""
@@ -85,7 +86,7 @@ class NormalsSoFar:
 
         self._looked_with = len(frames)
         try:
-            self._mask = find_object(frames, camera, list(spheres)).mask
+            self.mask = find_object(frames, camera, list(spheres)).mask
         except SceneError as error:
             self.why = str(error)
 
@@ -96,10 +97,10 @@ class NormalsSoFar:
         """
         from solve.solve import solve
 
-        if self._mask is None:
+        if self.mask is None:
             return None
-        step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(self._mask) / PIXELS))))
-        some, view, mask = frames.every(step), camera.every(step), self._mask[::step, ::step]
+        step = max(1, int(np.ceil(np.sqrt(np.count_nonzero(self.mask) / PIXELS))))
+        some, view, mask = frames.every(step), camera.every(step), self.mask[::step, ::step]
         try:
             estimate = solve("iterative", some, lights, view, mask)
         except SceneError as error:

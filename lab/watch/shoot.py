@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from capture.audit.part_movement import Part, parts_of
 from capture.survey.small_pictures import frames_of
 from lab.init.answers import Asking
 from lab.watch.judge import FramesSoFar, Told
@@ -126,7 +127,7 @@ class Shoot:
         exif = [shot.exif for shot in flash]
         small, step = self._small(), flash[0].small.step
         with ThreadPoolExecutor(1) as beside:
-            late = beside.submit(self._frames.late_warnings, self._stack, flash)
+            late = beside.submit(self._frames.late_warnings, self._stack, flash, self._parts())
             if not lights.is_due(len(flash)):
                 lights.update(small, exif, step)
                 yield self._new(lights.warnings)
@@ -160,6 +161,13 @@ class Shoot:
 
     def _new(self, texts: list[str]) -> list[str]:
         return self._told.new(texts, [shot.path.stem for shot in self.shots])
+
+    def _parts(self) -> list[Part]:
+        """Return what may move alone, as far as it is found."""
+        found = self.lights_so_far.found
+        if found is None or found.camera is None:
+            return []
+        return parts_of(found.spheres, found.camera, self._normals.mask, self.sorted.flash[0].small.step)
 
     def _small(self) -> Frames:
         assert self._stack is not None

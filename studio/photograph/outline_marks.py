@@ -48,9 +48,9 @@ KNOB = (255, 150, 0)
 
 
 class OutlineMarks:
-    """What is drawn of the window's outlines. colour: Given an outline, that of its line."""
+    """What is drawn of the window's outlines. colour: Given an outline, that of its line; None: it is not drawn."""
 
-    def __init__(self, window: PhotographWindow, colour: Callable[[Outline], Colour]) -> None:
+    def __init__(self, window: PhotographWindow, colour: Callable[[Outline], Colour | None]) -> None:
         self._window, self._view, self._layers = window, window.client.scene, Layers()
         self._colour, self._knobs = colour, []
 
@@ -58,7 +58,8 @@ class OutlineMarks:
         """Draw the window's balls. A knob is moved, not made anew: it may be under a hand."""
         window, camera, draw = self._window, self._window.camera, self._layers.draw
         now = (window.reading, window.ball)
-        draw("outlines", (now, window.outlines, camera), lambda: self._add_outlines(plane, camera))
+        looks = tuple(map(self._colour, window.outlines))
+        draw("outlines", (now, window.outlines, camera, looks), lambda: self._add_outlines(plane, camera))
         draw("knobs", (now, len(window.outlines), camera is None), lambda: self._add_knobs(plane, camera))
         if window.ball is not None and self._knobs:
             for knob, place in zip(self._knobs, self._knob_places(plane, window.ball), strict=True):
@@ -69,12 +70,12 @@ class OutlineMarks:
         if camera is None:
             return handles
         for index, ball in enumerate(window.outlines):
-            is_chosen = window.ball == index
-            if ball.apart and not is_chosen:
+            is_chosen, colour = window.ball == index, self._colour(ball)
+            if colour is None or (ball.apart and not is_chosen):
                 continue
             width_px = 3.0 if is_chosen else 2.0
             name = f"outline_{index}"
-            handles.append(add_outline(self._view, name, plane, camera, ball.sphere, self._colour(ball), width_px))
+            handles.append(add_outline(self._view, name, plane, camera, ball.sphere, colour, width_px))
             corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
             label = f"{ball.kind} ball {index + 1}"
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", label, position=tuple(corner)))

@@ -7,13 +7,15 @@ from numpy.typing import NDArray
 
 from studio.photograph.outline_marks import KNOB as MOVED
 from studio.photograph.outline_marks import OutlineMarks, add_crop, closed
+from studio.photograph.outlines import Outline
 from studio.photograph.plane import Plane, add_lines
 from studio.review.highlight_misses import mirrored_px, residuals_px, rms_px
 from studio.review.review_window import ReviewWindow
 from studio.widgets import Layers
 
 Array = NDArray[np.float64]
-FITTED = (60, 220, 90)
+FITTED, WAITING = (60, 220, 90), (170, 170, 170)
+"""Of a ball that was found; of one that was not, and waits to be put in its place."""
 SEEN, MISSES = (255, 235, 60), (255, 70, 200)
 
 
@@ -22,7 +24,7 @@ class BallMarks:
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, self._view, self._layers = window, window.client.scene, Layers()
-        self._outlines = OutlineMarks(window, lambda ball: MOVED if ball.is_moved else FITTED)
+        self._outlines = OutlineMarks(window, self._colour)
 
     def refresh(self, plane: Plane) -> None:
         """Draw the window's balls."""
@@ -31,6 +33,11 @@ class BallMarks:
         self._outlines.refresh(plane)
         draw("crop", (now, count), lambda: self._add_crop(plane))
         draw("highlights", (now, window.frame, count), lambda: self._add_highlights(plane))
+
+    def _colour(self, ball: Outline) -> tuple[int, int, int] | None:
+        if ball.is_moved or self._window.review.spheres:
+            return MOVED if ball.is_moved else FITTED
+        return WAITING if self._window.tab == "Balls" else None
 
     def _add_crop(self, plane: Plane) -> list[Any]:
         """Show the chosen ball by all of its photographs together, in full resolution."""

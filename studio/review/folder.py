@@ -131,6 +131,11 @@ class Review:
         }
 
     @cached_property
+    def unfinished(self) -> dict[str, str]:
+        """What is not there because its step has not ended: the step by its name."""
+        return {name: step for name, (part, step, _) in self._parts.items() if part is None and step not in self.done}
+
+    @cached_property
     def missing(self) -> dict[str, str]:
         """What is not there, and why: a sentence for each of frames, camera, lights, balls, mask, scan, twin."""
         return {

@@ -4,7 +4,7 @@ from functools import partial
 from typing import Any
 
 from compare.report.facts import read_optional
-from studio.review.folder import Warned
+from studio.review.folder import Review, Warned
 from studio.review.photograph_picture import OVERLAYS
 from studio.review.review_window import STEPS, ReviewWindow
 from studio.widgets import Inputs, Layers, plain
@@ -36,7 +36,7 @@ class FramesPanel:
         """Follow the window."""
         window, review = self._window, self._window.review
         frames = review.material.frames
-        self._lacks.content = lacks_text(review.missing, review.why_no_session)
+        self._lacks.content = lacks_text(review)
         count = 0 if frames is None else len(frames)
         self._frame.max, self._frame.disabled = max(count, 2), count < 2
         self._frame.value = window.frame + 1
@@ -53,10 +53,14 @@ class FramesPanel:
         self._note.content = _note(window)
 
 
-def lacks_text(missing: dict[str, str], why_no_session: str) -> str:
+def lacks_text(review: Review) -> str:
     """Return what a folder lacks and why, as Markdown; empty where it is whole."""
-    lines = [f"- **no {name}**: {why}" for name, why in missing.items()]
-    lines += [f"- **no session**: {plain(why_no_session)}"] if why_no_session else []
+    waits = review.unfinished
+    lines = [f"- **no {name}**: {why}" for name, why in review.missing.items() if name not in waits]
+    if waits:
+        steps = ", ".join(f"`{step}`" for step in dict.fromkeys(waits.values()))
+        lines += [f"- **{', '.join(waits)}**: not made yet ({steps}). **Run** makes them, or says what stops it."]
+    lines += [f"- **no session**: {plain(review.why_no_session)}"] if review.why_no_session else []
     return "\n".join(["**Not in this folder**", "", *lines]) if lines else ""
 
 

@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from compare.report.facts import read_optional
 from lab.watch.status import MAP, STATUS
 from scene.image_files import read_pixels
+from scene.output_folder import read_record
 from scene.reading import reading
 from studio.review.review_window import ReviewWindow
 from studio.widgets import plain
@@ -23,10 +25,16 @@ GROUND, RIM, LIGHT, NEXT = (38, 38, 40), (120, 120, 125), (255, 210, 90), (90, 2
 
 
 class ShootPanel:
-    """The state of a shoot, renewed while it goes on; not shown where there is none."""
+    """The state of a shoot, renewed while it goes on; not shown where there is none.
+
+    Of a folder's first shoot nothing else can be shown: `is_alone`. When it is over and its photographs are decoded,
+    the window turns to its session.
+    """
 
     def __init__(self, window: ReviewWindow) -> None:
         self._window, gui = window, window.client.gui
+        status = read_optional(window.review.store, STATUS)
+        self.is_alone = window.review.session is None and isinstance(status, dict) and status.get("is_over") is False
         self._folder = gui.add_folder("Shoot under way", visible=False)
         with self._folder:
             self._text = gui.add_markdown("")
@@ -40,12 +48,14 @@ class ShootPanel:
         status = self._window.review.store.read_json(STATUS) if is_there else {"is_over": True}
         with reading(self._path, "is no state of a shoot", do="It is written anew by rgbn watch."):
             is_over = bool(status["is_over"])
-            self._folder.visible = not is_over
+            self._folder.visible = self.is_alone or not is_over
             if not is_over:
                 self._text.content = _text(status)
                 self._picture.image = np.concatenate([dome(status), self._map()], 1)
         was_over, self._was_over = self._was_over, is_over
-        if is_over and not was_over:
+        if is_over and self.is_alone:
+            self._text.content = "**The shoot is over.** Its photographs are decoded; then the session is shown here."
+        elif is_over and not was_over:
             self._window.notify("The shoot is over", "Its photographs are decoded now; then read the folder again.")
 
     def _follow(self) -> None:
@@ -56,6 +66,13 @@ class ShootPanel:
             if stamp != self._seen:
                 self._seen = stamp
                 self._window.post(self.refresh, droppable=True)
+            elif self.is_alone and self._was_over:
+                self._window.post(self._turn_to_session, droppable=True)
+
+    def _turn_to_session(self) -> None:
+        record = read_record(self._window.folder)
+        if record is not None and "check" in record.done:
+            self._window.turn()
 
     def _map(self) -> NDArray[np.uint8]:
         """Return the map of sigma, (SIDE_PX, SIDE_PX, 3)."""

@@ -36,7 +36,7 @@ def review(made):
 def test_a_whole_folder_lacks_nothing(review, made):
     assert review.missing == {}
     assert review.why_no_session == ""
-    assert lacks_text(review.missing, review.why_no_session) == ""
+    assert lacks_text(review) == ""
     assert review.lights.names == made.lights.names
     np.testing.assert_allclose(review.position_covariance_mm2, made.covariance)
     assert review.highlights_px.shape == (3, 5, 2)
@@ -81,10 +81,13 @@ def test_an_unfinished_step_is_said_to_be_unfinished(made):
         record.forget(["calibrate", "align", "solve", "twin"])
     for name in ("lights.json", "mask.png", "pose.json"):
         (made.folder / name).unlink()
-    missing = Review.read(made.folder, made.session).missing
-    assert set(missing) == {"lights", "mask"}
-    assert "`calibrate` has not ended" in missing["lights"]
-    assert "`align` has not ended" in missing["mask"]
+    review = Review.read(made.folder, made.session)
+    assert set(review.missing) == {"lights", "mask"}
+    assert "`calibrate` has not ended" in review.missing["lights"]
+    assert "`align` has not ended" in review.missing["mask"]
+    text = lacks_text(review)
+    assert "- **lights, mask**: not made yet (`calibrate`, `align`)" in text
+    assert text.count("\n- ") == 1, "one line for all that waits"
 
 
 @pytest.mark.parametrize("name", [".rgbn/record.jsonl", "calibration.json", "summary.json"])

@@ -8,9 +8,11 @@ import pytest
 
 from lab.watch.status import MAP, STATUS, sigma_picture
 from scene.files import write_png
+from scene.output_folder import open_record
 from studio.review.review_window import ReviewWindow
 from studio.review.shoot_panel import GROUND, LIGHT, NEXT, SIDE_PX, ShootPanel, dome
 from studio.workspace import Workspace
+from tests.studio.review.conftest import note_steps
 
 FLASH = {"zenith_deg": 45.0, "azimuth_deg": 90.0, "flags": []}
 STATE = {
@@ -55,6 +57,7 @@ def window(made, nobody, no_preview, furnish):
 def test_a_shoot_is_shown_renewed_and_gone_when_it_is_over(window, settle):
     (panel,) = [one for one in window.panels if isinstance(one, ShootPanel)]
     settle(window)
+    assert not panel.is_alone
     assert not panel._folder.visible
     write_png(window.folder / MAP, sigma_picture(np.full((20, 30), 0.2), 1.0))
     (window.folder / STATUS).write_text(json.dumps(STATE))
@@ -73,6 +76,35 @@ def test_a_shoot_is_shown_renewed_and_gone_when_it_is_over(window, settle):
     settle(window)
     assert not panel._folder.visible
     assert "The shoot is over" in window.client.told[-1]
+
+
+def test_a_first_shoot_stands_alone_until_its_session_is_decoded(nobody, no_preview, tmp_path, settle):
+    """A wall of what a folder lacks would hide the shoot, and tell its photographer nothing."""
+    folder, turned = tmp_path / "out", []
+    with open_record(folder) as record:
+        (folder / STATUS).write_text(json.dumps(STATE))
+        window = ReviewWindow(nobody(), Workspace.at(tmp_path), no_preview, folder, None)
+        window.turn = lambda: turned.append("turned")
+        window.read()
+        panel = ShootPanel(window)
+        window.panels.append(panel)
+        panel.refresh()
+        assert panel.is_alone
+        assert panel._folder.visible
+        (folder / STATUS).write_text(json.dumps(STATE | {"is_over": True}))
+        end = time.monotonic() + 30
+        while "The shoot is over" not in panel._text.content:
+            assert time.monotonic() < end
+            time.sleep(0.1)
+            settle(window)
+        assert panel._folder.visible
+        assert not turned, "its photographs are not decoded yet"
+        note_steps(record, {"check": {"result": {}, "warnings": []}})
+    while not turned:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+        settle(window)
+    window.close()
 
 
 def test_a_status_that_is_none_is_one_message(window, settle):

@@ -1,0 +1,113 @@
+"""Parts that move alone: a ball among balls, the object; none on captures in which nothing moved."""
+
+import copy
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from capture.audit.frame_facts import facts_of
+from capture.audit.movement import movement
+from capture.audit.part_movement import Part, part_step, part_warnings, parts_of
+from fixtures.ball_scene import World, flashes, render
+from lab.watch.judge import FramesSoFar
+from scene.camera import Camera
+from scene.frames import Frames
+
+CAMERA = Camera(480, 320, 870.0, 870.0, 239.5, 159.5)
+COUNT, MOVED = 10, 6
+
+
+@pytest.fixture(scope="module")
+def world():
+    world = World(
+        CAMERA, [], flashes(COUNT, seed=3), np.full((COUNT, 3), 0.5), table_texture="noise", table_albedo=0.2,
+        table_second=0.08,
+    )  # fmt: skip
+    for x, y in ((-190, -100), (190, 100), (-180, 100)):
+        world.stand("chrome", x, y, 33.0)
+    return world.put("dome", 0, 0, [60, 60, 45], albedo=0.5, texture="noise", second=0.15, grain_mm=12.0)
+
+
+@pytest.fixture(scope="module")
+def still(world):
+    return render(world)
+
+
+@pytest.fixture(scope="module")
+def object_mask(world):
+    v, u = np.mgrid[: CAMERA.height, : CAMERA.width]
+    return np.hypot(*(np.stack([u, v], -1) - CAMERA.project(world.clutter[0].center)).T).T < 52
+
+
+def later(still, world, *, balls=(), lump=False, by_mm=(6.0, 3.0, 0.0)):
+    """Return the frames in which parts stand elsewhere from frame MOVED on."""
+    moved = copy.deepcopy(world)
+    for i in balls:
+        moved.balls[i].center = moved.balls[i].center + by_mm
+    if lump:
+        moved.clutter[0].center = moved.clutter[0].center + by_mm
+    moved.lights, moved.powers = world.lights[MOVED:], world.powers[MOVED:]
+    after = render(moved, seed=1)
+    return replace(still, codes=np.concatenate([still.codes[:MOVED], after.codes]))
+
+
+def test_where_nothing_moved_nothing_is_said(still, world, object_mask):
+    assert part_warnings(still, parts_of(world.spheres(), CAMERA, object_mask)) == []
+
+
+def test_a_ball_that_moved_alone_is_named_with_the_frame_and_where_it_went(still, world, object_mask):
+    """The picture as a whole stands still: only the ball can tell."""
+    frames, parts = later(still, world, balls=[1]), parts_of(world.spheres(), CAMERA, object_mask)
+    assert movement(frames, [facts_of(codes) for codes in frames.codes]).step is None
+    (text,) = part_warnings(frames, parts)
+    assert text.startswith(f"flash_{MOVED:03d}: from here on {parts[1].name} lies")
+    assert f"it moved after flash_{MOVED - 1:03d}" in text
+    here = np.array([ball.center_px for ball in world.spheres()])[1]
+    there = CAMERA.project(world.balls[1].center + np.array([6.0, 3.0, 0]))
+    # Up in the world is up in the picture: down is negative.
+    assert (there - here)[1] < -2
+    assert part_step(frames, parts[1]).shift_px == pytest.approx(there - here, abs=0.5)
+    assert part_step(frames, parts[0]) is None
+
+
+def test_the_object_that_moved_alone_is_named_and_parts_that_moved_together_are_one_warning(still, world, object_mask):
+    parts = parts_of(world.spheres(), CAMERA, object_mask)
+    (text,) = part_warnings(later(still, world, lump=True), parts)
+    assert "from here on the object lies" in text
+    (text,) = part_warnings(later(still, world, balls=[0, 2]), parts)
+    assert f"{parts[0].name}, {parts[2].name} lie " in text
+    assert "they moved after" in text
+
+
+def test_a_watch_says_so_of_masks_that_are_reduced(still, world, object_mask):
+    class Taken:
+        def __init__(self, codes):
+            self.facts = facts_of(codes)
+
+    frames = later(still, world, balls=[1])
+    small = [Part(part.name, part.mask[::4, ::4], 4) for part in parts_of(world.spheres(), CAMERA, object_mask)]
+    shots = [Taken(codes) for codes in frames.codes]
+    said = FramesSoFar.late_warnings(frames, shots, small)
+    assert [text for text in said if "lies" in text] == part_warnings(frames, small)
+    assert len(part_warnings(frames, small)) == 1
+
+
+@pytest.mark.parametrize("name", ["chrome", "buddha", "cat", "owl"])
+def test_real_objects_stand_still_until_they_are_moved(shared, name):
+    """Photographs of others: no alarm as they are; moved by 3 % of their size from one frame on, they are found."""
+    folder = shared(f"real/uw_psm/png/{name}")
+    files = sorted(path for path in folder.glob("*.png") if "mask" not in path.name)
+    mask = cv2.imread(str(next(folder.glob("*mask*"))), cv2.IMREAD_GRAYSCALE) > 128
+    images = np.stack([cv2.imread(str(path))[..., ::-1] for path in files]).astype(np.float32) / 255
+    names = tuple(path.stem for path in files)
+    part = Part(name, mask)
+    assert part_warnings(Frames.from_linear(names, images), [part]) == []
+    shift = np.array([3, -2]) * max(1, round(np.ptp(np.nonzero(mask)[0]) / 100))
+    moved = images.copy()
+    moved[7:] = [cv2.warpAffine(one, np.float32([[1, 0, shift[0]], [0, 1, shift[1]]]), one.shape[1::-1])
+                 for one in images[7:]]  # fmt: skip
+    step = part_step(Frames.from_linear(names, moved), part)
+    assert step.first == 7
+    assert step.shift_px == pytest.approx(shift, abs=0.7)
