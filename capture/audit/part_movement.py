@@ -17,12 +17,12 @@ SIDE_PX, TILE_PX = 128, 48
 """Longer side of a part's picture; of its tiles."""
 ENLARGED, REDUCED = 2, 4
 """How often larger a small part's picture is at most; so many by so many pixels of a large part are one of its."""
-MARGIN = 0.1
-"""Of a part's size, around it, that is looked at."""
+MARGIN = 0.3
+"""Of a part's size, around it, that is looked at: a step of a quarter of its size stays inside."""
 FEWEST_FRAMES = 8
 GAIN = 0.4
-"""By how much more of the votes a step must have than standing still. Parts that stand still stay under 0.15 on real
-captures, under 0.35 on smooth rendered domes; balls and objects that move by 3 % of their size reach 0.35 to 0.95."""
+"""By how much more of the votes a step must have than standing still. Sound real captures stay under 0.3, smooth
+rendered domes just under 0.4; balls and textured objects that move by 3 % of their size reach 0.4 to 0.95."""
 ALIKE_PX = 2.0
 """Parts that move by the same step, to so much, moved together."""
 
@@ -51,7 +51,7 @@ def parts_of(spheres: Sequence[Sphere], camera: Camera, mask: NDArray[np.bool_] 
 
     A pixel of `camera` and `mask` is `step` of the frames' wide.
     """
-    named = [(f"{ball.kind} ball at ({ball.center_px[0] * step:.0f}, {ball.center_px[1] * step:.0f})", ball)
+    named = [(f"the {ball.kind} ball at ({ball.center_px[0] * step:.0f}, {ball.center_px[1] * step:.0f})", ball)
              for ball in spheres if not ball.apart]  # fmt: skip
     parts = [Part(name, ball.mask(camera), step) for name, ball in named]
     return parts if mask is None else [*parts, Part("the object", mask, step)]
