@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from calibrate.calibration import Notes
 from calibrate.lights.adjustment import Observed
-from calibrate.lights.positions import LightFit, fit_lights
+from calibrate.lights.positions import INLIER_SIGMAS, LightFit, fit_lights
 from calibrate.silhouette.outline import difference
 from scene.normals import angular_error_deg, unit
 
@@ -63,7 +63,9 @@ def choose_model(seen: Observed, notes: Notes) -> LightFit:
     if not gain > NEAR_BIC:
         notes.evidence.append(f"distant lights: ranges would not explain the highlights better (dBIC {gain:.0f})")
         return _judged(distant, notes)
-    if has_scale and len(spheres) > 1 and (near.misfit > SUSPICIOUS or _left_out(near, seen.highlights) > MANY):
+    # One wrong outline among many good highlights hides in the mean.
+    missed = near.misfit > SUSPICIOUS or near.outline_chi2.max() > INLIER_SIGMAS**2
+    if has_scale and len(spheres) > 1 and (missed or _left_out(near, seen.highlights) > MANY):
         near = _with_culprit(near, scaled, notes)
     nearest, farthest = near.distance_mm.min(), near.distance_mm.max()
     if has_scale:

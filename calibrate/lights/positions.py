@@ -8,6 +8,7 @@ from scipy.optimize import least_squares
 
 from calibrate.lights.adjustment import STEP, Adjustment, Observed
 from calibrate.lights.least_squares import minimum
+from calibrate.silhouette.outline import difference
 from scene.camera import Camera
 from scene.spheres import Sphere
 
@@ -39,6 +40,7 @@ class LightFit:
     used: NDArray[np.bool_]  # (S, F)
     shaded: NDArray[np.bool_]  # (W, F) which of the white balls' shading is used
     chi2: float  # sum of squared residuals in expected standard deviations
+    outline_chi2: Array  # (S,) of each ball's three numbers against its outline's
     chi2_all: float  # the same with highlights that were left out, capped at `CAP` sigmas each: to compare models
     scale: float  # how many times larger the highlights' errors are than was stated, by their scatter
     unknowns: int
@@ -153,11 +155,14 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
     capped = np.minimum(missed, CAP)
     rows = 2 * int(problem.used.sum())
     chi2 = float(np.sum(residual[:rows] ** 2)) * problem.scale**2 + float(np.sum(residual[rows:] ** 2))
+    spheres = problem.balls_at(x)
+    beside_outline = [difference(*pair) for pair in zip(spheres, seen.spheres, strict=True)]
+    outlines = zip(beside_outline, seen.covariances, strict=True)
     return LightFit(
         camera=replace(camera, focal_sigma=float(sigmas[0]), center_sigma_px=center),
         spheres=[
             replace(sphere, sigma_px=float(np.sqrt((v[0] + v[1]) / 2)))
-            for sphere, v in zip(problem.balls_at(x), of_balls, strict=True)
+            for sphere, v in zip(spheres, of_balls, strict=True)
         ],
         reference=problem.reference_at(camera),
         directions=directions,
@@ -169,6 +174,7 @@ def _conclude(problem: Adjustment, x: Array) -> LightFit:
         used=problem.used.copy(),
         shaded=problem.shaded.copy(),
         chi2=chi2,
+        outline_chi2=np.array([d @ np.linalg.solve(c, d) for d, c in outlines]),
         chi2_all=chi2 + float(np.sum(capped**2)),
         scale=problem.scale,
         unknowns=len(x),
