@@ -152,11 +152,7 @@ def photograph(recipe: Recipe) -> Photographs:
     generator = np.random.default_rng([recipe.seed, recipe.images])
     if recipe.images:
         taken = np.sort(generator.choice(len(images), recipe.images, replace=False))
-        names = tuple(lights.names[i] for i in taken)
-        images = images[taken]
-        lights = Lights(
-            names, lights.directions[taken], lights.intensities[taken], reference_point_mm=lights.reference_point_mm
-        )
+        images, lights = images[taken], lights.only(taken)
     if recipe.ambient:
         images = images + np.float32(recipe.ambient) * _ambient(recipe.scene)
     exposure = _exposure(images[:, truth.mask])

@@ -146,7 +146,7 @@ def light_sigmas(lights: dict[str, Any]) -> Any:
     return laid_out(figure, height=260)
 
 
-def light_positions(lights: dict[str, Any], balls_mm: list[list[float]]) -> Any:
+def light_positions(lights: dict[str, Any]) -> Any:
     """Return the near lights in millimetres twice: seen from the camera (x, y), and from above (x, z)."""
     from plotly.subplots import make_subplots
 
@@ -154,14 +154,11 @@ def light_positions(lights: dict[str, Any], balls_mm: list[list[float]]) -> Any:
     figure = make_subplots(1, 2, subplot_titles=("seen from the camera", "seen from above"), horizontal_spacing=0.12)
     groups = [
         ("lights", [row["position_mm"] for _, row in rows], "circle", COLOURS[0], [str(i) for i, _ in rows]),
-        ("balls", balls_mm, "circle-open", "#555", [""] * len(balls_mm)),
         ("object's centre", [lights["reference_point_mm"]], "x", COLOURS[1], [""]),
         ("camera", [[0.0, 0.0, 0.0]], "square", "#000", [""]),
     ]
     for column, axis in ((1, 1), (2, 2)):
         for name, points, symbol, colour, labels in groups:
-            if not points:
-                continue
             figure.add_scatter(
                 x=[point[0] for point in points],
                 y=[point[axis] for point in points],

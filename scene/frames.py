@@ -90,9 +90,10 @@ class Frames:
         """Return about `count` of the frames, evenly spaced, without copying a pixel."""
         return self.only(slice(None, None, max(1, round(len(self) / count))))
 
-    def only(self, which: slice) -> "Frames":
-        """Return some of the frames, without copying a pixel."""
-        return replace(self, names=self.names[which], codes=self.codes[which], gain=self.gain[which])
+    def only(self, which: slice | list[int] | NDArray) -> "Frames":
+        """Return some of the frames: by a slice, without copying a pixel, their numbers, or a mask (F,)."""
+        names = tuple(self.names[i] for i in np.arange(len(self))[which])
+        return replace(self, names=names, codes=self.codes[which], gain=self.gain[which])
 
     def every(self, step: int) -> "Frames":
         """Return every n-th pixel of each frame, copied: pixel u becomes u / n."""

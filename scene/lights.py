@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.errors import CalibrationError, SceneError
+from scene.normals import unit
 
 if TYPE_CHECKING:
     import pandas
@@ -97,15 +98,20 @@ class Lights:
         white = None if self.white_value is None else self.white_value * mean
         return replace(self, intensities=self.intensities / mean, white_value=white)
 
+    def only(self, which: slice | list[int] | NDArray) -> "Lights":
+        """Return some of the lights as they are, in this order: by a slice, their numbers, or a mask (N,)."""
+        rows = np.arange(len(self))[which]
+        names, flags = (tuple(each[i] for i in rows) for each in (self.names, self.flags))
+        fields = ("directions", "intensities", "positions_mm", "direction_sigma_deg", "intensity_sigma")
+        arrays = {name: getattr(self, name)[rows] for name in fields if getattr(self, name) is not None}
+        return replace(self, names=names, flags=flags, **arrays)
+
     def seen_from(self, point: ArrayLike) -> "Lights":
         """Return the lights with directions and intensities at another point (3,), mm."""
         point = np.asarray(point, np.float64)
         if self.positions_mm is None:
             return replace(self, reference_point_mm=point)
-        vectors = self.at(point[None])[:, 0]
-        directions = self.positions_mm - point
-        directions = directions / np.linalg.norm(directions, axis=1, keepdims=True)
-        intensities = np.linalg.norm(vectors, axis=-1)
+        directions, intensities = unit(self.positions_mm - point), np.linalg.norm(self.at(point[None])[:, 0], axis=-1)
         return replace(self, directions=directions, intensities=intensities, reference_point_mm=point).normalised()
 
     def at(self, points: ArrayLike) -> Array:
@@ -174,20 +180,19 @@ class Lights:
         for i, name in enumerate(self.names):
             position = None if self.positions_mm is None else self.positions_mm[i]
             away = None if position is None else float(np.linalg.norm(position - self.reference_point_mm))
-            rows.append(
-                {
-                    "name": name,
-                    "zenith_deg": _finite(zenith[i]),
-                    "azimuth_deg": _finite(azimuth[i]),
-                    "intensity": self.intensities[i].tolist(),
-                    "intensity_mean": float(self.intensities[i].mean()),
-                    "direction_sigma_deg": _finite(self.direction_sigma_deg[i]),
-                    "intensity_sigma": _finite(self.intensity_sigma[i]),
-                    "position_mm": None if position is None else position.tolist(),
-                    "distance_mm": away,
-                    "flags": list(self.flags[i]),
-                }
-            )
+            row = {
+                "name": name,
+                "zenith_deg": _finite(zenith[i]),
+                "azimuth_deg": _finite(azimuth[i]),
+                "intensity": self.intensities[i].tolist(),
+                "intensity_mean": float(self.intensities[i].mean()),
+                "direction_sigma_deg": _finite(self.direction_sigma_deg[i]),
+                "intensity_sigma": _finite(self.intensity_sigma[i]),
+                "position_mm": None if position is None else position.tolist(),
+                "distance_mm": away,
+                "flags": list(self.flags[i]),
+            }
+            rows.append(row)
         return {
             "model": self.model,
             "count": len(rows),
@@ -245,14 +250,9 @@ class Lights:
         """
         from scene import figures
 
-        drawn = {
-            "directions": figures.light_directions,
-            "intensities": figures.light_intensities,
-            "sigmas": figures.light_sigmas,
-            "positions": lambda facts: figures.light_positions(facts, []),
-        }
-        if what not in drawn:
-            raise SceneError(f"lights.plot({what!r}): there are {', '.join(drawn)}.")
+        words = ("directions", "intensities", "sigmas", "positions")
+        if what not in words:
+            raise SceneError(f"lights.plot({what!r}): there are {', '.join(words)}.")
         if what == "directions" and self.is_unknown:
             raise SceneError('lights.plot("directions"): they are unknown: no ball was found, and no file gives them.')
         if what == "positions" and self.positions_mm is None:
@@ -260,7 +260,7 @@ class Lights:
                 'lights.plot("positions"): the lights are distant: they have directions only. Positions come from '
                 "balls whose diameter_mm is given in session.toml."
             )
-        return drawn[what](self.facts())
+        return getattr(figures, f"light_{what}")(self.facts())
 
     def __repr__(self) -> str:
         if self.is_unknown:
@@ -275,11 +275,10 @@ class Lights:
     def _repr_html_(self) -> str:
         from scene.notebook import table_html
 
-        names = ("name", "elevation_deg", "azimuth_deg", "distance_mm", "direction_sigma_deg", "flags")
-        mean = ({"intensity": fact["intensity_mean"]} for fact in self.facts()["frames"])
-        rows = [{name: row[name] for name in names[:4]} | more | {name: row[name] for name in names[4:]}
-                for row, more in zip(self.rows(), mean, strict=True)]  # fmt: skip
-        return table_html(rows, repr(self))
+        names = ("name", "elevation_deg", "azimuth_deg", "distance_mm", "intensity", "direction_sigma_deg", "flags")
+        facts = self.facts()["frames"]
+        rows = [row | {"intensity": fact["intensity_mean"]} for row, fact in zip(self.rows(), facts, strict=True)]
+        return table_html([{name: row[name] for name in names} for row in rows], repr(self))
 
 
 def _finite(value: Any) -> float | None:

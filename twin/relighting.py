@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from formats.pictures import srgb_from_linear
 from scene.errors import RenderError
 from scene.frames import Frames
-from scene.lights import Lights
 from twin.description.description import Sampling
 from twin.material.material_light import material_scene
 from twin.material.material_samples import inner_pixels, samples_at
@@ -94,19 +93,12 @@ def relighting(
     if len(frames) < FEWEST:
         raise RenderError(f"{len(frames)} frames; {FEWEST} or more can be divided into fitted and foretold ones.")
     first, others = slice(0, None, 2), slice(1, None, 2)
-    seen, unseen = (replace(sight, lights=some_lights(sight.lights, which)) for which in (first, others))
+    seen, unseen = (replace(sight, lights=sight.lights.only(which)) for which in (first, others))
     found = scan_material(seen, frames.only(first), mask, sigma_deg=sigma_deg)
     scene, _ = material_scene(found.seen(unseen), found.places.fits, found.labels, found.albedo, sampling)
     photographs = frames.only(others)
     rmse, rmse_scaled, decibels, decibels_scaled = score(unseen, photographs, render(scene), mask)
     return Relighting(seen.lights.names, unseen.lights.names, rmse, rmse_scaled, decibels, decibels_scaled)
-
-
-def some_lights(lights: Lights, which: slice) -> Lights:
-    """Return some of the lights, with their intensities as they are."""
-    names = ("names", "directions", "intensities", "positions_mm", "direction_sigma_deg", "intensity_sigma", "flags")
-    given = {name: getattr(lights, name) for name in names}
-    return replace(lights, **{name: None if value is None else value[which] for name, value in given.items()})
 
 
 def score(

@@ -162,12 +162,7 @@ def scan_shading(
 
     max(0, vector . normal), the light's fall-off in the vector, 0 in cast shadows; the light's intensity is not in it.
     """
-    own = slice(index, index + 1)
-    positions = None if lights.positions_mm is None else lights.positions_mm[own]
-    one = Lights(
-        lights.names[own], lights.directions[own], lights.intensities[own], positions, lights.reference_point_mm
-    )
-    view = View(RayCaster(mesh), camera, pose)
+    one, view = lights.only([index]), View(RayCaster(mesh), camera, pose)
     flat = np.asarray(pixels, np.float64).reshape(-1, 2)
     out = np.full(len(flat), np.nan, np.float32)
     step = 1 << 19

@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.frames import Frames
-from scene.lights import Lights
 from solve.problem import Problem
 from solve.samples import all_samples
 from solve.trust.answer_world import Material
@@ -47,7 +45,7 @@ def unexplained(given: Problem, material: Material, methods: Sequence[str], solv
     gaps: dict[str, list[NDArray]] = {name: [] for name in methods}
     for fold in range(FOLDS):
         left_out = np.arange(count) % FOLDS == fold
-        seen = replace(given, frames=some_frames(frames, ~left_out), lights=some_lights(lights, ~left_out))
+        seen = replace(given, frames=frames.only(~left_out), lights=lights.only(~left_out))
         for name in methods:
             normals = solve(name, seen)[given.mask]
             known = np.isfinite(normals).all(1)
@@ -62,20 +60,3 @@ def unexplained(given: Problem, material: Material, methods: Sequence[str], solv
             nothing = np.ones(np.count_nonzero(~known) * int(left_out.sum()))
             gaps[name].append(np.concatenate([gap[judged], nothing]))
     return {name: float(np.median(np.concatenate(parts))) for name, parts in gaps.items()}
-
-
-def some_frames(frames: Frames, chosen: NDArray[np.bool_]) -> Frames:
-    """Return some of the frames, (F,) which."""
-    names = tuple(name for name, one in zip(frames.names, chosen, strict=True) if one)
-    return replace(frames, names=names, codes=frames.codes[chosen], gain=frames.gain[chosen])
-
-
-def some_lights(lights: Lights, chosen: NDArray[np.bool_]) -> Lights:
-    """Return the lights of some of the frames, (F,) which."""
-    pick = np.flatnonzero(chosen)
-    return replace(
-        lights, names=tuple(lights.names[i] for i in pick), flags=tuple(lights.flags[i] for i in pick),
-        directions=lights.directions[pick], intensities=lights.intensities[pick],
-        direction_sigma_deg=lights.direction_sigma_deg[pick], intensity_sigma=lights.intensity_sigma[pick],
-        positions_mm=None if lights.positions_mm is None else lights.positions_mm[pick],
-    )  # fmt: skip

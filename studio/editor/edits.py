@@ -235,16 +235,7 @@ def without_light(scene: TwinScene, index: int) -> TwinScene:
     if len(scene.lights) == 1:
         raise RenderError("lights: this is the only one; a scene has at least one.")
     rest = [number for number in range(len(scene.lights)) if number != index]
-    return replace(scene, lights=some(scene.lights, rest), radii_mm=scene.radii_mm[rest])
-
-
-def some(lights: Lights, indices: Sequence[int]) -> Lights:
-    """Return some of the lights, in this order."""
-    rows = list(indices)
-    fields = ("directions", "intensities", "positions_mm", "direction_sigma_deg", "intensity_sigma")
-    arrays = {name: getattr(lights, name)[rows] for name in fields if getattr(lights, name) is not None}
-    names, flags = (tuple(values[i] for i in rows) for values in (lights.names, lights.flags))
-    return replace(lights, names=names, flags=flags, **arrays)
+    return replace(scene, lights=scene.lights.only(rest), radii_mm=scene.radii_mm[rest])
 
 
 def _free(name: str, taken: set[str]) -> str:

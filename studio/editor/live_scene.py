@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from studio.display_mesh import display_mesh
-from studio.editor.edits import some, start_scene
+from studio.editor.edits import start_scene
 from twin.description.description import Environment, TwinObject, TwinScene
 from twin.description.materials import Material
 from twin.description.object_mesh import built_in
@@ -51,7 +51,7 @@ class LiveScene:
         small.film()  # Whether the camera sees anything.
         film = whole_film(small)
         self._update(small)
-        lit = Direct(self._mitsuba, film, some(scene.lights, [light]), error=error).images()[0]
+        lit = Direct(self._mitsuba, film, scene.lights.only([light]), error=error).images()[0]
         return _placed(lit, film)
 
     def _update(self, scene: TwinScene) -> None:
@@ -168,7 +168,7 @@ def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: 
 
     check_scene(scene)
     small = fitted(scene, width, height)
-    lit = replace(small, lights=some(scene.lights, [light]), radii_mm=scene.radii_mm[[light]])
+    lit = replace(small, lights=scene.lights.only([light]), radii_mm=scene.radii_mm[[light]])
     film = lit.film()
     asked = replace(lit, sampling=replace(lit.sampling, engine="many", samples=samples, error=0.03))
     choice = choose_engine(asked, film)

@@ -12,7 +12,6 @@ from scene.camera import Camera
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
-from studio.editor.edits import some
 from studio.review.folder import Review
 
 Overlay = Literal["nothing", "mask", "scan, shaded", "scan, normals"]
@@ -76,7 +75,7 @@ def shading(truth: NDArray, camera: Camera, lights: Lights, index: int, pixels: 
         vectors = lights.directions[index]
     else:
         points = camera.points_at_depth(pixels.reshape(-1, 2), float(lights.reference_point_mm[2]))
-        vectors = some(lights, [index]).toward(points)[0].reshape(normals.shape)
+        vectors = lights.only([index]).toward(points)[0].reshape(normals.shape)
     return np.maximum(np.sum(normals * vectors, -1), 0).astype(np.float32)
 
 

@@ -12,7 +12,7 @@ from tests.twin.test_fit_material import RADIUS, SIDE, WHITE, ball, dome
 from twin.description.description import Sampling
 from twin.engines.variant import import_mitsuba
 from twin.material.reflection_models import coat, reflected
-from twin.relighting import FEWEST, MASKS, relighting, score, some_lights
+from twin.relighting import FEWEST, MASKS, relighting, score
 from twin.visibility import Sight
 
 LIGHTS = dome(16)
@@ -87,7 +87,7 @@ def test_each_score_judges_its_own_pixels(seen):
 
 
 def test_some_lights_are_as_they_were():
-    some = some_lights(LIGHTS, slice(1, None, 2))
+    some = LIGHTS.only(slice(1, None, 2))
     assert some.names == LIGHTS.names[1::2]
     np.testing.assert_array_equal(some.directions, LIGHTS.directions[1::2])
     np.testing.assert_array_equal(some.intensities, LIGHTS.intensities[1::2])
@@ -99,7 +99,7 @@ def test_too_few_frames_foretell_nothing(seen):
     sight, mask = seen
     few = slice(0, FEWEST - 1)
     frames = Frames.from_linear(LIGHTS.names, photographs()).only(few)
-    sight = replace(sight, lights=some_lights(sight.lights, few))
+    sight = replace(sight, lights=sight.lights.only(few))
     with pytest.raises(RenderError, match="7 frames; 8 or more"):
         relighting(sight, frames, mask, Sampling(), lambda scene: pytest.fail("rendered"))
 
