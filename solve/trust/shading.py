@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from solve.medians import row_medians
 from solve.whole.reflectance_kernels import DIFFERENCE, GRAZING, HALF, INCIDENCE, STEEP, TABLE
 
 ROUNDS = 4
@@ -69,14 +70,6 @@ def albedo_of(
         albedo = np.sum(weight * gray * shade, 1) / np.maximum(np.sum(weight * shade**2, 1), 1e-12)
         albedo = np.maximum(albedo, least)
         residual = np.abs(gray / albedo[:, None] - shade)
-        sigma = np.maximum(1.4826 * _median(residual, usable), FLOOR)[:, None]
+        sigma = np.maximum(1.4826 * row_medians(residual, usable), FLOOR)[:, None]
         weight = usable / (loose * (1 + (residual / (SIGMAS * sigma * loose)) ** 2) ** 2)
     return albedo
-
-
-def _median(values: NDArray, chosen: NDArray[np.bool_]) -> NDArray:
-    """Return (P,) the median of the chosen; 1 where there is none."""
-    order = np.sort(np.where(chosen, values, np.inf), axis=1)
-    count = chosen.sum(1)
-    found = order[np.arange(len(order)), np.maximum(count - 1, 0) // 2]
-    return np.where(count > 0, found, 1.0)
