@@ -12,6 +12,7 @@ from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import Geometry, all_samples, scale_of
 from solve.surface.integration import integrate
+from solve.trust.thinning import step_for, thinned
 from solve.whole.near_depth import Settings, find_depth
 
 Array = NDArray[np.float64]
@@ -117,22 +118,17 @@ class _Small:
     """Every n-th pixel of the stack: its samples, and where they are."""
 
     def __init__(self, problem: Problem) -> None:
-        frames, lights, camera, mask = problem.frames, problem.lights, problem.camera, problem.mask
-        step = max(1, round(np.sqrt(mask.sum() / PIXELS)))
-        self.mask = np.ascontiguousarray(mask[::step, ::step])
-        self.camera = camera.every(step)
-        ambient = None if frames.ambient is None else frames.ambient[::step, ::step]
-        codes = np.ascontiguousarray(frames.codes[:, ::step, ::step])
+        small = thinned(problem, step_for(problem, PIXELS))
         # What lay beside a clipped sample does not lie beside it here.
-        small = replace(frames, codes=codes, ambient=ambient, is_mosaic=False)
-        self.problem = Problem(small, lights, self.camera, self.mask, slice(0, len(self.mask)))
+        self.problem = small = replace(small, frames=replace(small.frames, is_mosaic=False))
+        self.mask, self.camera = small.mask, small.camera
         self.count = int(self.mask.sum())
         if not self.count:
             return
-        self.scale = scale_of(small, lights, self.mask)
-        self.samples = all_samples(self.problem)
-        where = float(lights.reference_point_mm[2])
-        self.depth = where if camera.is_orthographic or where < 0 else -1000.0
+        self.scale = scale_of(small.frames, small.lights, self.mask)
+        self.samples = all_samples(small)
+        where = float(small.lights.reference_point_mm[2])
+        self.depth = where if self.camera.is_orthographic or where < 0 else -1000.0
         self.z_mm = np.where(self.mask, self.depth, np.nan)
         self.some = np.unique(np.linspace(0, self.count - 1, min(SAMPLED, self.count)).astype(int))
 
