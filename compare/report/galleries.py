@@ -6,7 +6,7 @@ from itertools import zip_longest
 
 import numpy as np
 
-from compare.report import light_charts, page, pictures
+from compare.report import charts, page, pictures
 from compare.report.facts import Material, Summary, read_optional
 from compare.report.layers import Layers
 from scene.errors import SceneError
@@ -106,9 +106,9 @@ def lights_section(material: Material) -> str:
         absent = page.absent("Nothing tells where they stood, nor how bright they were.")
         return page.section("lights", "The lights", absent)
     measured = any(page.is_number(row.get("direction_sigma_deg")) for row in lights["frames"])
-    sigmas = light_charts.light_sigmas(lights) if measured else ""
-    drawn = f"<div>{light_charts.light_intensities(lights)}{sigmas}</div>"
-    body = f'<div class="pair">{light_charts.light_directions(lights)}{drawn}</div>'
+    sigmas = charts.light_sigmas(lights) if measured else ""
+    drawn = f"<div>{charts.light_intensities(lights)}{sigmas}</div>"
+    body = f'<div class="pair">{charts.light_directions(lights)}{drawn}</div>'
     if not measured:
         body += page.absent("How uncertain the directions are is not known: the lights were given, not measured here.")
     if lights.get("model") != "near":

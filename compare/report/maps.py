@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from compare.report import light_charts, pictures
+from compare.report import charts, pictures
 from compare.report.facts import Material, Summary, by_error, doubts_of
 from compare.report.layers import Layers
 from compare.report.page import absent, is_number, picture, say, section
@@ -64,7 +64,7 @@ def errors_section(layers: Layers | None, summary: Summary) -> str:
         notes += f"<li>{'<br>'.join(cells)}</li>"
     twin = "" if any_twin else absent("No twin was solved: no map to lay beside these.")
     shown = f'{colour_scale(end)}<div class="gallery many">{layers.html("error")}</div><ul>{notes}</ul>{twin}'
-    body = shown + light_charts.error_histograms(compared, names)
+    body = shown + charts.error_histograms(compared, names)
     return section("errors", title, body, say("maps", "errors", end=end))
 
 
