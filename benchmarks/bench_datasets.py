@@ -17,8 +17,7 @@ import numpy as np
 from scipy.io import loadmat, savemat
 
 from benchmarks.pages import put
-from experiments.catalogue import catalogue
-from experiments.datasets.benchmark_list import benchmark_names
+from experiments.catalogue import benchmark_names, catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make
 from experiments.datasets.run_methods import run

@@ -107,8 +107,7 @@ def make(
     processes: Annotated[int | None, Parameter(help="How many abreast. Default: one a core.")] = None,
 ) -> None:
     """Make datasets: the DiLiGenT layout, true maps, a preview; what is there and current is left."""
-    from experiments.catalogue import catalogue
-    from experiments.datasets.benchmark_list import benchmark_names, first_names, wanted
+    from experiments.catalogue import benchmark_names, catalogue, first_names, wanted
     from experiments.datasets.make import make as make_datasets
 
     if side < 16:

@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
-from experiments.catalogue import FAMILIES, catalogue
-from experiments.datasets.benchmark_list import benchmark_names, first_names, wanted
+from experiments.catalogue import FAMILIES, benchmark_names, catalogue, first_names, wanted
 from experiments.datasets.check import check_dataset
 from experiments.datasets.checksums import FILE, checksums_of, differences
 from experiments.datasets.write import mark_of

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from experiments.datasets.benchmark_list import first_name
+from experiments.catalogue import first_name
 from experiments.datasets.check import axes_cure, axes_words
 from experiments.datasets.checked_photographs import read_samples
 from experiments.datasets.shelf import entries

@@ -10,8 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.catalogue import DECIMALS, FAMILIES, HAND_HELD, NEAR_MM, SENSORS, catalogue, chosen
-from experiments.datasets.benchmark_list import benchmark_names, first_name, first_names, wanted
+from experiments.catalogue import (
+    DECIMALS,
+    FAMILIES,
+    HAND_HELD,
+    NEAR_MM,
+    SENSORS,
+    benchmark_names,
+    catalogue,
+    chosen,
+    first_name,
+    first_names,
+    wanted,
+)
 from experiments.scenes import DISTANCES, POWER_SPREAD, dataset_scene
 from experiments.stagings import ONE_FACTOR
 from scene.errors import SceneError
