@@ -1,12 +1,12 @@
 """The backdrop: one smooth surface, and the pixels that contradict it."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+
+from scene.fan_out import fan_out
 
 TEXTURE = 0.12
 """A backdrop's own texture and unevenness, relative: what it may differ from a smooth surface by."""
@@ -60,8 +60,7 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
     for degree in (2, 2, 3, 4):
         terms = [u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)]
         compare = partial(_compare_frame, np.stack(terms, -1), member, noise)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            models, brighter, agrees, misses = zip(*pool.map(compare, stack), strict=True)
+        models, brighter, agrees, misses = zip(*fan_out(compare, list(stack)), strict=True)
         bright, lit = (np.stack(frames).mean(0, dtype=np.float32) for frames in (brighter, agrees))
         models, relative = np.stack(models), float(np.mean(misses))
         member = (bright < 0.15) & (lit > 0.4) & ~ignore

@@ -1,13 +1,13 @@
 """Pictures out of the stack in which the object's outline is sharp and shadows are gone."""
 
 import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.photographed import box_of
+from scene.fan_out import fan_out
 from scene.frames import Frames
 
 
@@ -51,7 +51,5 @@ def bright_picture(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float3
         if rows.start < rows.stop:
             out[rows, columns] = bright_mean(frames.read(rows, columns=columns).mean(-1))
 
-    cores = os.cpu_count() or 1
-    with ThreadPoolExecutor(cores) as pool:
-        list(pool.map(fill, frames.bands((128 << 20) // cores)))
+    fan_out(fill, list(frames.bands((128 << 20) // (os.cpu_count() or 1))))
     return out

@@ -4,8 +4,6 @@ Noise is everywhere, detail is not: the noise is read where the surface is smoot
 vertices, as scanners that average make it; then fits of growing size leave growing residuals, and averages help less.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, csr_matrix, diags, eye
 
 from align.scan.jets import Fits, Graph, fit_normals
+from scene.fan_out import fan_out
 from scene.mesh import Mesh
 
 Array = NDArray[np.float64]
@@ -87,8 +86,7 @@ class Neighbours:
                 some, step * self.spacing_mm[some], self.graph, _NONE if heights is None else heights, start, own
             )
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(work, range(0, len(chosen), CHUNK)))
+        fan_out(work, range(0, len(chosen), CHUNK))
         return fits
 
 

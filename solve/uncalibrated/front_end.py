@@ -4,8 +4,6 @@ M = B S' by a robust rank-3 factorisation, B then made integrable: what remains 
 [Belhumeur1999]. Memory: 8 bytes a sample beside the samples themselves.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.errors import CalibrationError
+from scene.fan_out import fan_out
 from solve.pixelwise import iterative
 from solve.samples import Geometry, Samples
 from solve.uncalibrated.integrability import integrable
@@ -154,8 +153,7 @@ def _robust_pixels(samples: Samples, lights: Array, scale: float) -> tuple[Array
     def each(start: int) -> tuple[Array, NDArray[np.bool_]]:
         return iterative.fit(samples.some(slice(start, start + _CHUNK)), scale, iterative.Settings())
 
-    with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        b, used = zip(*pool.map(each, range(0, len(samples.gray), _CHUNK)), strict=True)
+    b, used = zip(*fan_out(each, range(0, len(samples.gray), _CHUNK)), strict=True)
     return np.concatenate(b), np.concatenate(used)
 
 

@@ -1,7 +1,5 @@
 """Light that the object's visible surface throws upon itself, in every frame."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numba
@@ -10,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
 from scene.camera import Camera
+from scene.fan_out import fan_out
 from solve.surface.integration import integrate
 
 CHUNK = 256
@@ -81,8 +80,7 @@ class Relief:
         heights = np.nan_to_num(surface.z_mm, nan=-np.inf)
         seen = np.nan_to_num(points), normals, area, np.argwhere(inside), heights, gray
         thrown = np.zeros(gray.shape, np.float32)
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            list(pool.map(lambda first: _gather(*seen, thrown, first), range(0, len(gray), CHUNK)))
+        fan_out(lambda first: _gather(*seen, thrown, first), range(0, len(gray), CHUNK))
         return Thrown(thrown, *self._corners(inside))
 
     def _corners(self, inside: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:

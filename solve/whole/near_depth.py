@@ -1,7 +1,5 @@
 """The depth of every pixel under near lights, found in turn with its normal."""
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -9,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from scene.fan_out import fan_out
 from scene.normals import unit
 from solve.pixelwise import iterative
 from solve.problem import Problem
@@ -172,9 +171,7 @@ class _Task:
             spread[rows][inside] = np.sqrt(np.divide(1, information, out=np.full(len(b), np.nan), where=known))
             squares[rows][inside], count[rows][inside] = left, size
 
-        with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-            for _ in pool.map(work, bands(whole.frames, mask)):
-                pass
+        fan_out(work, list(bands(whole.frames, mask)))
         sure = count > 3
         variance = np.where(sure, squares / np.maximum(count - 3, 1), np.nan)
         if sure.any():

@@ -4,13 +4,12 @@ Least squares throws away what is not matte; gloss and retroreflection tell of t
 object reflects. All pixels share that, but for their albedo; the pixels teach it to each other.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.fan_out import fan_out
 from scene.lights import Lights
 from scene.spheres import WHITE_BALL_ALBEDO
 from solve.methods import Method, Whole
@@ -163,8 +162,7 @@ def fit_to_views(
     def run(first: int) -> None:
         refine(given, Pixels(known, normals, albedo).some(slice(first, first + CHUNK)), shared, settings.steps, used)
 
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        list(pool.map(run, range(0, len(known), CHUNK)))
+    fan_out(run, range(0, len(known), CHUNK))
     b[known] = normals * albedo[:, None]
     return Whole(b, used, ()), shared
 
@@ -190,8 +188,7 @@ def _learn(
         def work(part: Pixels, joint=joint, shared=shared):
             return accumulate(given, part, shared, joint)
 
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            found = list(pool.map(work, parts))
+        found = fan_out(work, parts)
         hessian, slope, samples = (sum(part[k] for part in found) for k in range(3))
         spread, albedo = np.concatenate([part[3] for part in found]), np.concatenate([part.albedo for part in parts])
         sigma = float(np.median(spread * albedo))
