@@ -14,8 +14,8 @@ from lab.run import is_description, run_session
 from lab.streams import check_words, is_quiet, keep_quiet, log_to, open_streams
 from rgbn.examples import fixture_folder, tell_example
 from rgbn.exit_codes import end_by
+from rgbn.export_command import FORMATS
 from rgbn.init_command import init
-from rgbn.light_export import FORMATS
 from rgbn.plan_command import plan
 from rgbn.watch_command import watch
 from studio.studio_command import studio
@@ -231,7 +231,7 @@ def export(
     sfm: Annotated[Path | None, Parameter(help="AliceVision's .sfm of the photographs: its view ids.")] = None,
 ) -> None:
     """Write lights, a relightable picture or the twin's scene for another program, after the steps that it needs."""
-    from rgbn.light_export import export_session
+    from rgbn.export_command import export_session
 
     paths, notes = export_session(session, format, out, sfm)
     for note in notes:

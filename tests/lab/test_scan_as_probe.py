@@ -13,7 +13,7 @@ import pytest
 from calibrate.without_balls.unknown_lights import unknown_lights
 from capture.session.session import load_session
 from lab.registration import _by_the_scan_alone
-from rgbn.light_export import export_session
+from rgbn.export_command import export_session
 from scene.errors import AlignError
 from scene.frames import Frames
 from scene.normals import angular_error_deg

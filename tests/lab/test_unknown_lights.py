@@ -14,7 +14,7 @@ from fixtures.lit_surfaces import even_cap
 from lab.job import Job
 from lab.options import Solving
 from lab.run import run_session
-from rgbn.light_export import export_session
+from rgbn.export_command import export_session
 from rgbn.opened_session import open_session
 from scene.errors import CalibrationError, SceneError
 from scene.lights import Lights

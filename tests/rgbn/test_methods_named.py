@@ -8,7 +8,7 @@ import pytest
 
 from formats.light_files.light_formats import FORMATS as KNOWN
 from lab.options import Solving, TwinSettings, named
-from rgbn.light_export import FORMATS, LIGHTS, formats_of
+from rgbn.export_command import FORMATS, LIGHTS, formats_of
 from scene.errors import SceneError
 from solve.methods import METHODS
 

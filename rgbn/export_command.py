@@ -1,10 +1,10 @@
-"""`rgbn export`: a session's lights and photographs as files of other programs, and its numbers as tables."""
+"""`rgbn export`: lights, photographs, a twin's scene as files of other programs, and a session's numbers as tables."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lab.options import named
-from lab.run import open_job
+from lab.run import is_description, open_job
 from scene.errors import SceneError
 
 if TYPE_CHECKING:
@@ -43,16 +43,15 @@ def export_session(source: Path, text: str, out: Path | None, sfm: Path | None) 
     Raises
     ------
     SceneError
-        Unknown format, or one that cannot hold these lights; of `all` such a one is left out with a note.
+        Unknown format, or one that cannot hold these lights (of `all` such a one is left out with a note) or this
+        scene; a session without a scan has none.
     """
-    from rgbn.scene_export import export_scene
-
     names, paths, notes = formats_of(text), [], []
     if lights := [name for name in names if name not in SCENES]:
         with open_job(source, out=out) as job:
             paths, notes = _lights(job, lights, sfm, left_out=text.strip().casefold() == "all")
     if scenes := [name for name in names if name in SCENES]:
-        made, more = export_scene(source, out, scenes)
+        made, more = _scenes(source, out, scenes)
         paths, notes = [*paths, *made], [*notes, *more]
     return paths, notes
 
@@ -93,4 +92,51 @@ def _lights(job: "Job", names: list[str], sfm: Path | None, *, left_out: bool) -
                 made, more = [], [f"left out: {error}"]
         paths += made
         notes += more
+    return paths, notes
+
+
+def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path], list[str]]:
+    """Write scene.xml with all that it names (mitsuba), scene.glb (gltf), of a scene description or a session's twin.
+
+    The twin is the one that `rgbn twin` renders, registered and solved first if it is not yet.
+    """
+    from lab.plan import EXPORTED, STEPS
+    from lab.twin_step import twin_scene
+    from scene.output_folder import open_record
+    from twin.description.description_file import read_scene
+
+    if is_description(source):
+        scene = read_scene(source)
+        with open_record(out or Path("out") / source.stem, inputs=[source]) as record:
+            return _written(scene, record.folder / "export", names, {})
+    with open_job(source, out=out) as job:
+        job.run(STEPS, "solve")
+        if not job.store.path("pose.json").exists():
+            raise SceneError(
+                f'{job.session.name}: no scan is registered, so there is no twin to export. Add [object] scan = "..." '
+                "to session.toml."
+            )
+        scene, material, warnings = twin_scene(job)
+        with job.record.part_of(EXPORTED):
+            paths, notes = _written(scene, job.store.path("export"), names, material)
+    return paths, [f"the object is {material['sentence']}", *warnings, *notes]
+
+
+def _written(scene: Any, folder: Path, names: list[str], material: dict[str, Any]) -> tuple[list[Path], list[str]]:
+    from twin.description.gltf_file import write_gltf
+    from twin.engines.mitsuba_files import write_mitsuba
+
+    paths, notes = [], []
+    if "mitsuba" in names:
+        made, more = write_mitsuba(scene, folder)
+        first = scene.lights.names[0]
+        command = f"mitsuba -m llvm_ad_rgb -D light={first} -o {first}.exr {made[0]}"
+        paths, notes = [made[0]], [*more, f"{len(scene.lights)} lights, one at a time: {command}"]
+    if "gltf" in names:
+        kept = {key: material[key] for key in ("sentence", "relative_rmse") if key in material}
+        folder.mkdir(parents=True, exist_ok=True)
+        notes += write_gltf(scene, folder / "scene.glb", kept)
+        paths.append(folder / "scene.glb")
+        if "relative_rmse" in kept:
+            notes.append(f"its material misses the photographs by {100 * kept['relative_rmse']:.1f} % (rms)")
     return paths, notes
