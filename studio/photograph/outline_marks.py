@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from compare.report import pictures
 from scene.camera import Camera
 from scene.frames import Frames
-from scene.spheres import Sphere
 from studio.browser_window import BrowserWindow
 from studio.photograph.outlines import Outline, moved, resized
 from studio.photograph.photograph_window import PhotographWindow
@@ -74,8 +73,8 @@ class OutlineMarks:
             if colour is None or (ball.apart and not is_chosen):
                 continue
             width_px = 3.0 if is_chosen else 2.0
-            name = f"outline_{index}"
-            handles.append(add_outline(self._view, name, plane, camera, ball.sphere, colour, width_px))
+            line = closed(plane.place(ball.sphere.outline(camera, 180), lift=0.002))
+            handles.append(add_lines(self._view, f"outline_{index}", line, colour, width_px))
             corner = plane.place(np.add(ball.center_px, [0, -1.15 * ball.radius_px]), lift=0.002)
             label = f"{ball.kind} ball {index + 1}"
             handles.append(self._view.add_label(f"{ROOT}/name_{index}", label, position=tuple(corner)))
@@ -115,14 +114,6 @@ class OutlineMarks:
             return event.phase, np.array(event.client.camera.position), np.array(event.end_position)
 
         self._window.on(knob.on_drag("left"), dragged, said)
-
-
-def add_outline(
-    view: Any, name: str, plane: Plane, camera: Camera, sphere: Sphere, colour: Colour, width_px: float,
-    *, lift: float = 0.002,
-) -> Any:  # fmt: skip
-    """Add a sphere's outline as the camera sees it; return its handle."""
-    return add_lines(view, name, closed(plane.place(sphere.outline(camera, 180), lift=lift)), colour, width_px)
 
 
 def closed(points: Array) -> Array:

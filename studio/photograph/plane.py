@@ -56,15 +56,15 @@ class Plane:
 
 def add_picture(
     window: Any, name: str, image: NDArray[np.uint8], size: tuple[float, float], middle: ArrayLike,
-    use: Callable[[float, float], Any] | None = None, *, lossless: bool = False,
+    use: Callable[[float, float], Any] | None = None,
 ) -> Any:  # fmt: skip
     """Add a picture (h, w, 3), wide and high in the view's units, that stands upright before the viewer; return it.
 
     use: Called with where it is clicked, in shares of its width, to the right, and of its height, downward.
     """
-    look, place = {"format": "png"} if lossless else {"format": "jpeg", "jpeg_quality": 92}, np.asarray(middle, float)
-    look |= {"wxyz": UPRIGHT, "position": tuple(place.tolist()), **NO_SHADOW}
-    handle = window.client.scene.add_image(name, image, *size, **look)
+    place = np.asarray(middle, float)
+    look = {"wxyz": UPRIGHT, "position": tuple(place.tolist()), **NO_SHADOW}
+    handle = window.client.scene.add_image(name, image, *size, format="jpeg", jpeg_quality=92, **look)
 
     def clicked(origin: Array, direction: Array) -> None:
         met = met_in_plane(origin, direction)

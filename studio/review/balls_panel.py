@@ -3,9 +3,8 @@
 import numpy as np
 
 from studio.photograph.outline_inputs import OutlineInputs
-from studio.review.ball_marks import magnification
+from studio.review.ball_marks import magnification, residuals_px, rms_px
 from studio.review.corrected_session import outlines_of
-from studio.review.highlight_misses import residuals_px, rms_px
 from studio.review.review_window import ReviewWindow
 
 

@@ -16,7 +16,7 @@ from scene.output_folder import open_record
 from scene.pose import Pose, rotation_from_vector
 from scene.spheres import Sphere
 from scene.store import Store
-from studio.review.highlight_misses import mirrored_px
+from studio.review.ball_marks import mirrored_px
 from twin.description.mesh_files import write_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
 

@@ -9,7 +9,7 @@ from fixtures.lit_surfaces import flashes_at
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.spheres import Sphere
-from studio.review.highlight_misses import mirrored_px, residuals_px, rms_px
+from studio.review.ball_marks import mirrored_px, residuals_px, rms_px
 from studio.review.light_sigmas import covariance_mm2, ellipsoid_of, fitting_factor
 from twin.description.light_groups import direction
 
