@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from html import escape
 
+from compare.report.line_chart import svg
 from experiments.stagings import ONE_FACTOR, SOLVERS
 from experiments.sweeps.perturbation import BREAKS_DEG, PERTURBATIONS
 from experiments.sweeps.stability import GOOD_DEG, KINDS, Level, Strip, Tolerance
@@ -42,12 +43,7 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
             numbers.append((x, name, borne))
             x += NUMBER
     width, bottom = max(x, LEGEND), TOP + ROW * len(rows)
-    height = bottom + 78
-    parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" role="img" '
-        'aria-label="Where each method breaks" font-family="system-ui, \'DejaVu Sans\', sans-serif" font-size="12">',
-        f'<rect width="{width:.0f}" height="{height:.0f}" fill="white"/>',
-    ]
+    parts = []
     for left, name, members in columns:
         first = next(iter(members.values())).levels
         ends = f"{first[0].label} … {first[-1].label}" if name != "material" else "kinds"
@@ -70,7 +66,7 @@ def atlas(strips: Sequence[Strip], tolerances: Sequence[Tolerance]) -> str:
         for left, _, borne in numbers:
             if (solver, profile) in borne:
                 parts += _tolerance(borne[solver, profile], left, y)
-    return "\n".join([*parts, *_legend(bottom + 12), "</svg>"]) + "\n"
+    return svg(round(width), round(bottom + 78), [*parts, *_legend(bottom + 12)], label="Where each method breaks")
 
 
 def _head(x: float, label: str, below: str) -> list[str]:

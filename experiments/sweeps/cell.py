@@ -1,6 +1,5 @@
 """One cell: photographs, every method with every profile, and a row for each."""
 
-import base64
 import time
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import suppress
@@ -16,6 +15,7 @@ from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_to
 from experiments.tables import GAP_DEG, errors_of
 from scene.current import code_fingerprint
 from scene.errors import SceneError
+from scene.map_pictures import data_uri, shrink
 from solve.methods import UNCALIBRATED
 from solve.solve import solve
 
@@ -29,8 +29,8 @@ _ONE_AT_A_TIME = Lock()
 def run_cell(cell: Cell) -> dict[str, Any]:
     """Return what a cell gives; never raises for what its methods or its scene do.
 
-    rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, PNG in
-    base64. code: hash of the code that made them, as this process has it.
+    rows: one for each method and profile, see `measured`. seconds: their processor time. picture: a frame, a PNG's data
+    URI. code: hash of the code that made them, as this process has it.
     """
     # Cells are named without the renderer.
     from experiments.photographs import one_thread, photograph
@@ -160,13 +160,8 @@ def _why(error: Exception) -> str:
 
 
 def _picture(photographs: Any) -> str:
-    """Return a frame lit from the side rather than from the front, small and with gamma, as PNG in base64."""
-    import cv2
-
+    """Return a frame lit from the side rather than from the front, small and with gamma, as the data URI of a PNG."""
     frames, mask = photographs.frames, photographs.mask
     sums = [int(frames.codes[i][mask].sum(dtype=np.int64)) for i in range(len(frames))]
-    image = np.clip(frames.frame(int(np.argsort(sums)[len(sums) // 3])), 0, 1)
-    small = cv2.resize(image, (PICTURE_SIDE, PICTURE_SIDE), interpolation=cv2.INTER_AREA)
-    done, buffer = cv2.imencode(".png", np.round(255 * small[..., ::-1] ** (1 / 2.2)).astype(np.uint8))
-    assert done
-    return base64.b64encode(buffer.tobytes()).decode()
+    small = shrink(np.clip(frames.frame(int(np.argsort(sums)[len(sums) // 3])), 0, 1), PICTURE_SIDE)
+    return data_uri(np.round(255 * small ** (1 / 2.2)).astype(np.uint8), photograph=False)

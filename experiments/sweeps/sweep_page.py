@@ -155,9 +155,9 @@ def _pictures(found: list[dict[str, Any]], experiment: Experiment) -> str:
     for one in found:
         first = one["rows"][0]
         if first["experiment"] == experiment.name and one["picture"] and first["shape"] == experiment.shapes[0]:
-            source = f"data:image/png;base64,{one['picture']}"
             words = escape(first["label"].replace("_", " "))
-            shown.setdefault(first["level"], f"<div class='level'><img src='{source}' alt='{words}'>{words}</div>")
+            picture = f"<img src='{one['picture']}' alt='{words}'>"
+            shown.setdefault(first["level"], f"<div class='level'>{picture}{words}</div>")
     return "".join(shown[level] for level in sorted(shown))
 
 
