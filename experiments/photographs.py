@@ -81,10 +81,7 @@ def rendered(scene: TwinScene, engine: Engine, samples: int, *, onward: bool = F
     film = scene.film()
     layers = render_layers(scene, film, Choice(engine, scene.sampling.error, samples, "the recipe's"))
     shown = layers.onward if onward else layers.frames()
-    images = np.zeros((len(scene.lights), scene.camera.height, scene.camera.width, 3), np.float32)
-    if shown is not None:
-        images[:, film.rows, film.columns] = shown
-    return images
+    return film.whole(np.zeros_like(layers.direct) if shown is None else shown)
 
 
 def by_flash(scene: TwinScene) -> Images:
@@ -130,9 +127,7 @@ def by_surrounding(scene: TwinScene) -> Images:
     lit = replace(scene, environment=Environment(ambient=(1.0, 1.0, 1.0)))
     light = standing_light(lit, film, Choice("mitsuba", 1.0, 1, "the recipe's"), apart=True)
     assert light is not None
-    image = np.zeros((scene.camera.height, scene.camera.width, 3), np.float32)
-    image[film.rows, film.columns] = light
-    return image
+    return film.whole(light)
 
 
 def _exposure(samples: NDArray) -> np.float32:

@@ -52,7 +52,7 @@ class LiveScene:
         film = whole_film(small)
         self._update(small)
         lit = Direct(self._mitsuba, film, scene.lights.only([light]), error=error).images()[0]
-        return _placed(lit, film)
+        return film.whole(lit)
 
     def _update(self, scene: TwinScene) -> None:
         from twin.engines.variant import import_mitsuba
@@ -149,13 +149,6 @@ def whole_film(scene: TwinScene) -> Film:
     return scene.film()
 
 
-def _placed(image: Picture, film: Film) -> Picture:
-    """Return the box's picture as the camera's whole one."""
-    whole = np.zeros((film.camera.height, film.camera.width, 3), np.float32)
-    whole[film.rows, film.columns] = image
-    return whole
-
-
 def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: int = 16) -> Iterator[Picture | None]:
     """Render everything under one light in slices: interreflection, environment, mirrors, discs, wax.
 
@@ -181,4 +174,4 @@ def refining(scene: TwinScene, light: int, *, width: int, height: int, samples: 
         yield None
         bands.append(renderer.render(Piece(slice(0, 1), slice(row, min(row + step, rows)))).frames()[0])
     frame, standing = np.concatenate(bands), standing_light(asked, film, choice)
-    yield _placed(np.asarray(frame if standing is None else frame + standing, np.float32), film)
+    yield film.whole(np.asarray(frame if standing is None else frame + standing, np.float32))

@@ -69,6 +69,12 @@ class Film:
         placed = cv2.remap(image, self.pixels[..., 0], self.pixels[..., 1], cv2.INTER_LINEAR)
         return np.asarray(placed, np.float32)
 
+    def whole(self, box: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the camera's whole pictures (..., H, W, 3) of those of the box (..., h, w, 3); black around it."""
+        out = np.zeros((*box.shape[:-3], self.camera.height, self.camera.width, 3), np.float32)
+        out[..., self.rows, self.columns, :] = box
+        return out
+
 
 def film_for(camera: Camera, points: Array) -> Film:
     """Return the film that holds points (P, 3), mm, camera frame; the whole picture where one is behind the camera.

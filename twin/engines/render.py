@@ -249,12 +249,9 @@ def _noise(scene: TwinScene, film: Film, choice: Choice) -> float:
 
 def _stored(store: Store, kept: Unfinished, work: _Work) -> Frames:
     """Move a finished rendering to its store."""
-    scene, film = work.scene, work.film
     codes, names = kept.arrays["codes"], [name for name in kept.arrays if name != "codes"]
     kept.hand_over({"codes": store.path("frames", "codes.npy"), **{n: store.path(f"truth_{n}.npy") for n in names}})
     if work.apart and work.standing is not None:
-        whole = np.zeros((*codes.shape[1:3], 3), np.float32)
-        whole[film.rows, film.columns] = work.standing
-        write_npy(store.path("truth_standing.npy"), whole)
-    store.save_frames_header(Frames(scene.lights.names, codes, np.ones(len(scene.lights))))
+        write_npy(store.path("truth_standing.npy"), work.film.whole(work.standing))
+    store.save_frames_header(Frames(work.scene.lights.names, codes, np.ones(len(codes))))
     return store.load_frames()
