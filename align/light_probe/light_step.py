@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.motion import looking_along
 from scene.lights import Lights
 from scene.normals import unit
 
@@ -26,7 +27,8 @@ def light_slopes(lights: Lights, points: Array, normals: Array, *, near: bool) -
     along, cosine = u / length, np.einsum("npk,pk->np", u / length, normals)
     # d(u / |u|^3) . n = du . gradient
     gradient = (normals - 3 * cosine[..., None] * along) / length**3
-    columns = [np.einsum("npk,nk->np", gradient, tangent) for tangent in tangents(lights.directions)]
+    across = looking_along(lights.directions)[:, :2]
+    columns = [np.einsum("npk,nk->np", gradient, across[:, axis]) for axis in range(2)]
     columns.append(cosine / length[..., 0] ** 2)
     if near:
         columns.append(-np.einsum("npk,pk->np", gradient, arm))
@@ -35,8 +37,8 @@ def light_slopes(lights: Lights, points: Array, normals: Array, *, near: bool) -
 
 def changed(lights: Lights, step: Array, radius_mm: float) -> Lights:
     """Return the lights after a step (N, 3 or 4) of `light_slopes`; with positions where it has four columns."""
-    first, second = tangents(lights.directions)
-    directions = unit(lights.directions + step[:, :1] * first + step[:, 1:2] * second)
+    across = looking_along(lights.directions)[:, :2]
+    directions = unit(lights.directions + np.einsum("na,nak->nk", step[:, :2], across))
     positions = None
     if step.shape[1] == 4:
         limits = 1 / (FARTHEST * radius_mm), 1 / (NEAREST * radius_mm)
@@ -51,10 +53,3 @@ def nearness_of(lights: Lights) -> Array:
     if lights.positions_mm is None:
         return np.zeros(len(lights))
     return 1 / np.linalg.norm(lights.positions_mm - lights.reference_point_mm, axis=1)
-
-
-def tangents(directions: Array) -> tuple[Array, Array]:
-    """Return two unit vectors (N, 3) across each direction and each other."""
-    helper = np.where(np.abs(directions[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    first = unit(np.cross(directions, helper))
-    return first, np.cross(directions, first)

@@ -1,12 +1,12 @@
 """Small motions of a pose and what they do in the image; even samples of all directions."""
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from scene.camera import Camera
+from scene.light_layouts import GOLDEN_ANGLE, directions_of
 from scene.mesh import Mesh
+from scene.normals import unit
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
@@ -60,16 +60,12 @@ def apart_px(mesh: Mesh, camera: Camera, a: Pose, b: Pose) -> float:
 def even_directions(count: int) -> Array:
     """Return (count, 3) unit vectors, evenly over the sphere (Fibonacci's spiral)."""
     index = np.arange(count) + 0.5
-    z = 1 - 2 * index / count
-    angle = index * (np.pi * (3 - math.sqrt(5)))
-    ring = np.sqrt(np.maximum(1 - z * z, 0.0))
-    return np.stack([ring * np.cos(angle), ring * np.sin(angle), z], -1)
+    return directions_of(1 - 2 * index / count, GOLDEN_ANGLE * index)
 
 
 def looking_along(directions: NDArray) -> Array:
     """Return rotations (..., 3, 3) that turn each unit direction (..., 3) to +z; the turn about z is arbitrary."""
     z = np.asarray(directions, np.float64)
     helper = np.where(np.abs(z[..., 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    x: Array = np.cross(helper, z)
-    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    x = unit(np.cross(helper, z))
     return np.stack([x, np.cross(z, x), z], -2)
