@@ -17,6 +17,7 @@ from scene.camera import Camera
 from scene.current import libraries
 from scene.errors import SceneError
 from scene.files import write_json, write_text
+from scene.lights import known_median
 from scene.normals import angular_error_deg
 from scene.output_folder import open_record
 from scene.reading import array_of
@@ -195,8 +196,8 @@ def shifts_of(folder: Folder, methods: Sequence[str], *, seed: int = 0) -> tuple
     store, lights = folder.store, folder.store.load_lights()
     pose = store.read_json("pose.json") if store.path("pose.json").exists() else {}
     sigmas = {
-        "direction_sigma_deg": _median(lights.direction_sigma_deg),
-        "intensity_sigma": _median(lights.intensity_sigma),
+        "direction_sigma_deg": known_median(lights.direction_sigma_deg[lights.direction_sigma_deg > 0]),
+        "intensity_sigma": known_median(lights.intensity_sigma[lights.intensity_sigma > 0]),
         "pose_sigma_deg": pose.get("sigma_deg"),
         "pose_sigma_mm": pose.get("sigma_mm"),
     }
@@ -241,8 +242,3 @@ def _camera(store: Store) -> Camera | None:
         if place.path("camera.json").exists():
             return place.load_camera()
     return None
-
-
-def _median(values: Array) -> float | None:
-    known = values[np.isfinite(values) & (values > 0)]
-    return float(np.median(known)) if known.size else None

@@ -197,8 +197,8 @@ class Lights:
             "model": self.model,
             "count": len(rows),
             "reference_point_mm": self.reference_point_mm.tolist(),
-            "direction_sigma_deg_median": _median(self.direction_sigma_deg),
-            "intensity_sigma_median": _median(self.intensity_sigma),
+            "direction_sigma_deg_median": known_median(self.direction_sigma_deg),
+            "intensity_sigma_median": known_median(self.intensity_sigma),
             "zenith_max_deg": max((row["zenith_deg"] for row in rows if not self.is_unknown), default=None),
             "frames": rows,
         }
@@ -285,7 +285,7 @@ def _finite(value: Any) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _median(values: NDArray[np.float64]) -> float | None:
+def known_median(values: NDArray[np.float64]) -> float | None:
     """Return the median of the known values; None without any."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if known.size else None

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.lights import Lights
+from scene.lights import Lights, known_median
 from scene.normals import angular_error_deg
 
 CHI2_95 = {1: 3.841, 2: 5.991, 3: 7.815}
@@ -33,7 +33,7 @@ def light_errors(
         "model_of_the_session": truth.model,
         "direction_error_deg_median": float(np.median(angle)),
         "direction_error_deg_p95": float(np.quantile(angle, 0.95)),
-        "direction_sigma_deg_median": _median(sigma),
+        "direction_sigma_deg_median": known_median(sigma),
         "directions_inside_95": _inside(angle**2 / sigma**2, 2),
     }
     if truth.positions_mm is not None and lights.positions_mm is not None:
@@ -48,7 +48,7 @@ def light_errors(
         relative = lights.intensities / truth.normalised().intensities - 1
         columns["intensity_error_percent"] = 100 * relative
         result["intensity_error_percent_rms"] = float(100 * np.sqrt(np.mean(relative**2)))
-        result["intensity_sigma_percent_median"] = 100 * (_median(lights.intensity_sigma) or 0.0)
+        result["intensity_sigma_percent_median"] = 100 * (known_median(lights.intensity_sigma) or 0.0)
         result["intensities_inside_95"] = _inside(relative**2 / lights.intensity_sigma[:, None] ** 2, 1)
     rows = zip(truth.names, *columns.values(), strict=True)
     result["lights"] = [dict(zip(("name", *columns), row, strict=True)) for row in rows]
@@ -77,7 +77,3 @@ def _inside(square: NDArray, freedom: int) -> float | None:
     """Return the share of squared, normalised errors inside the 95 % region; None where no sigma is known."""
     known = square[np.isfinite(square)]
     return float(np.mean(known <= CHI2_95[freedom])) if known.size else None
-
-
-def _median(values: NDArray) -> float | None:
-    return float(np.nanmedian(values)) if np.isfinite(values).any() else None
