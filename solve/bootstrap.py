@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.normals import unit
 from solve.problem import Problem
 from solve.samples import Samples, band_of, samples_of
 
@@ -52,7 +53,7 @@ def sigma_factors(problem: Problem, fit: Callable[..., tuple[NDArray, NDArray]],
     square, free, gain = _scatter(again, toward, moved, used)
     told = (free > 0) & (gain > 0) & (spread[:, 0] > 0) & b.any(1)
     noise = spread[told, 0] ** 2
-    real = np.sum((_unit(moved[told]) - _unit(b[told])) ** 2, 1) / 2 / gain[told]
+    real = np.sum((np.nan_to_num(unit(moved[told])) - unit(b[told])) ** 2, 1) / 2 / gain[told]
     place, every = used.sum(1)[told], np.arange(count + 1)
     # Neighbouring counts together; where no pixel is near, what all say.
     near = np.exp(-0.5 * ((every[:, None] - every) / (0.5 + 0.05 * every[:, None])) ** 2) + 1e-6
@@ -70,15 +71,10 @@ def _scatter(samples: Samples, toward: NDArray, b: NDArray, used: NDArray) -> tu
     inverse = np.linalg.inv(np.where(spans[:, None, None], matrix, np.eye(3)))
     free = np.where(spans, np.maximum(used.sum(1) - 3.0, 0), 0)
     gap = np.where(used, samples.gray - np.einsum("pfi,pi->pf", toward, b), 0)
-    unit, length = _unit(b), np.sum(b**2, 1)
-    across = np.trace(inverse, axis1=1, axis2=2) - np.einsum("pi,pij,pj->p", unit, inverse, unit)
+    along, length = np.nan_to_num(unit(b)), np.sum(b**2, 1)
+    across = np.trace(inverse, axis1=1, axis2=2) - np.einsum("pi,pij,pj->p", along, inverse, along)
     gain = np.divide(0.5 * np.maximum(across, 0), length, where=length > 0, out=np.zeros(len(b)))
     return np.sum(gap**2, 1) / np.maximum(free, 1), free, gain
-
-
-def _unit(b: NDArray) -> NDArray:
-    length = np.linalg.norm(b, axis=1, keepdims=True)
-    return np.divide(b, length, where=length > 0, out=np.zeros_like(b))
 
 
 def _some(problem: Problem) -> Samples:
