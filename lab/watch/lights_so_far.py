@@ -112,8 +112,7 @@ class LightsSoFar:
 
     def _lights(self, frames: Frames, camera: Camera, seen: list[int]) -> Calibration:
         if len(seen) < len(frames):
-            names = tuple(frames.names[i] for i in seen)
-            frames = replace(frames, names=names, codes=frames.codes[seen], gain=frames.gain[seen])
+            frames = frames.only(seen)
         balls = [replace(ball, frames=frames) for ball in self._balls]
 
         def run(camera: Camera) -> Calibration:

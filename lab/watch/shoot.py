@@ -144,9 +144,7 @@ class Shoot:
         if not self.sorted.flash or found is None or found.camera is None or self._stack is None:
             return
         named = set(found.lights.names)
-        places = [i for i, name in enumerate(self._stack.names) if name in named]
-        small = self._small()
-        small = replace(small, names=found.lights.names, codes=small.codes[places], gain=small.gain[places])
+        small = self._small().only([i for i, name in enumerate(self._stack.names) if name in named])
         if self._normals.is_due(len(small)):
             self._normals.find_object(small, found.camera, found.spheres)
         self.known = self._normals.update(small, found.camera, found.lights, found.spheres)
