@@ -115,13 +115,5 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
             f"{path}: {none_for}{len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in "
             "order or by name: complete the file, or list frames without a light under frames.skip."
         )
-    return replace(
-        lights,
-        names=names,
-        directions=lights.directions[order],
-        intensities=lights.intensities[order],
-        positions_mm=None if lights.positions_mm is None else lights.positions_mm[order],
-        direction_sigma_deg=lights.direction_sigma_deg[order],
-        intensity_sigma=lights.intensity_sigma[order],
-        flags=tuple(lights.flags[i] + flag for i in order),
-    )
+    ordered = lights.only(order)
+    return replace(ordered, names=names, flags=tuple(flags + flag for flags in ordered.flags))
