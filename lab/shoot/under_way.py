@@ -143,7 +143,7 @@ def under_way(
     # Intensities are those at the object's middle from here on, each channel's mean 1: albedo takes the factor.
     at_middle = np.linalg.norm(lights.at(pixels.set_up.middle_mm[None])[:, 0], axis=-1).mean(0)
     lights = lights.seen_from(pixels.set_up.middle_mm)
-    gray = (estimate.albedo * at_middle) @ GRAY
+    gray = estimate.albedo @ (at_middle * GRAY).astype(np.float32)
     usual, (u, v) = float(np.median(gray[known])), places.T
     albedo = np.where(known[v, u], gray[v, u], usual).astype(np.float64)
     pixels = replace(pixels, set_up=replace(pixels.set_up, albedo=usual), albedo=albedo)
