@@ -156,8 +156,9 @@ def _with_culprit(near: LightFit, seen: Observed, notes: Notes) -> LightFit:
     slack = AS_GOOD * (near.chi2_all - best.chi2_all) + NEAR_BIC * best.scale**2
     equal = [s for s in suspects if s.fit.chi2_all - best.chi2_all < slack]
     guess = ", which is a guess: check diameter_mm of every ball, and the camera." if len(equal) > 1 else "."
+    miss = max(near.misfit, float(np.sqrt(near.outline_chi2.max() / 3)))
     notes.warnings.append(
-        f"the chrome balls contradict each other: highlights and outlines miss by {near.misfit:.1f} times what was "
+        f"the chrome balls contradict each other: highlights and outlines miss by {miss:.1f} times what was "
         f"expected, unless {' or '.join(s.text for s in equal)}. The lights are as if {suspects[0].text}{guess}"
     )
     return _unsure(best, [s.fit for s in equal[1:]])

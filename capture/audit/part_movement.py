@@ -51,14 +51,17 @@ def parts_of(spheres: Sequence[Sphere], camera: Camera, mask: NDArray[np.bool_] 
 
     A pixel of `camera` and `mask` is `step` of the frames' wide.
     """
-    named = [(f"the {ball.kind} ball at ({ball.center_px[0] * step:.0f}, {ball.center_px[1] * step:.0f})", ball)
+    named = [(f"the {ball.kind} ball at ({ball.center_px[0] * step:.0f}, {ball.center_px[1] * step:.0f}) px", ball)
              for ball in spheres if not ball.apart]  # fmt: skip
     parts = [Part(name, ball.mask(camera), step) for name, ball in named]
     return parts if mask is None else [*parts, Part("the object", mask, step)]
 
 
 def part_warnings(frames: Frames, parts: Sequence[Part]) -> list[str]:
-    """Name the parts that lie elsewhere from some frame on; those that moved together in one warning."""
+    """Name the parts that lie elsewhere from some frame on; those that moved together in one warning.
+
+    All together moved with the picture: that is `capture.audit.movement`'s to say.
+    """
     if len(frames) < FEWEST_FRAMES:
         return []
     groups: list[tuple[Step, list[str]]] = []
@@ -75,7 +78,7 @@ def part_warnings(frames: Frames, parts: Sequence[Part]) -> list[str]:
             alike[0].append(part.name)
         else:
             groups.append((step, [part.name]))
-    return [_told(frames.names, step, names) for step, names in groups]
+    return [_told(frames.names, step, names) for step, names in groups if not 1 < len(names) == len(parts)]
 
 
 def _told(names: tuple[str, ...], step: Step, parts: list[str]) -> str:
@@ -108,8 +111,10 @@ def part_step(frames: Frames, part: Part) -> Step | None:
     full = tuple(slice(side.start * part.step, side.stop * part.step, every) for side in window)
     pictures = [_picture(frames, i, full, size) for i in range(len(frames))]
     units = np.stack([orientation(one, 0.02 * float(np.quantile(one, 0.99)) + 1e-6) for one in pictures])
-    around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin + 1,) * 2)
-    units = units * cv2.resize(cv2.dilate(mask, around), size, interpolation=cv2.INTER_NEAREST)
+    # Dilated as small as it is: the time goes by the mask's side to the fourth.
+    reach = round(margin * part.step * scale)
+    around = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1,) * 2)
+    units = units * cv2.dilate(cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST), around)
     corners = tiles_of_either_half(units, TILE_PX)
     if not corners:
         return None

@@ -23,10 +23,26 @@ IN_VIEW = 0.05
 
 
 def out_of_view(camera: Camera, positions: Array) -> Array:
-    """Return the positions (F, 3) that do not stand in the picture, between camera and object."""
+    """Return the positions (F, 3) that do not stand in the picture, between camera and object.
+
+    An orthographic camera is one of which nothing is known: it tells nothing of its sides.
+
+    Raises
+    ------
+    SceneError
+        None is left.
+    """
+    if camera.is_orthographic:
+        return positions
     with np.errstate(invalid="ignore"):
         place = camera.project(positions) / [camera.width, camera.height]
-    return positions[~np.all((place > -IN_VIEW) & (place < 1 + IN_VIEW), axis=1)]
+    outside = positions[~np.all((place > -IN_VIEW) & (place < 1 + IN_VIEW), axis=1)]
+    if not len(outside):
+        raise SceneError(
+            f"flashes: all {len(positions)} places in reach stand in the picture. Take a greater distance "
+            "(--flash-mm), or larger angles (--from-deg, --to-deg)."
+        )
+    return outside
 
 
 @dataclass(frozen=True)

@@ -35,11 +35,15 @@ class Shown(NamedTuple):
 
     def only(self, flashes: NDArray) -> "Shown":
         """Return some of the flashes."""
-        return Shown(*(part[flashes] for part in self))
+        return Shown(self.vectors[flashes], self.noise[flashes], self.seen[flashes])
 
     def followed_by(self, other: "Shown") -> "Shown":
         """Return these flashes and others."""
-        return Shown(*(np.concatenate(parts) for parts in zip(self, other, strict=True)))
+        return Shown(
+            np.concatenate([self.vectors, other.vectors]),
+            np.concatenate([self.noise, other.noise]),
+            np.concatenate([self.seen, other.seen]),
+        )
 
 
 def lights_at(positions: Array, reference: Array, power: Array | float = 1.0) -> Lights:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.lights.predicted_lights import UNKNOWN_INTENSITY
 from lab.shoot.ball_places import BallChoice, shaded_shares
 from lab.shoot.set_up import EXPOSURE, SetUp
 from lab.shoot.shoot_plan import Predicted, ShootPlan
@@ -40,7 +41,10 @@ def plan_facts(
         "stop_after": plan.stop_after,
         "helps_until": plan.helps_until,
         "minutes": reach.minutes(new),
-        "balls": [_ball(set_up, sphere, plan.positions_mm[:USED_FOR_BALLS]) for sphere in plan.spheres],
+        # Where a ball of unknown size stands nobody knows.
+        "balls": [
+            _ball(set_up, sphere, plan.positions_mm[:USED_FOR_BALLS]) for sphere in plan.spheres if sphere.diameter_mm
+        ],
         "ball_choices": [
             {
                 "chrome": choice.count,
@@ -174,7 +178,7 @@ def _warnings(plan: ShootPlan, accuracy_deg: float | None) -> list[str]:
                 f"{result.lights_deg:.2g}. "
                 + ("Larger balls." if result.lights_deg > result.noise_deg else "More light, or a lower ISO.")
             )
-    if not any(sphere.kind == "white" for sphere in plan.spheres):
+    if plan.lights.intensity_sigma >= UNKNOWN_INTENSITY:
         found.append("no white ball: how bright each flash was is then only known to some 10 %. Add one.")
     if sum(sphere.kind == "chrome" for sphere in plan.spheres) == 1:
         found.append("one chrome ball: the flashes have no distance. Add a second one on the object's other side.")

@@ -52,9 +52,9 @@ class UnderWay(NamedTuple):
 
     @property
     def has_known_balls(self) -> bool:
-        """Whether the balls predict how well further flashes will be known."""
+        """Whether the balls predict how well further flashes will be known: two mirrors, which tell ranges."""
         chrome = [sphere for sphere in self.spheres if sphere.kind == "chrome"]
-        known = bool(chrome) and all(sphere.diameter_mm for sphere in chrome)
+        known = len(chrome) > 1 and all(sphere.diameter_mm for sphere in chrome)
         return known and self.lights.positions_mm is not None and not self.pixels.set_up.camera.is_orthographic
 
     def within(self, reach: Reach) -> Reach:
@@ -120,7 +120,7 @@ def under_way(
     """
     from twin.camera.grain import sensor_like
 
-    known = np.isfinite(estimate.normals).all(-1) & (estimate.albedo > 0).any(-1)
+    known = np.asarray(np.isfinite(estimate.normals).all(-1) & (estimate.albedo > 0).any(-1))
     if known.sum() < FEWEST_PIXELS:
         return None
     set_up = SetUp(

@@ -115,4 +115,6 @@ class Told:
         named = [name for name in marks if name in text]
         for name in named:
             text = text.replace(name, "\0")
-        return " ".join([re.sub(r"\d+(\.\d+)?", "#", text), *sorted(named)])
+        # A ball is called by its place.
+        places = re.findall(r"at \(-?\d+, -?\d+\) px", text)
+        return " ".join([re.sub(r"\d+(\.\d+)?", "#", text), *sorted(named), *places])

@@ -1,7 +1,7 @@
 """How well the object's normals are known by the flashes so far, and which flash would help most."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -110,15 +110,23 @@ class NormalsSoFar:
         if found is None:
             self.why = "no part of the object is lit by three flashes"
             return None
-        self.why = ""
+        # The balls count in the pixels that were not thinned out.
+        pixels = replace(found.pixels, set_up=replace(found.pixels.set_up, camera=camera))
         reach, wanted = found.within(Reach()), len(lights) + 1
-        plan = plan_shoot(found.pixels, spheres, reach, wanted, so_far=found, look_ahead=0)
+        try:
+            plan = plan_shoot(pixels, spheres, reach, wanted, so_far=found, look_ahead=0)
+        except SceneError as error:
+            self.why = str(error)
+            return None
+        self.why = ""
         now, then = plan.predicted[-2:]
         assert now is not None
         assert then is not None
         sigma = np.full(mask.shape, np.nan)
         sigma[found.places[:, 1], found.places[:, 0]] = now.sigma_deg
-        away = plan.positions_mm[-1] - found.pixels.set_up.middle_mm
+        # As the lights so far are told.
+        here = pixels.set_up.middle_mm if lights.positions_mm is None else lights.reference_point_mm
+        away = plan.positions_mm[-1] - here
         x, y, z = unit(away)
         return Known(
             sigma,

@@ -172,6 +172,6 @@ def exchange_flashes(
                 chosen[place], changed = best, True
         if not changed:
             break
-    some = np.array(chosen)
+    some = np.array(chosen, np.intp)
     order = choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some), criterion).flashes
     return some[order]

@@ -54,7 +54,10 @@ class ShootPanel:
                 self._picture.image = np.concatenate([dome(status), self._map()], 1)
         was_over, self._was_over = self._was_over, is_over
         if is_over and self.is_alone:
-            self._text.content = "**The shoot is over.** Its photographs are decoded; then the session is shown here."
+            self._text.content = (
+                "**The shoot is over.** Its photographs are decoded; then the session is shown here. If it does not "
+                "come: the terminal of `rgbn watch` says why."
+            )
         elif is_over and not was_over:
             self._window.notify("The shoot is over", "Its photographs are decoded now; then read the folder again.")
 
@@ -66,7 +69,7 @@ class ShootPanel:
             if stamp != self._seen:
                 self._seen = stamp
                 self._window.post(self.refresh, droppable=True)
-            elif self.is_alone and self._was_over:
+            elif self.is_alone:
                 self._window.post(self._turn_to_session, droppable=True)
 
     def _turn_to_session(self) -> None:

@@ -307,7 +307,7 @@ def test_an_outline_that_hides_among_good_highlights_is_named(scene, wrong):
     fit, notes = _chosen(highlights, spheres, outline_px=0.5)
     (warning,) = notes.warnings
     assert f"chrome ball {wrong + 1}'s outline is" in warning
-    assert float(warning.split("miss by ")[1].split()[0]) < 2.5
+    assert float(warning.split("miss by ")[1].split()[0]) > 2.5, "a number that contradicts the words"
     assert angular_error_deg(fit.directions, unit(lights - fit.reference)).max() < 0.5
 
 

@@ -1,6 +1,7 @@
 """Parts that move alone: a ball among balls, the object; none on captures in which nothing moved."""
 
 import copy
+import time
 from dataclasses import replace
 
 import cv2
@@ -11,7 +12,7 @@ from capture.audit.frame_facts import facts_of
 from capture.audit.movement import movement
 from capture.audit.part_movement import Part, part_step, part_warnings, parts_of
 from fixtures.ball_scene import World, flashes, render
-from lab.watch.judge import FramesSoFar
+from lab.watch.judge import FramesSoFar, Told
 from scene.camera import Camera
 from scene.frames import Frames
 
@@ -79,6 +80,32 @@ def test_the_object_that_moved_alone_is_named_and_parts_that_moved_together_are_
     (text,) = part_warnings(later(still, world, balls=[0, 2]), parts)
     assert f"{parts[0].name}, {parts[2].name} lie " in text
     assert "they moved after" in text
+
+
+def test_where_all_parts_moved_the_picture_did(still, world, object_mask):
+    """That is said of the picture as a whole, and of its parts it would mislead."""
+    parts = parts_of(world.spheres(), CAMERA, object_mask)
+    codes = still.codes.copy()
+    codes[MOVED:] = np.roll(codes[MOVED:], (3, 5), (1, 2))
+    frames = replace(still, codes=codes)
+    assert part_step(frames, parts[0]).shift_px == pytest.approx([5, 3], abs=0.5)
+    assert part_warnings(frames, parts) == []
+    assert len(part_warnings(frames, parts[:1])) == 1
+
+
+def test_each_ball_is_told_of_once(still, world, object_mask):
+    told, names = Told(), [str(name) for name in still.names]
+    texts = [f"flash_006: from here on the chrome ball at ({u}, 50) px lies 3.{u} px off" for u in (10, 200, 10)]
+    assert told.new(texts, names) == texts[:2]
+
+
+def test_a_large_part_takes_no_longer_than_a_small_one():
+    """The mask was once dilated in full size: twelve seconds."""
+    v, u = np.mgrid[:1300, :1300]
+    frames = Frames(tuple("abcdefgh"), np.full((8, 1300, 1300, 3), 3000, np.uint16), np.ones(8))
+    start = time.process_time()
+    assert part_step(frames, Part("a", np.hypot(u - 650, v - 650) < 600)) is None
+    assert time.process_time() - start < 3
 
 
 def test_a_watch_says_so_of_masks_that_are_reduced(still, world, object_mask):

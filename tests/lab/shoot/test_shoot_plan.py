@@ -112,6 +112,19 @@ def test_flashes_so_far_count_and_the_next_one_comes_from_elsewhere(pixels, sphe
             assert turn == pytest.approx(np.full(9, 0.7))
 
 
+def test_a_session_that_has_all_its_flashes_is_told_what_it_has(pixels, spheres):
+    """Balls whose size nobody stated are in no drawing."""
+    middle = pixels.set_up.middle_mm
+    given = lights_at(REACH.positions(middle, 120.0)[::6], middle)
+    for some in (spheres, [replace(sphere, diameter_mm=None) for sphere in spheres]):
+        so_far = UnderWay(pixels, np.zeros((0, 2), int), given, some, pixels.under(given))
+        plan = plan_shoot(pixels, some, REACH, len(given), so_far=so_far)
+        assert plan.flashes == plan.there == len(given)
+        facts = plan_facts(plan, {}, [], None) | {"name": "a"}
+        assert len(facts["balls"]) == (len(spheres) if some is spheres else 0)
+        assert plan_page(facts).endswith("</html>\n")
+
+
 def test_when_more_flashes_do_not_help():
     assert enough([1.0, 0.5, 0.3, 0.2], 0.3, 3) == (5, 6)
     assert enough([1.0, 0.5, 0.499, 0.498, 0.497, 0.496], 0.1, 3) == (None, 4)

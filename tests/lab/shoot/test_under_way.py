@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
-from lab.shoot.flash_places import Reach
+from lab.shoot.flash_places import Reach, out_of_view
 from lab.shoot.under_way import FEWEST_PIXELS, under_way
+from lab.watch.normals_so_far import NormalsSoFar
 from scene.camera import Camera
+from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
 from scene.normals import unit
+from scene.spheres import Sphere
 
 CAMERA = Camera(64, 48, 120.0, 120.0, 31.5, 23.5)
 DEPTH_MM = -1000.0
@@ -92,6 +95,55 @@ def test_a_registered_scan_is_the_object_and_takes_its_albedo_from_the_estimate(
     assert found.pixels.normals == pytest.approx(np.broadcast_to([0.0, 0, 1], found.pixels.normals.shape))
     assert CAMERA.project(found.pixels.points) == pytest.approx(found.places, abs=0.51)
     assert np.ptp(found.pixels.albedo) == pytest.approx(0, abs=1e-6)
+
+
+def balls(count, diameter_mm=60.0):
+    places = np.array([[8.0, 6.0], [56.0, 42.0], [8.0, 42.0]])[:count]
+    return [Sphere("chrome", place, 120 * 30 / 1000, diameter_mm) for place in places]
+
+
+def test_a_watch_says_the_same_of_an_object_of_more_pixels(shoot, monkeypatch):
+    """Thinned out, the pixels are others, and the balls the same: sigma was two thirds of what it is."""
+    frames, lights, _ = shoot()
+    found = {}
+    for pixels in (5000, 800):
+        monkeypatch.setattr("lab.watch.normals_so_far.PIXELS", pixels)
+        so_far = NormalsSoFar()
+        so_far.mask = np.ones((48, 64), bool)
+        found[pixels] = so_far.update(frames, CAMERA, lights, balls(3))
+    assert found[800].sigma_deg.shape == (24, 32)
+    assert found[800].median_deg == pytest.approx(found[5000].median_deg, rel=0.1)
+    for name in ("zenith_deg", "azimuth_deg", "distance_mm"):
+        assert getattr(found[800].next_flash, name) == pytest.approx(getattr(found[5000].next_flash, name), rel=0.05)
+
+
+def test_the_next_flash_is_told_as_the_lights_so_far_are(shoot):
+    """From their reference point, which lies 17 cm beside the object: the dome shows both."""
+    frames, lights, estimate = shoot()
+    so_far = NormalsSoFar()
+    so_far.mask = np.ones((48, 64), bool)
+    told = so_far.update(frames, CAMERA, lights, balls(3)).next_flash
+    zenith, azimuth = np.radians([told.zenith_deg, told.azimuth_deg])
+    toward = [np.sin(zenith) * np.cos(azimuth), np.sin(zenith) * np.sin(azimuth), np.cos(zenith)]
+    place = lights.reference_point_mm + told.distance_mm * np.array(toward)
+    found = under_way(frames, CAMERA, lights, balls(3), estimate)
+    candidates = found.within(Reach()).positions(found.pixels.set_up.middle_mm, found.pixels.set_up.size_mm)
+    assert np.linalg.norm(candidates - place, axis=1).min() < 5
+
+
+def test_only_two_mirrors_of_known_size_predict_what_further_flashes_will_be_known_to(shoot):
+    frames, lights, estimate = shoot()
+    known = [under_way(frames, CAMERA, lights, some, estimate).has_known_balls
+             for some in ([], balls(1), balls(2, None), balls(2))]  # fmt: skip
+    assert known == [False, False, False, True]
+
+
+def test_a_flash_does_not_stand_in_the_picture_and_where_all_places_do_it_is_said():
+    beside, before = np.array([[900.0, 0, -500]]), np.array([[0.0, 0, -500]])
+    assert (out_of_view(CAMERA, np.concatenate([before, beside])) == beside).all()
+    with pytest.raises(SceneError, match="all 1 places in reach stand in the picture"):
+        out_of_view(CAMERA, before)
+    assert len(out_of_view(Camera.orthographic(64, 48), before)) == 1, "it is not known where its sides are"
 
 
 def test_without_normals_nothing_is_known(shoot):
