@@ -92,21 +92,27 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
     corners = edge_tiles(sharpness(units[steady]), int(steady.sum()), tile, wanted) if scale > 1.5 else []
     if len(corners) < FEWEST_TILES:
         return Movement(shift, moved)
-    candidates = []
-    for y, x in corners:
-        top = int(np.clip(round(y * scale), 0, frames.height - TILE_PX))
-        left = int(np.clip(round(x * scale), 0, frames.width - TILE_PX))
-        rows, columns = slice(top, top + TILE_PX), slice(left, left + TILE_PX)
+    largest = [frames.width - TILE_PX, frames.height - TILE_PX]
+    places = np.rint(np.array(corners)[:, ::-1] * scale).astype(int).clip(0, largest)
+
+    def units_at(place: NDArray[np.int_]) -> NDArray[np.complex64]:
+        columns, rows = (slice(int(start), int(start) + TILE_PX) for start in place)
         pixels = frames.read(rows, columns=columns, subtract_ambient=False).mean(axis=-1)
-        units = _orientations(pixels / frames.gain.astype(np.float32)[:, None, None], floor)
-        half = int(steady.sum()) // 2
-        clear = sharpness(units[steady][:half]).sum() + sharpness(units[steady][half:]).sum()
-        place = np.array([left, top]) + TILE_PX / 2 - middle * scale
-        candidates.append((clear, _correlations(units, steady, REACH), step_votes(units[steady]), place))
-    # What looked sharp when reduced may be a soft limb, whose edge shifts with the light.
-    candidates.sort(key=lambda candidate: -candidate[0])
-    _, planes, votes, places = zip(*candidates[:MOST_TILES], strict=True)
-    found = find_step(votes, np.array(places))
+        return _orientations(pixels / frames.gain.astype(np.float32)[:, None, None], floor)
+
+    def clearness(place: NDArray[np.int_]) -> float:
+        units, half = units_at(place)[steady], int(steady.sum()) // 2
+        return float(sharpness(units[:half]).sum() + sharpness(units[half:]).sum())
+
+    # What looked sharp when reduced may be a soft limb, whose edge shifts with the light. The tiles are read again
+    # rather than kept: all frames' would be half a gigabyte.
+    places = places[np.argsort([-clearness(place) for place in places], kind="stable")[:MOST_TILES]]
+    planes, votes = [], []
+    for place in places:
+        units = units_at(place)
+        planes.append(_correlations(units, steady, REACH))
+        votes.append(step_votes(units[steady]))
+    found = find_step(votes, places + TILE_PX / 2 - middle * scale)
     if found is not None:
         return replace(still, step=_among(found, steady, 1.0))
     fine, fine_moved = _vote(planes, steady)
