@@ -53,8 +53,8 @@ def test_a_half_done_session_is_put_right(visit, calibrated, at_session):
     studio = at_session(calibrated.root, calibrated.folder, calibrated.session)
     visitor, other = visit(studio, READY), visit(studio, READY)
     window = visitor.window
-    for part in ("no mask", "no scan", "no twin"):
-        visitor.see(part)
+    visitor.see("mask, scan, twin")
+    visitor.see("not made yet")
     visitor.keep("review_half")
     found = window.outlines[0]
 
