@@ -1,5 +1,7 @@
 """The law of the mirror on an exact sphere."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +12,8 @@ from scene.spheres import Sphere
 Array = NDArray[np.float64]
 USUAL_FOCAL = 1.4  # widths of the picture that an unknown camera is taken to have: 50 mm on 36 mm
 PARALLEL = 1e7  # condition from which on rays do not meet
+TURNS, RESTS = 60, 1e-12
+"""Of the iteration to where a ball mirrors a light: each brings it nearer by the ball's radius over its distance."""
 
 
 def toward_camera(camera: Camera, points: Array) -> Array:
@@ -17,6 +21,27 @@ def toward_camera(camera: Camera, points: Array) -> Array:
     if camera.is_orthographic:
         return np.broadcast_to([0.0, 0.0, 1.0], points.shape)
     return -points / np.linalg.norm(points, axis=-1, keepdims=True)
+
+
+def mirrored_at(camera: Camera, sphere: Sphere, toward: Callable[[Array], Array]) -> Array:
+    """Return the pixels (N, 2) at which a mirror ball shows N lights.
+
+    `toward` gives the unit vectors (N, 3) from points (N, 3), mm, to the lights.
+
+    Notes
+    -----
+    The normal halves the angle between view and light: n = unit(v + l), x = c + R n, again from there until it rests.
+    """
+    center, radius = sphere.center_mm(camera), sphere.radius_mm
+    normals = np.array([[0.0, 0.0, 1.0]])
+    for _ in range(TURNS):
+        points = center + radius * normals
+        normals, before = unit(toward_camera(camera, points) + toward(points)), normals
+        if np.abs(normals - before).max() < RESTS:
+            break
+    if camera.is_orthographic:
+        return sphere.center_px + sphere.radius_px * normals[:, :2] * [1.0, -1.0]
+    return camera.project(center + radius * normals)
 
 
 def mirrored_rays(camera: Camera, sphere: Sphere, pixels: NDArray) -> tuple[Array, Array]:

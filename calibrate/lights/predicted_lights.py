@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.adjustment import STEP, Adjustment, Observed
-from calibrate.lights.directions import toward_camera, two_across
+from calibrate.lights.directions import mirrored_at, two_across
 from calibrate.lights.from_chrome import ROUND
 from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
@@ -25,8 +25,6 @@ SMALL_PX = 13.0
 """Radius of a ball that shows a flash of 50 mm a metre away as a point: on smaller ones its place is told worse."""
 USUAL_BLUR_PX = 0.9
 """Standard deviation of a sharp picture's blur, its mosaic included."""
-TURNS = 60
-"""Of the iteration to where a ball mirrors a light: each brings it nearer by the ball's radius over its distance."""
 
 
 @dataclass(frozen=True)
@@ -55,20 +53,6 @@ class PredictedLights:
         """(F,) root mean square over the three axes."""
         own = np.einsum("fifi->f", self.position_covariance_mm2)
         return np.sqrt(np.maximum(own, 0) / 3)
-
-
-def mirrored_at(camera: Camera, sphere: Sphere, positions: Array) -> Array:
-    """Return the pixels (F, 2) at which a mirror ball shows lights at positions (F, 3), mm.
-
-    Notes
-    -----
-    The normal halves the angle between view and light: n = unit(v + l), x = c + R n, again from there until it rests.
-    """
-    center, radius = sphere.center_mm(camera), sphere.radius_mm
-    points = np.broadcast_to(center, positions.shape)
-    for _ in range(TURNS):
-        points = center + radius * unit(toward_camera(camera, points) + unit(positions - points))
-    return camera.project(points)
 
 
 def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, reference: Array) -> PredictedLights:
@@ -111,7 +95,7 @@ def predict_lights(camera: Camera, spheres: Sequence[Sphere], positions: Array, 
         camera,
         chrome,
         [(table_floor_px(r, USUAL_BLUR_PX) ** 2 + (ROUND * r) ** 2) * np.eye(3) for r in radius],
-        np.stack([mirrored_at(camera, sphere, positions) for sphere in chrome]),
+        np.stack([mirrored_at(camera, sphere, lambda points: unit(positions - points)) for sphere in chrome]),
         np.repeat(sigma[:, None], len(positions), 1),
         np.asarray(reference, np.float64),
         diameter_sigma=np.array([sphere.diameter_sigma for sphere in chrome]),

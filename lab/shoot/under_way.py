@@ -177,7 +177,7 @@ def photographed(
         share = 1.4826 * np.median(np.abs(samples - shade)[enough] / shade[enough] * np.sqrt(counts / (counts - 3)))
         sensor = np.median(shown.noise[enough] / shade[enough])
         pixels = replace(pixels, scatter=float(np.sqrt(max(share**2 - sensor**2, 0))))
-    return pixels, pixels.under(lights)._replace(seen=seen)
+    return pixels, shown._replace(noise=np.hypot(shown.noise, pixels.scatter * np.maximum(shade, 0)), seen=seen)
 
 
 def _samples(frames: Frames, lights: Lights, places: NDArray[np.int64]) -> tuple[Array, NDArray[np.bool_]]:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calibrate.lights.directions import mirrored_at
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import unit
@@ -91,25 +92,11 @@ def magnification(rms: float, radius_px: float) -> float:
 
 
 def mirrored_px(camera: Camera, sphere: Sphere, lights: Lights) -> Array:
-    """Return (N, 2), the pixels at which a mirror ball shows each light.
-
-    At the point p = c + R n the normal halves the angle between the way to the camera and the way to the light, n = (v
-    + l) / |v + l|. Solved by repetition: p moves by R at most, which turns v and l by little where both are many radii
-    away, and each round shrinks the error by that factor.
-    """
-    center, radius = sphere.center_mm(camera), sphere.radius_mm
-    near = lights.positions_mm is not None and sphere.diameter_mm and not camera.is_orthographic
-    normals = np.tile([0.0, 0.0, 1.0], (len(lights), 1))
-    for _ in range(60):
-        points = center + radius * normals
-        view = np.array([[0.0, 0.0, 1.0]]) if camera.is_orthographic else unit(-points)
-        toward = unit(lights.positions_mm - points) if near and lights.positions_mm is not None else lights.directions
-        normals, before = unit(view + toward), normals
-        if np.abs(normals - before).max() < 1e-12:
-            break
-    if camera.is_orthographic:
-        return sphere.center_px + sphere.radius_px * normals[:, :2] * [1.0, -1.0]
-    return camera.project(center + radius * normals)
+    """Return (N, 2), the pixels at which a mirror ball shows each light."""
+    positions = None if camera.is_orthographic or not sphere.diameter_mm else lights.positions_mm
+    if positions is None:
+        return mirrored_at(camera, sphere, lambda points: lights.directions)
+    return mirrored_at(camera, sphere, lambda points: unit(positions - points))
 
 
 def residuals_px(camera: Camera, sphere: Sphere, lights: Lights, highlights_px: Array) -> Array:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from calibrate.lights.adjustment import Observed
-from calibrate.lights.directions import mirrored_rays
+from calibrate.lights.directions import mirrored_at, mirrored_rays
 from calibrate.lights.positions import fit_lights
-from calibrate.lights.predicted_lights import USUAL_BLUR_PX, mirrored_at, predict_lights
+from calibrate.lights.predicted_lights import USUAL_BLUR_PX, predict_lights
 from calibrate.lights.reflected_disc import FLOOR_PX
 from calibrate.silhouette.ball_silhouette import table_floor_px
 from scene.camera import Camera
@@ -20,6 +20,11 @@ REFERENCE = np.array([0.0, 0.0, -1000.0])
 POSITIONS = REFERENCE + 900 * cap(10, 55.0)
 
 
+def toward(points):
+    """Return the ways (N, 3) from points to the lights."""
+    return unit(POSITIONS - points)
+
+
 def ball(x, y, diameter=60.0, kind="chrome"):
     center = np.array([x, y, -1020.0])
     return Sphere(kind, CAMERA.project(center), CAMERA.fx * diameter / 2 / 1020, diameter)
@@ -30,8 +35,8 @@ BALLS = [ball(-220, 130), ball(220, 120), ball(-210, -130)]
 
 def test_a_highlight_lies_where_its_ray_goes_to_the_light():
     for sphere in BALLS:
-        points, toward = mirrored_rays(CAMERA, sphere, mirrored_at(CAMERA, sphere, POSITIONS))
-        assert angular_error_deg(toward, unit(POSITIONS - points)).max() < 1e-6
+        points, rays = mirrored_rays(CAMERA, sphere, mirrored_at(CAMERA, sphere, toward))
+        assert angular_error_deg(rays, unit(POSITIONS - points)).max() < 1e-6
 
 
 def test_more_and_larger_balls_tell_more_and_one_tells_no_range():
@@ -54,7 +59,7 @@ def test_more_and_larger_balls_tell_more_and_one_tells_no_range():
 def test_the_sigma_is_that_of_the_fit_to_noisy_highlights_and_outlines():
     predicted = predict_lights(CAMERA, BALLS, POSITIONS, REFERENCE)
     rng, turns, moves = np.random.default_rng(0), [], []
-    exact = np.stack([mirrored_at(CAMERA, sphere, POSITIONS) for sphere in BALLS])
+    exact = np.stack([mirrored_at(CAMERA, sphere, toward) for sphere in BALLS])
     floor = np.array([table_floor_px(sphere.radius_px, USUAL_BLUR_PX) for sphere in BALLS])
     for _ in range(30):
         outlines = floor[:, None] * rng.standard_normal((3, 3))
