@@ -108,7 +108,7 @@ class OpenPanel:
         self._window, gui = window, window.client.gui
         self._layers = Layers()
         self._where = gui.add_markdown("")
-        self._up = window.button("One folder up", lambda: window.look_into(window.folder.parent))
+        self._up = window.button("One folder up", lambda: window.look_into(window.folder.parent), visible=False)
         self._begin = window.button(HERE["folder"], lambda: window.open(window.folder), kind="main")
         self._list = gui.add_folder("In this folder")
         window.button("New scene", lambda: window.go("Scene"))

@@ -155,17 +155,17 @@ def _decibels(value: Array, guess: Array) -> dict[str, float]:
 
 def _sets(sight: Sight, photographs: Frames, mask: NDArray[np.bool_]) -> dict[str, NDArray[np.bool_]]:
     """Return, of the mask's pixels, (P, F) which are such as the material is fitted to, and which the scan sees lit."""
-    shape = (*mask.shape, len(photographs))
-    fitted, lit = np.zeros(shape, bool), np.zeros(shape, bool)
+    number = np.cumsum(mask).reshape(mask.shape) - 1
+    fitted, lit = np.zeros((2, int(mask.sum()), len(photographs)), bool)
     rows, columns = inner_pixels(mask, sight.normals)
     step = max(1, SAMPLES_AT_ONCE // len(photographs))
     for first in range(0, len(rows), step):
         some = samples_at(sight, photographs, rows[first : first + step], columns[first : first + step])
-        fitted[some.rows, some.columns] = some.usable
+        fitted[number[some.rows, some.columns]] = some.usable
     for band, pixels, face, points in _seen(sight, mask):
         flat = sight.mesh.face_normals[face]
-        lit[band][pixels] = ~np.logical_or(*sight.shadows(points, flat, flat))
-    return {"fitted": fitted[mask], "lit": lit[mask]}
+        lit[number[band][pixels]] = ~np.logical_or(*sight.shadows(points, flat, flat))
+    return {"fitted": fitted, "lit": lit}
 
 
 def _seen(sight: Sight, mask: NDArray[np.bool_]) -> Iterator[tuple[slice, NDArray[np.bool_], NDArray, Array]]:

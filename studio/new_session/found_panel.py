@@ -95,7 +95,7 @@ class WritePanel:
 
     def __init__(self, window: NewSessionWindow) -> None:
         self._window = window
-        self._write = window.button("Write session", window.write, kind="main")
+        self._write = window.button("Write session", window.write, kind="main", visible=False)
         self._where = window.client.gui.add_markdown("")
 
     def refresh(self) -> None:

@@ -117,7 +117,7 @@ class VerdictPanel:
         self._window, gui = window, window.client.gui
         self._link, self._lacks = gui.add_html(""), gui.add_markdown("")
         window.button("Read the folder again", window.read_again)
-        self._forget = window.button("Forget what was kept", window.forget, kind="danger")
+        self._forget = window.button("Forget what was kept", window.forget, kind="danger", visible=False)
 
     def refresh(self) -> None:
         """Follow the window."""

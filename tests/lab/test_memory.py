@@ -24,7 +24,7 @@ from scene.record import Record
 from scene.store import Store
 
 ROOT = Path(__file__).resolve().parents[2]
-WIDTH, HEIGHT, FLASHES, TIMES = 900, 600, 6, 8
+WIDTH, HEIGHT, FLASHES, TIMES = 900, 600, 6, 12
 STEPS = {"solve": solve, "twin": twin, "compare": compare}
 
 
@@ -64,7 +64,7 @@ def print_peaks(folder, times):
 
 @pytest.mark.full
 @pytest.mark.render
-def test_a_step_needs_no_more_memory_for_eight_times_the_frames(tmp_path):
+def test_a_step_needs_no_more_memory_for_twelve_times_the_frames(tmp_path):
     few, many = {}, {}
     for times, peaks in ((1, few), (TIMES, many)):
         (tmp_path / str(times)).mkdir()

@@ -17,8 +17,8 @@ from twin.engines.flash_shading import WHOLE, Flashes, add_whole, by_bands, came
 from twin.engines.sampling_plan import bends, plan_samples, predicted_error, samples_for, tolerance_for
 from twin.engines.variant import import_mitsuba
 
-VALUES_PER_BAND = 1 << 24
-"""Of a band's images, in float32: 64 MiB, and several times as much for its second differences and plan."""
+VALUES_PER_BAND = 1 << 23
+"""Of a band's images, in float32: 32 MiB, and several times as much for its second differences and plan."""
 PILOT_TILES, PILOT_SIDE = 8, 16
 LATTICE = 0.7548776662466927, 0.5698402909980532
 """Additive recurrence in two dimensions: every first n points are well spread [Roberts2018]."""

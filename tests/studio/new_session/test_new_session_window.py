@@ -91,6 +91,18 @@ def test_the_panels_write_what_they_show(begun, folder, settle):
     assert window.capture is None, "nothing here changes it any more"
 
 
+def test_nothing_can_be_written_before_the_folder_was_looked_at(folder, nobody, no_preview):
+    """Nor is the button seen for a moment, before the panel is refreshed first."""
+    window = NewSessionWindow(nobody(), Workspace.at(folder.parent), no_preview, Looking(survey(folder)))
+    panel = WritePanel(window)
+    button = window.client.input("Write session")
+    assert not button.visible
+    panel.refresh()
+    assert not button.visible
+    window.close()
+    window.wait()
+
+
 def test_a_file_that_is_there_is_not_written_over(begun, folder):
     window = begun()
     (folder / "session.toml").write_text("# mine")
