@@ -177,6 +177,12 @@ class Frames:
             yield slice(start, min(start + step, self.height))
 
 
+def gray(colours: NDArray[np.floating]) -> NDArray:
+    """Return the mean (...) over the channels of (..., C); numpy's own mean of so few takes thirty times as long."""
+    count = colours.shape[-1]
+    return sum((colours[..., i] for i in range(1, count)), start=colours[..., 0]) / count
+
+
 def encode(linear: NDArray) -> NDArray[np.uint16]:
     """Return uint16 codes of linear values; see `Frames`."""
     codes = np.multiply(linear, np.float32(WHITE - PEDESTAL), dtype=np.float32)

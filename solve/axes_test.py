@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from scene.frames import Frames
+from scene.frames import Frames, gray
 from scene.lights import Lights
 from scene.normals import unit
 from solve.axes import AXES, Axes
@@ -110,7 +110,7 @@ def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]
     step = max(1, int(max(np.ptp(rows), np.ptp(columns)) // _GRID))
     down, across = slice(rows[0], rows[-1] + 1, step), slice(columns[0], columns[-1] + 1, step)
     inside = mask[down, across]
-    values = np.stack([frames.read(down, [f], columns=across)[0][inside].mean(-1) for f in range(len(frames))])
+    values = np.stack([gray(frames.read(down, [f], columns=across)[0][inside]) for f in range(len(frames))])
     values = (values / lights.intensities.mean(1)[:, None]).astype(np.float64).T
     bright = np.quantile(values, 0.9, axis=1, keepdims=True)
     weight = (values > _LIT * bright) & (values < 3 * np.maximum(np.median(values, 1, keepdims=True), 0.3 * bright))

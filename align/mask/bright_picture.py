@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from align.pose.photographed import box_of
 from scene.fan_out import fan_out
-from scene.frames import Frames
+from scene.frames import Frames, gray
 
 
 def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
@@ -28,7 +28,7 @@ def block_means(frames: Frames, factor: int) -> NDArray[np.float32]:
         codes=np.stack([shrink(codes) for codes in frames.codes]),
         ambient=None if frames.ambient is None else shrink(frames.ambient),
     )
-    return np.asarray(small.read().mean(-1))
+    return gray(small.read())
 
 
 def bright_mean(stack: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -49,7 +49,7 @@ def bright_picture(frames: Frames, near: NDArray[np.bool_]) -> NDArray[np.float3
     def fill(band: slice) -> None:
         rows = slice(max(band.start, down.start - margin), min(band.stop, down.stop + margin))
         if rows.start < rows.stop:
-            out[rows, columns] = bright_mean(frames.read(rows, columns=columns).mean(-1))
+            out[rows, columns] = bright_mean(gray(frames.read(rows, columns=columns)))
 
     fan_out(fill, list(frames.bands((128 << 20) // (os.cpu_count() or 1))))
     return out

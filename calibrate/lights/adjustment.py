@@ -29,6 +29,7 @@ FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
 """What is known of the flashes' flatness: the data say hardly more, but sigma knows of it."""
 STEP, PIXEL_STEP = 1e-4, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
+BESIDE_PX = PIXEL_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keeps the step from going there
 
 
@@ -163,13 +164,15 @@ class Adjustment:
 
     def balls_at(self, x: Array) -> list[Sphere]:
         """Return the adjusted balls: what the camera's change does to a given outline, and their own moves."""
-        moves = x[self.first_ball : self.first_diameter].reshape(self.balls, 3)
-        change = self._camera_change(x)
-        out = [moved(s, m + shift @ change) for s, m, shift in zip(self.seen.spheres, moves, self.shifts, strict=True)]
-        for column, i in enumerate(self.free_diameters):
+        return [self._ball_at(x, ball) for ball in range(self.balls)]
+
+    def _ball_at(self, x: Array, ball: int) -> Sphere:
+        first = self.first_ball + 3 * ball
+        found = moved(self.seen.spheres[ball], x[first : first + 3] + self.shifts[ball] @ self._camera_change(x))
+        for column in np.flatnonzero(self.free_diameters == ball):
             factor = float(np.exp(x[self.first_diameter + column]))
-            out[i] = replace(out[i], diameter_mm=2 * out[i].radius_mm * factor)
-        return out
+            found = replace(found, diameter_mm=2 * found.radius_mm * factor)
+        return found
 
     def reference_at(self, camera: Camera) -> Array:
         """Return the reference point in an adjusted camera: the same pixel, farther by what the lens is longer."""
@@ -202,14 +205,14 @@ class Adjustment:
 
     def _mirrored(self, x: Array, ball: int) -> _Mirrored:
         """Return what of a ball's residuals does not hang on the lights."""
-        camera, sphere, pixels = self.camera_at(x), self.balls_at(x)[ball], self.seen.highlights[ball]
-        points, seen = mirrored_rays(camera, sphere, pixels)
-        steps = np.eye(2) * PIXEL_STEP
-        a, b = ((mirrored_rays(camera, sphere, pixels + d)[1] - seen) / PIXEL_STEP for d in steps)
+        camera, sphere = self.camera_at(x), self._ball_at(x, ball)
+        # The highlights' pixels, and beside them, at once: of so few numbers each call costs more than what it does.
+        points, rays = mirrored_rays(camera, sphere, self.seen.highlights[ball] + BESIDE_PX[:, None])
+        seen, (a, b) = rays[0], (rays[1:] - rays[0]) / PIXEL_STEP
         aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
         inverted = np.stack([bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a], 1)
         inverted /= (aa * bb - ab * ab)[:, None, None]
-        return _Mirrored(self.reference_at(camera) - points, seen, inverted, self.extents[ball] ** 2 * (aa + bb) / 2)
+        return _Mirrored(self.reference_at(camera) - points[0], seen, inverted, self.extents[ball] ** 2 * (aa + bb) / 2)
 
     def _miss(self, x: Array, ball: int, mirrored: _Mirrored) -> Array:
         """Return one ball's residuals (F, 2), px."""

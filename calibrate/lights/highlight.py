@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from calibrate.detection.coarse import Coarse
 from calibrate.lights.reflected_disc import Patch, fit_disc
 from scene.camera import Camera
-from scene.frames import Frames
+from scene.frames import Frames, gray
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ def measure_spot(
         if min(colours.shape[:2]) < 5:
             return None
         # Of a mosaic green is the densest.
-        image = colours[..., 1] if frames.is_mosaic else colours.mean(-1)
+        image = colours[..., 1] if frames.is_mosaic else gray(colours)
         white = frames.read(rows, [f], columns=columns, subtract_ambient=False)[0]
         white = white >= frames.saturation * frames.gain[f]
         clipped = white[..., 1] if frames.is_mosaic else white.any(-1)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from calibrate.lights.directions import toward_camera
 from calibrate.robust import TUKEY, cluster_sums, spread, tukey
 from scene.camera import Camera
-from scene.frames import Frames
+from scene.frames import Frames, gray
 from scene.normals import unit
 from scene.spheres import Sphere
 
@@ -76,7 +76,7 @@ def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
     ring = (away > AROUND[0]) & (away < AROUND[1])
     out = np.zeros(len(frames), np.float32)
     for f in range(len(frames) if ring.any() else 0):
-        values = frames.read(rows, [f], columns=columns)[0][ring].mean(-1)
+        values = gray(frames.read(rows, [f], columns=columns)[0][ring])
         out[f] = np.minimum(values, np.quantile(values, GLARE)).mean()
     # Without an ambient frame what is there in all frames may be the room's light.
     return out if frames.ambient is not None else out - out.min()

@@ -12,7 +12,7 @@ from calibrate.lights.directions import mirrored_rays
 from calibrate.silhouette.cone_fit import STEP_PX, curvature_shift_px
 from calibrate.silhouette.outline import BINS, binned_outline, outline_with_normals, read_strips
 from scene.camera import Camera
-from scene.frames import Frames, decode
+from scene.frames import Frames, decode, gray
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -84,9 +84,9 @@ class Surroundings:
         size = tuple(int(n) for n in np.maximum((high - low) / shrink, 1))
         self.corner, self.shrink = low, (high - low) / size
         self.images = []
-        dark = 0.0 if frames.ambient is None else decode(np.ascontiguousarray(frames.ambient[window])).mean(-1)
+        dark = 0.0 if frames.ambient is None else gray(decode(np.ascontiguousarray(frames.ambient[window])))
         for codes, gain in zip(frames.codes, frames.gain, strict=True):
-            image = decode(np.ascontiguousarray(codes[window])).mean(-1) * np.float32(gain) - dark
+            image = gray(decode(np.ascontiguousarray(codes[window]))) * np.float32(gain) - dark
             small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
             self.images.append(cv2.GaussianBlur(small, (0, 0), SMOOTH_PX))
 

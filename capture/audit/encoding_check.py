@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from capture.session.globs import kind_of
 from capture.session.session_types import Session
-from scene.frames import PEDESTAL, WHITE, Frames
+from scene.frames import PEDESTAL, WHITE, Frames, gray
 
 SLOPE = -0.1
 """Captures known to be linear lie above 0.15, the same ones sRGB-encoded below -0.12 (tests/capture)."""
@@ -156,7 +156,7 @@ def noise_slope(frames: Frames, *, step: float = 0.0) -> tuple[float, float] | N
     rows, columns = _middle(frames)
     levels, variances = [], []
     for i in range(0, len(frames), max(1, len(frames) // 8)):
-        picture = frames.read(rows, [i], columns=columns, subtract_ambient=False)[0].mean(axis=-1)
+        picture = gray(frames.read(rows, [i], columns=columns, subtract_ambient=False)[0])
         noise = cv2.blur(cv2.filter2D(picture, -1, kernel) ** 2, (7, 7))
         level = cv2.blur(picture, (7, 7))
         # Clipped noise is no noise.

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts
 from capture.audit.static_edges import edge_tiles, orientation, sharpness
-from scene.frames import Frames
+from scene.frames import Frames, gray
 
 FEWEST_FRAMES = 4
 FEWEST_TILES, MOST_TILES = 4, 24
@@ -45,8 +45,8 @@ def blur_px(frames: Frames, facts: list[FrameFacts]) -> NDArray[np.float64]:
     for y, x in corners:
         top = int(np.clip(round(y * scale), 0, frames.height - tile))
         left = int(np.clip(round(x * scale), 0, frames.width - tile))
-        pixels = frames.read(slice(top, top + tile), columns=slice(left, left + tile), subtract_ambient=False).mean(-1)
-        pixels = pixels / frames.gain.astype(np.float32)[:, None, None]
+        pixels = frames.read(slice(top, top + tile), columns=slice(left, left + tile), subtract_ambient=False)
+        pixels = gray(pixels) / frames.gain.astype(np.float32)[:, None, None]
         votes.append(_squares(np.log(np.maximum(pixels, 0) + np.array(floor, np.float32)[:, None, None])))
     square = np.nanmedian(np.array(votes), axis=0) if np.isfinite(votes).any() else unknown
     return np.sign(square) * np.sqrt(np.abs(square))

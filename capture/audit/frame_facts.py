@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.photographs.photograph import CLIPPED_CODE, SATURATION
-from scene.frames import PEDESTAL, WHITE
+from scene.frames import PEDESTAL, WHITE, gray
 
 SMALL_PX = 768
 """Longer side of the reduced picture, at most."""
@@ -68,7 +68,7 @@ def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:
     for start in range(0, height, rows):
         stop = min(start + rows, height)
         band = codes[start * step : stop * step, : width * step].astype(np.float32)
-        out[start:stop] = cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA).mean(axis=2)
+        out[start:stop] = gray(cv2.resize(band, (width, stop - start), interpolation=cv2.INTER_AREA))
     return (out - PEDESTAL) / np.float32(WHITE - PEDESTAL) if codes.dtype == np.uint16 else out
 
 

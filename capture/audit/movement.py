@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts
 from capture.audit.static_edges import correlations, edge_share, edge_tiles, orientation, peak, sharpness
-from scene.frames import Frames
+from scene.frames import Frames, gray
 
 MOVED_PX = 0.8
 """Below this, moving shading and true movement cannot be told apart (still captures vote up to 0.6)."""
@@ -97,7 +97,7 @@ def movement(frames: Frames, facts: list[FrameFacts]) -> Movement:
 
     def units_at(place: NDArray[np.int_]) -> NDArray[np.complex64]:
         columns, rows = (slice(int(start), int(start) + TILE_PX) for start in place)
-        pixels = frames.read(rows, columns=columns, subtract_ambient=False).mean(axis=-1)
+        pixels = gray(frames.read(rows, columns=columns, subtract_ambient=False))
         return _orientations(pixels / frames.gain.astype(np.float32)[:, None, None], floor)
 
     def clearness(place: NDArray[np.int_]) -> float:
@@ -190,9 +190,11 @@ def step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
     places = np.arange(FEWEST_BESIDE, count - FEWEST_BESIDE + 1)
     if not len(places):
         return np.zeros((0, 2 * REACH_PX + 1, 2 * REACH_PX + 1), np.float32)
-    sums = np.cumsum(units, 0)
-    before = sums[places - 1] / places[:, None, None]
-    after = (sums[-1] - sums[places - 1]) / (count - places)[:, None, None]
+    sums = units.copy()
+    for before, sum_with in zip(sums, sums[1:], strict=False):
+        sum_with += before
+    before = sums[places - 1] / places[:, None, None].astype(np.float32)
+    after = (sums[-1] - sums[places - 1]) / (count - places)[:, None, None].astype(np.float32)
     return correlations(after * np.abs(after) ** 2, before, REACH)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from capture.audit.movement import Step, find_step, step_votes, tiles_of_either_half
 from capture.audit.static_edges import orientation
 from scene.camera import Camera
-from scene.frames import Frames
+from scene.frames import Frames, gray
 from scene.reading import listed
 from scene.spheres import Sphere
 
@@ -128,6 +128,6 @@ def _picture(frames: Frames, index: int, window: tuple[slice, ...], size: tuple[
     import cv2
 
     rows, columns = window
-    pixels = frames.read(rows, [index], columns=columns, subtract_ambient=False)[0].mean(-1)
+    pixels = gray(frames.read(rows, [index], columns=columns, subtract_ambient=False)[0])
     shrinks = size[0] < pixels.shape[1]
     return cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)

@@ -14,12 +14,13 @@ def orientation(picture: NDArray, offset: float) -> NDArray[np.complex64]:
     """Return the gradient's direction (h, w), complex, length from 0 where there is no edge to 1."""
     import cv2
 
-    logarithm = np.log(np.maximum(picture, 0) + offset).astype(np.float32)
+    logarithm = np.log(np.maximum(np.asarray(picture, np.float32), 0) + np.float32(offset))
     # The band keeps edges, which are sharp, and drops shading, which is not.
     band = cv2.GaussianBlur(logarithm, (0, 0), 1.0) - cv2.GaussianBlur(logarithm, (0, 0), 3.0)
     gradient = cv2.Sobel(band, cv2.CV_32F, 1, 0) + 1j * cv2.Sobel(band, cv2.CV_32F, 0, 1)
     length = np.abs(gradient)
-    return (gradient / (length + np.quantile(length, 0.9) + 1e-6)).astype(np.complex64)
+    strong = int(0.9 * length.size)
+    return gradient / (length + np.partition(length, strong, axis=None)[strong] + np.float32(1e-6))
 
 
 def sharpness(units: NDArray[np.complex64]) -> NDArray[np.float64]:

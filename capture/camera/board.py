@@ -10,7 +10,7 @@ from capture.photographs.develop import Recipe, read_photograph
 from capture.session.session_types import Board, Session
 from scene.camera import Camera
 from scene.errors import SessionError
-from scene.frames import decode
+from scene.frames import decode, gray
 from scene.reading import reading
 
 Corners = tuple[NDArray, NDArray]
@@ -119,7 +119,7 @@ def _camera_of_corners(
 
 def _board_picture(file: Any, session: Session) -> NDArray[np.uint8]:
     """Return a photograph for a detector, full size."""
-    return detector_gray(decode(read_photograph(file, Recipe(session.encoding, False, file)).codes).mean(axis=-1))
+    return detector_gray(gray(decode(read_photograph(file, Recipe(session.encoding, False, file)).codes)))
 
 
 def detector_gray(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

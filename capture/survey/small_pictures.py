@@ -15,7 +15,7 @@ from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
 from scene.errors import SceneError
 from scene.fan_out import fan_out
-from scene.frames import PEDESTAL, WHITE, Frames, decode
+from scene.frames import PEDESTAL, WHITE, Frames, decode, gray
 
 LONGEST_PX = 1000
 """Of a small picture's longer side: balls of the usual size keep some 40 px of radius."""
@@ -56,7 +56,7 @@ class Small:
     @property
     def light(self) -> NDArray[np.float32]:
         """Mean of the channels, linear, (h, w)."""
-        return decode(self.codes).mean(axis=-1)
+        return gray(decode(self.codes))
 
     @cached_property
     def boxes(self) -> NDArray[np.float32]:
