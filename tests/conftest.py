@@ -5,7 +5,9 @@ import shutil
 import sys
 
 import pytest
-from numba.core.event import install_timer
+
+# Before numpy: it holds OpenBLAS to one thread, as in the command line; two workers' would wait for each other.
+import scene  # noqa: F401
 
 LIMIT_S = 5.0
 """Of one test's own work, fixtures that it shares and compiling apart."""
@@ -29,6 +31,8 @@ def processor_s():
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
     """Fail a test of `make test` that costs what belongs into `make test-all`."""
+    from numba.core.event import install_timer
+
     before, compiled = processor_s(), []
     with install_timer("numba:compile", compiled.append):
         result = yield
