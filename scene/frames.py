@@ -177,7 +177,7 @@ class Frames:
             yield slice(start, min(start + step, self.height))
 
 
-def gray(colours: NDArray[np.floating]) -> NDArray:
+def gray(colours: NDArray) -> NDArray:
     """Return the mean (...) over the channels of (..., C); numpy's own mean of so few takes thirty times as long."""
     count = colours.shape[-1]
     return sum((colours[..., i] for i in range(1, count)), start=colours[..., 0]) / count

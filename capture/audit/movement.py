@@ -1,6 +1,7 @@
 """Did the camera stand still? One frame's static edges against the others', frames before against frames after."""
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,8 +192,8 @@ def step_votes(units: NDArray[np.complex64]) -> NDArray[np.float32]:
     if not len(places):
         return np.zeros((0, 2 * REACH_PX + 1, 2 * REACH_PX + 1), np.float32)
     sums = units.copy()
-    for before, sum_with in zip(sums, sums[1:], strict=False):
-        sum_with += before
+    for before, after in pairwise(sums):
+        after += before
     before = sums[places - 1] / places[:, None, None].astype(np.float32)
     after = (sums[-1] - sums[places - 1]) / (count - places)[:, None, None].astype(np.float32)
     return correlations(after * np.abs(after) ** 2, before, REACH)

@@ -127,7 +127,7 @@ class Shoot:
         exif = [shot.exif for shot in flash]
         small, step = self._small(), flash[0].small.step
         with ThreadPoolExecutor(1) as beside:
-            late = beside.submit(self._frames.late_warnings, self._stack, flash, self._parts())
+            late = beside.submit(self._frames.late_warnings, self._stack, flash, self._parts(), self.lights)
             if not lights.is_due(len(flash)):
                 lights.update(small, exif, step)
                 yield self._new(lights.warnings)
