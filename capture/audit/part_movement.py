@@ -118,8 +118,8 @@ def part_step(frames: Frames, part: Part, lights: Lights | None = None) -> Step 
     """Return from which frame on a part lies elsewhere, in pixels of the frames; None where it stands still.
 
     A mirror tells by its edges, as `capture.audit.movement`: what lies around it has no vote. What is matte tells by
-    its shading, see `capture.audit.shading_step`, once the lights are known, or by edges within its outline that the
-    shading does not contradict: where a flash is carried around, shadows stand long enough to look like edges.
+    its shading, see `capture.audit.shading_step`, once the lights are known; or by edges that its shading bears out:
+    where a flash is carried around, shadows stand long enough to look like edges.
     """
     import cv2
 
@@ -139,9 +139,9 @@ def part_step(frames: Frames, part: Part, lights: Lights | None = None) -> Step 
     def pictures(which: Sequence[int], *, dark: bool) -> NDArray[np.float32]:
         return np.array([_picture(frames, i, full, size, dark=dark) for i in which])
 
+    # Dilated as small as it is: the time goes by the mask's side to the fourth.
+    near = cv2.dilate(mask, _disc(round(margin * part.step * scale)))
     if part.is_mirror:
-        # Dilated as small as it is: the time goes by the mask's side to the fourth.
-        near = cv2.dilate(mask, _disc(round(margin * part.step * scale)))
         found = _edges_step(pictures(range(len(frames)), dark=False), near)
     else:
         numbers = {} if lights is None else {name: i for i, name in enumerate(lights.names)}
@@ -152,7 +152,8 @@ def part_step(frames: Frames, part: Part, lights: Lights | None = None) -> Step 
         places = (np.argwhere(inside)[:, ::-1] + 0.5) / (scale * part.step) - 0.5 + [window[1].start, window[0].start]
         toward = part.toward(lights.only([numbers[frames.names[i]] for i in known]), places)
         shading = Shading(pictures(known, dark=True), inside > 0, toward)
-        found = shading.step() or shading.confirmed(_edges_step(pictures(known, dark=False), inside))
+        found, lit = shading.step(), pictures(known, dark=False)
+        found = found or shading.confirmed(_edges_step(lit, inside)) or shading.agreed(_edges_step(lit, near))
         found = found and replace(found, first=known[found.first])
     return found and replace(found, shift_px=found.shift_px / scale)
 

@@ -16,8 +16,10 @@ FEWEST_FRAMES, FEWEST_PX = 8, 20
 TURNS = 4
 CHANCE = 0.05
 """That scatter alone has such a step somewhere: at most."""
-UNEXPLAINED, WORSE = 0.85, 1.02
-"""Of the frames' misfit, what is left of it when the step is taken back: at most; from where on it was none."""
+UNEXPLAINED = 0.85
+"""Of the frames' misfit, what is left of it when the step is taken back: at most."""
+AGREED = 0.5
+"""Shifts of edges where nothing moved have hardly anything of the shading's: less than four tenths."""
 LEAST, MOST = 0.01, 0.15
 """Of a step, in the part's size: what is glossy drifts by half a hundredth, and far steps have nothing in common."""
 BESIDE = 3
@@ -82,10 +84,17 @@ class Shading:
         return min(near, key=lambda step: self._without(step)._shifts()[1])
 
     def confirmed(self, step: Step | None) -> Step | None:
-        """Return a step that was found otherwise; None where the frames fit worse by `WORSE` once it is taken back."""
-        if step is None or not self.is_enough or self._without(step)._shifts()[1] > WORSE * self._shifts()[1]:
+        """Return a step that was found otherwise; None unless the frames fit better by `UNEXPLAINED` without it."""
+        if step is None or not self.is_enough or self._without(step)._shifts()[1] > UNEXPLAINED * self._shifts()[1]:
             return None
         return step
+
+    def agreed(self, step: Step | None) -> Step | None:
+        """Return a step that was found otherwise; None unless the shading moves there by as much, to `AGREED` of it."""
+        if step is None or not self.is_enough:
+            return None
+        own, _ = _step_at(step.first, self._shifts()[0], self.toward)
+        return step if np.linalg.norm(own - step.shift_px) < AGREED * np.linalg.norm(step.shift_px) else None
 
     def _without(self, step: Step) -> "Shading":
         """Return the same with a step taken back."""
