@@ -21,9 +21,11 @@ NORMAL_DEG = 0.4
 NO_WEBGL = """const get = HTMLCanvasElement.prototype.getContext;
 HTMLCanvasElement.prototype.getContext = function (kind, ...how) {
   return kind.startsWith("webgl") ? null : get.call(this, kind, ...how); };"""
-SHIFTS = """new Promise((done) => { let sum = 0;
-new PerformanceObserver((list) => list.getEntries().forEach((entry) => { sum += entry.value; }))
-  .observe({ type: "layout-shift", buffered: true }); setTimeout(() => done(sum), 300); })"""
+SHIFTS = """new Promise((done) => { const found = [];
+new PerformanceObserver((list) => list.getEntries().forEach((entry) => {
+  found.push([entry.value, ...entry.sources.map(({node}) => node && (node.id || node.textContent))]); }))
+  .observe({ type: "layout-shift", buffered: true }); setTimeout(() => done(found), 300); })"""
+"""How far what moved on the screen by itself."""
 
 
 expect = pytest.importorskip("playwright.sync_api").expect
@@ -98,7 +100,7 @@ def test_photographs_keep_the_error_that_the_page_states(session, shown):
 def test_no_faults_no_shifts_no_overflow(visit, viewport, scheme):
     page = visit(viewport, color_scheme=scheme)
     page.wait_for_timeout(200)
-    assert page.evaluate(SHIFTS) == 0
+    assert page.evaluate(SHIFTS) == []
     page.evaluate("document.querySelectorAll('details').forEach((fold) => { fold.open = true; })")
     assert page.evaluate("document.documentElement.scrollWidth") <= viewport["width"]
     if importlib.util.find_spec("axe_playwright_python") is None:
