@@ -11,7 +11,7 @@ from capture.audit.movement import Step, find_step, step_votes, tiles_of_either_
 from capture.audit.shading_step import FEWEST_FRAMES, Shading
 from capture.audit.static_edges import orientation
 from scene.camera import Camera
-from scene.frames import Frames, gray
+from scene.frames import Frames, decode, gray
 from scene.lights import Lights
 from scene.reading import listed
 from scene.spheres import Sphere
@@ -133,16 +133,17 @@ def part_step(frames: Frames, part: Part, lights: Lights | None = None) -> Step 
     scale = min(SIDE_PX / across, ENLARGED)
     size = tuple(round(scale * part.step * side) for side in mask.shape[::-1])
     every = max(1, across // (REDUCED * SIDE_PX))
-    full = tuple(slice(side.start * part.step, side.stop * part.step, every) for side in window)
+    down, right = (slice(side.start * part.step, side.stop * part.step, every) for side in window)
     mask = cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
 
-    def pictures(which: Sequence[int], *, dark: bool) -> NDArray[np.float32]:
-        return np.array([_picture(frames, i, full, size, dark=dark) for i in which])
+    def pictures(which: Sequence[int]) -> NDArray[np.float32]:
+        read = (frames.read(down, [i], columns=right, subtract_ambient=False)[0] for i in which)
+        return np.array([_resized(gray(pixels), size) for pixels in read])
 
     # Dilated as small as it is: the time goes by the mask's side to the fourth.
     near = cv2.dilate(mask, _disc(round(margin * part.step * scale)))
     if part.is_mirror:
-        found = _edges_step(pictures(range(len(frames)), dark=False), near)
+        found = _edges_step(pictures(range(len(frames))), near)
     else:
         numbers = {} if lights is None else {name: i for i, name in enumerate(lights.names)}
         known = [i for i, name in enumerate(frames.names) if name in numbers]
@@ -151,9 +152,10 @@ def part_step(frames: Frames, part: Part, lights: Lights | None = None) -> Step 
         inside = cv2.erode(mask, _disc(WITHIN_PX))
         places = (np.argwhere(inside)[:, ::-1] + 0.5) / (scale * part.step) - 0.5 + [window[1].start, window[0].start]
         toward = part.toward(lights.only([numbers[frames.names[i]] for i in known]), places)
-        shading = Shading(pictures(known, dark=True), inside > 0, toward)
-        found, lit = shading.step(), pictures(known, dark=False)
-        found = found or shading.confirmed(_edges_step(lit, inside)) or shading.agreed(_edges_step(lit, near))
+        lit = pictures(known)
+        unlit = 0 if frames.ambient is None else _resized(gray(decode(frames.ambient[down, right])), size)
+        shading = Shading(lit - unlit, inside > 0, toward)
+        found = shading.step() or shading.confirmed(_edges_step(lit, inside)) or shading.agreed(_edges_step(lit, near))
         found = found and replace(found, first=known[found.first])
     return found and replace(found, shift_px=found.shift_px / scale)
 
@@ -174,14 +176,10 @@ def _disc(radius: int) -> Any:
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * radius + 1,) * 2)
 
 
-def _picture(
-    frames: Frames, index: int, window: tuple[slice, ...], size: tuple[int, ...], *, dark: bool
-) -> NDArray[np.float32]:
-    """Return a window (rows, columns) of one frame, gray, resized to (width, height); dark: without ambient light."""
+def _resized(picture: NDArray[np.float32], size: tuple[int, ...]) -> NDArray[np.float32]:
+    """Return a picture of size (width, height)."""
     import cv2
 
-    rows, columns = window
-    pixels = gray(frames.read(rows, [index], columns=columns, subtract_ambient=dark)[0])
-    shrinks = size[0] < pixels.shape[1]
-    resized = cv2.resize(pixels, size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC)
-    return np.asarray(resized, np.float32)
+    shrinks = size[0] < picture.shape[1]
+    how = cv2.INTER_AREA if shrinks else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(picture, size, interpolation=how), np.float32)
