@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.fan_out import fan_out
+from scene.robust import spread
 
 TEXTURE = 0.12
 """A backdrop's own texture and unevenness, relative: what it may differ from a smooth surface by."""
@@ -119,6 +120,6 @@ def _robust_fit(basis: NDArray, values: NDArray, noise: float) -> NDArray[np.flo
         weighted = basis * weight[:, None]
         solution = np.linalg.lstsq(weighted.T @ basis, weighted.T @ values, rcond=None)[0]
         residual = values - basis @ solution
-        scale = max(1.4826 * float(np.median(np.abs(residual))), noise)
+        scale = max(spread(residual), noise)
         weight = 1 / (1 + (residual / (2 * scale)) ** 2) ** 2
     return solution

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.scan.scan_surface import Surface
+from scene.robust import spread
 
 ROUND = 0.01
 """A piece is a ball when its vertices keep to a sphere within this share of the radius, rms."""
@@ -147,8 +148,7 @@ def _plane(
         normal = fitted * np.sign(fitted @ normal)
         offset = float(middle @ normal)
         height = sample @ normal - offset
-        spread = 1.4826 * float(np.median(np.abs(height[near])))
-        tolerance = float(np.clip(5 * spread, 5e-4 * size, 5e-3 * size))
+        tolerance = float(np.clip(5 * spread(height[near]), 5e-4 * size, 5e-3 * size))
         near = np.abs(height) < tolerance
     return normal, offset, tolerance
 

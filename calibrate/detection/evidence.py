@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from calibrate.detection.coarse import Coarse
 from calibrate.lights.directions import toward_camera
-from calibrate.robust import MAD
 from scene.normals import unit
+from scene.robust import MAD
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from calibrate.lights.directions import mirrored_rays
-from calibrate.robust import spread
 from scene.camera import Camera
+from scene.robust import spread
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.lights.directions import toward_camera
-from calibrate.robust import TUKEY, cluster_sums, spread, tukey
 from scene.camera import Camera
 from scene.frames import Frames, gray
 from scene.normals import unit
+from scene.robust import TUKEY, cluster_sums, spread, tukey
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]

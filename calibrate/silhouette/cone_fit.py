@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from calibrate.robust import cluster_sums, tukey
 from calibrate.silhouette.outline import BINS, SECTOR, binned_outline, moved
 from calibrate.silhouette.static_circle import SINGULAR, robust_step
 from scene.camera import Camera
+from scene.robust import cluster_sums, tukey
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]

@@ -19,13 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
-from calibrate.robust import MAD, cluster_sums
 from calibrate.silhouette.cone_fit import SHARPEST_PX, blurred_ramp
 from calibrate.silhouette.mirrored_surroundings import Shown, Surroundings
 from calibrate.silhouette.outline import SECTOR, moved
 from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
+from scene.robust import MAD, cluster_sums
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d
 
-from calibrate.robust import MAD, tukey
+from scene.robust import MAD, tukey
 
 Array = NDArray[np.float64]
 EDGE_NOISES = 5.0  # an edge must exceed the derivative's noise by this factor,

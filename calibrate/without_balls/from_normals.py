@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
-from calibrate.robust import TUKEY, spread, tukey
 from calibrate.without_balls.probe import Probe, read_probe
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.robust import TUKEY, spread, tukey
 
 Array = NDArray[np.float64]
 ROUNDS = 30

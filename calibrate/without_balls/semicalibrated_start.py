@@ -13,6 +13,7 @@ from calibrate.photometry.sectors import FEWEST_PIXELS, sectors
 from calibrate.without_balls.probe import Probe
 from scene.intensities import Eliminated
 from scene.normals import unit
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 FEWEST_FRAMES = 5
@@ -99,7 +100,7 @@ def intensities_from_object(probe: Probe, toward: Array, sigma_deg: Array) -> Ob
             step = np.linalg.pinv(hessian, rcond=1e-9) @ np.sum(part * weight * residual, 0)
         energy = energy * np.exp(np.clip(step - step.mean(), -1, 1))
         energy /= energy.mean()
-        scale = max(1.4826 * float(np.median(np.abs(residual[weight > 0]))), 1e-4)
+        scale = max(spread(residual[weight > 0]), 1e-4)
         # Wide at first: the start may be off by more than the misfit that is looked for.
         reach = 4.685 * scale * max(1.0, 3.0 - turn / 5)
         weight = np.where(believable, np.maximum(1 - (residual / reach) ** 2, 0) ** 2, 0)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.movement import Step, find_step, step_votes, tiles_of_either_half
-from capture.audit.shading_step import FEWEST_FRAMES, Shading
+from capture.audit.shading_step import FEWEST_FRAMES, FEWEST_PX, MattePart
 from capture.audit.static_edges import orientation
 from scene.camera import Camera
 from scene.frames import Frames, decode, gray
@@ -147,15 +147,16 @@ def part_step(frames: Frames, part: Part, lights: Lights | None = None) -> Step 
     else:
         numbers = {} if lights is None else {name: i for i, name in enumerate(lights.names)}
         known = [i for i, name in enumerate(frames.names) if name in numbers]
-        if lights is None or lights.is_unknown or len(known) < FEWEST_FRAMES:
-            return None
         inside = cv2.erode(mask, _disc(WITHIN_PX))
+        is_enough = len(known) >= FEWEST_FRAMES and np.count_nonzero(inside) >= FEWEST_PX**2
+        if lights is None or lights.is_unknown or not is_enough:
+            return None
         places = (np.argwhere(inside)[:, ::-1] + 0.5) / (scale * part.step) - 0.5 + [window[1].start, window[0].start]
         toward = part.toward(lights.only([numbers[frames.names[i]] for i in known]), places)
         lit = pictures(known)
         unlit = 0 if frames.ambient is None else _resized(gray(decode(frames.ambient[down, right])), size)
-        shading = Shading(lit - unlit, inside > 0, toward)
-        found = shading.step() or shading.confirmed(_edges_step(lit, inside)) or shading.agreed(_edges_step(lit, near))
+        matte = MattePart(lit - unlit, inside > 0, toward)
+        found = matte.step() or matte.confirmed(_edges_step(lit, inside)) or matte.agreed(_edges_step(lit, near))
         found = found and replace(found, first=known[found.first])
     return found and replace(found, shift_px=found.shift_px / scale)
 

@@ -1,11 +1,13 @@
 """Did a part without edges move? What the frames show of it against what the others foretell, before and after."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.movement import FEWEST_BESIDE, Step
+from scene.robust import spread
 
 Array = NDArray[np.float64]
 LIT = 0.15
@@ -27,8 +29,8 @@ BESIDE = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Shading:
-    """What frames show of a matte part.
+class MattePart:
+    """What frames show of a matte part: `FEWEST_FRAMES` at least, `FEWEST_PX` wide and high.
 
     Parameters
     ----------
@@ -49,11 +51,6 @@ class Shading:
         """Side of a square as large as the part."""
         return float(np.sqrt(np.count_nonzero(self.mask)))
 
-    @property
-    def is_enough(self) -> bool:
-        """Whether there are frames and pixels enough to tell anything."""
-        return len(self.pictures) >= FEWEST_FRAMES and self.size_px >= FEWEST_PX
-
     def step(self) -> Step | None:
         """Return the movement that stays, by the shading alone; None where there is none.
 
@@ -65,38 +62,35 @@ class Shading:
         of `CHANCE` (Hotelling's T-squared, for the best of all places), and the frames fit better by `UNEXPLAINED` once
         it is taken back.
         """
-        if not self.is_enough:
-            return None
-        moves, misfit = self._shifts()
+        moves, misfit = self._shifts
         places = range(FEWEST_BESIDE, len(self.pictures) - FEWEST_BESIDE + 1)
-        by_chance = [_step_at(first, moves, self.toward)[1] for first in places]
+        by_chance = [self._step_at(first, moves)[1] for first in places]
         if min(by_chance) * len(places) > CHANCE:
             return None
         found, left = Step(places[int(np.argmin(by_chance))], np.zeros(2), 0.0), misfit
         for _ in range(TURNS):
-            found = replace(found, shift_px=found.shift_px + _step_at(found.first, moves, self.toward)[0])
+            found = replace(found, shift_px=found.shift_px + self._step_at(found.first, moves)[0])
             if np.linalg.norm(found.shift_px) > MOST * self.size_px:
                 return None
-            moves, left = self._without(found)._shifts()
+            moves, left = self._without(found)._shifts
         if left > UNEXPLAINED * misfit or np.linalg.norm(found.shift_px) < LEAST * self.size_px:
             return None
         near = [replace(found, first=place) for place in places if abs(place - found.first) <= BESIDE]
-        return min(near, key=lambda step: self._without(step)._shifts()[1])
+        return min(near, key=lambda step: self._without(step)._shifts[1])
 
     def confirmed(self, step: Step | None) -> Step | None:
         """Return a step that was found otherwise; None unless the frames fit better by `UNEXPLAINED` without it."""
-        if step is None or not self.is_enough or self._without(step)._shifts()[1] > UNEXPLAINED * self._shifts()[1]:
-            return None
-        return step
+        is_borne_out = step is not None and self._without(step)._shifts[1] <= UNEXPLAINED * self._shifts[1]
+        return step if is_borne_out else None
 
     def agreed(self, step: Step | None) -> Step | None:
         """Return a step that was found otherwise; None unless the shading moves there by as much, to `AGREED` of it."""
-        if step is None or not self.is_enough:
+        if step is None:
             return None
-        own, _ = _step_at(step.first, self._shifts()[0], self.toward)
+        own, _ = self._step_at(step.first, self._shifts[0])
         return step if np.linalg.norm(own - step.shift_px) < AGREED * np.linalg.norm(step.shift_px) else None
 
-    def _without(self, step: Step) -> "Shading":
+    def _without(self, step: Step) -> "MattePart":
         """Return the same with a step taken back."""
         import cv2
 
@@ -106,6 +100,7 @@ class Shading:
                  for one in self.pictures[step.first :]]  # fmt: skip
         return replace(self, pictures=np.stack([*self.pictures[: step.first], *after]))
 
+    @cached_property
     def _shifts(self) -> tuple[Array, float]:
         """Return each frame's shift (F, 2) beside what the others foretell, and how far they miss it, relative."""
         mask, values = self.mask, self.pictures[:, self.mask].astype(np.float64)
@@ -126,6 +121,28 @@ class Shading:
         misfits = [np.median(one[own]) for one, own in zip(missed, lit, strict=True) if own.any()]
         return moves, float(np.mean(misfits or [0.0]))
 
+    @cached_property
+    def _across(self) -> Array:
+        """(F, 2) of the directions to the lights, as the part's middle has them."""
+        toward = self.toward.mean(1)
+        return toward[:, :2] / np.linalg.norm(toward, axis=1, keepdims=True)
+
+    def _step_at(self, first: int, moves: Array) -> tuple[Array, float]:
+        """Return the step (2,) of the shifts (F, 2) before a frame, and its probability by chance."""
+        from scipy.stats import f as ratio_of_variances
+
+        known = np.isfinite(moves[:, 0])
+        columns = np.ones(len(moves)), self._across, np.arange(len(moves)) >= first
+        slopes = np.column_stack(columns)[known].astype(np.float64)
+        unknowns, left, weight = _robust(slopes, moves[known], np.ones(len(slopes)))
+        free = weight.sum() - slopes.shape[1]
+        if free < 2:
+            return unknowns[-1], 1.0
+        scatter = (weight[:, None] * left).T @ left / free + 1e-12 * np.eye(2)
+        variance = np.linalg.pinv(slopes.T @ (weight[:, None] * slopes))[-1, -1]
+        square = float(unknowns[-1] @ np.linalg.solve(scatter, unknowns[-1])) / max(variance, 1e-12)
+        return unknowns[-1], float(ratio_of_variances.sf(square * (free - 1) / (2 * free), 2, free - 1))
+
 
 def _foretold(values: Array, toward: Array) -> tuple[Array, Array, Array]:
     """Return values (F, N) as the other frames foretell them, their weights (F, N), and bright ones (N,)."""
@@ -144,7 +161,7 @@ def _foretold(values: Array, toward: Array) -> tuple[Array, Array, Array]:
 
 
 def _spread(residuals: Array) -> float:
-    return 1.4826 * float(np.median(np.abs(residuals))) + 1e-12 if residuals.size else 1.0
+    return spread(residuals) + 1e-12 if residuals.size else 1.0
 
 
 def _robust(slopes: Array, values: Array, weight: Array) -> tuple[Array, Array, Array]:
@@ -158,22 +175,3 @@ def _robust(slopes: Array, values: Array, weight: Array) -> tuple[Array, Array, 
         size = np.abs(left) if values.ndim == 1 else np.linalg.norm(left, axis=1)
         own = weight / (1 + (size / (OUTLIER * _spread(size[weight > 0]))) ** 2)
     return unknowns, left, own
-
-
-def _step_at(first: int, moves: Array, toward: Array) -> tuple[Array, float]:
-    """Return the step (2,) of the shifts (F, 2) before a frame, and its probability by chance."""
-    from scipy.stats import f as ratio_of_variances
-
-    known = np.isfinite(moves[:, 0])
-    across = toward.mean(1)
-    across = across[:, :2] / np.linalg.norm(across, axis=1, keepdims=True)
-    columns = np.ones(len(moves)), across, np.arange(len(moves)) >= first
-    slopes = np.column_stack(columns)[known].astype(np.float64)
-    unknowns, left, weight = _robust(slopes, moves[known], np.ones(len(slopes)))
-    free = weight.sum() - slopes.shape[1]
-    if free < 2:
-        return unknowns[-1], 1.0
-    scatter = (weight[:, None] * left).T @ left / free + 1e-12 * np.eye(2)
-    variance = np.linalg.pinv(slopes.T @ (weight[:, None] * slopes))[-1, -1]
-    square = float(unknowns[-1] @ np.linalg.solve(scatter, unknowns[-1])) / max(variance, 1e-12)
-    return unknowns[-1], float(ratio_of_variances.sf(square * (free - 1) / (2 * free), 2, free - 1))

@@ -1,4 +1,4 @@
-"""Robust statistics that the fits of this room share."""
+"""Robust statistics that fits share."""
 
 import numpy as np
 from numpy.typing import NDArray
