@@ -19,7 +19,8 @@ from scene.errors import SceneError
 from scene.files import write_json, write_text
 from scene.lights import known_median
 from scene.normals import angular_error_deg
-from scene.output_folder import open_record
+from scene.origin import Origin
+from scene.output_folder import open_record, own_folder
 from scene.reading import array_of
 from scene.store import Store
 
@@ -83,8 +84,9 @@ def compare_folders(
 
     folders = (open_folder(real), open_folder(twin))
     common = _common(folders, methods)
-    folder = out or Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}"
-    with open_record(folder, input_folders=[real, twin]) as record, logged(record):
+    origin = Origin(f"comparison with {twin.resolve()} of", real.resolve())
+    folder = out or own_folder(Path("out") / f"{real.resolve().name}-against-{twin.resolve().name}", origin)
+    with open_record(folder, origin=origin, input_folders=[real, twin]) as record, logged(record):
         place = Store(record.folder)
         say(f"compare {real} with {twin}: {', '.join(common)}")
         first, second = (

@@ -16,7 +16,8 @@ from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import write_json
-from scene.output_folder import open_record
+from scene.origin import Origin
+from scene.output_folder import open_record, own_folder
 from scene.store import Store
 
 FACTS, RENDERING = "rendering.json", "rendering"
@@ -51,14 +52,16 @@ def render_description(
         raise SceneError("--photograph is for a session's twin. A scene description has [camera.sensor].")
     scene = read_scene(source)
     scene = replace(scene, sampling=twin.sampling(scene.sampling))
-    with open_record(out or Path("out") / source.stem, inputs=[source]) as record, logged(record):
+    origin = Origin("scene", source.resolve())
+    out = out or own_folder(Path("out") / source.stem, origin)
+    with open_record(out, origin=origin, inputs=[source]) as record, logged(record):
         folder = Store(record.folder)
-        mark = fingerprint(scene, twin.layers, code=code_fingerprint(__name__))
+        mark = fingerprint(scene, bool(twin.layers), code=code_fingerprint(__name__))
         if record.is_current(RENDERING, mark):
             say(f"{scene.name}: rendered already")
         else:
             with record.making(RENDERING, mark):
-                write_json(folder.path(FACTS), _render(scene, folder, twin.layers, bar))
+                write_json(folder.path(FACTS), _render(scene, folder, bool(twin.layers), bar))
         print(json_module.dumps(folder.read_json(FACTS), indent=1) if json else folder.path("session.toml"))
     return folder.path("session.toml")
 

@@ -5,12 +5,12 @@ import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
-from lab.options import AS_GIVEN, TwinSettings
+from lab.options import DEFAULT_PROFILE, TwinSettings
 from lab.progress import say
 from lab.run_log import log
+from lab.settings import Settings
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import plain
@@ -59,23 +59,30 @@ class Step:
 class Job:
     """A session, its output folder's record, and how to run.
 
-    `session` is capture's Session; `asked` the solvers asked for, or where `are_named` is false the usual ones;
-    `profile` that of their settings, `externals` those of them that are other programs, by name; `executor` what fans
-    out the work, None for threads here; `twin` how the twin is rendered; `refine_lights` lets the scan correct the
-    lights; `trust` asks for the methods' predicted errors (None: where there is no truth).
+    `session` is capture's Session; `executor` what fans out the work, None for threads here.
     """
 
     session: Any
     record: Record
-    asked: tuple[str, ...]
+    settings: Settings = field(default_factory=Settings)
     executor: Any = None
-    truth: Path | None = None
-    profile: str = "default"
-    externals: dict[str, Any] = field(default_factory=dict)
-    twin: TwinSettings = AS_GIVEN
-    refine_lights: bool = False
-    are_named: bool = True
-    trust: bool | None = None
+
+    @cached_property
+    def externals(self) -> dict[str, Any]:
+        """Other programs as methods, by name."""
+        return self.settings.solving.programs()
+
+    @property
+    def profile(self) -> str:
+        """Of the methods' settings."""
+        return self.settings.solving.profile or DEFAULT_PROFILE
+
+    @property
+    def twin(self) -> TwinSettings:
+        """How the twin is rendered."""
+        said = self.settings.twin
+        flags = {name: bool(getattr(said, name)) for name in ("layers", "photograph", "refine_normals")}
+        return replace(said, **flags)
 
     @property
     def methods(self) -> tuple[str, ...]:
@@ -87,22 +94,23 @@ class Job:
             The lights are unknown, and a solver was named that needs them.
         """
         model = self.done.get("calibrate", {}).get("result", {}).get("model")
+        own = self.settings.solving.methods()
+        calibrated = [name for name in own if name not in UNCALIBRATED]
         # With a scan it is `align` that finds them.
-        if model != "unknown" or self.session.scan:
-            return self.asked
-        calibrated = [name for name in self.asked if name not in UNCALIBRATED and name not in self.externals]
-        if calibrated and self.are_named:
+        if model != "unknown" or self.session.scan or not calibrated:
+            return (*own, *self.externals)
+        if self.settings.solving.method is not None:
             raise SceneError(
                 f"--method {','.join(calibrated)}: the lights are unknown (no ball was found, and no file gives them), "
                 f"and {'these need' if len(calibrated) > 1 else 'it needs'} them. Take --method "
                 f"{','.join(UNCALIBRATED)}; or list the balls under [[spheres]], or give lights.file."
             )
-        return (*UNCALIBRATED, *self.externals) if calibrated else self.asked
+        return (*UNCALIBRATED, *self.externals)
 
     def wanted(self, last: str) -> tuple[str, ...]:
         """Return the steps to run, with what they need, for a verb: the last one, and before it what was asked for."""
-        has_truth = self.session.normals or self.session.scan
-        asked = last == "compare" and not has_truth if self.trust is None else self.trust
+        has_truth, trust = self.session.normals or self.session.scan, self.settings.solving.trust
+        asked = last == "compare" and not has_truth if trust is None else trust
         return ("trust", last) if asked and last in ("solve", "twin", "compare") else (last,)
 
     @cached_property
@@ -139,8 +147,9 @@ class Job:
             LOG.info("%s: is done and current", wanted)
             return
         say(f"{wanted} ...")
-        start = time.perf_counter()
-        with self.record.making(wanted, mark, _made_from(steps, wanted)) as entry:
+        start, stale = time.perf_counter(), _made_from(steps, wanted)
+        self._tell_removed(steps[wanted].name, stale)
+        with self.record.making(wanted, mark, stale) as entry:
             outcome = step.work(self)
             seconds = time.perf_counter() - start
             entry |= plain({"seconds": seconds, "result": outcome.result, "warnings": outcome.warnings})
@@ -148,6 +157,13 @@ class Job:
         say(f"{wanted}: {seconds:.1f} s{warned}")
         for text in outcome.warnings:
             log(f"warning ({wanted}): {text}")
+
+    def _tell_removed(self, wanted: str, stale: set[str]) -> None:
+        """Say which results of earlier runs are removed, and not made anew by this step."""
+        former = self.done.get(wanted, {}).get("result", {}).get("methods", ()) if wanted == "solve" else ()
+        gone = [*sorted(set(former) - set(self.methods)), *(name for name in stale if self.record.files_of(name))]
+        if gone:
+            say(f"{wanted}: is made anew; of before are removed: {', '.join(gone)}")
 
     def is_current(self, steps: dict[str, Step], wanted: str) -> bool:
         """Whether a step, and all that it needs, is done and current."""

@@ -14,9 +14,16 @@ if TYPE_CHECKING:
     from twin.description.description import Sampling
 
 DEFAULT_METHODS = "ls,iterative"
+DEFAULT_PROFILE = "default"
+TIMEOUT_S = 3600.0
 Engine = Literal["auto", "direct", "many", "mitsuba"]
 Staging = Literal["one-factor", "benchmark"]
 """Of the sweeps, see `experiments.stagings`."""
+
+
+def said(values: dict[str, Any]) -> dict[str, Any]:
+    """Return those values that are not None."""
+    return {key: value for key, value in values.items() if value is not None}
 
 
 def named(option: str, text: str, known: Iterable[str]) -> tuple[str, ...]:
@@ -50,7 +57,10 @@ def engine_of(_: Any, tokens: Sequence[Any]) -> str:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Solving:
-    """Which methods solve, and how; each field's help says what it is."""
+    """Which methods solve, and how; each field's help says what it is.
+
+    None: as the output folder was made before; of a new one the default.
+    """
 
     method: Annotated[
         str | None,
@@ -61,23 +71,25 @@ class Solving:
         ),
     ] = None
     profile: Annotated[
-        str,
+        str | None,
         Parameter(
             help="Settings of the methods: default, or seed, the plain reading of the benchmark.", converter=in_any_case
         ),
-    ] = "default"
+    ] = None
     external: Annotated[
-        tuple[str, ...],
+        tuple[str, ...] | None,
         Parameter(
             help="Another program as a method. A published one that you downloaded: NAME=PRESET:FOLDER, PRESET one of "
             "lino-unips, sdm-unips, uni-ms-ps. Any other: NAME=COMMAND; it reads {data}, the photographs in the "
             "DiLiGenT layout, and writes a normal map into {out}. May be given again. See "
             "docs/guide/learned-methods.md.",
-            negative="",
+            negative="--no-external",
             consume_multiple=False,
         ),
-    ] = ()
-    external_timeout_s: Annotated[float, Parameter(help="Seconds after which such a program is ended.")] = 3600.0
+    ] = None
+    external_timeout_s: Annotated[
+        float | None, Parameter(help=f"Seconds after which such a program is ended. Default: {TIMEOUT_S:g}.")
+    ] = None
     trust: Annotated[
         bool | None,
         Parameter(
@@ -99,7 +111,7 @@ class Solving:
         usual = ",".join(METHODS) if self.trust else DEFAULT_METHODS
         names = named("--method", usual if self.method is None else self.method, METHODS)
         for name in names:
-            method_of(name).settings(self.profile)
+            method_of(name).settings(self.profile or DEFAULT_PROFILE)
         return names
 
     def programs(self) -> "dict[str, External]":
@@ -113,8 +125,8 @@ class Solving:
         from solve.external import External
 
         found: dict[str, External] = {}
-        for text in self.external:
-            program = External.parse(text, self.external_timeout_s)
+        for text in self.external or ():
+            program = External.parse(text, self.external_timeout_s or TIMEOUT_S)
             if program.name in found:
                 raise SceneError(f"--external {program.name}: given twice. Give each program its own name.")
             found[program.name] = program
@@ -126,8 +138,8 @@ class Solving:
 class TwinSettings:
     """How a twin is rendered.
 
-    engine, error: None: as the scene description says; of a session's twin `auto`, and 0.01 or half of what its
-    material leaves unexplained where that is more.
+    None: as the output folder was made before. Of a new one, engine and error: as the scene description says; of a
+    session's twin `auto`, and 0.01 or half of what its material leaves unexplained where that is more.
     """
 
     engine: Annotated[
@@ -138,20 +150,18 @@ class TwinSettings:
         ),
     ] = None
     error: Annotated[float | None, Parameter(help="The twin's error that is aimed at, relative: 0.01 is 1 %.")] = None
-    layers: Annotated[
-        bool, Parameter(help="Keep the twin's direct and indirect light as truth_*.npy too.", negative="")
-    ] = False
+    layers: Annotated[bool | None, Parameter(help="Keep the twin's direct and indirect light as truth_*.npy too.")] = (
+        None
+    )
     photograph: Annotated[
-        bool,
-        Parameter(help="Give the twin of a session a noise like the photographs', Bayer and all.", negative=""),
-    ] = False
+        bool | None, Parameter(help="Give the twin of a session a noise like the photographs', Bayer and all.")
+    ] = None
     refine_normals: Annotated[
-        bool,
+        bool | None,
         Parameter(
-            help="Let the photographs tilt the twin's normals within the scan's own sigma; the ground truth stays.",
-            negative="",
+            help="Let the photographs tilt the twin's normals within the scan's own sigma; the ground truth stays."
         ),
-    ] = False
+    ] = None
 
     def __post_init__(self) -> None:
         if self.engine is not None:
@@ -161,8 +171,7 @@ class TwinSettings:
 
     def sampling(self, given: "Sampling") -> "Sampling":
         """Return a scene's sampling with what the command line says of it."""
-        said = {"engine": self.engine, "error": self.error}
-        return replace(given, **{key: value for key, value in said.items() if value is not None})
+        return replace(given, **said({"engine": self.engine, "error": self.error}))
 
 
 BY_DEFAULT, AS_GIVEN = Solving(), TwinSettings()

@@ -31,7 +31,7 @@ def _light_inputs(job: Job) -> list[Any]:
 def _object_inputs(job: Job) -> list[Any]:
     session = job.session
     scan = (session.scan, session.scan_unit, session.scan_ball_diameter_mm)
-    return [session.mask, *scan, session.normals, session.picks, job.refine_lights]
+    return [session.mask, *scan, session.normals, session.picks, bool(job.settings.refine_lights)]
 
 
 def _methods(job: Job) -> list[Any]:
@@ -40,7 +40,10 @@ def _methods(job: Job) -> list[Any]:
 
 
 def _judged_by(job: Job) -> list[Any]:
-    return [*_methods(job), *([] if job.truth is None else [job.truth / "truth.json", job.truth / "truth.npz"])]
+    return [
+        *_methods(job),
+        *([] if job.settings.truth is None else [job.settings.truth / "truth.json", job.settings.truth / "truth.npz"]),
+    ]
 
 
 EXPORTED = "export"

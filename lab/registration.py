@@ -53,13 +53,13 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
     witness, doubts = None, list(probe.warnings) if probe else []
-    if probe and job.refine_lights:
+    if probe and job.settings.refine_lights:
         doubts.append("--refine-lights changes nothing here: the lights are from the scan's shading already.")
     if probe is None:
         lights, witness, doubts = _by_the_scan(
             View(RayCaster(mesh, smooth[0]), camera, found.pose),
             Photographs(camera, frames, lights, final_mask.mask),
-            refine=job.refine_lights,
+            refine=bool(job.settings.refine_lights),
         )
     store.save_lights(lights, files=frame_files(job))
     write_pictures(

@@ -1,5 +1,6 @@
 """A verb on a session: its output folder opened and locked, the steps run, the summary written."""
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
@@ -7,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
-from lab.session_place import is_output, note_session, session_and_out
+from lab.session_place import is_output, note_session, origin_of, session_and_out
 
 if TYPE_CHECKING:
     from lab.job import Job
@@ -29,9 +30,9 @@ def open_job(
     scheduler: str | None = None,
     truth: Path | None = None,
     twin: TwinSettings = AS_GIVEN,
-    refine_lights: bool = False,
+    refine_lights: bool | None = None,
 ) -> Iterator["Job"]:
-    """Hold a session's output folder for a block.
+    """Hold a session's output folder for a block. What is not said stays as the folder was made before.
 
     Parameters
     ----------
@@ -47,7 +48,7 @@ def open_job(
         Folder of a known truth (truth.json, truth.npz) to judge the results by.
     twin : TwinSettings
         How the twin is rendered.
-    refine_lights : bool
+    refine_lights : bool, optional
         Let the registered scan's shading correct the lights.
 
     Raises
@@ -60,23 +61,28 @@ def open_job(
     from lab.job import Job
     from lab.progress import say
     from lab.run_log import logged
+    from lab.settings import Settings
     from scene.current import paths_in
     from scene.output_folder import open_record
 
-    methods, externals = solving.methods(), solving.programs()
+    said = Settings(solving, twin, refine_lights, truth and truth.resolve())
+    # Before anything is written.
+    _ = solving.methods(), solving.programs()
     place, folder = session_and_out(session_path, out)
     session = load_session(place)
     files = tuple(paths_in(session))
     with (
-        open_record(folder, inputs=files, input_folders=[session.folder]) as record,
+        open_record(folder, origin=origin_of(session, place), inputs=files, input_folders=[session.folder]) as record,
         logged(record),
         executor_of(scheduler, record.scratch("cluster"), files) as executor,
     ):
         note_session(record, place)
         if is_output(session_path):
             say(f"session: {place}")
-        settings = (solving.profile, externals, twin, refine_lights, solving.method is not None, solving.trust)
-        yield Job(session, record, (*methods, *externals), executor, truth, *settings)
+        settings = Settings.of(record).but(said)
+        settings.solving.methods()
+        settings.keep(record)
+        yield Job(session, record, settings, executor)
 
 
 def run_session(
@@ -100,6 +106,7 @@ def run_session(
     session_path, **how
         As in `open_job`.
     """
+    from capture.photographs.kept import kept_folder
     from lab.plan import REPORTED, STEPS
     from lab.summary import write_summary
 
@@ -107,6 +114,8 @@ def run_session(
         with around(job) if around else nullcontext():
             for step in job.wanted(wanted):
                 job.run(STEPS, step)
+        # The frames are in the store.
+        shutil.rmtree(kept_folder(job.record.folder), ignore_errors=True)
         arguments = {
             "up_to": wanted,
             "session": str(job.session.folder),
@@ -114,9 +123,9 @@ def run_session(
             "profile": job.profile,
             "external": {name: program.command for name, program in job.externals.items()},
             "twin": asdict(job.twin),
-            "refine_lights": job.refine_lights,
-            "trust": job.trust,
-            "truth": None if job.truth is None else str(job.truth.resolve()),
+            "refine_lights": bool(job.settings.refine_lights),
+            "trust": job.settings.solving.trust,
+            "truth": job.settings.truth,
         }
         summary = write_summary(job, arguments)
         if wanted == "compare":

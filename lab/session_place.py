@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from scene.errors import SceneError, SessionError
 
 if TYPE_CHECKING:
+    from scene.origin import Origin
+    from capture.session.session_types import Session
     from scene.record import Record
 
 SESSION = "session.json"
@@ -42,7 +44,7 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
             from capture.session.session import load_session
 
             session = load_session(path)
-            out = default_out(session.folder, session.name)
+            out = default_out(origin_of(session, path), session.name)
         return path.resolve(), Path(out)
     if out is not None and Path(out).resolve() != path.resolve():
         raise SceneError(
@@ -52,11 +54,30 @@ def session_and_out(path: Path, out: Path | None = None) -> tuple[Path, Path]:
     return session_of(path), path
 
 
-def default_out(folder: Path, name: str) -> Path:
-    """Return out/NAME here; beside the session's folder for a session that is worked on from inside of it."""
-    folder = folder.resolve()
-    above = folder.parent if Path.cwd().resolve().is_relative_to(folder) else Path()
-    return above / "out" / name
+def origin_of(session: "Session", path: Path) -> "Origin":
+    """Return what a session's output folder is made from; `path` as `session_and_out` has it."""
+    from scene.origin import Origin
+
+    return Origin("session", (path.parent if path.name == MANIFEST else path).resolve(), session.flash)
+
+
+def default_out(origin: "Origin", name: str, folder: Path | None = None) -> Path:
+    """Return out/NAME here; beside the session's folder for a session that is worked on from inside of it.
+
+    Where that belongs to another session, it is NAME-2 and so on, with a line that says so. `folder` takes the place of
+    `out`.
+    """
+    from lab.progress import say
+    from scene.output_folder import own_folder
+
+    if folder is None:
+        own = origin.place.parent if origin.place.is_file() else origin.place
+        folder = (own.parent if Path.cwd().resolve().is_relative_to(own) else Path()) / "out"
+    usual = folder / name
+    out = own_folder(usual, origin)
+    if out != usual:
+        say(f"{usual} belongs to another session; the results of {origin.place} go to {out}")
+    return out
 
 
 def is_output(path: Path) -> bool:

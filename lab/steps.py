@@ -1,5 +1,6 @@
 """The verbs: each reads what the steps before it wrote, calls one room, and writes its files."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -184,11 +185,11 @@ def _given_truth(job: Job, mask: Any) -> dict:
 @alive("solve")
 def solve(job: Job) -> Outcome:
     """Recover normals and albedo by every method asked for."""
-    return Outcome(*solve_all(job, job.store, "solve"))
+    return Outcome(*solve_all(job, job.store, "solve", job.methods))
 
 
-def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
-    """Run every method on a store's frames, and save what it finds there."""
+def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tuple[dict, list[str]]:
+    """Run methods on a store's frames, and save what each finds there."""
     from solve.frame_intensities import corrected
     from solve.given_normals import solve_external
     from solve.solve import solve as run
@@ -197,7 +198,7 @@ def solve_all(job: Job, store: Store, label: str) -> tuple[dict, list[str]]:
     lights, warnings = corrected(frames, job.store.load_lights(), camera, mask)
     table = {}
     megapixels = int(mask.sum()) / 1e6
-    for method in job.methods:
+    for method in methods:
         with progress_bar(f"{label}: {method}") as progress:
             how = {"executor": job.executor, "progress": progress}
             if method in job.externals:
@@ -234,7 +235,7 @@ def compare(job: Job) -> Outcome:
     from compare.compare import compare as judge
 
     result = judge(job.store, methods=job.methods)
-    if job.truth:
+    if job.settings.truth:
         result["truth_check"] = _truth_check(job)
     return Outcome(result, list(result.get("warnings", ())))
 
@@ -242,9 +243,9 @@ def compare(job: Job) -> Outcome:
 def _truth_check(job: Job) -> dict:
     from compare.statistics.known_truth import known_truth
 
-    assert job.truth is not None
+    assert job.settings.truth is not None
     mesh = job.load_scan() if job.session.scan else None
-    return known_truth(job.store, job.truth, methods=job.methods, mesh=mesh)
+    return known_truth(job.store, job.settings.truth, methods=job.methods, mesh=mesh)
 
 
 def _object_point(camera: Camera, spheres: list[Sphere], lights: Lights, mask: Any) -> Any:

@@ -21,7 +21,7 @@ def twin(job: Job) -> Outcome:
     folder = Store(store.path("twin"))
     # Scene and true normals are gone before the solvers' maps come.
     result, warnings = _render(job, folder)
-    solved, more = solve_all(job, folder, "twin")
+    solved, more = solve_all(job, folder, "twin", job.methods)
     result["twin_seconds"] = {method: row["seconds"] for method, row in solved["methods"].items()}
     return Outcome(result, [*warnings, *(f"twin: {text}" for text in more)])
 
@@ -64,7 +64,7 @@ def twin_scene(job: Job) -> tuple[Any, dict[str, Any], list[str]]:
     sampling, how = job.twin.sampling(Sampling()), job.twin
     return session_scene(
         job.store, job.load_scan(), sampling, is_error_given=how.error is not None, method=method,
-        refine=how.refine_normals,
+        refine=bool(how.refine_normals),
     )  # fmt: skip
 
 
@@ -81,7 +81,7 @@ def _foretold(job: Job, scene: Any, choice: Any) -> dict[str, Any] | None:
         try:
             found = session_relighting(
                 job.store, job.load_scan(), sampling, lambda unseen: render_scene(unseen, **how).frames,
-                refine=job.twin.refine_normals,
+                refine=bool(job.twin.refine_normals),
             )  # fmt: skip
         except RenderError as error:
             say(f"twin: not held against frames that it was not fitted to. {error}")

@@ -47,8 +47,7 @@ Out = Annotated[
 ]
 Json = Annotated[bool, Parameter(help="Print the summary as JSON on standard output.", negative="")]
 Refine = Annotated[
-    bool,
-    Parameter(help="Let the registered scan's own shading correct lights that it contradicts.", negative=""),
+    bool | None, Parameter(help="Let the registered scan's own shading correct lights that it contradicts.")
 ]
 Scheduler = Annotated[str | None, Parameter(help="Address of a Dask scheduler; default: this machine's cores.")]
 
@@ -82,7 +81,7 @@ def process(
     solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
     scheduler: Scheduler = None,
-    refine_lights: Refine = False,
+    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Go the whole way: decode, lights, scan, normals, twin, report."""
@@ -131,7 +130,7 @@ def align(
             negative="",
         ),
     ] = False,
-    refine_lights: Refine = False,
+    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Find the object, register its scan, write the ground-truth normals."""
@@ -150,7 +149,7 @@ def solve(
     solving: Solving = BY_DEFAULT,
     mesh: Annotated[Path | None, Parameter(help="Also write the surface, in mm, as this .ply.")] = None,
     scheduler: Scheduler = None,
-    refine_lights: Refine = False,
+    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Recover normals and albedo by photometric stereo, and the surface as a mesh if asked."""
@@ -177,7 +176,7 @@ def twin(
     out: Out = None,
     solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
-    refine_lights: Refine = False,
+    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Render the registered scan under the calibrated lights, and solve the rendering; or a scene description."""
@@ -200,7 +199,7 @@ def compare(
     out: Out = None,
     solving: Solving = BY_DEFAULT,
     twin: TwinSettings = AS_GIVEN,
-    refine_lights: Refine = False,
+    refine_lights: Refine = None,
     json: Json = False,
 ) -> None:
     """Compare real and synthetic with the truth, and write report.html; or two processed folders with each other."""

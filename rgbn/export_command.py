@@ -102,12 +102,15 @@ def _scenes(source: Path, out: Path | None, names: list[str]) -> tuple[list[Path
     """
     from lab.plan import EXPORTED, STEPS
     from lab.twin_step import twin_scene
-    from scene.output_folder import open_record
+    from scene.origin import Origin
+    from scene.output_folder import open_record, own_folder
     from twin.description.description_file import read_scene
 
     if is_description(source):
         scene = read_scene(source)
-        with open_record(out or Path("out") / source.stem, inputs=[source]) as record:
+        origin = Origin("scene", source.resolve())
+        out = out or own_folder(Path("out") / source.stem, origin)
+        with open_record(out, origin=origin, inputs=[source]) as record:
             return _written(scene, record.folder / "export", names, {})
     with open_job(source, out=out) as job:
         job.run(STEPS, "solve")

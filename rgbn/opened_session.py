@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from lab.options import TwinSettings
 from lab.session_place import session_and_out
+from lab.settings import Settings
 from rgbn.session_steps import Method, SessionSteps
 from scene.errors import SceneError
 from scene.store import Store
@@ -281,6 +282,5 @@ def open_session(
 
     session, folder = session_and_out(Path(path), None if out is None else Path(out))
     load_session(session)
-    known = None if truth is None else Path(truth).resolve()
-    how = {"scheduler": scheduler, "truth": known, "refine_lights": refine_lights}
-    return Session(SessionSteps(session, folder.resolve(), **how))
+    said = Settings(refine_lights=refine_lights, truth=None if truth is None else Path(truth))
+    return Session(SessionSteps(session, folder.resolve(), scheduler, said))

@@ -1,11 +1,14 @@
-"""Which steps of an opened session are done and current, and with which settings they are gone on with."""
+"""Which steps of an opened session are done and current, and by which methods they are gone on with."""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from lab.options import AS_GIVEN, Solving, TwinSettings
 from lab.run import run_session
+from lab.session_place import origin_of
+from lab.settings import Settings
+from scene.output_folder import read_record
 from scene.store import Store
 
 Method = Solving | str | None
@@ -20,29 +23,13 @@ class SessionSteps:
         The session and its output folder.
     scheduler : str, optional
         Address of a Dask scheduler.
-    truth : Path, optional
-        Folder of a known truth. Default: as the output folder was made.
-    refine_lights : bool, optional
-        Let the registered scan correct the lights. Default: as the output folder was made.
+    said : Settings
+        What is said when the session is opened.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        out: Path,
-        *,
-        scheduler: str | None = None,
-        truth: Path | None = None,
-        refine_lights: bool | None = None,
-    ) -> None:
+    def __init__(self, path: Path, out: Path, scheduler: str | None, said: Settings) -> None:
         self.path, self.out = path, out
-        before = self.told.get("arguments") or {}
-        known = truth or before.get("truth")
-        self._scheduler, self._truth = scheduler, None if known is None else Path(known)
-        self._refine = bool(before.get("refine_lights")) if refine_lights is None else refine_lights
-        self._twin = TwinSettings(**before.get("twin") or asdict(AS_GIVEN))
-        self._external = {name: f"{name}={command}" for name, command in (before.get("external") or {}).items()}
-        self._profile: str | None = None
+        self._scheduler, self._said = scheduler, said
 
     @property
     def session(self) -> Any:
@@ -63,9 +50,9 @@ class SessionSteps:
 
     def run(self, wanted: str, solving: Method = None, twin: TwinSettings | None = None) -> None:
         """Run a step with all that it needs, what is not done and current."""
-        self._twin = twin or self._twin
-        how = {"scheduler": self._scheduler, "truth": self._truth, "refine_lights": self._refine}
-        run_session(self.path, wanted, out=self.out, solving=self._solving(solving), twin=self._twin, **how)
+        said = self._with(solving, twin)
+        how = {"solving": said.solving, "twin": said.twin, "truth": said.truth, "refine_lights": said.refine_lights}
+        run_session(self.path, wanted, out=self.out, scheduler=self._scheduler, **how)
 
     def need(self, wanted: str, solving: Method = None) -> None:
         """Run a step where it is not done and current."""
@@ -78,27 +65,31 @@ class SessionSteps:
         from lab.plan import STEPS
         from scene.output_folder import open_record
 
-        how, session = self._solving(solving), self.session
-        programs = how.programs()
-        with open_record(self.out, input_folders=[session.folder]) as record:
-            settings = (how.profile, programs, self._twin, self._refine, how.method is not None)
-            job = Job(session, record, (*how.methods(), *programs), None, self._truth, *settings)
-            return job.is_current(STEPS, wanted)
+        session = self.session
+        with open_record(self.out, origin=origin_of(session, self.path), input_folders=[session.folder]) as record:
+            settings = Settings.of(record).but(self._with(solving))
+            return Job(session, record, settings).is_current(STEPS, wanted)
 
     def name_of(self, method: str) -> str:
         """Return a method's name as its files have it."""
-        return method.strip() if method.strip() in self._external else method.strip().casefold()
+        return method.strip() if method.strip() in self._kept.solving.programs() else method.strip().casefold()
 
-    def _solving(self, given: Method) -> Solving:
-        """Return how to solve: by the methods asked for, beside those that are there."""
-        if isinstance(given, Solving):
-            self._profile = given.profile
-            self._external |= {text.partition("=")[0].strip(): text for text in given.external}
+    @property
+    def _kept(self) -> Settings:
+        """The settings by which the folder was made."""
+        record = read_record(self.out)
+        return Settings() if record is None else Settings.of(record)
+
+    def _with(self, given: Method, twin: TwinSettings | None = None) -> Settings:
+        """Return what is said: methods beside those whose results are there."""
+        kept, rows = self._kept.solving, (self.told.get("solve") or {}).get("methods") or {}
+        programs = kept.programs()
         # Another program stays with the session without being asked for again.
-        asked = given if isinstance(given, Solving) else Solving(None if given in self._external else given)
-        rows = (self.told.get("solve") or {}).get("methods") or {}
-        names = [name for name in rows if name not in self._external and not name[:1].isupper()]
-        names += [] if asked.method is None else asked.methods()
-        profile = self._profile or next((row["profile"] for row in rows.values()), asked.profile)
-        known = {"profile": profile, "external": tuple(self._external.values())}
-        return replace(asked, method=",".join(dict.fromkeys(names)) or None, **known)
+        asked = given if isinstance(given, Solving) else Solving(None if given in programs else given)
+        if asked.external is not None:
+            before = {text.partition("=")[0].strip(): text for text in (*(kept.external or ()), *asked.external)}
+            asked = replace(asked, external=tuple(before.values()))
+        if asked.method is not None:
+            there = [name for name in rows if name not in programs and not name[:1].isupper()]
+            asked = replace(asked, method=",".join(dict.fromkeys([*there, *asked.methods()])))
+        return self._said.but(Settings(asked, twin or AS_GIVEN))

@@ -28,7 +28,6 @@ def watch(
     told: Told = TOLD,
 ) -> None:
     """Judge each photograph of a shoot within seconds of its coming, and write the session in the end."""
-    from lab.session_place import default_out
     from lab.watch.alarm import Alarm
     from lab.watch.watch_folder import watch_folder
 
@@ -40,7 +39,7 @@ def watch(
     folder = folder.resolve()
     watch_folder(
         folder,
-        out or default_out(folder, folder.name),
+        out,
         answers,
         alarm,
         until_idle_s=until_idle,

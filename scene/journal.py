@@ -3,11 +3,12 @@
 import errno
 import json
 import os
+import shutil
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from scene.errors import SceneError
 
@@ -28,7 +29,7 @@ class Journal:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path, self.count = path, 0
+        self.path, self.count, self._new = path, 0, path.with_suffix(".new")
         self._guard = threading.Lock()
 
     def append(self, line: Line) -> None:
@@ -40,7 +41,7 @@ class Journal:
             The disk is full, or the file cannot be written.
         """
         data = json.dumps(line, allow_nan=False).encode() + b"\n"
-        with self._guard, self._writing(), open(self.path, "ab", buffering=0) as file:
+        with self._guard, self._writing(), self._own() as file:
             end = file.tell()
             try:
                 if file.write(data) < len(data):
@@ -50,6 +51,13 @@ class Journal:
                 file.truncate(end)
                 raise
             self.count += 1
+
+    def _own(self) -> BinaryIO:
+        """Open the file at its end; a copy takes the place of one that has other names too (`cp -l`)."""
+        if self.path.exists() and self.path.stat().st_nlink > 1:
+            shutil.copyfile(self.path, self._new)
+            os.replace(self._new, self.path)
+        return open(self.path, "ab", buffering=0)
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -92,8 +100,7 @@ class Journal:
     def rewrite(self, lines: Iterable[Line]) -> None:
         """Replace all lines at once."""
         data = [json.dumps(line, allow_nan=False) + "\n" for line in lines]
-        temporary = self.path.with_suffix(".new")
         with self._writing():
-            temporary.write_text("".join(data))
-            os.replace(temporary, self.path)
+            self._new.write_text("".join(data))
+            os.replace(self._new, self.path)
         self.count = len(data)

@@ -6,17 +6,27 @@ import os
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from glob import escape
 from pathlib import Path
 
 from scene.errors import SceneError
-from scene.record import PLACE, Record
+from scene.origin import NOTE, Origin
+from scene.record import JOURNAL, PLACE, Record
+
+UNUSED = {"lock", "record.new"}
+"""All that there is where a run was killed before it had begun."""
 
 _active: list[Record] = []
 
 
 @contextmanager
 def open_record(
-    folder: Path, *, inputs: Iterable[Path] = (), input_folders: Iterable[Path] = (), among_others: bool = False
+    folder: Path,
+    *,
+    origin: Origin | str | None = None,
+    inputs: Iterable[Path] = (),
+    input_folders: Iterable[Path] = (),
+    among_others: bool = False,
 ) -> Iterator[Record]:
     """Hold an output folder for one run.
 
@@ -24,6 +34,9 @@ def open_record(
     ----------
     folder : Path
         New, empty, or with a record of its own.
+    origin : Origin or str or None
+        What results are made from; the folder belongs to it from then on. A word: what the folder is, where no input
+        makes it what it is: "sweep". None: files of any origin may lie here.
     inputs : iterable of Path
         Files that the run reads.
     input_folders : iterable of Path
@@ -34,8 +47,8 @@ def open_record(
     Raises
     ------
     SceneError
-        The folder is another's, lies in an input folder or holds one, cannot be written, or another run is at work
-        there.
+        The folder is another's or of another origin, lies in an input folder or holds one, cannot be written, or
+        another run is at work there.
     """
     try:
         record = Record(folder.resolve())
@@ -43,9 +56,13 @@ def open_record(
         raise _unusable(folder, error) from error
     if not among_others:
         _check_place(record.folder, folder, [place.resolve() for place in input_folders])
+    _refuse_links(record.folder, folder)
     with _locked(record.folder, folder):
         record.load()
         record.refuse_inputs(inputs)
+        if origin is not None:
+            origin = Origin(origin, record.folder) if isinstance(origin, str) else origin
+            origin.claim(record, folder)
         # What a killed run was writing: nobody else writes here now.
         shutil.rmtree(record.folder / PLACE / "tmp", ignore_errors=True)
         _active.append(record)
@@ -53,6 +70,22 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
+
+
+def own_folder(folder: Path, origin: Origin) -> Path:
+    """Return FOLDER, or FOLDER-2 and so on: the one that belongs to an origin, or else the first that none owns."""
+    numbered = (
+        path for path in folder.parent.glob(f"{escape(folder.name)}-*") if path.name[len(folder.name) + 1 :].isdigit()
+    )
+    found = {place: read_record(place) for place in (folder, *sorted(numbered))}
+    for place, record in found.items():
+        if record is not None and NOTE in record.notes and origin.owns(record):
+            return place
+    place, number = folder, 1
+    while (record := found.get(place)) is not None and not origin.owns(record):
+        number += 1
+        place = folder.with_name(f"{folder.name}-{number}")
+    return place
 
 
 def read_record(folder: Path) -> Record | None:
@@ -92,7 +125,10 @@ def _check_place(folder: Path, said: Path, input_folders: list[Path]) -> None:
         there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     except OSError as error:
         raise _unusable(said, error) from error
-    if there and PLACE not in there:
+    if there == [PLACE] and not (folder / PLACE).is_symlink() and set(os.listdir(folder / PLACE)) <= UNUSED:
+        # A run was killed before it had begun.
+        return
+    if there and not (folder / PLACE / JOURNAL).is_file():
         shown = ", ".join(there[:3]) + (" ..." if len(there) > 3 else "")
         raise SceneError(
             f"--out {said}: is not empty ({shown}), and rgbn did not make it: it has no record ({PLACE}). Choose a new "
@@ -100,11 +136,23 @@ def _check_place(folder: Path, said: Path, input_folders: list[Path]) -> None:
         )
 
 
+def _refuse_links(folder: Path, said: Path) -> None:
+    """Raise SceneError where a part of the record is a link: what it names is not rgbn's to write over."""
+    place = folder / PLACE
+    links = [path for path in (place, *(place.iterdir() if place.is_dir() else ())) if path.is_symlink()]
+    if links:
+        raise SceneError(
+            f"--out {said}: {links[0].relative_to(folder)} is a link, and rgbn makes none. Remove the link, or choose "
+            "another folder with --out; nothing was written or removed."
+        )
+
+
 @contextmanager
 def _locked(folder: Path, said: Path) -> Iterator[None]:
     try:
         (folder / PLACE).mkdir(parents=True, exist_ok=True)
-        file = open(folder / PLACE / "lock", "w")  # noqa: SIM115 (held for the whole block)
+        # Held for the whole block; never emptied.
+        file = open(folder / PLACE / "lock", "a")  # noqa: SIM115
     except OSError as error:
         raise _unusable(said, error) from error
     with file:

@@ -21,6 +21,7 @@ from scene.owned_file import TICK_NS, OwnedFile, is_settled, look_of, own_digest
 
 PLACE = ".rgbn"
 """Folder in the output folder: the record, the lock, and what is not finished."""
+JOURNAL = "record.jsonl"
 FORMAT = 1
 
 
@@ -37,10 +38,13 @@ class Record:
     ----------
     done : dict of str to dict
         Of each finished work its fingerprint and what it gave.
+    notes : dict of str to object
+        What is known of the whole folder, as JSON has it; see `note`.
     """
 
     folder: Path
     done: dict[str, dict[str, Any]] = field(default_factory=dict)
+    notes: dict[str, Any] = field(default_factory=dict)
     _files: dict[str, OwnedFile] = field(default_factory=dict)
     _inputs: dict[str, tuple[list[int], str]] = field(default_factory=dict)
     _work: str = ""
@@ -48,7 +52,7 @@ class Record:
     _guard: threading.RLock = field(default_factory=threading.RLock)
 
     def __post_init__(self) -> None:
-        self._journal = Journal(self.folder / PLACE / "record.jsonl")
+        self._journal = Journal(self.folder / PLACE / JOURNAL)
 
     # What is done.
 
@@ -65,6 +69,11 @@ class Record:
         """Whether a file is there and has the content that rgbn gave it."""
         known = self._files.get(self.name_of(path))
         return known is not None and known.content(path) is not None
+
+    @property
+    def is_bare(self) -> bool:
+        """Whether no work has left a file."""
+        return not any(file.of for file in self._files.values())
 
     @contextmanager
     def making(self, work: str, mark: str, after: Iterable[str] = ()) -> Iterator[dict[str, Any]]:
@@ -131,6 +140,13 @@ class Record:
         self._journal.append({"done": work, "entry": entry, "looks": looks})
         # What is kept in memory must be what a later run reads.
         self.done[work] = json.loads(json.dumps(entry))
+
+    def note(self, name: str, value: Any) -> None:
+        """Note a fact of the whole folder, a plain value; it holds until another is noted."""
+        value = json.loads(json.dumps(value))
+        if self.notes.get(name) != value:
+            self._journal.append({"note": name, "value": value})
+            self.notes[name] = value
 
     # What rgbn may write.
 
@@ -261,6 +277,8 @@ class Record:
                 self._files[name].look = look
         elif "forgotten" in line:
             self.done.pop(line["forgotten"], None)
+        elif "note" in line:
+            self.notes[line["note"]] = line["value"]
         elif "input" in line:
             self._inputs[line["input"]] = (line["look"], line["digest"])
         elif line["format"] != FORMAT:
@@ -269,6 +287,8 @@ class Record:
     def _kept(self) -> Iterator[Line]:
         """Yield the lines that count."""
         yield {"format": FORMAT, "made_by": libraries()["rgbn"]}
+        for name, value in self.notes.items():
+            yield {"note": name, "value": value}
         for name, file in self._files.items():
             yield {"file": name, "of": file.of, "digests": file.digests}
         for work, entry in self.done.items():

@@ -9,8 +9,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+from capture.session.session import load_session
 from capture.survey.folder_files import survey
-from lab.session_place import MANIFEST, is_output, is_session
+from lab.session_place import MANIFEST, default_out, is_output, is_session, origin_of
 from scene.errors import SceneError
 from studio.browser_window import BrowserWindow
 from studio.desk import Desk
@@ -56,12 +57,13 @@ def lay(desk: Desk, workspace: Workspace, source: Path, out: Path | None = None)
     if kind == "folder":
         looking = Looking(survey(source), out or workspace.root / "out", is_parent=out is None)
         for one in looking.folders:
-            workspace.path(looking.out_of(one.folder))
+            workspace.path(looking.out_of(one))
         desk.area, desk.looking = "New session", looking
     elif source.is_dir() or source.name == MANIFEST:
         place, session = found_at(source, out)
         if out is None and kind != "results" and not place.is_relative_to(workspace.root):
-            place = workspace.root / "out" / place.name
+            found = load_session(source)
+            place = default_out(origin_of(found, source), found.name, workspace.root / "out")
         desk.show_session(workspace.path(place), session)
     elif kind == "scene" or source.suffix == ".toml":
         path = workspace.description(str(source.resolve()))

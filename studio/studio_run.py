@@ -8,31 +8,10 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from lab.progress import say
 
 RENDER = "render"
-
-
-def settings_of(summary: dict[str, Any]) -> dict[str, Any]:
-    """Return the arguments of `lab.run.run_session` with which a folder was made, so that what is current stays.
-
-    summary: Of summary.json; empty: the command line's own defaults.
-    """
-    from lab.options import AS_GIVEN, BY_DEFAULT, Solving, TwinSettings
-
-    said = summary.get("arguments") or {}
-    programs, twin, truth = said.get("external") or {}, said.get("twin"), said.get("truth")
-    own = ",".join(name for name in said.get("methods") or () if name not in programs)
-    commands = tuple(f"{name}={command}" for name, command in programs.items())
-    solving = Solving(own, said.get("profile") or BY_DEFAULT.profile, commands) if own or commands else BY_DEFAULT
-    return {
-        "solving": solving,
-        "twin": TwinSettings(**twin) if twin else AS_GIVEN,
-        "truth": None if truth is None else Path(truth),
-        "refine_lights": bool(said.get("refine_lights")),
-    }
 
 
 @contextmanager
@@ -42,20 +21,17 @@ def _lines(label: str) -> Iterator[Callable[[int, int], None]]:
 
 def main() -> int:
     """Run; return the exit code."""
-    from compare.report.facts import read_optional
     from experiments.scene_twin import render_description
     from lab.options import AS_GIVEN
     from lab.run import run_session
     from scene.errors import SceneError
-    from scene.store import Store
 
     step, (source, out) = sys.argv[1], map(Path, sys.argv[2:])
     try:
         if step == RENDER:
             render_description(source, out, AS_GIVEN, bar=_lines)
         else:
-            summary = read_optional(Store(out), "summary.json")
-            run_session(source, step, out=out, **settings_of(summary if isinstance(summary, dict) else {}))
+            run_session(source, step, out=out)
     except SceneError as error:
         say(f"rgbn: {error}")
         return 2

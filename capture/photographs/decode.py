@@ -122,8 +122,6 @@ def decode(
             del frames, codes
         saved = np.load(store.path("frames", "codes.npy"), mmap_mode="r")
         store.save_frames_header(Frames(session.names, saved, gain, ambient, saturation, is_mosaic))
-        # Now they are in the store.
-        kept.clear()
     finally:
         for path in scratch.values():
             remove(path)

@@ -1,6 +1,5 @@
 """Photographs decoded before their session was whole: kept beside it, so that none is decoded a second time."""
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,10 +62,6 @@ class Kept:
     def load_file(self, file: Path, *, sensor_range: float | None = None) -> Photograph | None:
         """Return the photograph of a file; see `load`."""
         return self.load(file_digest(file), sensor_range=sensor_range)
-
-    def clear(self) -> None:
-        """Remove all that is kept."""
-        shutil.rmtree(self.folder, ignore_errors=True)
 
     def _codes(self, digest: str) -> Path:
         return self.folder / f"{digest}.npy"

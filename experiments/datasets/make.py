@@ -22,7 +22,7 @@ def make(shelf: Path, datasets: Sequence[Dataset], *, processes: int | None = No
     Each becomes a folder of its name; what counts as made is whole. SceneError: what could not be made, and why, after
     all others have been; or a folder of that name that rgbn did not make.
     """
-    with open_record(shelf) as record:
+    with open_record(shelf, origin="shelf of datasets") as record:
         for one in datasets:
             folder = shelf / one.name
             if folder.exists() and not record.files_of(one.name):

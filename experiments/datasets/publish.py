@@ -52,8 +52,9 @@ def publish(shelf: Path, found: list[Entry], to: Path) -> list[Path]:
             f"note: {listed(known)}: of the catalogue, whose truth anybody who has rgbn can make. What must stay "
             "unknown is a dataset of your own, photographed or rendered elsewhere, and added."
         )
-    with open_record(shelf) as shelf_record:
-        with open_record(to, input_folders=[shelf, *(one.folder for one in there)]) as record:
+    with open_record(shelf, origin="shelf of datasets") as shelf_record:
+        read = [shelf, *(one.folder for one in there)]
+        with open_record(to, origin="publication of datasets", input_folders=read) as record:
             for one in there:
                 with record.making(one.name, fingerprint(contents_of(shelf, one))):
                     _copy(one, to / one.name)

@@ -13,7 +13,7 @@ from experiments.datasets.shelf import Entry, contents_of, entries, select
 from experiments.datasets.submissions import Submission, submitted_normals
 from experiments.tables import DATASETS, Row, Rows, errors_of, has_failed, write_table
 from formats.diligent_layout import NORMALS, read_layout
-from lab.options import BY_DEFAULT, Solving
+from lab.options import BY_DEFAULT, DEFAULT_PROFILE, Solving
 from lab.progress import say
 from lab.run_log import logged
 from scene.current import code_fingerprint, fingerprint
@@ -42,12 +42,13 @@ def run(
     what programs said. A row's `map` is the path of its error map. SceneError: no such dataset, method or program; a
     dataset that has changed.
     """
+    solving = replace(solving, profile=solving.profile or DEFAULT_PROFILE)
     programs = solving.programs()
     names = [*solving.methods(), *programs]
     if twice := sorted(set(programs) & {one.method for one in submissions}):
         raise SceneError(f"{', '.join(twice)}: a program's name and a submission's. Give the program another.")
     there, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
-    with open_record(out) as record, logged(record):
+    with open_record(out, origin="table of datasets") as record, logged(record):
         for number, entry in enumerate(there, 1):
             digest, kept = contents_of(shelf, entry), {}
             for name in names:
@@ -120,12 +121,11 @@ def _solve(out: Path, entry: Entry, names: list[str], solving: Solving) -> Itera
             try:
                 job.run(STEPS, "align")
                 while left:
-                    one = replace(job, asked=(left[0],))
-                    row = _row(left[0], "" if left[0] in job.externals else solving.profile, one, entry.name)
+                    row = _row(left[0], "" if left[0] in job.externals else job.profile, job, entry.name)
                     yield left.pop(0), row
             finally:
-                # The frames: half a gigabyte for a hundred datasets; made again in a second.
-                job.record.forget(["check"])
+                # The frames are half a gigabyte for a hundred datasets; they are made again in a second.
+                job.record.forget(job.record.done)
     except SceneError as error:
         for name in left:
             yield name, _failed(name, solving.profile, error)
@@ -136,7 +136,7 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
 
     store = job.store
     try:
-        table, _ = solve_all(job, store, dataset)
+        table, _ = solve_all(job, store, dataset, (name,))
     except SceneError as error:
         return _failed(name, profile, error)
     facts = table["methods"][name]
@@ -166,7 +166,7 @@ def _judged(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_]) -> Row:
     return {**row, "error": codes}
 
 
-def _failed(name: str, profile: str, error: Exception) -> Row:
+def _failed(name: str, profile: str | None, error: Exception) -> Row:
     return {"method": name, "profile": profile, "status": f"failed: {' '.join(str(error).split())}"}
 
 

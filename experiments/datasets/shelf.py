@@ -88,7 +88,7 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
     name = name or folder.resolve().name
     if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         raise SceneError(f"--name {name!r}: expected letters, digits, dots, - and _. Give another with --name.")
-    with open_record(shelf, input_folders=[folder]) as record:
+    with open_record(shelf, origin="shelf of datasets", input_folders=[folder]) as record:
         place, note, work = shelf / name, shelf / ADDED / f"{name}.json", f"{ADDED}/{name}"
         if (
             name in catalogue()

@@ -48,7 +48,11 @@ def write_site(
     found = {one.name: one for one in known if one.state and not one.same_as}
     by_dataset = {key[0]: group for key, group in grouped(rows, "dataset").items()}
     shown_entries, thumbnails, about = [found[name] for name in by_dataset], {}, []
-    with open_record(out) as record, record.making(SITE, fingerprint(downloads)), progress_bar("site") as report:
+    with (
+        open_record(out, origin="table of datasets") as record,
+        record.making(SITE, fingerprint(downloads)),
+        progress_bar("site") as report,
+    ):
         for done, entry in enumerate(shown_entries, 1):
             shown = _gather(entry, by_dataset[entry.name], site, downloads)
             aliases = [one.name for one in known if one.same_as == entry.name]

@@ -50,7 +50,7 @@ def sweep(
             cells += perturbation_cells(methods, quick=quick)
     words = ["benchmark"] * (staging == "benchmark") + [names] + ["quick"] * quick
     folder = (out or Path("out") / "sweeps") / "-".join(words)
-    with open_record(folder.parent) as record, logged(record):
+    with open_record(folder.parent, origin="sweep") as record, logged(record):
         run_cells(record, cells, scheduler=scheduler, processes=processes)
         join_cells(record, record.folder / folder.name, cells, staging=staging, quick=quick)
     return folder

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.cluster.executor import Cluster
+from scene.current import blocks_digest
 from scene.errors import ClusterError, SceneError
 
 
@@ -77,7 +78,7 @@ def _shared_folder(folder: Path | None, files: Iterable[Path]) -> Iterator[Path 
         ) from error
     try:
         seen = sorted({path.resolve() for path in files if path.is_file()})
-        shared.joinpath("files").write_text("".join(f"{path.stat().st_size} {path}\n" for path in seen))
+        shared.joinpath("files").write_text("".join(f"{blocks_digest(path)} {path}\n" for path in seen))
         yield shared
     finally:
         shutil.rmtree(shared, ignore_errors=True)

@@ -29,7 +29,7 @@ def serve(run: dict[str, Any], unit: tuple | None = None) -> tuple[str, Any]:
     ----------
     run : dict
         id: str. code, libraries: what `scene.current` finds where the run was started. folder: the shared one, or
-        None; in its `files` stand the sizes and paths of what a worker must see.
+        None; in its `files` stand the `blocks_digest` and the path of what a worker must see.
     unit : tuple or None
         What `pack` returned of (function, arguments, keyword arguments). None: only the question whether it is fit.
 
@@ -79,20 +79,19 @@ def _reasons(run: dict[str, Any], known: dict[str, Any]) -> list[str]:
 
 
 def _unseen(run: dict[str, Any]) -> list[str]:
-    """Return what this process does not see as the one that started the run does."""
+    """Return what this process does not see as the one that started the run does; the code is known to be the same."""
+    from scene.current import blocks_digest
+
     folder = Path(run["folder"])
     try:
         listed = (folder / "files").read_text()
     except OSError as error:
         return [f"it does not see the output folder {folder.parent} ({error.strerror})"]
     for line in listed.splitlines():
-        size, _, path = line.partition(" ")
-        try:
-            found = os.stat(path).st_size
-        except OSError as error:
-            return [f"it does not see {path} ({error.strerror})"]
-        if found != int(size):
-            return [f"it sees another file as {path}: {found} bytes, expected {size}"]
+        digest, _, path = line.partition(" ")
+        found = blocks_digest(Path(path))
+        if found != digest:
+            return [f"it sees {'another file as' if found else 'no'} {path}"]
     try:
         trial = folder / uuid.uuid4().hex
         _write(trial, b"")

@@ -17,6 +17,7 @@ from lab.session_place import MANIFEST, default_out
 from scene.errors import SessionError
 from scene.files import write_text
 from scene.light_text import FILENAMES
+from scene.origin import Origin
 from scene.output_folder import open_record
 
 SHEET = "contact-sheet.png"
@@ -91,8 +92,9 @@ def draft_of(files: FolderFiles, asking: Asking) -> Draft:
 def write_session(draft: Draft, out: Path | None = None) -> Made:
     """Write session.toml into the folder, and the contact sheet into its output folder."""
     manifest = draft.folder / MANIFEST
-    out = out or default_out(draft.folder, draft.name)
-    with open_record(out, input_folders=[draft.folder]) as record:
+    origin = Origin("session", draft.folder, tuple(draft.photographs["flash"]))
+    out = out or default_out(origin, draft.name)
+    with open_record(out, origin=origin, input_folders=[draft.folder]) as record:
         record.forget([PART])
         with record.part_of(PART):
             write_sheet(out / SHEET, draft)
@@ -104,7 +106,7 @@ def write_session(draft: Draft, out: Path | None = None) -> Made:
 def check_free(files: FolderFiles) -> None:
     """Raise SessionError where session.toml is there already, or cannot be written."""
     manifest = files.folder / MANIFEST
-    if manifest.exists():
+    if os.path.lexists(manifest):
         raise SessionError(
             f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run "
             f"rgbn init {files.folder} again."

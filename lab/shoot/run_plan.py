@@ -72,7 +72,8 @@ def _opened(source: Path | None, thing: ObjectOptions, camera: CameraOptions, ou
     """Yield the output folder's record, and either what there is of a session or the set-up of a new one."""
     from lab.run import open_job
     from lab.session_place import is_output, is_session
-    from scene.output_folder import open_record
+    from scene.origin import Origin
+    from scene.output_folder import open_record, own_folder
 
     if source is not None and (source.is_dir() or is_output(source) or source.suffix == ".toml"):
         from lab.shoot.under_way import session_so_far
@@ -86,8 +87,11 @@ def _opened(source: Path | None, thing: ObjectOptions, camera: CameraOptions, ou
             yield job.record, session_so_far(job, thing.gloss), None
         return
     set_up = _new_set_up(source, thing, camera)
-    name = f"plan-{thing.shape}" if source is None else f"plan-{source.stem}"
-    with open_record(out or Path("out") / name, inputs=[] if source is None else [source]) as record:
+    usual, origin = Path("out") / f"plan-{thing.shape}", "plan"
+    if source is not None:
+        origin = Origin("scan", source.resolve())
+        usual = own_folder(Path("out") / f"plan-{source.stem}", origin)
+    with open_record(out or usual, origin=origin, inputs=[] if source is None else [source]) as record:
         yield record, None, set_up
 
 

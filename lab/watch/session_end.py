@@ -1,5 +1,6 @@
 """The end of a shoot: an ordinary session.toml, by `init`'s code, and an output folder whose frames are decoded."""
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -33,7 +34,7 @@ def check_folder(folder: Path, record: Record | None = None) -> None:
     if (folder / FILENAMES).is_file():
         raise SessionError(f"{folder}: is a session in the DiLiGenT layout already. Run: rgbn process {folder}")
     manifest = folder / MANIFEST
-    if record is None or not manifest.exists():
+    if record is None or not os.path.lexists(manifest):
         return
     ours = record.scratch("watch") / WRITTEN
     if not ours.is_file() or json_of(ours).get("digest") != file_digest(manifest):

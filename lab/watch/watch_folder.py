@@ -8,25 +8,28 @@ from pathlib import Path
 from capture.hot_folder.hot_folder import HotFolder
 from capture.hot_folder.ledger import Ledger
 from capture.photographs.kept import kept_folder
+from capture.session.globs import kind_of
+from capture.survey.folder_files import files_below
 from lab.init.answers import Answers, Asking
 from lab.init.draft_notes import notes_of
 from lab.init.init_session import write_session
 from lab.progress import say
 from lab.run import run_session
 from lab.run_log import logged
-from lab.session_place import note_session
+from lab.session_place import default_out, note_session
 from lab.watch.alarm import Alarm
 from lab.watch.screen import Screen, screen_for
 from lab.watch.session_end import check_folder, draft_of_shoot, left_out, note_manifest
 from lab.watch.shoot import Shoot
 from lab.watch.status import write_status
 from lab.watch.take import Taken, Taking
+from scene.origin import Origin
 from scene.output_folder import open_record
 
 
 def watch_folder(
     folder: Path,
-    out: Path,
+    out: Path | None,
     answers: Answers,
     alarm: Alarm,
     *,
@@ -40,8 +43,8 @@ def watch_folder(
     ----------
     folder : Path
         Where the camera's program writes.
-    out : Path
-        Output folder; outside of `folder`.
+    out : Path, optional
+        Output folder; outside of `folder`. Default: out/NAME here, by the folder's name.
     answers : Answers
         Camera and balls, as `init` is told them.
     alarm : Alarm
@@ -59,7 +62,9 @@ def watch_folder(
     folder = folder.resolve()
     check_folder(folder)
     asking = Asking(answers, silent=True)
-    with open_record(out, input_folders=[folder]) as record, logged(record), alarm:
+    origin = Origin("session", folder, tuple(file for file in files_below(folder) if kind_of(file)))
+    out = out or default_out(origin, folder.name)
+    with open_record(out, origin=origin, input_folders=[folder]) as record, logged(record), alarm:
         ledger = Ledger(record.scratch("watch") / "ledger.json")
         check_folder(folder, record)
         shoot = Shoot(folder, asking)

@@ -23,6 +23,7 @@ from lab.init.prepare import Progress, prepare
 from lab.session_place import default_out
 from scene.errors import SceneError
 from scene.frames import decode
+from scene.origin import Origin
 
 ROLES = ("flash", "ambient", "dark", "flat", "board")
 
@@ -115,10 +116,12 @@ class Looking:
         self._told: dict[Path, list[Told]] = {}
         self._lock = threading.Lock()
 
-    def out_of(self, folder: Path) -> Path:
+    def out_of(self, files: FolderFiles) -> Path:
         """Return the output folder of a session."""
-        own = self._out / folder.name if self._out and self._is_parent else self._out
-        return (own or default_out(folder, folder.name)).resolve()
+        if self._out and not self._is_parent:
+            return self._out.resolve()
+        origin = Origin("session", files.folder, tuple(files.photographs.get("flash", ())))
+        return default_out(origin, files.folder.name, self._out).resolve()
 
     def ask(self, files: FolderFiles, told: Told, done: Callable[["Future[FoundCapture]"], Any]) -> None:
         """Have a folder looked at, in a thread of its own.

@@ -159,7 +159,7 @@ class NewSessionWindow(PhotographWindow):
     @property
     def out(self) -> Path:
         """The output folder, in the workspace."""
-        return self.workspace.path(self.looking.out_of(self.files.folder))
+        return self.workspace.path(self.looking.out_of(self.files))
 
     def open_session(self) -> None:
         """Show the session that the folder has already."""

@@ -1,8 +1,9 @@
 """The button that runs the session's steps up to the open tab, and shows what comes of it."""
 
-from typing import Any
+from pathlib import Path
 
-from compare.report.facts import read_optional
+from lab.settings import Settings
+from scene.output_folder import read_record
 from studio.review.folder import is_kept
 from studio.review.review_window import STEPS, ReviewWindow
 from studio.widgets import code, plain
@@ -34,7 +35,7 @@ class RunPanel:
         elif is_kept(review.store):
             note = "with the balls and picks that were kept"
         text = f"**{plain(review.session.name)}**, {note}. What is done and current is not done again."
-        programs = _programs(read_optional(review.store, "summary.json"))
+        programs = _programs(review.store.folder)
         if programs:
             text += f" Other programs, as before: {', '.join(map(code, programs))}."
         self._what.content = text
@@ -45,7 +46,7 @@ class RunPanel:
         return ["-m", "studio.studio_run", STEPS[window.tab], str(session.resolve()), str(window.folder)]
 
 
-def _programs(summary: Any) -> list[str]:
+def _programs(folder: Path) -> tuple[str, ...]:
     """Return the command lines of other programs that a run would start: a folder from elsewhere may name any."""
-    arguments = (summary.get("arguments") if isinstance(summary, dict) else None) or {}
-    return [f"{name}={command}" for name, command in (arguments.get("external") or {}).items()]
+    record = read_record(folder)
+    return () if record is None else Settings.of(record).solving.external or ()

@@ -35,7 +35,7 @@ def hills(tmp_path):
 
 
 def test_given_normals_are_the_probe(hills):
-    out = hills.parent / "out"
+    out = hills.with_name(f"{hills.name}-out")
     command = [*COMMAND, "calibrate", str(hills), "--out", str(out), "--json"]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
@@ -48,16 +48,16 @@ def test_given_normals_are_the_probe(hills):
 
 def test_without_normals_the_lights_are_unknown_and_that_is_said(hills):
     (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n')
-    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.parent / "out")]
+    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.with_name(f"{hills.name}-out"))]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     assert "no ball found" in run.stdout + run.stderr
-    assert json.loads((hills.parent / "out" / "lights.json").read_text())["model"] == "unknown"
+    assert json.loads((hills.with_name(f"{hills.name}-out") / "lights.json").read_text())["model"] == "unknown"
 
 
 def test_balls_that_are_asked_for_must_be_there(hills):
     (hills / "session.toml").write_text('[frames]\nflash = "f*.png"\nlinear = true\n[[spheres]]\nkind = "chrome"\n')
-    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.parent / "out")]
+    command = [*COMMAND, "calibrate", str(hills), "--out", str(hills.with_name(f"{hills.name}-out"))]
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert "no ball found" in run.stderr

@@ -8,7 +8,9 @@ import pytest
 
 from capture.session.session_types import Session, SphereSpec
 from lab.job import Job, Outcome, Step
+from lab.options import Solving
 from lab.plan import STEPS
+from lab.settings import Settings
 from scene.camera import Camera
 from scene.files import write_text
 from scene.output_folder import open_record, read_record
@@ -38,7 +40,7 @@ class Bench:
         self.ran.clear()
         # A new job each time, as a new command has.
         with open_record(self.folder) as record:
-            Job(None, record, ()).run(self.steps, wanted)
+            Job(None, record).run(self.steps, wanted)
         return "".join(self.ran)
 
 
@@ -111,7 +113,7 @@ NO_INPUT = {"name", "folder", "names", "kept", "photographed"}
 def marks(session, folder):
     found = {}
     with open_record(folder / "out") as record:
-        job = Job(session, record, ("ls",))
+        job = Job(session, record, Settings(Solving("ls")))
         for name, step in STEPS.items():
             found[name] = job.fingerprint(step)
             job.done[name] = {"fingerprint": found[name]}
@@ -133,9 +135,9 @@ def test_the_scan_is_loaded_with_its_unit_and_its_ball(tmp_path):
     path = tmp_path / "scan.obj"
     path.write_text("v 0 0 0\nv 3 0 0\nv 0 2 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n")
     known = replace(session(tmp_path), scan=path, scan_unit="inch")
-    assert np.ptp(Job(known, Record(tmp_path), ()).load_scan().vertices, axis=0) == pytest.approx([76.2, 50.8, 25.4])
+    assert np.ptp(Job(known, Record(tmp_path)).load_scan().vertices, axis=0) == pytest.approx([76.2, 50.8, 25.4])
     with pytest.raises(AlignError, match="expects one ball"):
-        Job(replace(known, scan_ball_diameter_mm=38.0), Record(tmp_path), ()).load_scan()
+        Job(replace(known, scan_ball_diameter_mm=38.0), Record(tmp_path)).load_scan()
 
 
 @pytest.mark.parametrize("name", ["f", "a", "d", "t", "light_directions.txt", "light_intensities.txt", "m", "s", "n"])

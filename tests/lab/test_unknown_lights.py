@@ -14,6 +14,7 @@ from fixtures.lit_surfaces import even_cap
 from lab.job import Job
 from lab.options import Solving
 from lab.run import run_session
+from lab.settings import Settings
 from rgbn.export_command import export_session
 from rgbn.opened_session import open_session
 from scene.errors import CalibrationError, SceneError
@@ -133,23 +134,23 @@ def test_lights_that_are_known_in_part_are_a_fault_of_the_file(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("model", "asked", "named", "expected"),
+    ("model", "asked", "expected"),
     [
-        ("with a scan", ("ls", "iterative"), True, ("ls", "iterative")),
-        ("distant", ("ls", "iterative"), False, ("ls", "iterative")),
-        ("unknown", ("ls", "iterative", "Learned"), False, (*UNCALIBRATED, "Learned")),
-        ("unknown", ("tv", "Learned"), True, ("tv", "Learned")),
-        ("unknown", ("tv", "ls"), True, None),
-        (None, ("tv", "ls"), True, ("tv", "ls")),
+        ("with a scan", "ls,iterative", ("ls", "iterative", "Learned")),
+        ("distant", None, ("ls", "iterative", "Learned")),
+        ("unknown", None, (*UNCALIBRATED, "Learned")),
+        ("unknown", "tv", ("tv", "Learned")),
+        ("unknown", "tv,ls", None),
+        (None, "tv,ls", ("tv", "ls", "Learned")),
     ],
 )
-def test_which_methods_run_under_which_lights(model, asked, named, expected):
+def test_which_methods_run_under_which_lights(model, asked, expected):
     """Another program needs no lights; before `calibrate` nothing is known of them; `align` finds them by a scan."""
     session: Any = SimpleNamespace(scan=Path("scan.ply") if model == "with a scan" else None)
     model = "unknown" if session.scan else model
     done = {} if model is None else {"calibrate": {"result": {"model": model}}}
     record: Any = SimpleNamespace(done=done)
-    job = Job(session, record, asked, externals={"Learned": None}, are_named=named)
+    job = Job(session, record, Settings(Solving(asked, external=("Learned=learned {data} {out}",))))
     if expected is None:
         with pytest.raises(SceneError, match="--method ls: the lights are unknown"):
             _ = job.methods

@@ -238,7 +238,7 @@ def test_a_damaged_record_is_told_and_nothing_is_touched(tmp_path):
 
 def test_a_record_that_cannot_be_opened_is_told(tmp_path):
     (tmp_path / "out" / ".rgbn" / "record.jsonl").mkdir(parents=True)
-    with pytest.raises(SceneError, match=r"record.jsonl: cannot be read \(Is a directory\)"):
+    with pytest.raises(SceneError, match=r"is not empty \(.rgbn\), and rgbn did not make it"):
         work(tmp_path / "out")
 
 

@@ -141,7 +141,7 @@ def test_each_object_keeps_what_was_put_right(tmp_path, found, nobody, no_previe
     (top / "cup" / "session.toml").write_text("")
     monkeypatch.setattr("studio.new_session.found_capture.look", lambda files, progress: found)
     looking = Looking(survey(top))
-    assert [looking.out_of(one.folder).name for one in looking.folders] == ["cup", "jug"]
+    assert [looking.out_of(one).name for one in looking.folders] == ["cup", "jug"]
     window = NewSessionWindow(nobody(), Workspace.at(tmp_path), no_preview, looking)
     furnish(window, [FoundPanel])
     assert tuple(window.client.input("object").options) == ("cup (has a session.toml)", "jug")
@@ -264,7 +264,7 @@ def test_the_command_opens_what_a_path_is(folder, monkeypatch):
     assert not opened
     desk = opens(folder)
     assert opened == ["http://127.0.0.1:1"], "the system's browser"
-    assert (desk.area, desk.looking.out_of(folder)) == ("New session", folder.parent / "out" / "jug")
+    assert (desk.area, desk.looking.out_of(desk.looking.folders[0])) == ("New session", folder.parent / "out" / "jug")
     with pytest.raises(SceneError, match="lies outside of the workspace"):
         studio(folder, out=folder.parent / "out", workspace=folder)
     (folder / "session.toml").write_text('[frames]\nflash = "flash_*.png"')

@@ -1,27 +1,20 @@
 """The steps run from a session: as they were run before, with what was corrected, and what stops them."""
 
-import json
-import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from capture.session.session import load_session
-from lab.job import Outcome
-from lab.options import Solving, TwinSettings
-from lab.plan import STEPS
-from lab.run import run_session
+from lab.options import Solving
+from lab.settings import Settings
+from scene.output_folder import open_record
 from studio import background_process
 from studio.background_process import BackgroundProcess
 from studio.photograph.outlines import moved
 from studio.review import review_window
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
-from studio.studio_run import settings_of
 from studio.workspace import Workspace
-
-FIXTURE = Path(__file__).parents[3] / "fixtures" / "bumpy"
 
 
 def test_what_stops_the_steps_is_told(made):
@@ -33,47 +26,6 @@ def test_what_stops_the_steps_is_told(made):
     assert "flash_0.png" in fault
     assert not fault.startswith("rgbn")
     assert "Traceback" not in "".join(said)
-
-
-def test_steps_are_run_as_they_were(tmp_path, monkeypatch):
-    """With the settings that the summary names all is current, and without any of them it is not; the truth stays."""
-    shutil.copytree(FIXTURE / "raw", tmp_path / "session" / "raw")
-    text = (FIXTURE / "session.toml").read_text()
-    (tmp_path / "session" / "session.toml").write_text(
-        text.replace("scan/object.ply", str(FIXTURE / "scan/object.ply"))
-    )
-    worked = []
-
-    def step(name):
-        return replace(STEPS[name], work=lambda job: worked.append(name) or Outcome({}), needs=())
-
-    for name in list(STEPS):
-        monkeypatch.setitem(STEPS, name, replace(step(name), needs=("solve", "twin") if name == "compare" else ()))
-    monkeypatch.setattr("compare.report.report.write_report", lambda store, summary: None)
-    programs = ("Net=python net.py --data {data} --out '{out}'", "Other=x {data} {out}")
-    out = tmp_path / "out"
-    how = {"solving": Solving("sbl,ls", "seed", programs), "twin": TwinSettings("many", 0.035, True, True)}
-    run_session(tmp_path / "session", "compare", out=out, truth=FIXTURE, **how)
-    assert worked == ["solve", "twin", "compare"]
-    summary = json.loads((out / "summary.json").read_text())
-
-    def again(**left_out):
-        worked.clear()
-        how = settings_of(summary | {"arguments": summary["arguments"] | left_out})
-        run_session(tmp_path / "session", "compare", out=out, **how)
-        return list(worked)
-
-    assert again() == []
-    for other in (
-        {"methods": ["ls", "Net", "Other"]},
-        {"profile": "default"},
-        {"external": {}, "methods": ["sbl", "ls"]},
-        {"twin": None},
-    ):
-        assert "twin" in again(**other), f"{other} counts"
-        again()
-    assert again(truth=None) == ["compare"], "without its truth the demo is judged anew"
-    assert settings_of({})["solving"].method is None
 
 
 @pytest.fixture
@@ -113,8 +65,8 @@ def opened(made, nobody, no_preview, monkeypatch):
 
 def test_a_run_takes_what_was_corrected_and_the_session_as_it_is_now(opened, made, settle):
     """It says with what other programs: a folder that came from elsewhere may name any."""
-    arguments = {"methods": ["ls", "Net"], "external": {"Net": "python `net` {data} {out}"}, "truth": str(FIXTURE)}
-    made.store.path("summary.json").write_text(json.dumps({"arguments": arguments, "truth_check": {"a": 1}}))
+    with open_record(made.folder, among_others=True) as record:
+        Settings(Solving(external=("Net=python `net` {data} {out}",))).keep(record)
     window = opened()
     window.open_tab("Verdict")
     panel, runs = window.panels[-1], opened.runs
