@@ -148,7 +148,7 @@ class Job:
             return
         say(f"{wanted} ...")
         start, stale = time.perf_counter(), _made_from(steps, wanted)
-        self._tell_removed(steps[wanted].name, stale)
+        self._tell_removed(wanted, stale)
         with self.record.making(wanted, mark, stale) as entry:
             outcome = step.work(self)
             seconds = time.perf_counter() - start
@@ -158,12 +158,12 @@ class Job:
         for text in outcome.warnings:
             log(f"warning ({wanted}): {text}")
 
-    def _tell_removed(self, wanted: str, stale: set[str]) -> None:
+    def _tell_removed(self, wanted: str, stale: Iterable[str]) -> None:
         """Say which results of earlier runs are removed, and not made anew by this step."""
         former = self.done.get(wanted, {}).get("result", {}).get("methods", ()) if wanted == "solve" else ()
         gone = [*sorted(set(former) - set(self.methods)), *(name for name in stale if self.record.files_of(name))]
         if gone:
-            say(f"{wanted}: is made anew; of before are removed: {', '.join(gone)}")
+            say(f"{wanted}: is made anew; removed with what was there before: {', '.join(gone)}")
 
     def is_current(self, steps: dict[str, Step], wanted: str) -> bool:
         """Whether a step, and all that it needs, is done and current."""
@@ -178,9 +178,10 @@ class Job:
         return fingerprint(step.name, inputs, before, code=code_fingerprint(), digest=self.record.digest)
 
 
-def _made_from(steps: dict[str, Step], wanted: str) -> set[str]:
-    """Return the steps that need a step, directly or not, and the parts of them all."""
+def _made_from(steps: dict[str, Step], wanted: str) -> list[str]:
+    """Return the steps that need a step, directly or not, in their order, and the parts of them all."""
     stale = {wanted}
     while more := {name for name, step in steps.items() if stale & set(step.needs)} - stale:
         stale |= more
-    return stale.union(*(steps[name].parts for name in stale)) - {wanted}
+    after = [name for name in steps if name in stale and name != wanted]
+    return [*after, *dict.fromkeys(part for name in (wanted, *after) for part in steps[name].parts)]

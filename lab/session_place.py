@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from scene.errors import SceneError, SessionError
 
 if TYPE_CHECKING:
-    from scene.origin import Origin
     from capture.session.session_types import Session
+    from scene.origin import Origin
     from scene.record import Record
 
 SESSION = "session.json"

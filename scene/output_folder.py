@@ -14,7 +14,7 @@ from scene.origin import NOTE, Origin
 from scene.record import JOURNAL, PLACE, Record
 
 UNUSED = {"lock", "record.new"}
-"""All that there is where a run was killed before it had begun."""
+"""What a run makes first."""
 
 _active: list[Record] = []
 
@@ -125,15 +125,18 @@ def _check_place(folder: Path, said: Path, input_folders: list[Path]) -> None:
         there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     except OSError as error:
         raise _unusable(said, error) from error
-    if there == [PLACE] and not (folder / PLACE).is_symlink() and set(os.listdir(folder / PLACE)) <= UNUSED:
-        # A run was killed before it had begun.
-        return
-    if there and not (folder / PLACE / JOURNAL).is_file():
+    if there and not (folder / PLACE / JOURNAL).is_file() and not _is_unused(folder, there):
         shown = ", ".join(there[:3]) + (" ..." if len(there) > 3 else "")
         raise SceneError(
             f"--out {said}: is not empty ({shown}), and rgbn did not make it: it has no record ({PLACE}). Choose a new "
             "folder; nothing was written or removed."
         )
+
+
+def _is_unused(folder: Path, there: list[str]) -> bool:
+    """Whether all that a folder holds was left by a run that was killed before it had begun."""
+    place = folder / PLACE
+    return there == [PLACE] and place.is_dir() and not place.is_symlink() and set(os.listdir(place)) <= UNUSED
 
 
 def _refuse_links(folder: Path, said: Path) -> None:
