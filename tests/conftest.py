@@ -3,6 +3,7 @@
 import os
 import shutil
 import sys
+import time
 
 import pytest
 
@@ -10,7 +11,8 @@ import pytest
 import scene  # noqa: F401
 
 LIMIT_S = 5.0
-"""Of one test's own work, fixtures that it shares and compiling apart."""
+"""Of one test's own work, fixtures that it shares and compiling apart, on a machine that adds a million in `MILLION_S`."""
+MILLION_S = 0.06
 ARGUMENTS = [
     "--no-sandbox",
     "--use-gl=angle",
@@ -28,6 +30,17 @@ def processor_s():
     return sum(os.times()[:4])
 
 
+def million_s():
+    """Return the processor seconds that a million additions take now: a shared machine is twice as slow at times."""
+    spent = []
+    for _ in range(5):
+        before, total = time.process_time(), 0
+        for number in range(1_000_000):
+            total += number
+        spent.append(time.process_time() - before)
+    return max(spent)
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
     """Fail a test of `make test` that costs what belongs into `make test-all`."""
@@ -38,7 +51,7 @@ def pytest_runtest_call(item):
         result = yield
     spent = processor_s() - before - sum(compiled)
     item.user_properties.append(("processor_s", round(spent, 2)))
-    if spent > LIMIT_S and not item.get_closest_marker("full"):
+    if spent > LIMIT_S and not item.get_closest_marker("full") and spent > LIMIT_S * million_s() / MILLION_S:
         pytest.fail(f"{spent:.1f} processor seconds, more than {LIMIT_S:g}: make it smaller, or mark it full")
     return result
 
