@@ -297,6 +297,7 @@ for killed_at in range(1, 200):
 """
 
 
+@pytest.mark.full
 def test_killed_at_every_moment_the_same_command_ends_with_the_same_files(tmp_path):
     """Between any two steps of the file system."""
     command = [sys.executable, "-c", KILLED, str(tmp_path)]
