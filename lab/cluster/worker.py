@@ -91,7 +91,7 @@ def _unseen(run: dict[str, Any]) -> list[str]:
         digest, _, path = line.partition(" ")
         found = blocks_digest(Path(path))
         if found != digest:
-            return [f"it sees {'another file as' if found else 'no'} {path}"]
+            return [f"it {'sees another file as' if found else 'does not see'} {path}"]
     try:
         trial = folder / uuid.uuid4().hex
         _write(trial, b"")

@@ -2,6 +2,7 @@
 
 import shutil
 import subprocess
+from pathlib import Path
 
 import pytest
 
@@ -104,6 +105,24 @@ def test_a_worker_that_does_not_see_the_files_is_refused(session, cluster, refus
     cluster.start_worker(first=[*ALONE, "sh", "-c", f'mount -t tmpfs none "{tmp_path / hidden}" && exec "$@"', "sh"])
     words = ["output folder"] if hidden == "out" else ["flash_00.png"]
     refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "does not see", str(tmp_path / hidden), *words)
+
+
+@pytest.mark.full
+def test_a_worker_that_sees_other_photographs_of_the_same_names_and_sizes_is_refused(
+    session, cluster, refused, tmp_path
+):
+    """A copy of another day on the worker's own disk; RAW files of one camera are all of one size."""
+    if subprocess.run([*ALONE, "true"], capture_output=True).returncode:
+        pytest.skip("no file systems of their own for processes here")
+    other = Path(shutil.copytree(session[0], tmp_path / "of another day"))
+    changed = other / "flash_03.png"
+    content = bytearray(changed.read_bytes())
+    content[len(content) // 2] ^= 1
+    changed.write_bytes(content)
+    cluster.start_scheduler()
+    cluster.start_worker()
+    cluster.start_worker(first=[*ALONE, "sh", "-c", f'mount --bind "{other}" "{session[0]}" && exec "$@"', "sh"])
+    refused(cluster.run("check", session[0], "--out", tmp_path / "out"), "sees another file as", "flash_03.png")
 
 
 @pytest.mark.full
