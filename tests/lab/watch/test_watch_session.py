@@ -88,6 +88,8 @@ def test_a_watch_goes_on_with_a_shoot_that_ended_and_leaves_a_changed_session_al
     blurred(SESSION / "raw" / "flash_004.dng", place / "hot" / "flash_012.dng", sigma_px=0.8)
     watch_folder(place / "hot", place / "out", BALLS, Alarm(), until_idle_s=3.0)
     assert "flash_012" in Store(place / "out").load_frames().names
+    watch_folder(place / "hot", place / "out", BALLS, Alarm(), until_idle_s=1.0)
+    assert not (place / "out" / ".rgbn" / "decoded").exists(), "nothing was new, and no second copy is left"
     manifest = place / "hot" / MANIFEST
     manifest.write_text(manifest.read_text() + "# mine\n")
     pushed(SESSION / "raw" / "flash_004.dng", place / "hot" / "flash_013.dng")
