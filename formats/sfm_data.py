@@ -18,7 +18,8 @@ def write_sfm(path: Path, camera: Camera, photographs: Sequence[Path]) -> list[s
 
     The world is the camera's frame as OpenCV has it: x right, y down, z away. Views count from 1, in the order given.
     The focal length is in millimetres of a sensor `SENSOR_MM` wide, the principal point, pixels, from the middle of the
-    picture, distortion Brown's radial one of three terms.
+    picture as AliceVision counts it, half a pixel right and down of ours. In this version the camera's type names the
+    model of its distortion: "radial3" has k1, k2, k3 as OpenCV has them, "brown" p1 and p2 after them.
 
     Raises
     ------
@@ -30,20 +31,18 @@ def write_sfm(path: Path, camera: Camera, photographs: Sequence[Path]) -> list[s
             "camera: it is taken as orthographic, and SfMData takes a focal length. Give fx, fy, cx, cy under [camera]."
         )
     k1, k2, p1, p2, k3 = camera.distortion
-    notes = [f"cameras.sfm: its camera is from {camera.source}"]
-    if p1 or p2:
-        notes.append("cameras.sfm: tangential distortion (p1, p2) is left out")
+    kind, distortion = ("brown", (k1, k2, k3, p1, p2)) if p1 or p2 else ("radial3", (k1, k2, k3))
     focal = camera.fx / camera.width * SENSOR_MM
-    offset = camera.cx - (camera.width - 1) / 2, camera.cy - (camera.height - 1) / 2
+    offset = camera.cx - camera.width / 2, camera.cy - camera.height / 2
     size = {"width": str(camera.width), "height": str(camera.height)}
     intrinsic = {
         "intrinsicId": "1", **size, "sensorWidth": str(SENSOR_MM),
-        "sensorHeight": repr(SENSOR_MM * camera.height / camera.width), "serialNumber": "rgbn", "type": "pinhole",
+        "sensorHeight": repr(SENSOR_MM * camera.height / camera.width), "serialNumber": "rgbn", "type": kind,
         "initializationMode": "calibrated", "initialFocalLength": repr(focal), "focalLength": repr(focal),
-        "pixelRatio": repr(camera.fx / camera.fy), "pixelRatioLocked": "true",
+        "pixelRatio": repr(camera.fy / camera.fx), "pixelRatioLocked": "true",
         "principalPoint": list(map(repr, offset)),
-        "distortionInitializationMode": "calibrated", "distortionType": "radialk3",
-        "distortionParams": [repr(float(value)) for value in (k1, k2, k3)], "locked": "true",
+        "distortionInitializationMode": "calibrated",
+        "distortionParams": [repr(float(value)) for value in distortion], "locked": "true",
     }  # fmt: skip
     views = [
         {"viewId": str(index), "poseId": "1", "frameId": str(index), "intrinsicId": "1", "path": str(one), **size}
@@ -54,4 +53,4 @@ def write_sfm(path: Path, camera: Camera, photographs: Sequence[Path]) -> list[s
     data = {"version": VERSION, "views": views, "intrinsics": [intrinsic], "poses": [pose]}
     path.parent.mkdir(parents=True, exist_ok=True)
     write_text(path, json.dumps(data, indent=1) + "\n")
-    return notes
+    return [f"cameras.sfm: its camera is from {camera.source}"]
