@@ -1,7 +1,6 @@
 """One session on its way through the steps: what is done and current is not done again."""
 
 import logging
-import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -11,6 +10,7 @@ from lab.options import DEFAULT_PROFILE, TwinSettings
 from lab.progress import say
 from lab.run_log import log
 from lab.settings import Settings
+from scene.clock import now, since
 from scene.current import code_fingerprint, fingerprint
 from scene.errors import SceneError
 from scene.files import plain
@@ -147,14 +147,14 @@ class Job:
             LOG.info("%s: is done and current", wanted)
             return
         say(f"{wanted} ...")
-        start, stale = time.perf_counter(), _made_from(steps, wanted)
+        start, stale = now(), _made_from(steps, wanted)
         self._tell_removed(wanted, stale)
         with self.record.making(wanted, mark, stale) as entry:
             outcome = step.work(self)
-            seconds = time.perf_counter() - start
-            entry |= plain({"seconds": seconds, "result": outcome.result, "warnings": outcome.warnings})
+            spent = since(start)
+            entry |= plain({**spent, "result": outcome.result, "warnings": outcome.warnings})
         warned = f", {len(outcome.warnings)} warnings" if outcome.warnings else ""
-        say(f"{wanted}: {seconds:.1f} s{warned}")
+        say(f"{wanted}: {spent['seconds']:.1f} s{warned}")
         for text in outcome.warnings:
             log(f"warning ({wanted}): {text}")
 

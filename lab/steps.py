@@ -211,9 +211,10 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
         store.save_estimate(estimate)
         table[method] = {
             "seconds": estimate.seconds,
+            "processor_seconds": estimate.processor_seconds,
             "megapixels": megapixels,
             "frames": len(frames),
-            "seconds_per_megapixel_image": estimate.seconds / (megapixels * len(frames)),
+            "processor_seconds_per_megapixel_image": estimate.processor_seconds / (megapixels * len(frames)),
             "sigma_deg_median": median_or_none(estimate.sigma_deg),
             "condition_median": median_or_none(estimate.condition),
             "profile": job.profile,

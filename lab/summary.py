@@ -10,6 +10,8 @@ from scene.current import libraries
 from scene.files import remove, write_json, write_text
 from scene.store import Store
 
+TWIN_TIME = "twin_processor_seconds"
+"""Of a method, in `solve.methods`."""
 LIGHTS_TABLE, ERRORS_TABLE = "lights.csv", "statistics.csv"
 
 
@@ -22,7 +24,8 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
 
     solved = result("solve").get("methods", {})
     twin = result("twin")
-    methods = {name: {**row, "twin_seconds": twin.get("twin_seconds", {}).get(name)} for name, row in solved.items()}
+    of_twin = twin.get(TWIN_TIME, {})
+    methods = {name: {**row, TWIN_TIME: of_twin.get(name)} for name, row in solved.items()}
     compared = dict(result("compare"))
     truth_check = compared.pop("truth_check", None)
     summary = {
@@ -31,6 +34,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "versions": libraries(),
         "arguments": arguments,
         "seconds": {step: entry["seconds"] for step, entry in done.items()},
+        "processor_seconds": {step: entry.get("processor_seconds") for step, entry in done.items()},
         "warnings": [{"step": step, "text": text} for step, entry in done.items() for text in entry["warnings"]],
         "capture": result("check"),
         "camera": job.store.read_json("camera.json") if job.store.path("camera.json").exists() else None,
@@ -39,7 +43,7 @@ def write_summary(job: Job, arguments: dict[str, Any]) -> dict[str, Any]:
         "align": result("align").get("truth"),
         "solve": {"methods": methods},
         "trust": result("trust") or None,
-        "twin": {key: value for key, value in twin.items() if key != "twin_seconds"} if twin.get("rendered") else None,
+        "twin": {key: value for key, value in twin.items() if key != TWIN_TIME} if twin.get("rendered") else None,
         "compare": compared,
     }
     if truth_check:

@@ -22,7 +22,7 @@ def twin(job: Job) -> Outcome:
     # Scene and true normals are gone before the solvers' maps come.
     result, warnings = _render(job, folder)
     solved, more = solve_all(job, folder, "twin", job.methods)
-    result["twin_seconds"] = {method: row["seconds"] for method, row in solved["methods"].items()}
+    result["twin_processor_seconds"] = {method: row["processor_seconds"] for method, row in solved["methods"].items()}
     return Outcome(result, [*warnings, *(f"twin: {text}" for text in more)])
 
 

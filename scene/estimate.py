@@ -28,8 +28,8 @@ class Estimate:
         Pixel value under a light of intensity 1 along the normal, RGB, NaN where unknown.
     samples : (H, W) uint16
         How many frames each pixel was fitted to; 0 where unknown.
-    seconds : float
-        Wall time of the method itself.
+    seconds, processor_seconds : float
+        Of the method itself, by the clock on the wall and of processors.
     settings : dict
         The options that it ran with.
     warnings : tuple of str
@@ -51,6 +51,7 @@ class Estimate:
     albedo: NDArray[np.float32]
     samples: NDArray[np.uint16]
     seconds: float = 0.0
+    processor_seconds: float = 0.0
     settings: dict = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     condition: NDArray[np.float32] | None = None
@@ -79,7 +80,11 @@ class Estimate:
         if self.sigma_deg is not None and np.isfinite(self.sigma_deg).any():
             text += f", sigma {np.nanmedian(self.sigma_deg):.2g} degrees (median)"
         doubts = len(self.warnings)
-        return text + f", {self.seconds:.1f} s" + (f", {doubts} warning{'s' * (doubts > 1)}" if doubts else "")
+        return (
+            text
+            + f", {self.processor_seconds:.1f} processor s"
+            + (f", {doubts} warning{'s' * (doubts > 1)}" if doubts else "")
+        )
 
     def _repr_html_(self) -> str:
         from scene.map_pictures import data_uri

@@ -1,5 +1,6 @@
 """The door of every reader: what a parser stumbles over in a foreign or damaged file ends as one message."""
 
+import codecs
 import contextlib
 import json
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,6 +16,7 @@ MOST_FAULTS = 100
 """That are told at once."""
 LONGEST_TEXT = 64 << 20
 """Bytes. Tables, JSON and lists of this project's kinds are a thousand times smaller."""
+ENCODE = "Save the file as UTF-8: most editors offer it where they save, as encoding."
 
 
 @contextlib.contextmanager
@@ -89,13 +91,45 @@ def told(where: object, faults: Sequence[str], doing: str = "") -> str:
     return "\n  ".join([f"{where}: {doing}{len(faults)} faults.", *lines, *more])
 
 
-def text_of(path: Path, fault: str = "cannot be read as text", error: type[SceneError] = SceneError, **how: Any) -> str:
-    """Return a text in UTF-8, with or without its mark; see `reading` for the parameters."""
+def text_of(
+    path: Path,
+    fault: str = "cannot be read as text",
+    error: type[SceneError] = SceneError,
+    *,
+    most: int = LONGEST_TEXT,
+    names: bool = False,
+    **how: Any,
+) -> str:
+    r"""Return a text in UTF-8, or in the encoding that its mark tells, without the mark, lines ended by \n.
+
+    See `reading` for the other parameters.
+
+    Parameters
+    ----------
+    most : int
+        Bytes that such a file may have.
+    names : bool
+        What is not ASCII in it are files' names, which are only compared: bytes that are not UTF-8 are kept as lone
+        surrogates, as Python keeps those of paths.
+    """
     with reading(path, fault, error, **how):
         size = path.stat().st_size
-        if size > LONGEST_TEXT:
-            raise ValueError(f"{size >> 20} MB, {LONGEST_TEXT >> 20} MB are the most")
-        return path.read_text("utf-8-sig")
+        if size > most:
+            raise ValueError(f"{size / 2**20:.1f} MB; {most >> 20} MB are the most")
+        data = path.read_bytes()
+        try:
+            if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+                text = data.decode("utf-16")
+            else:
+                text = data.decode("utf-8-sig", "surrogateescape" if names else "strict")
+        except UnicodeDecodeError as found:
+            number = data.count(b"\n", 0, found.start)
+            line = shortened(data.split(b"\n")[number].decode("latin-1"), 80)
+            told = f"line {number + 1} is not {found.encoding.upper()}: {line} (read as Latin-1). {ENCODE}"
+            raise error(f"{path}: {fault}: {told}") from found
+        if "\0" in text:
+            raise error(f"{path}: {fault}: it holds zero bytes, as a text in UTF-16 without its mark does. {ENCODE}")
+        return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def json_of(path: Path, fault: str = "not JSON", error: type[SceneError] = SceneError, **how: Any) -> Any:

@@ -1,6 +1,5 @@
 """A normal map that another program found, judged as a method of ours is: albedo, samples, sigma, cautions."""
 
-import time
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
+from scene.clock import now, since
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
@@ -60,7 +60,7 @@ def solve_external(
     SceneError
         The program fails, or no axes explain the photographs.
     """
-    start = time.perf_counter()
+    start = now()
     if not lights.is_unknown:
         lights.check()
     found = normals_by(external, frames, lights, mask, folder)
@@ -83,7 +83,7 @@ def solve_external(
     estimate = solve(method, frames, lights, camera, mask, executor=executor, progress=progress)
     cautions = (*estimate.warnings, *relief_cautions(estimate.normals, frames, lights, camera, mask))
     settings = {"command": external.command, "timeout_s": external.timeout_s, "axes": str(used_axes[0])}
-    return replace(estimate, seconds=time.perf_counter() - start, settings=settings, warnings=cautions)
+    return replace(estimate, **since(start), settings=settings, warnings=cautions)
 
 
 class NoSettings(NamedTuple):

@@ -1,7 +1,6 @@
 """Run a method over a stack, band by band."""
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import nullcontext
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.camera import Camera
+from scene.clock import now, since
 from scene.errors import SceneError
 from scene.estimate import Estimate
 from scene.frames import Frames
@@ -83,7 +83,7 @@ def solve(
     problem = Problem(frames, lights, camera, mask, slice(0, len(mask)))
     if what.fit:
         _compile(what, settings, problem)
-    start = time.perf_counter()
+    start = now()
     problem = what.prepare(problem, settings) if what.prepare else problem
     if what.fit_whole:
         problem, parts, work = _fit_whole(what.fit_whole, settings, problem, what.is_calibrated)
@@ -114,14 +114,14 @@ def solve(
 
         shared = shared_sigma_deg(normals, problem.lights.directions, problem.intensity_covariance)
         sigma_deg = np.hypot(sigma_deg, shared)
-    seconds = time.perf_counter() - start
+    spent = since(start)
     cautions = (*problem.cautions, *cautions_of(mask, normals, samples, condition, dark))
     if not what.is_calibrated:
         from solve.inverted_relief import relief_cautions
 
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
-        what.name, normals, albedo, samples, seconds, as_dict(settings), cautions, condition, sigma_deg,
+        what.name, normals, albedo, samples, *spent.values(), as_dict(settings), cautions, condition, sigma_deg,
         problem.own_lights, problem.z_mm,
     )  # fmt: skip
 

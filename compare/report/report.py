@@ -120,8 +120,12 @@ def _provenance_section(summary: Summary) -> str:
     """Return versions, arguments, camera, rendering and seconds: what is needed to get these numbers again."""
     parts = []
     if seconds := summary.get("seconds"):
-        rows = [(escape(str(step)), page.number(value, 1, "s")) for step, value in seconds.items()]
-        parts.append(page.table(("step", "time"), rows, caption="Seconds per step"))
+        spent = summary.get("processor_seconds") or {}
+        rows = [
+            (escape(str(step)), *(page.number(value, 1, "s") for value in (spent.get(step), wall)))
+            for step, wall in seconds.items()
+        ]
+        parts.append(page.table(("step", "processor", "wall"), rows, caption="Seconds per step"))
     for key in ("versions", "arguments", "camera", "twin"):
         values = {name: value for name, value in (summary.get(key) or {}).items() if name not in LONG}
         if values:

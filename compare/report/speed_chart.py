@@ -31,7 +31,8 @@ _OVERLAP, _OUTSIDE, _ON_MARK, _ON_LINE, _FOREIGN = 1e6, 1e6, 400.0, 40.0, 120.0
 class SpeedPoint:
     """One method on the photographs (`kind` real) or on their twin.
 
-    `family`: of `facts.family`. `seconds`: wall seconds for a million pixels of one frame, of this kind's own solving.
+    `family`: of `facts.family`. `seconds`: processor seconds for a million pixels of one frame, of this kind's own
+    solving.
     `median_deg`: median angular error against the ground truth.
     """
 
@@ -43,11 +44,11 @@ class SpeedPoint:
 
 
 def seconds_per_megapixel_image(row: Summary, kind: str) -> float | None:
-    """Return a method's seconds for a million pixels of one frame, real or twin; `row` of summary's solve.methods."""
+    """Return a method's processor seconds for a million pixels of one frame; `row` of summary's solve.methods."""
     if kind == "real":
-        seconds = row.get("seconds_per_megapixel_image")
+        seconds = row.get("processor_seconds_per_megapixel_image")
         return seconds if is_number(seconds) else None
-    seconds, megapixels, frames = row.get("twin_seconds"), row.get("megapixels"), row.get("frames")
+    seconds, megapixels, frames = row.get("twin_processor_seconds"), row.get("megapixels"), row.get("frames")
     if is_number(seconds) and is_number(megapixels) and is_number(frames) and megapixels * frames > 0:
         return seconds / (megapixels * frames)
     return None
@@ -118,7 +119,7 @@ def speed_chart(
     ties = [(at[name, "real"], at[name, "twin"]) for name in named if (name, "real") in at and (name, "twin") in at]
     front = pareto_front([p for p in points if p.kind == "real" or is_twin_in_front] or points)
     steps = _steps([at[p.method, p.kind] for p in front])
-    parts = axes(x, y, FRAME, x_title="seconds per megapixel-image", y_title="median angular error (°)")
+    parts = axes(x, y, FRAME, x_title="processor seconds per megapixel-image", y_title="median angular error (°)")
     parts.append(f'<path d="M{"L".join(f"{u:.1f} {v:.1f}" for u, v in steps)}" {DOTS}/>')
     parts += [f'<path d="M{u:.1f} {v:.1f}L{s:.1f} {t:.1f}" stroke="#aaa"/>' for (u, v), (s, t) in ties]
     sizes = np.array([(_text_width(name) + 4, FONT + 3) for name in named])
@@ -134,7 +135,7 @@ def speed_chart(
     # Hollow marks first: where real and twin coincide the real one is to be seen.
     for point in sorted(points, key=lambda p: p.kind == "real"):
         words = f"{point.method}, {kinds[point.kind == 'twin']}: "
-        words += f"{point.seconds:.3g} s per megapixel-image, median {point.median_deg:.2f}°"
+        words += f"{point.seconds:.3g} processor s per megapixel-image, median {point.median_deg:.2f}°"
         mark = _mark(*at[point.method, point.kind], point.family, hollow=point.kind == "twin")
         parts.append(f'<g class="{point.kind} {point.family}"><title>{escape(words)}</title>{mark}</g>')
     for name, (u, v) in zip(named, middles, strict=True):

@@ -84,7 +84,7 @@ def time_section(summary: Summary) -> str:
     for name in dict.fromkeys([*(name for name in by_error(compared) if name in solved), *solved]):
         row, error = solved[name] or {}, errors.get(name) or {}
         maybe = {kind: (error.get(kind) or {}).get("median_deg") for kind in ("real", "twin")}
-        maybe["twin_seconds"] = row.get("twin_seconds")
+        maybe["twin_processor_seconds"] = row.get("twin_processor_seconds")
         shown = {key: value if page.is_number(value) else "–" for key, value in maybe.items()}
         options = ", ".join(f"{key} {page.as_text(value)}" for key, value in (row.get("settings") or {}).items())
         rows.append({**row, **shown, "name": name, "options": options or "–"})

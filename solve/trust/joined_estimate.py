@@ -1,6 +1,5 @@
 """The answer that all methods give together, as an estimate like each of theirs: albedo, samples, condition."""
 
-import time
 from concurrent.futures import Executor
 from dataclasses import replace
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from scene.camera import Camera
+from scene.clock import now, since
 from scene.estimate import Estimate
 from scene.frames import Frames
 from scene.lights import Lights
@@ -28,7 +28,7 @@ def estimate_of(
 
     sigma_deg is along one tangent axis, as everywhere: the predicted error is the root mean square of the whole angle.
     """
-    start = time.perf_counter()
+    start = now()
     normals = np.nan_to_num(judged.best[mask]).astype(np.float64)
 
     def fit(_problem: Problem, samples: Samples, _settings: Any) -> Whole:
@@ -37,4 +37,4 @@ def estimate_of(
     method = Method(BEST, {"default": NoSettings()}, fit_whole=fit)
     found = solve(method, frames, lights, camera, mask, executor=executor)
     sigma = (judged.sigma_deg / np.sqrt(2)).astype(np.float32)
-    return replace(found, seconds=time.perf_counter() - start, sigma_deg=sigma)
+    return replace(found, **since(start), sigma_deg=sigma)

@@ -55,7 +55,10 @@ def summary_of(**methods):
     """Return a summary of methods given as (seconds a megapixel-image, twin's seconds, median, twin's median)."""
     solve, compare = {}, {}
     for name, (seconds, twin_seconds, median, twin) in methods.items():
-        solve[name] = {"seconds_per_megapixel_image": seconds, "twin_seconds": twin_seconds}
+        solve[name] = {
+            "processor_seconds_per_megapixel_image": seconds,
+            "twin_processor_seconds": twin_seconds,
+        }
         solve[name] |= {"megapixels": 0.5, "frames": 4}
         compare[name] = {
             "real": None if median is None else {"median_deg": median},
