@@ -121,8 +121,8 @@ def solve(
 
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(
-        what.name, normals, albedo, samples, *spent.values(), as_dict(settings), cautions, condition, sigma_deg,
-        problem.own_lights, problem.z_mm,
+        what.name, normals, albedo, samples, spent["seconds"], spent["processor_seconds"], as_dict(settings), cautions,
+        condition, sigma_deg, problem.own_lights, problem.z_mm,
     )  # fmt: skip
 
 
