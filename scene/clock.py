@@ -6,7 +6,7 @@ import time
 
 def now() -> tuple[float, float]:
     """Return wall seconds, and the processor seconds of this process and of the programs that it waited for."""
-    return time.perf_counter(), sum(os.times()[:4])
+    return time.perf_counter(), time.process_time() + sum(os.times()[2:4])
 
 
 def since(start: tuple[float, float]) -> dict[str, float]:
