@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from scene.light_text import BY_COLUMN, EITHER
 from scene.reading import listed
 
 
@@ -42,6 +43,14 @@ KINDS = (
         r"taken in the file's order, which counts the skipped frames",
         "If the file leaves the skipped frames out, or lists others, every normal is wrong. Name the photographs in "
         "the file (.lp, or filenames.txt beside light_directions.txt).",
+    ),
+    Kind(
+        rf".* {BY_COLUMN}",
+        "It can be nothing else. Write a line for each light, and this is not said.",
+    ),
+    Kind(
+        rf".* {EITHER}",
+        "If each column is a light, every normal is wrong. Write unit vectors, which tell.",
     ),
     Kind(
         r"its positions in mm are not used: they need .*",

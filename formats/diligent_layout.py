@@ -19,9 +19,9 @@ from scene.errors import SceneError
 from scene.files import write_png, write_text, write_whole
 from scene.frames import Frames
 from scene.image_files import read_pixels
-from scene.light_text import DIRECTIONS, FILENAMES, INTENSITIES, light_tables
+from scene.light_text import DIRECTIONS, FILENAMES, INTENSITIES, light_tables, names_in, table_in
 from scene.lights import Lights
-from scene.reading import listed, text_of
+from scene.reading import listed
 
 Array = NDArray[np.float64]
 TABLES = (DIRECTIONS, INTENSITIES)
@@ -77,7 +77,8 @@ def read_tables(folder: Path) -> Layout:
     """Read what a session needs: the list of the photographs, and their lights as they are written."""
     found = Layout(folder)
     _read_names(found)
-    found.directions, found.intensities = _read_table(found, DIRECTIONS), _read_table(found, INTENSITIES)
+    found.directions, note = _read_table(found, DIRECTIONS)
+    found.intensities, _ = _read_table(found, INTENSITIES, note)
     return found
 
 
@@ -97,34 +98,6 @@ def read_layout(folder: Path) -> Layout:
     _read_mask(found)
     _read_normals(found)
     return found
-
-
-def names_in(path: Path, error: type[SceneError] = SceneError) -> list[str]:
-    """Return the photographs that a filenames.txt lists."""
-    return [name for line in text_of(path, error=error).splitlines() if (name := line.strip())]
-
-
-def table_in(path: Path, error: type[SceneError] = SceneError) -> Array:
-    """Return a table of lights (N, 3), NaN and infinity as they are written; numbers between blanks or commas.
-
-    Raises
-    ------
-    SceneError
-        Of the type `error`: unreadable, empty, or a line that is not three numbers.
-    """
-    lines = text_of(path, error=error).splitlines()
-    rows = [row for line in lines if (row := line.replace(",", " ").split())]
-    table, where = [], "it is empty"
-    for number, row in enumerate(rows, 1):
-        try:
-            x, y, z = map(float, row)
-        except ValueError:
-            table, where = [], f"line {number} is {' '.join(row)[:60]!r}"
-            break
-        table.append((x, y, z))
-    if not table:
-        raise error(f"{path}: {where}; expected three numbers a line, one line a photograph.")
-    return np.array(table)
 
 
 def write_diligent(
@@ -181,22 +154,24 @@ def _read_names(found: Layout) -> None:
         found.notes.append(f"{FILENAMES}: {listed(spare)} {_are(spare)} in the folder but not on the list: left out.")
 
 
-def _read_table(found: Layout, name: str) -> Array | None:
+def _read_table(found: Layout, name: str, *beside: str) -> tuple[Array | None, str]:
     if not (found.folder / name).is_file():
         found.faults.append(f"{name}: missing. Write three numbers a line, one line a photograph.")
-        return None
-    table = found.read(table_in, name)
+        return None, ""
+    table, note = found.read(table_in, name, SceneError, *beside) or (None, "")
+    if note and not beside:
+        found.notes.append(f"{name}: {note}.")
     if table is not None and found.listed and len(table) != len(found.listed):
         found.faults.append(
             f"{name}: found {len(table)} rows, expected {len(found.listed)}, one for each line of {FILENAMES}. Add or "
             "remove rows; their order is that of the list."
         )
-        return None
+        return None, note
     wrong = [] if table is None else np.flatnonzero(~np.isfinite(table).all(1)) + 1
     if len(wrong):
         found.faults.append(f"{name}: row {listed(wrong)} {_are(wrong)} not finite. Give every light its numbers.")
-        return None
-    return table
+        return None, note
+    return table, note
 
 
 def _check_directions(found: Layout) -> None:

@@ -1,16 +1,71 @@
-"""Lights in the files of every output folder: lights.json, and for others DiLiGenT's tables and `.lp`."""
+"""Lights in the files of every output folder: lights.json, and for others DiLiGenT's tables, read too, and `.lp`."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from scene.errors import SceneError
 from scene.lights import Lights
-from scene.reading import numbers
+from scene.reading import numbers, shortened, text_of
 
+Array = NDArray[np.float64]
 FILENAMES, DIRECTIONS, INTENSITIES = "filenames.txt", "light_directions.txt", "light_intensities.txt"
 LP = "lights.lp"
+BY_COLUMN = "has a light a column, not a line: so it is taken"
+EITHER = "has three lines of three numbers, a light a line or a column: taken as a line"
+
+
+def names_in(path: Path, error: type[SceneError] = SceneError) -> list[str]:
+    """Return the photographs that a filenames.txt lists."""
+    return [name for line in text_of(path, error=error).splitlines() if (name := line.strip())]
+
+
+def table_in(
+    path: Path, error: type[SceneError] = SceneError, beside: str | None = None
+) -> tuple[NDArray[np.float64], str]:
+    """Return a table of lights (N, 3), NaN and infinity as they are written; and what to say of how it was read.
+
+    Numbers between blanks or commas: a light a line, or a column (`BY_COLUMN`); a first line may count the lights.
+
+    Parameters
+    ----------
+    beside : str or None
+        Intensities, one or three a light: what was said of their directions. None: directions.
+
+    Raises
+    ------
+    SceneError
+        Of the type `error`: unreadable, empty, or a line of another length or with a word that is no number.
+    """
+    lines = text_of(path, error=error).splitlines()
+    rows = [row for line in lines if (row := line.replace(",", " ").split())]
+    if len(rows) > 1 and len(rows[1]) > 1 and rows[0] in ([str(len(rows) - 1)], [str(len(rows[1]))]):
+        rows = rows[1:]
+    width = len(rows[0]) if rows else 0
+    by_column = len(rows) == 3 and width > 3
+    table, where = [], "it is empty"
+    for number, row in enumerate(rows, 1):
+        try:
+            if len(row) != width or not (width == 3 or by_column or (width == 1 and beside is not None)):
+                raise ValueError
+            table.append([float(word) for word in row])
+        except ValueError:
+            table, where = [], f"line {number} is {shortened(' '.join(row), 60)!r}"
+            break
+    if not table:
+        raise error(f"{path}: {where}; expected three numbers a line, one line a photograph.")
+    values, note = np.array(table), ""
+    if values.shape == (3, 3) and beside is None:
+        by_line, by_column = (bool((abs(np.linalg.norm(way, axis=1) - 1) < 0.01).all()) for way in (values, values.T))
+        note = EITHER if by_line == by_column and not np.array_equal(values, values.T) else ""
+        by_column = by_column and not by_line
+    elif values.shape == (3, 3):
+        by_column = beside == BY_COLUMN
+    values = values.T if by_column else values
+    return np.broadcast_to(values, (len(values), 3)), BY_COLUMN if by_column else note
 
 
 def number_rows(rows: NDArray[np.float64]) -> str:

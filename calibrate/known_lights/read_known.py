@@ -1,5 +1,7 @@
 """Lights from a file instead of balls: which reader, checked, in the frames' order."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.light_files.light_formats import read_light_file
+from formats.light_files.light_frames import keys_of, places
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.reading import listed
+from scene.reading import ENCODE, listed, shortened
 
 Array = NDArray[np.float64]
 LARGEST = 1e9  # of any number of a light: a thousand kilometres, or a flash a billion times as bright as the others
@@ -59,7 +62,8 @@ def read_lights(
 
     Notes
     -----
-    A file whose names are none of the frames' is taken in its own order, and each light is flagged so.
+    `light_frames.places` says which names are the same. A file whose names are none of the frames' is taken in its own
+    order, and each light is flagged so; it is refused where the numbers in its names tell another order.
     `light_frames` states each format's axes, origin and unit.
     """
     if not path.is_file():
@@ -99,21 +103,42 @@ def _checked(path: Path, lights: Lights) -> Lights:
 
 def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple[int, ...]) -> Lights:
     """Return the lights in the frames' order, under the frames' names."""
-    known = {name: i for i, name in enumerate(lights.names)}
-    no_name_known = not any(name in known for name in names)
-    if len(known) == len(lights) and all(name in known for name in names):
-        order, flag = [known[name] for name in names], ()
-    elif len(lights) == len(names) and no_name_known:
+    found = places(names, lights.names)
+    flag: tuple[str, ...] = ()
+    if all(len(rows) == 1 for rows in found):
+        order = [rows[0] for rows in found]
+    elif not any(found) and len(lights) == len(names):
         order, flag = list(range(len(names))), ("taken in the file's order: its names are not the frames'",)
-    elif len(lights) == len(names) + len(skipped) and no_name_known:
+    elif not any(found) and len(lights) == len(names) + len(skipped):
         order = [i for i in range(len(lights)) if i not in skipped]
         flag = ("taken in the file's order, which counts the skipped frames",)
     else:
-        missing = [] if no_name_known else [name for name in names if name not in known]
-        none_for = f"no light for the frame {listed(map(repr, missing))}: " if missing else ""
+        missing = [name for name, rows in zip(names, found, strict=True) if not rows and any(found)]
+        twice = [name for name, rows in zip(names, found, strict=True) if len(rows) > 1]
+        odd = f"no light for the frame {listed(map(repr, missing))}: " if missing else ""
+        odd += f"several lights for the frame {listed(map(repr, twice))}: " if twice else ""
         raise CalibrationError(
-            f"{path}: {none_for}{len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in "
-            "order or by name: complete the file, or list frames without a light under frames.skip."
+            f"{path}: {odd}{len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or "
+            f"by name: complete the file, or list frames without a light under frames.skip.{_encode(lights)}"
+        )
+    as_frames = _by_number(names) if len(lights) == len(names) else list(range(len(lights)))
+    if flag and _by_number(lights.names) != as_frames:
+        raise CalibrationError(
+            f"{path}: its names ({listed(map(shortened, lights.names), 2)}) are not the frames' ({listed(names, 2)}), "
+            "and by their numbers the lights stand in another order than the frames. Write the photographs' names in "
+            f"the file.{_encode(lights)}"
         )
     ordered = lights.only(order)
     return replace(ordered, names=names, flags=tuple(flags + flag for flags in ordered.flags))
+
+
+def _by_number(names: Sequence[str]) -> list[int]:
+    """Return the order of names by the last number in each; as they stand, if not each has its own."""
+    numbers = [int(digits[-1][-15:]) if (digits := re.findall(r"\d+", keys_of(name)[-1])) else 0 for name in names]
+    return sorted(range(len(names)), key=numbers.__getitem__) if len({*numbers}) == len(names) else [*range(len(names))]
+
+
+def _encode(lights: Lights) -> str:
+    """Say that names are not UTF-8, which may be why they are not the frames'."""
+    is_text = not any("\ud800" <= letter <= "\udfff" for name in lights.names for letter in name)
+    return "" if is_text else f" Its names are not UTF-8. {ENCODE}"

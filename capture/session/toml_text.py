@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from scene.errors import SessionError
-from scene.reading import reading, shortened
+from scene.reading import reading, shortened, text_of
 
 LONGEST = 1 << 20
 """Bytes of a session.toml."""
-ENCODE = "Save the file as UTF-8: most editors offer it where they save, as encoding"
 CURES = (
     (r"[“”„«»‘’]", 'Write plain quotation marks, as in "text".'),
     (r"\\", "Write / between folders, also on Windows."),
@@ -30,28 +29,14 @@ def toml_tables(path: Path) -> dict[str, Any]:
     Raises
     ------
     SessionError
-        It is no TOML, or no text in UTF-8.
+        It is no TOML, or no text.
     """
+    text = text_of(path, "is not TOML", SessionError, most=LONGEST, do="Correct it.")
     with reading(path, "is not TOML", SessionError, do="Correct it."):
-        if path.stat().st_size > LONGEST:
-            raise ValueError(f"{path.stat().st_size} bytes; a session takes some hundreds, {LONGEST} are the most")
-        text = _decoded(path, path.read_bytes())
         try:
             return tomllib.loads(text)
         except tomllib.TOMLDecodeError as error:
             raise SessionError(f"{path}: {_told(text, str(error))}") from error
-
-
-def _decoded(path: Path, data: bytes) -> str:
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        raise SessionError(f"{path}: is a text in UTF-16. {ENCODE}.")
-    try:
-        # The mark that some editors put at the beginning is no part of the text.
-        return data.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        number = data.count(b"\n", 0, error.start)
-        line = shortened(data.split(b"\n")[number].decode("latin-1"), 80)
-        raise SessionError(f"{path}: line {number + 1} is not UTF-8: {line} (read as Latin-1). {ENCODE}.") from error
 
 
 def _told(text: str, said: str) -> str:

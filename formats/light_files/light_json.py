@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from formats.light_files.light_frames import Photographs, from_opencv, nameless, stem, to_opencv
+from formats.light_files.light_frames import Photographs, from_opencv, nameless, places, to_opencv
 from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.light_text import lights_of_json
@@ -54,7 +54,7 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
         names = tuple(str(row["name"]) for row in rows)
     elif any("viewId" in row for row in rows):
         views = [path for beside in sorted(path.parent.glob("*.sfm")) for path in view_paths(beside).items()]
-        known = {view: stem(file) for file, view in views}
+        known = {view: file for file, view in views}
         unknown = [str(row.get("viewId")) for row in rows if str(row.get("viewId")) not in known]
         if unknown:
             raise CalibrationError(
@@ -86,16 +86,18 @@ def write_alicevision(lights: Lights, shot: Photographs) -> tuple[dict[str, Any]
             "give its cameraInit.sfm with --sfm, or use the .lp file, which it matches by file name."
         )
     else:
-        ids = {stem(file): view for file, view in view_paths(shot.sfm).items()}
-    missing = [name for name in lights.names if ids is not None and name not in ids]
-    if missing:
-        raise CalibrationError(
-            f"the .sfm has no view for the frame {missing[0]!r} ({len(missing)} of {len(lights)} missing). Give the "
-            ".sfm of the same photographs."
-        )
+        views = view_paths(shot.sfm)
+        found = places(lights.names, list(views))
+        wrong = [(name, len(rows)) for name, rows in zip(lights.names, found, strict=True) if len(rows) != 1]
+        if wrong:
+            raise CalibrationError(
+                f"{shot.sfm}: has {wrong[0][1] or 'no'} view{'s' * (wrong[0][1] > 1)} for the frame {wrong[0][0]!r} "
+                f"({len(wrong)} of {len(lights)} lack one of their own). Give the .sfm of the same photographs."
+            )
+        ids = [int(list(views.values())[row]) for (row,) in found]
     rows = [
         {
-            **({"lightId": i} if ids is None else {"viewId": int(ids[name])}),
+            **({"lightId": i} if ids is None else {"viewId": ids[i]}),
             "type": "directional",
             "direction": to_opencv(lights.directions[i]),
             "intensity": lights.intensities[i],

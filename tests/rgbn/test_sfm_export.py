@@ -18,7 +18,7 @@ CAMERA = Camera(640, 480, 900.0, 985.0, 330.7, 228.1, (0.1, -0.05, 0.0, 0.0, 0.0
 
 
 def as_projected(path, points):
-    """Return pixels (P, 2) of points (P, 3) in the file's world, by the file's numbers alone, as AliceVision reads them.
+    """Return pixels (P, 2) of points (P, 3) in the file's world, by the file's numbers, as AliceVision reads them.
 
     Before version 1.2.8 the type alone tells the model of the distortion. From 1.2.5 on pixelRatio is fy / fx. The
     principal point counts from width / 2, height / 2; whole numbers are centres of pixels.

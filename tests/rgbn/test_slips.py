@@ -120,14 +120,19 @@ def test_a_slip_in_session_toml(session, refused, text, parts):
 
 
 def test_what_editors_save(session, refused):
-    """A byte-order mark and Windows' line ends are no fault; other encodings are told with the line and the cure."""
+    """A byte-order mark and Windows' line ends are no fault; what has neither mark nor UTF-8 is told with the cure."""
     file, text = session / "session.toml", TEXT.replace('"bumpy"', '"Büste"')
     file.write_bytes(b"\xef\xbb\xbf" + text.replace("\n", "\r\n").encode())
     assert load_session(session).name == "Büste"
     file.write_bytes(text.encode("latin-1"))
     assert 'line 2 is not UTF-8: name = "Büste" (read as Latin-1). Save the file as UTF-8' in refused("check", session)
-    file.write_bytes(text.encode("utf-16"))
-    assert "is a text in UTF-16. Save the file as UTF-8" in refused("check", session)
+    for line_end in ("\n", "\r\n", "\r"):
+        file.write_bytes(text.replace("\n", line_end).encode("utf-16"))
+        assert load_session(session).name == "Büste"
+    file.write_bytes(text.replace("ü", "u").encode("utf-16-le"))
+    assert "it holds zero bytes, as a text in UTF-16 without its mark does. Save the file as UTF-8" in refused(
+        "check", session
+    )
 
 
 def test_another_folder_is_given(session, refused):

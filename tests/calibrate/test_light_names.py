@@ -1,0 +1,169 @@
+"""Light files that name the photographs in other words, and tables in other shapes: the right light, or a refusal."""
+
+import unicodedata
+
+import numpy as np
+import pytest
+import scipy.io
+
+from calibrate.known_lights.read_known import read_lights
+from formats.diligent_layout import read_tables
+from scene.errors import CalibrationError
+
+COUNT = 5
+ANGLE = 2 * np.pi * np.arange(COUNT) / COUNT
+DIRECTIONS = np.stack([0.6 * np.cos(ANGLE), 0.6 * np.sin(ANGLE), np.full(COUNT, 0.8)], -1)
+
+
+def lp(path, names, order=range(COUNT), encoding="utf-8", end="\n"):
+    """Write a .lp whose rows stand in another order than the frames; `names` are the frames' as the file has them."""
+    rows = [" ".join([names[i], *(f"{x:.9f}" for x in DIRECTIONS[i])]) for i in order]
+    path.write_bytes("".join(f"{row}{end}" for row in (str(COUNT), *rows)).encode(encoding))
+    return path
+
+
+def read(path, frames):
+    return read_lights(path, tuple(frames)).directions
+
+
+@pytest.mark.parametrize(
+    ("frame", "name"),
+    [
+        ("img_{:02d}", "IMG_{:02d}.JPG"),
+        ("IMG_{:02d}", "C:\\Köln\\img_{:02d}.jpg"),
+        ("Münze_{:d}", unicodedata.normalize("NFD", "Münze_{:d}.tif")),
+        (unicodedata.normalize("NFD", "Münze_{:d}"), "MÜNZE_{:d}.tif"),
+        ("coin.{:02d}", "coin.{:02d}"),
+        ("coin.{:02d}", "coin.{:02d}.png"),
+        ("coin.{:02d}.front", "/home/me/coin.{:02d}.front.jpg"),
+        ("IMG_{:02d}", "IMG_{:02d}.CR2.jpg"),
+        ("IMG_{:02d}.CR2", "IMG_{:02d}.jpg"),
+        ("my coin {:d}", '"D:/my photos/my coin {:d}.jpg"'),
+        ("my  coin {:d}", "'my  coin {:d}.jpg'"),
+        ("flash_{:03d}", "Flash_{:d}.3fr"),
+        ("a_flash_{:d}", "a\\flash_{:d}.dng"),
+    ],
+)
+def test_a_name_is_found_however_it_is_written(tmp_path, frame, name):
+    order = [2, 4, 0, 3, 1]
+    path = lp(tmp_path / "l.lp", [name.format(i) for i in range(COUNT)], order)
+    lights = read_lights(path, tuple(frame.format(i) for i in range(COUNT)))
+    np.testing.assert_allclose(lights.directions, DIRECTIONS, atol=1e-8)
+    assert set(lights.flags) == {("l.lp has no intensities",)}
+
+
+def test_names_that_differ_by_their_case_alone(tmp_path):
+    """To the letter they are told apart; in a third case they are not, and that is refused."""
+    frames = ["img_1", "IMG_1", "a", "b", "c"]
+    np.testing.assert_allclose(read(lp(tmp_path / "l.lp", frames, [1, 0, 4, 3, 2]), frames), DIRECTIONS, atol=1e-8)
+    with pytest.raises(CalibrationError, match="no light for the frame 'img_1', 'IMG_1'"):
+        read(lp(tmp_path / "l.lp", ["Img_1", "Img_1", "a", "b", "c"]), frames)
+
+
+def test_two_lights_for_one_frame(tmp_path):
+    with pytest.raises(CalibrationError, match=r"no light for the frame 'c1': several lights for the frame 'c0'"):
+        read(lp(tmp_path / "l.lp", ["c0.jpg", "C0.tif", "c2", "c3", "c4"]), [f"c{i}" for i in range(COUNT)])
+
+
+@pytest.mark.parametrize("encoding", ["cp1252", "mac_roman", "cp850", "utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_a_list_of_another_time_is_read(tmp_path, encoding, end):
+    letters = "äöüéè"
+    frames = [f"Größe_{letter}" for letter in letters]
+    names = [f"C:\\Übung\\Größe_{letter}.jpg" for letter in letters]
+    path = lp(tmp_path / "l.lp", names, [3, 0, 4, 1, 2], encoding, end)
+    np.testing.assert_allclose(read(path, frames), DIRECTIONS, atol=1e-8)
+
+
+def test_names_that_no_encoding_explains(tmp_path):
+    """Some are known, others not, in an encoding that is not tried: it is said how to save the file."""
+    frames = ["ж1", "ж2", "c", "d", "e"]
+    with pytest.raises(CalibrationError, match=r"no light for the frame 'ж1', 'ж2'.*not UTF-8\. Save the file"):
+        read(lp(tmp_path / "l.lp", frames, encoding="koi8-r"), frames)
+
+
+def test_foreign_names_in_another_order_by_number(tmp_path):
+    """The file's own order would give each photograph another's light, where its numbers tell another order."""
+    frames = [f"flash_{i:02d}" for i in range(COUNT)]
+    foreign = [f"DSC{7000 + i}.jpg" for i in range(COUNT)]
+    lights = read_lights(lp(tmp_path / "l.lp", foreign), tuple(frames))
+    np.testing.assert_allclose(lights.directions, DIRECTIONS, atol=1e-8)
+    assert all("file's order" in flags[-1] for flags in lights.flags)
+    with pytest.raises(CalibrationError, match=r"DSC7004.jpg.*by their numbers the lights stand in another order"):
+        read(lp(tmp_path / "l.lp", foreign, reversed(range(COUNT))), frames)
+    with pytest.raises(CalibrationError, match="another order"):
+        read_lights(lp(tmp_path / "l.lp", foreign, [1, 0, 2, 3, 4]), tuple(frames[:4]), skipped=(4,))
+
+
+def test_a_count_that_is_a_light(tmp_path):
+    """A first line that is a photograph of the name "4" and its light is no count."""
+    rows = "".join(f"{name} 0 0 1\n" for name in "4abcd")
+    (tmp_path / "l.lp").write_text(rows)
+    with pytest.raises(CalibrationError, match="line 1 must be the number of lights, found '4 0 0 1'"):
+        read(tmp_path / "l.lp", "4abcd")
+
+
+def table(path, values, count=None):
+    lines = [] if count is None else [str(count)]
+    path.write_text("\n".join([*lines, *(" ".join(map(repr, map(float, row))) for row in np.asarray(values))]) + "\n")
+    return path
+
+
+FRAMES = [f"f{i}" for i in range(COUNT)]
+POWER = np.array([1.0, 2, 3, 4, 5])[:, None] * [1.0, 0.5, 0.25]
+
+
+@pytest.mark.parametrize("count", [None, COUNT])
+@pytest.mark.parametrize("by_column", [False, True])
+@pytest.mark.parametrize("gray", [False, True])
+def test_tables_in_other_shapes(tmp_path, count, by_column, gray):
+    """A first line that counts; a light a column; one intensity a light."""
+    turn = np.transpose if by_column else np.asarray
+    path = table(tmp_path / "light_directions.txt", turn(DIRECTIONS), count)
+    table(tmp_path / "light_intensities.txt", POWER[:, :1] if gray else turn(POWER), None if gray else count)
+    lights = read_lights(path, tuple(FRAMES))
+    np.testing.assert_allclose(lights.directions, DIRECTIONS, atol=1e-12)
+    np.testing.assert_allclose(lights.intensities, np.repeat(POWER[:, :1] / 3, 3, 1))
+    assert any("a light a column" in flag for flag in lights.flags[0]) == by_column
+    (tmp_path / "filenames.txt").write_text("".join(f"{name}.png\n" for name in FRAMES))
+    layout = read_tables(tmp_path)
+    np.testing.assert_allclose(layout.directions, DIRECTIONS, atol=1e-12)
+    np.testing.assert_allclose(layout.intensities, np.repeat(POWER[:, :1], 3, 1) if gray else POWER)
+    assert any("a light a column" in note for note in layout.notes) == by_column
+
+
+@pytest.mark.parametrize("by_column", [False, True])
+def test_three_lights(tmp_path, by_column):
+    """Unit vectors tell lines from columns, for the intensities too; where they do not, that is said."""
+    turn = np.transpose if by_column else np.asarray
+    power = np.array([[1.0, 2, 3], [2, 1, 4], [5, 6, 1]])
+    path = table(tmp_path / "light_directions.txt", turn(DIRECTIONS[:3]))
+    table(tmp_path / "light_intensities.txt", turn(power))
+    lights = read_lights(path, tuple(FRAMES[:3]))
+    np.testing.assert_allclose(lights.directions, DIRECTIONS[:3], atol=1e-12)
+    np.testing.assert_allclose(lights.intensities, power / power.mean(0))
+    assert any("a light a column" in flag for flag in lights.flags[0]) == by_column
+    table(path, 2 * turn(DIRECTIONS[:3]))
+    (flag, *_) = read_lights(path, tuple(FRAMES[:3])).flags[0]
+    assert "a light a line or a column: taken as a line" in flag
+
+
+@pytest.mark.parametrize("rows", [["5", "0 0 1", "0 1"], ["4", "0 0 1", "0 1 1"], ["1 2", "1 2"], ["1", "2", "3"]])
+def test_other_tables_are_refused_by_line(tmp_path, rows):
+    (tmp_path / "light_directions.txt").write_text("\n".join(rows))
+    with pytest.raises(CalibrationError, match=r"line \d is '.*'; expected three numbers a line"):
+        read(tmp_path / "light_directions.txt", FRAMES)
+
+
+def test_a_mat_file_with_a_light_a_column(tmp_path):
+    places = np.random.default_rng(0).normal(size=(COUNT, 3)) * 300
+    scipy.io.savemat(tmp_path / "by_line.mat", {"S": places, "Phi": POWER})
+    scipy.io.savemat(tmp_path / "by_column.mat", {"S": places.T, "Phi": POWER.T})
+    want, found = (read_lights(tmp_path / f"by_{way}.mat", tuple(FRAMES)) for way in ("line", "column"))
+    np.testing.assert_allclose(found.positions_mm, want.positions_mm)
+    np.testing.assert_allclose(found.intensities, want.intensities)
+    assert any("a light a column" in flag for flag in found.flags[0])
+    for strange in ({"S": np.ones((6, 2))}, {"S": places, "Phi": POWER.T}, {"S": places, "Phi": np.ones((1, 3))}):
+        scipy.io.savemat(tmp_path / "l.mat", strange)
+        with pytest.raises(CalibrationError, match="strange shape"):
+            read_lights(tmp_path / "l.mat", tuple(FRAMES))
