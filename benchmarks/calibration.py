@@ -122,10 +122,10 @@ def _row(
         if one.kind == "chrome":
             off.append(match.radius_px - one.radius_px)
             sigma.append(float(match.sigma_px or np.nan))
-    lit = _of_lights(found.lights, truth) if asked else ((), (), (), ())
+    direction, stated, position, intensity = _of_lights(found.lights, truth) if asked else ((), (), (), ())
     return SessionRow(
         group, name, asked, "", len(found.warnings), len(truth.balls), tuple(map(_ball, left)), tuple(missed),
-        tuple(off), tuple(sigma), *lit, spent,
+        tuple(off), tuple(sigma), direction, stated, position, intensity, spent,
     )  # fmt: skip
 
 
