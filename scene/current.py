@@ -21,7 +21,7 @@ ROOMS = (
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "rawpy", "scikit-image", "trimesh", "open3d", "mitsuba",
-    "drjit", "numba", "llvmlite", "pillow", "plotly", "tifffile", "exifread", "h5py", "pyarrow",
+    "drjit", "numba", "llvmlite", "pillow", "plotly", "tifffile", "h5py", "pyarrow",
 )  # fmt: skip
 """Packages that a result may depend on."""
 CHUNK = 1 << 26

@@ -30,19 +30,27 @@ _SETTINGS = (
     ("focal_mm", "focal length {:g} mm", "the zoom"),
     ("camera", "camera {}", "the camera"),
 )
+_POWERS = {"exposure_s": 1, "iso": 1, "aperture": -2}
+"""Of which the light gathered is the product."""
 
 
-def reference_exposure(exif: Sequence[Exif]) -> tuple[float | None, NDArray[np.float64]]:
-    """Return the session's exposure (the middle one of time x ISO / aperture^2) and each frame's gain to it.
+def exposure_gains(exif: Sequence[Exif], ambient: Sequence[Exif] = ()) -> tuple[NDArray[np.float64], list[float]]:
+    """Return the gains that take flash frames and ambient ones to the session's exposure, the flash frames' middle one.
 
-    Frames without EXIF, and those within 1 % (cameras round), keep gain 1.
+    An exposure is time x ISO / aperture^2, relative. What no frame tells is taken as the same in all, what some do not
+    tell as the others' middle one. Frames that tell nothing, and those within 1 % (cameras round), keep gain 1.
     """
-    known = sorted(e.exposure for e in exif if e.exposure is not None)
-    if not known:
-        return None, np.ones(len(exif))
-    reference = known[len(known) // 2]
-    gain = [reference / e.exposure if e.exposure else 1.0 for e in exif]
-    return reference, np.array([1.0 if abs(factor - 1) < 0.01 else factor for factor in gain])
+    everyone = [*exif, *ambient]
+    exposures = np.ones(len(everyone))
+    for field, power in _POWERS.items():
+        known = sorted(value for e in everyone if (value := getattr(e, field)))
+        usual = known[len(known) // 2] if known else 1.0
+        exposures *= [float(getattr(e, field) or usual) ** power for e in everyone]
+    tells = np.array([any(getattr(e, field) for field in _POWERS) for e in everyone], bool)
+    told = np.sort(exposures[: len(exif)][tells[: len(exif)]])
+    gain = np.where(tells, told[len(told) // 2] / exposures, 1.0) if len(told) else np.ones(len(everyone))
+    gain[abs(gain - 1) < 0.01] = 1.0
+    return gain[: len(exif)], gain[len(exif) :].tolist()
 
 
 def exposure_by_room(
@@ -72,28 +80,41 @@ def exposure_by_room(
 
 
 def mixed_settings(session: Session, exif: Sequence[Exif], ambient_exif: Sequence[Exif]) -> list[str]:
-    """Name frames whose settings differ from what most frames have."""
+    """Name frames whose settings differ from what most frames have, or which do not tell what others do."""
     names = [*session.names, *(path.stem for path in session.ambient)]
     everyone = list(zip(names, [*exif, *ambient_exif], strict=False))
+    gains = np.concatenate(exposure_gains(exif, ambient_exif)).round(3).tolist()
+    scaled = {name for name, gain in zip(names, gains, strict=False) if gain != Counter(gains).most_common(1)[0][0]}
+    silent = [name for name, e in everyone if not any(getattr(e, field) for field in _POWERS)]
+    nowhere = [what for field, _, what in _SETTINGS[:3] if not any(getattr(e, field) for _, e in everyone)]
+    same = f" Taken as the same in all, since EXIF does not tell: {' and '.join(nowhere)}." if nowhere else ""
     warnings = []
     for field, label, what in _SETTINGS:
         known = [(name, value) for name, e in everyone if (value := getattr(e, field))]
         usual = Counter(value for _, value in known).most_common(1)
-        odd = [f"{name} ({label.format(value)})" for name, value in known if value != usual[0][0]]
+        odd = {name: f"{name} ({label.format(value)})" for name, value in known if value != usual[0][0]}
         if odd:
-            remedy = (
-                "They were scaled to the others' exposure, which holds for steady lamps; a flash is over before the "
-                "shutter closes, so that time scales the ambient light only."
-                if field in ("exposure_s", "iso", "aperture")
-                else "The frames do not fit together."
-            )
+            remedy = "The frames do not fit together."
+            if field in _POWERS:
+                remedy = (
+                    f"They were scaled to the others' exposure, which holds for steady lamps; a flash is over before "
+                    f"the shutter closes, so that time scales the ambient light only.{same}"
+                    if scaled & odd.keys()
+                    else "With their other settings they gather as much light as the others: they were not scaled."
+                )
             warnings.append(
-                f"{listed(odd)}: the others have {label.format(usual[0][0])}. {remedy} Lock {what}, reshoot."
+                f"{listed(odd.values())}: the others have {label.format(usual[0][0])}. {remedy} Lock {what}, reshoot."
             )
-    without = [name for name, e in everyone if e.exposure is None]
-    if 0 < len(without) < len(everyone):
+        lacks = [name for name, e in everyone if field in _POWERS and not getattr(e, field) and name not in silent]
+        if known and lacks:
+            middle = sorted(value for _, value in known)[len(known) // 2]
+            warnings.append(
+                f"{listed(lacks)}: EXIF does not tell {what}, which {len(known)} others have; taken as "
+                f"{label.format(middle)}."
+            )
+    if 0 < len(silent) < len(everyone):
         warnings.append(
-            f"{listed(without)}: no exposure in EXIF, unlike the other {len(everyone) - len(without)} frames; "
+            f"{listed(silent)}: no exposure in EXIF, unlike the other {len(everyone) - len(silent)} frames; "
             "taken as the same exposure."
         )
     return warnings

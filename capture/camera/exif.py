@@ -1,13 +1,12 @@
 """What the camera wrote beside the picture: exposure, lens, clock. Absent EXIF is normal."""
 
-import logging
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-# It says on stderr that a PGM has no EXIF, which is no news.
-logging.getLogger("exifread").addHandler(logging.NullHandler())
+MOST_ISO = 65535
+"""Stands where the sensitivity has more than 16 bits; then another tag has it."""
 
 
 @dataclass(frozen=True)
@@ -44,45 +43,39 @@ class Exif:
     camera: str | None = None
     orientation: int | None = None
 
-    @property
-    def exposure(self) -> float | None:
-        """Light gathered, relative: time x ISO / aperture^2. None unless all three are known."""
-        if self.exposure_s is None or self.iso is None or self.aperture is None:
-            return None
-        return self.exposure_s * self.iso / self.aperture**2
-
 
 def read_exif(path: Path) -> Exif:
     """Return the EXIF of a photograph, all None where there is none. Never raises for what it cannot read."""
-    import exifread
+    from capture.camera.exif_tags import tags_in
 
     try:
-        with open(path, "rb") as file:
-            tags = exifread.process_file(file, details=False)
+        return _exif_of_tags(tags_in(path))
     except Exception:
-        # A maker's malformed block breaks the parser in many ways; the picture is what counts.
-        tags = {}
-    return _exif_of_tags(tags)
+        # The picture is what counts.
+        return Exif()
 
 
 def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
-    unit_mm = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}.get(int(_number(tags, "EXIF FocalPlaneResolutionUnit") or 2))
-    x, y = _number(tags, "EXIF FocalPlaneXResolution"), _number(tags, "EXIF FocalPlaneYResolution")
-    distance = _number(tags, "EXIF SubjectDistance")
-    width = _number(tags, "EXIF ExifImageWidth", "Image ImageWidth")
-    orientation = _number(tags, "Image Orientation")
+    unit_mm = {2: 25.4, 3: 10.0, 4: 1.0, 5: 0.001}.get(int(_number(tags, "FocalPlaneResolutionUnit") or 2))
+    x, y = _number(tags, "FocalPlaneXResolution"), _number(tags, "FocalPlaneYResolution")
+    distance = _number(tags, "SubjectDistance")
+    # The first picture of a RAW file may be a small one.
+    width = _number(tags, "PixelXDimension", "ImageWidth" if not tags.get("NewSubfileType") else "")
+    iso, orientation = _number(tags, "ISOSpeedRatings"), _number(tags, "Orientation")
+    if iso in (None, MOST_ISO):
+        iso = _number(tags, "RecommendedExposureIndex", "StandardOutputSensitivity", "ISOSpeed")
     return Exif(
-        exposure_s=_number(tags, "EXIF ExposureTime", "Image ExposureTime"),
-        iso=_number(tags, "EXIF ISOSpeedRatings", "EXIF PhotographicSensitivity", "Image ISOSpeedRatings"),
-        aperture=_number(tags, "EXIF FNumber", "Image FNumber"),
-        focal_mm=_number(tags, "EXIF FocalLength", "Image FocalLength"),
-        focal_35mm=_number(tags, "EXIF FocalLengthIn35mmFilm"),
+        exposure_s=_number(tags, "ExposureTime"),
+        iso=iso,
+        aperture=_number(tags, "FNumber"),
+        focal_mm=_number(tags, "FocalLength"),
+        focal_35mm=_number(tags, "FocalLengthIn35mmFilm"),
         pixels_per_mm=(x / unit_mm, (y or x) / unit_mm) if x and unit_mm else None,
         width_px=int(width) if width else None,
         # All bits set: infinity.
         subject_mm=1000 * distance if distance and distance < 4e6 else None,
         taken=_time(tags),
-        camera=" ".join(word for word in (_text(tags, "Image Make"), _text(tags, "Image Model")) if word) or None,
+        camera=" ".join(word for word in (_text(tags, "Make"), _text(tags, "Model")) if word) or None,
         orientation=int(orientation) if orientation else None,
     )
 
@@ -90,26 +83,27 @@ def _exif_of_tags(tags: Mapping[str, Any]) -> Exif:
 def _number(tags: Mapping[str, Any], *names: str) -> float | None:
     """Return the first positive number among tags: cameras write 0 for "not known"."""
     for name in names:
-        values = getattr(tags.get(name), "values", None)
-        if isinstance(values, list) and values:
-            try:
-                number = float(values[0])
-            except (ValueError, ZeroDivisionError, TypeError):
-                continue
-            if 0 < number < float("inf"):
-                return number
+        value: Any = tags.get(name)
+        try:
+            # Several sensitivities, or a fraction.
+            above, below = (value[0], 1 if "ISO" in name else value[1]) if isinstance(value, tuple) else (value, 1)
+            number = float(above) / float(below)
+        except (ValueError, ZeroDivisionError, TypeError, IndexError):
+            continue
+        if 0 < number < float("inf"):
+            return number
     return None
 
 
 def _text(tags: Mapping[str, Any], name: str) -> str:
-    return str(tags[name]).strip(" \0") if name in tags else ""
+    return str(tags.get(name, "")).strip(" \0")
 
 
 def _time(tags: Mapping[str, Any]) -> str | None:
     for name, fraction in (
-        ("EXIF DateTimeOriginal", "EXIF SubSecTimeOriginal"),
-        ("EXIF DateTimeDigitized", "EXIF SubSecTimeDigitized"),
-        ("Image DateTime", "EXIF SubSecTime"),
+        ("DateTimeOriginal", "SubsecTimeOriginal"),
+        ("DateTimeDigitized", "SubsecTimeDigitized"),
+        ("DateTime", "SubsecTime"),
     ):
         stamp = _text(tags, name)
         if len(stamp) >= 19 and stamp[:4] != "0000":

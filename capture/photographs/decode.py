@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.audit import audit
-from capture.audit.camera_settings import exposure_by_room, reference_exposure
+from capture.audit.camera_settings import exposure_by_room, exposure_gains
 from capture.audit.frame_facts import FrameFacts, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
@@ -78,8 +78,8 @@ def decode(
     SessionError
         [camera] is of another size than the first photograph; told before the others are decoded.
     """
-    exif = [read_exif(path) for path in session.flash]
-    reference, gain = reference_exposure(exif)
+    exif, ambient_exif = ([read_exif(path) for path in files] for files in (session.flash, session.ambient))
+    gain, ambient_gain = exposure_gains(exif, ambient_exif)
     steps = _Steps(progress, len(session.flash) + len(session.ambient) + len(session.dark) + len(session.flat))
     scratch = {key: store.path("frames", f".{key}.npy.{os.getpid()}.tmp") for key in ("dark", "flat")}
     try:
@@ -92,7 +92,7 @@ def decode(
             fitted(session.camera, session, width, height)
         recipe = replace(recipe, shape=(height, width), dtype=str(first.codes.dtype), sensor_range=first.sensor_range)
         recipe = _with_corrections(session, recipe, scratch, steps)
-        ambient, ambient_exif = _ambient(session, recipe, reference, steps)
+        ambient = _ambient(session, recipe, ambient_gain, steps)
         # From here on an older header would speak of frames that are gone.
         remove(store.path("frames", "frames.json"))
         shape = (len(session.flash), height, width, 3)
@@ -163,21 +163,17 @@ def _mean(files: Sequence[Path], gain: Sequence[float] | None, recipe: Recipe, s
     return mean
 
 
-def _ambient(
-    session: Session, recipe: Recipe, reference: float | None, steps: _Steps
-) -> tuple[NDArray | None, list[Exif]]:
+def _ambient(session: Session, recipe: Recipe, gain: list[float], steps: _Steps) -> NDArray | None:
     """Return the mean ambient frame as codes at the reference exposure, corrected as the flash frames are."""
     if not session.ambient:
-        return None, []
-    exif = [read_exif(path) for path in session.ambient]
-    gain = [1.0 if not reference or not e.exposure else reference / e.exposure for e in exif]
+        return None
     mean = _mean(session.ambient, gain, recipe, steps)
     if recipe.dark:
         # Each ambient frame holds the dark frame once, before its gain.
         mean -= np.load(recipe.dark, mmap_mode="r") * np.float32(np.mean(gain))
     if recipe.flat:
         mean /= np.load(recipe.flat, mmap_mode="r")
-    return recoded(mean, np.dtype(recipe.dtype)), exif
+    return recoded(mean, np.dtype(recipe.dtype))
 
 
 def _saturation(facts: list[FrameFacts], dtype: np.dtype) -> tuple[float, tuple[str, ...]]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.audit import blown_warnings, movement_warnings
-from capture.audit.camera_settings import exposure_by_room, gaps_in_numbering, mixed_settings, reference_exposure
+from capture.audit.camera_settings import exposure_by_room, exposure_gains, gaps_in_numbering, mixed_settings
 from capture.audit.focus import focus_warnings
 from capture.audit.frame_facts import reduced
 from capture.audit.missing_flashes import doubles, misfires
@@ -49,7 +49,7 @@ class FramesSoFar:
             self._ambient = (digests, mean, None if mean is None else reduced(mean))
         _, codes, small = self._ambient
         names = tuple(frame_names([shot.path for shot in flash]))
-        _, gain = reference_exposure([shot.exif for shot in flash])
+        gain, _ = exposure_gains([shot.exif for shot in flash], [shot.exif for shot in ambient])
         pictures = np.stack([shot.facts.small * factor for shot, factor in zip(flash, gain, strict=True)])
         by_room, told = exposure_by_room(names, pictures, small)
         is_integer = flash[0].codes.dtype == np.uint16

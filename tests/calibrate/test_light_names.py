@@ -35,7 +35,7 @@ def read(path, frames):
         (unicodedata.normalize("NFD", "Münze_{:d}"), "MÜNZE_{:d}.tif"),
         ("coin.{:02d}", "coin.{:02d}"),
         ("coin.{:02d}", "coin.{:02d}.png"),
-        ("coin.{:02d}.front", "/home/me/coin.{:02d}.front.jpg"),
+        ("coin.{:02d}.front", "/data/me/coin.{:02d}.front.jpg"),
         ("IMG_{:02d}", "IMG_{:02d}.CR2.jpg"),
         ("IMG_{:02d}.CR2", "IMG_{:02d}.jpg"),
         ("my coin {:d}", '"D:/my photos/my coin {:d}.jpg"'),

@@ -1,9 +1,11 @@
 """The audit of what is known beside the pixels: gaps in the numbering, settings that differ."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from capture.audit.camera_settings import gaps_in_numbering, mixed_settings
+from capture.audit.camera_settings import exposure_gains, gaps_in_numbering, mixed_settings
 from capture.camera.exif import Exif
 from capture.session.session import load_session
 
@@ -50,8 +52,61 @@ def test_mixed_settings_are_named(numbered):
     assert mixed_settings(session, [usual] * 4, []) == []
     odd = Exif(exposure_s=0.01, iso=200, aperture=5.6, focal_mm=55, camera="B")
     found = mixed_settings(session, [usual, usual, odd, usual], [])
+    assert not any("not tell" in text for text in found)
     for part in ("flash_002 (ISO 200)", "flash_002 (aperture f/5.6)", "flash_002 (focal length 55 mm)", "(camera B)"):
         assert any(text.startswith("flash_002") and part in text for text in found)
     (silent,) = mixed_settings(session, [usual, usual, Exif(), usual], [])
     assert silent.startswith("flash_002: no exposure in EXIF")
     assert mixed_settings(session, [Exif()] * 4, []) == []
+
+
+USUAL = Exif(exposure_s=0.01, iso=100.0, aperture=8.0)
+SETTINGS = ("exposure_s", "iso", "aperture")
+
+
+@pytest.mark.parametrize("unknown", [(), ("aperture",), ("iso",), ("aperture", "iso"), ("exposure_s",)])
+def test_what_no_frame_tells_is_the_same_in_all(numbered, unknown):
+    """A lens without contacts has one aperture; what is known of the others still tells how unlike they are."""
+    odd = {"exposure_s": (0.02, 2), "iso": (400.0, 4), "aperture": (4.0, 4)}
+    frames = [USUAL, USUAL, *(replace(USUAL, **{name: value}) for name, (value, _) in odd.items()), USUAL]
+    frames = [replace(frame, **dict.fromkeys(unknown)) for frame in frames]
+    wanted = [1, 1, *(1 if name in unknown else 1 / times for name, (_, times) in odd.items()), 1]
+    gain, ambient = exposure_gains(frames, [replace(frames[0], iso=50.0), Exif()])
+    np.testing.assert_allclose(gain / gain[0], wanted)
+    assert "iso" in unknown or ambient == [2 * gain[0], 1]
+    told = mixed_settings(numbered(list(range(6))), frames, [])
+    assert len(told) == 3 - len(unknown)
+    for text in told:
+        assert "They were scaled to the others' exposure" in text
+        words = {"exposure_s": "the shutter", "iso": "the sensitivity", "aperture": "the aperture"}
+        said = [words[name] for name in SETTINGS if name in unknown]
+        assert (f"since EXIF does not tell: {' and '.join(said)}." in text) == bool(unknown)
+
+
+def test_what_some_frames_do_not_tell_is_taken_from_the_others(numbered):
+    frames = [USUAL, replace(USUAL, iso=None), replace(USUAL, iso=None, exposure_s=0.02), USUAL, Exif()]
+    gain, _ = exposure_gains(frames)
+    np.testing.assert_allclose(gain, [1, 1, 0.5, 1, 1])
+    told = mixed_settings(numbered(list(range(5))), frames, [])
+    assert "flash_001, flash_002: EXIF does not tell the sensitivity, which 2 others have; taken as ISO 100." in told
+    assert any(text.startswith("flash_002 (exposure time 0.02 s)") for text in told)
+    assert any(text.startswith("flash_004: no exposure in EXIF, unlike the other 4 frames") for text in told)
+    assert len(told) == 3
+
+
+def test_settings_that_make_up_for_each_other(numbered):
+    """Half the time at twice the sensitivity: nothing is scaled, and nothing else is said."""
+    frames = [USUAL, replace(USUAL, exposure_s=0.005, iso=200.0), USUAL, USUAL]
+    np.testing.assert_array_equal(exposure_gains(frames)[0], 1)
+    told = mixed_settings(numbered([0, 1, 2, 3]), frames, [])
+    assert len(told) == 2
+    assert all("they were not scaled" in text for text in told)
+
+
+def test_the_order_of_the_frames_does_not_matter():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        frames = [Exif(*(rng.choice([None, 1.0, 2.0, 4.0]) for _ in SETTINGS)) for _ in range(rng.integers(1, 8))]
+        order = rng.permutation(len(frames))
+        gain, _ = exposure_gains(frames)
+        np.testing.assert_allclose(exposure_gains([frames[i] for i in order])[0], gain[order])
