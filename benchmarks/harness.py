@@ -21,6 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from scene.clock import now, since
 from scene.current import code_fingerprint, fingerprint, sources
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -179,6 +180,34 @@ def rgbn(*words: Any) -> dict[str, Any]:
     if done.returncode:
         raise SystemExit(f"{command}: {done.stderr}")
     return json.loads(done.stdout)
+
+
+def ran(command: Sequence[Any], *, limit_gb: float = 0.0) -> tuple[float, float, float]:
+    """Return wall seconds, processor seconds and GB of memory that a program needed; mapped files are not its own.
+
+    limit_gb: beyond it the system refuses the program memory, reserved memory too; 0: no limit. Looked at every 20 ms.
+    """
+    words = [str(word) for word in command]
+    if limit_gb:
+        words = ["sh", "-c", f'ulimit -d {limit_gb * 1e9 / 1024:.0f}; exec "$@"', "sh", *words]
+    most, start = 0.0, now()
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True, cwd=ROOT) as program:
+        while program.poll() is None:
+            most = max(most, _own_gb(program.pid))
+            time.sleep(0.02)
+        said = program.stderr.read() if program.stderr else ""
+    if program.returncode:
+        raise SystemExit(f"{' '.join(words)}: {program.returncode}\n{said}")
+    spent = since(start)
+    return spent["seconds"], spent["processor_seconds"], most
+
+
+def _own_gb(pid: int) -> float:
+    try:
+        return int(Path(f"/proc/{pid}/status").read_text().split("RssAnon:")[1].split()[0]) * 1024 / 1e9
+    except (OSError, IndexError):
+        # It is ending.
+        return 0.0
 
 
 @contextlib.contextmanager
