@@ -67,11 +67,15 @@ class SessionRow:
 
 @dataclass(frozen=True)
 class Truth:
-    """Balls, the lights' positions (F, 3) mm, their strengths (F, C) as radiant intensities."""
+    """Balls, the lights' positions (F, 3) mm, their strengths (F, C) as radiant intensities; where there is an object,
+    the pose (4, 4) of its scan, and its normals (H, W, 3), NaN beyond.
+    """
 
     balls: list[Sphere]
     lights_mm: np.ndarray
     power: np.ndarray | None
+    camera_from_scan: np.ndarray | None = None
+    normals: np.ndarray | None = None
 
 
 def scenes_of(folder: Path) -> list[Path]:
@@ -92,7 +96,11 @@ def read_truth(scene: Path) -> Truth:
     ]  # fmt: skip
     lights = np.array(said.get("light_positions_mm", more.get("light_positions_mm") if more else None))
     power = said.get("light_power", more.get("light_power") if more else None)
-    return Truth(balls, lights, None if power is None else np.reshape(power, (len(lights), -1)))
+    pose, normals = said.get("camera_from_scan"), None
+    if "normals" in more:
+        normals = np.where(more["mask"][..., None], more["normals"].astype(float), np.nan)
+    power = None if power is None else np.reshape(power, (len(lights), -1))
+    return Truth(balls, lights, power, None if pose is None else np.array(pose), normals)
 
 
 def is_same(found: Sphere, true: Sphere) -> bool:
@@ -122,14 +130,14 @@ def _row(
         if one.kind == "chrome":
             off.append(match.radius_px - one.radius_px)
             sigma.append(float(match.sigma_px or np.nan))
-    direction, stated, position, intensity = _of_lights(found.lights, truth) if asked else ((), (), (), ())
+    direction, stated, position, intensity = of_lights(found.lights, truth) if asked else ((), (), (), ())
     return SessionRow(
         group, name, asked, "", len(found.warnings), len(truth.balls), tuple(map(_ball, left)), tuple(missed),
         tuple(off), tuple(sigma), direction, stated, position, intensity, spent,
     )  # fmt: skip
 
 
-def _of_lights(lights: Lights, truth: Truth) -> tuple[tuple[float, ...], ...]:
+def of_lights(lights: Lights, truth: Truth) -> tuple[tuple[float, ...], ...]:
     """Return errors and sigmas of directions, errors of positions and of intensities at the reference point."""
     point, sigma = lights.reference_point_mm, lights.direction_sigma_deg
     direction = angular_error_deg(lights.directions, directions_to(truth.lights_mm, point))

@@ -97,7 +97,7 @@ def known_truth(
     row("sphere_max_px", _sphere_error(store, truth), "px", "balls' centres and radii, worst")
     if mesh is not None and store.path("pose.json").exists():
         pose = store.load_pose()
-        off_px = _reprojection(mesh, store.load_camera(), pose, true_pose)
+        off_px = reprojection_px(mesh, store.load_camera(), pose, true_pose)
         row("registration_rms_px", off_px, "px", "registration, rms over the scan")
         row("registration_deg", (pose @ true_pose.inverse()).angle_deg(), "degrees", "registration, rotation")
         error = angular_error_deg(store.load_normals("truth"), truth["normals"])
@@ -125,7 +125,7 @@ def _sphere_error(store: Store, truth: Truth) -> float:
     return worst
 
 
-def _reprojection(mesh: Mesh, camera: Camera, pose: Pose, true: Pose) -> float:
+def reprojection_px(mesh: Mesh, camera: Camera, pose: Pose, true: Pose) -> float:
     """Return the rms distance in pixels between the scan's vertices projected under both poses."""
     facing = np.sum(true.rotate(mesh.vertex_normals) * true.apply(mesh.vertices), -1) < 0
     points = mesh.vertices[facing]
