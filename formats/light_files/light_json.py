@@ -71,7 +71,7 @@ def _alicevision(path: Path, data: dict[str, Any]) -> Lights:
 def view_paths(path: Path) -> dict[str, str]:
     """Return {photograph's path: view id} of an AliceVision .sfm file."""
     with reading(path, "not an AliceVision .sfm", CalibrationError):
-        return {str(view["path"]): str(view["viewId"]) for view in parsed(path)["views"]}
+        return {str(view["path"]): str(int(view["viewId"])) for view in parsed(path)["views"]}
 
 
 def write_alicevision(lights: Lights, shot: Photographs) -> tuple[dict[str, Any], list[str]]:

@@ -190,6 +190,13 @@ def test_alicevision_with_its_view_ids(tmp_path):
     sfm.write_text(json.dumps({"views": views[:-1]}))
     with pytest.raises(CalibrationError, match="no view for the frame 'shot 06'"):
         export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
+    # A RAW file and its JPEG are two views: which of them is meant is not told.
+    sfm.write_text(json.dumps({"views": [*views, {"viewId": "3", "path": "/shots/SHOT 05.JPG"}]}))
+    with pytest.raises(CalibrationError, match="2 views for the frame 'shot 05'"):
+        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
+    sfm.write_text(json.dumps({"views": [*views[:-1], {**views[-1], "viewId": "q"}]}))
+    with pytest.raises(CalibrationError, match=r"not an AliceVision \.sfm"):
+        export_lights(tmp_path, "alicevision", lights, CAMERA, files=lights.names, sfm=sfm)
 
 
 def test_relightlab_finds_every_key_it_reads(tmp_path):
