@@ -23,6 +23,8 @@ _GRID = 200
 """Pixels along the object's longer side that are asked for the lights' axes."""
 _LIT = 0.15
 """Share of a pixel's brightest samples under which it stands in shadow."""
+_LAMBERT = 0.15
+"""Misfit of Lambert's law, the same in all axes, above which something else is wrong: the order, the strengths."""
 
 
 @dataclass(frozen=True)
@@ -104,7 +106,7 @@ def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]
     """Say in which axes known lights must be for the object to be a surface; None where they make sense as they are.
 
     Lambert's law fits lights in any axes: the normals follow. But turned normals are no surface's slope, or point into
-    it at its rim.
+    it at its rim; the latter are a hollow's too. Nothing is said where Lambert's law does not fit.
     """
     rows, columns = np.flatnonzero(mask.any(1)), np.flatnonzero(mask.any(0))
     step = max(1, int(max(np.ptp(rows), np.ptp(columns)) // _GRID))
@@ -117,14 +119,22 @@ def lights_in_other_axes(frames: Frames, lights: Lights, mask: NDArray[np.bool_]
     light = lights.directions * weight[..., None]
     matrix = np.swapaxes(light, 1, 2) @ light + 1e-6 * np.eye(3)
     fitted = np.linalg.solve(matrix, np.swapaxes(light, 1, 2) @ values[..., None])[..., 0]
+    lit = values * weight
+    misfit = np.linalg.norm(lit - (light @ fitted[..., None])[..., 0], axis=1) / np.linalg.norm(lit, axis=1).clip(1e-12)
+    if np.median(misfit) > _LAMBERT:
+        return None
     normals = np.full((*inside.shape, 3), np.nan)
     normals[inside] = np.where((weight.sum(1) >= 4)[:, None], unit(fitted), np.nan)
     found = axes_by_themselves(normals, inside, AXES)
     best = found.by_rim if found.is_unique else found.plain
     if not best:
         return None
+    fault, makes = "is no surface's slope", "It makes"
+    if not found.plain:
+        # Its slopes do not speak against the file: only the rim does.
+        fault, makes = "points inward at its rim", "Unless it is hollow, it makes"
     return (
-        f"lights.file: under its lights the object is no surface's slope, or points inward at its rim. It makes sense "
-        f"if the file's axes are changed to {Axes(AXES[best])}; expected are x right, y up, z toward the viewer. "
-        "Correct lights.file; it is used as it stands."
+        f"lights.file: under its lights the object {fault}. {makes} sense if the file's axes are changed to "
+        f"{Axes(AXES[best])}; expected are x right, y up, z toward the viewer. Correct lights.file; it is used as it "
+        "stands."
     )

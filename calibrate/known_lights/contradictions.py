@@ -45,6 +45,9 @@ PAIRS_UP_TO = 40  # frames of which any two are tried exchanged
 LIT = 0.15  # share of a pixel's brightest samples under which it is taken to be in shadow
 SUSPICIOUS = 0.06  # relative misfit under which nothing is looked for
 BETTER = 0.7  # share of the misfit that another order must leave at most
+UNEQUAL, MUCH_BETTER = 0.1, 0.25
+"""Misfit above which other strengths are tried, and its share that they must leave at most: gamma and ambient light are
+explained by them in part."""
 CHANCE, SHUFFLES = 0.55, 20
 """Share of the median misfit of so many orders at random from which the file says nothing of these photographs."""
 STRENGTH_ROUNDS, STRENGTHS = 4, (0.1, 10)  # turns in which unknown strengths are read, and their bounds, mean 1
@@ -124,9 +127,9 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
     toward = np.moveaxis(toward_of(probe.pixels) * lights.intensities.mean(1)[:, None, None], 0, 1)
 
     # The strengths that the file does not have are read from the photographs, in each order anew.
-    rounds = STRENGTH_ROUNDS if lacks_intensities(lights) else 1
+    known = not lacks_intensities(lights)
 
-    def misfit(order: NDArray[np.intp]) -> float:
+    def misfit(order: NDArray[np.intp], rounds: int = 1 if known else STRENGTH_ROUNDS) -> float:
         light, strength = toward[:, order] * weight[..., None], np.ones(count)
         matrix = np.linalg.inv(np.swapaxes(light, 1, 2) @ light + 1e-9 * np.eye(3))
         rest = values
@@ -156,13 +159,20 @@ def wrong_order(frames: Frames, camera: Camera, lights: Lights, region: NDArray[
             f"{best:.0%} {words}: the lights are in another order than the photographs. Correct lights.file; it is "
             "used as it stands."
         )
+    if known and given > UNEQUAL and (free := misfit(here, STRENGTH_ROUNDS)) < MUCH_BETTER * given:
+        return (
+            f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights, but only by "
+            f"{free:.0%} if the flashes' strengths are others than the file's: correct its intensities, or leave them "
+            "out; or the photographs' exposures differ, which EXIF should tell. They are used as they stand."
+        )
     rng = np.random.default_rng(0)
     chance = float(np.median([misfit(rng.permutation(count)) for _ in range(SHUFFLES)]))
     if given > CHANCE * chance:
         return (
             f"lights.file: the photographs miss Lambert's law by {given:.0%} under these lights, and by "
             f"{chance:.0%} under the same in any order: the lights do not belong to these photographs, or their order "
-            "is lost. Correct lights.file; it is used as it stands."
+            "is lost; or the photographs were turned, or are coded otherwise than frames says. Correct lights.file or "
+            "the photographs; they are used as they stand."
         )
     return None
 

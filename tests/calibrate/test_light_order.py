@@ -52,3 +52,14 @@ def test_another_order_is_named(session, order, words):
     (text,) = said(session, np.array(order))
     assert words in text
     assert "Correct lights.file" in text
+
+
+def test_other_strengths_are_not_another_order(session):
+    """Some frames of half the exposure, which nothing tells: the lights' directions and order are not to blame."""
+    frames, lights, power = session
+    for odd in (np.where(np.arange(COUNT) % 3, 1, 2), 1 / np.linspace(0.4, 1.6, COUNT)):
+        known = Lights(NAMES, lights, np.repeat((power * odd)[:, None], 3, 1)).normalised()
+        found = calibrate(frames, Camera.orthographic(80, 80), [], known_lights=known)
+        (text,) = [text for text in found.warnings if text.startswith("lights.file")]
+        assert "if the flashes' strengths are others than the file's" in text
+        assert not any(word in text for word in ("order", "belong", "axes"))

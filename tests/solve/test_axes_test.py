@@ -55,3 +55,24 @@ def test_the_change_that_puts_them_right_is_named(body, axes, words):
     assert text
     assert text.startswith("lights.file: ")
     assert f"changed to {words};" in text
+
+
+def test_a_hollow_may_be_one(body):
+    """Its slopes are those of the lights as they are; that its rim points inward is no proof."""
+    images, lights, mask = body
+    names = tuple(f"flash_{i:03d}" for i in range(12))
+    # A hollow is lit as the same body is from the other side.
+    text = lights_in_other_axes(
+        Frames.from_linear(names, images), Lights(names, lights * [-1, -1, 1], np.ones((12, 3))), mask
+    )
+    assert "points inward at its rim. Unless it is hollow, it makes sense if" in text
+    assert "slope" not in text
+
+
+def test_what_lamberts_law_does_not_fit_is_no_matter_of_axes(body):
+    """Lights in another order make no surface either, in whichever axes; of that the order's test speaks."""
+    images, lights, mask = body
+    names = tuple(f"flash_{i:03d}" for i in range(12))
+    for order in (np.roll(np.arange(12), 1), np.random.default_rng(0).permutation(12)):
+        known = Lights(names, lights[order], np.ones((12, 3)))
+        assert lights_in_other_axes(Frames.from_linear(names, images), known, mask) is None
