@@ -1,39 +1,31 @@
-"""Sessions of known pose for the benchmark of align, and their marking.
+"""Sessions of known pose: shapes photographed by fixtures/mesh_scene and scanned by fixtures/mesh_shapes.
 
-Seeds 0 to 999 are the benchmark's; nothing was tuned on them. Object, photographs and scan are of fixtures/mesh_scene
-and fixtures/mesh_shapes; lights are given with the errors that calibrating leaves; mask and normals are found from the
-photographs, as `rgbn align` does.
+Lights are given with the errors that calibrating leaves; mask and normals are found from the photographs, as
+`rgbn align` does. Seeds 0 to 999 are the benchmark's; nothing was tuned on them.
 """
 
-import time
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from align.mask.object_mask import find_object
 from align.pose.photographed import Photographs, sparse_normals
-from align.pose.register import Registration, register
-from align.truth import ground_truth
+from benchmarks.harness import SHARED
+from fixtures import star_shapes
 from fixtures.mesh_scene import Scene, as_calibrated, random_rotation, random_scene
 from fixtures.mesh_shapes import SHAPES, file_shape, scan_of
-from scene.errors import SceneError
+from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
-from scene.normals import angular_error_deg
 from scene.pose import Pose
 from solve.solve import solve
 
-SCANS = Path(__file__).resolve().parents[2] / "shared" / "real" / "scan_meshes"
-FILES = {"bunny": "data/stanford-bunny.obj"}
+BUNNY = SHARED / "real" / "scan_meshes" / "data" / "stanford-bunny.obj"
 FAULTS = ("another object", "mirrored", "25.4 times too large", "back side only")
 """Scans that do not belong to the photographs."""
-FOUND_PX = 2.0
-"""A pose whose picture is within this of the true one's (rms) was found; what is left is its refinement."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +42,15 @@ class Session:
 
 def shape_names() -> list[str]:
     """Return the shapes that can be made here."""
-    return [*SHAPES, *(name for name, file in FILES.items() if (SCANS / file).exists())]
+    return [*(["bunny"] if BUNNY.is_file() else []), *SHAPES]
 
 
 @cache
 def shape(name: str) -> Mesh:
-    """Return a fine mesh about 105 mm across."""
-    return SHAPES[name]() if name in SHAPES else file_shape(SCANS / FILES[name])
+    """Return a fine mesh about 105 mm across; "coarse" is one of few faces, for a session that is made quickly."""
+    if name == "coarse":
+        return star_shapes.blob(3).mesh(2000, np.random.default_rng(0))
+    return SHAPES[name]() if name in SHAPES else file_shape(BUNNY)
 
 
 def session(
@@ -95,75 +89,18 @@ def with_fault(made: Session, name: str, fault: str) -> Session:
     return replace(made, scan=scan)
 
 
-def prepared(made: Session) -> tuple[Lights, NDArray[np.bool_], NDArray]:
-    """Return lights, mask and normals as `rgbn align` has them before it registers."""
+def photographs_of(made: Session) -> tuple[Photographs, NDArray]:
+    """Return photographs with mask and lights, and normals, as `rgbn align` has them before it registers."""
     camera = made.scene.camera
     mask = find_object(made.frames, camera, []).mask
     rows, columns = np.nonzero(mask)
     depth = float(made.lights.reference_point_mm[2])
     lights = made.lights.seen_from(camera.points_at_depth(np.array([columns.mean(), rows.mean()]), depth))
     normals = sparse_normals(mask, lambda some: solve("iterative", made.frames, lights, camera, some).normals)
-    return lights, mask, normals
+    return Photographs(camera, made.frames, lights, mask), normals
 
 
-def apart_px(made: Session, pose: Pose) -> float:
-    """Return the rms distance between the pictures of the scan's visible part at a pose and at the true one."""
-    camera, scan = made.scene.camera, made.scan
-    points = made.pose.apply(scan.vertices)
-    seen = np.einsum("vk,vk->v", made.pose.rotate(scan.vertex_normals), points) < 0
-    gap = camera.project(pose.apply(scan.vertices[seen])) - camera.project(points[seen])
+def apart_px(camera: Camera, scan: Mesh, pose: Pose, true: Pose) -> float:
+    """Return the rms distance, pixels, between a scan's pictures at two poses."""
+    gap = camera.project(pose.apply(scan.vertices)) - camera.project(true.apply(scan.vertices))
     return float(np.sqrt(np.mean((gap**2).sum(1))))
-
-
-def mark(made: Session, *, with_truth: bool = False) -> dict:
-    """Register a session as its user would, and compare with the truth."""
-    start = time.perf_counter()
-    out: dict = {"said": [], "refused": 0.0, "warned": 0.0}
-    try:
-        lights, mask, normals = prepared(made)
-        begun = time.perf_counter()
-        result = register(made.scan, Photographs(made.scene.camera, made.frames, lights, mask), normals)
-    except SceneError as error:
-        return out | {"refused": 1.0, "said": [str(error)]}
-    out["register_seconds"] = time.perf_counter() - begun
-    out["said"] = list(result.warnings)
-    out["ambiguous"] = float(result.ambiguous)
-    out["warned"] = float(len(result.warnings) > 0)
-    out |= _mark_pose(made, result)
-    if with_truth:
-        out |= _mark_truth(made, result)
-    return out | {"seconds": time.perf_counter() - start}
-
-
-def _mark_pose(made: Session, result: Registration) -> dict:
-    off = result.pose @ made.pose.inverse()
-    pivot = made.pose.apply(made.scan.center_mm)
-    turn = Rotation.from_matrix(off.rotation).as_rotvec()
-    shift = off.apply(pivot) - pivot
-    twist = np.concatenate([turn, shift])
-    square = float(twist @ np.linalg.pinv(result.covariance, rcond=1e-14, hermitian=True) @ twist)
-    return {
-        "apart_px": apart_px(made, result.pose),
-        "degrees": float(np.degrees(np.linalg.norm(turn))),
-        "shift_mm": float(np.linalg.norm(shift[:2])),
-        "depth_mm": float(abs(shift[2])),
-        "inside_square": square,
-        "sigma_deg": result.sigma_deg,
-        "residual_px": result.residual_px,
-        "misfit": result.evidence["misfit"],
-    }
-
-
-def _mark_truth(made: Session, result: Registration) -> dict:
-    camera = made.scene.camera
-    ours = ground_truth(made.scan, result.pose, camera, covariance=result.covariance)
-    exact = ground_truth(made.scene.mesh, made.scene.pose, camera)
-    error = angular_error_deg(ours.normals, exact.normals)
-    at_pose = angular_error_deg(ground_truth(made.scan, made.pose, camera).normals, exact.normals)
-    known = np.isfinite(error) & np.isfinite(ours.sigma_deg)
-    return {
-        "normal_deg": float(np.nanmedian(error[known])),
-        "normal_at_true_pose_deg": float(np.nanmedian(at_pose)),
-        "under_two_sigma": float(np.mean(error[known] < 2 * ours.sigma_deg[known])),
-        "known_share": float(known.sum() / np.isfinite(exact.normals[..., 0]).sum()),
-    }

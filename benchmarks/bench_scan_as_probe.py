@@ -88,7 +88,7 @@ def virtual() -> dict:
         shift, places = truth.reference_point_mm - found.lights.reference_point_mm, found.lights.positions_mm
         moved = None if places is None else places + shift
         lights = replace(found.lights, positions_mm=moved, reference_point_mm=truth.reference_point_mm)
-        row = off(lights, truth) | {"pose": f"{apart_px(made, found.pose):.2f} px", "seconds": seconds}
+        row = off(lights, truth) | {"pose": f"{apart_px(made.scene.camera, made.scan, found.pose, made.pose):.2f} px", "seconds": seconds}
         rows[f"{name}, gloss {made.scene.gloss:g}"] = row
         print(name, row, found.warnings[1:], flush=True)
     return rows

@@ -13,19 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.registered_normals import read_normals
-from benchmarks.real_captures import need, photographs
+from benchmarks.harness import SHARED
+from benchmarks.real_captures import photographs
 from calibrate.known_lights.read_known import read_lights
 from fixtures.mesh_scene import random_rotation
 from scene.camera import FROM_OPENCV, Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
-from scene.normals import unit
 from scene.pose import Pose
 
 Array = NDArray[np.float64]
 Projection = Literal["orthographic", "perspective"]
 
+DILIGENT, YCB = SHARED / "real" / "diligent", SHARED / "real" / "ycbv"
 FOCAL_PX, DISTANCE_MM = 3750.0, 1500.0
 """A camera that DiLiGenT may have had: 50 mm before pixels of 13.8 micrometres (four of the sensor's), 1.5 m away."""
 FULL_SIZE = (612, 512)
@@ -47,14 +48,11 @@ class RealObject:
     """The normals' surface, mm, camera frame: the scan at the pose that the set gives."""
 
 
-def diligent_object(name: str, projection: Projection, *, shots: int = 96, half: bool = False) -> RealObject:
-    """Return one of DiLiGenT's objects ("ball", "cat") under either projection, with about `shots` of its frames.
-
-    `half`: at half the size, each pixel the mean of four.
-    """
+def diligent_object(name: str, projection: Projection, *, shots: int = 96) -> RealObject:
+    """Return one of DiLiGenT's objects ("ball", "cat") under either projection, with about `shots` of its frames."""
     import cv2
 
-    folder = need("diligent", f"{name}PNG")
+    folder = DILIGENT / f"{name}PNG"
     frames = photographs(sorted(folder.glob("[0-9]*.png"))[:: max(1, 96 // shots)])
     every = read_lights(folder / "light_directions.txt", tuple(f"{i:03d}" for i in range(1, 97)))
     kept = [int(stem) - 1 for stem in frames.names]
@@ -72,22 +70,7 @@ def diligent_object(name: str, projection: Projection, *, shots: int = 96, half:
         )
     normals = read_normals(folder / "Normal_gt.mat", frames.height, frames.width)
     mask = np.asarray(drawn, np.uint8).astype(bool)
-    if half:
-        camera = camera.halved()
-        frames = Frames.from_linear(
-            frames.names, np.moveaxis(_quarters(np.moveaxis(frames.read(), 3, 1)).mean(0), 1, 3)
-        )
-        mask, normals = (
-            np.logical_and.reduce(_quarters(mask)),
-            unit(_quarters(normals.transpose(2, 0, 1)).mean(0).transpose(1, 2, 0)),
-        )
     return RealObject(frames, lights, camera, mask, normals, integrated(normals, mask, camera))
-
-
-def _quarters(images: NDArray) -> NDArray:
-    """Return (4, ..., h, w): the pixels of each block of 2 x 2."""
-    height, width = (size // 2 * 2 for size in images.shape[-2:])
-    return np.stack([images[..., row:height:2, column:width:2] for row in (0, 1) for column in (0, 1)])
 
 
 def integrated(normals: NDArray, mask: NDArray[np.bool_], camera: Camera) -> Mesh:
@@ -173,7 +156,7 @@ def ycb_objects() -> list[YcbObject]:
     import cv2
     from scipy.io import loadmat
 
-    folder = need("ycbv")
+    folder = YCB
     meta = loadmat(folder / "data" / "000001-meta.mat")
     labels = cv2.imread(str(folder / "data" / "000001-label.png"), cv2.IMREAD_UNCHANGED)
     assert labels is not None, folder

@@ -4,7 +4,7 @@ from importlib import import_module
 
 from benchmarks.harness import Table
 
-MODULES = ("calibration", "methods", "truth", "scans")
+MODULES = ("calibration", "registration", "methods", "truth", "scans", "datasets")
 """Files of this folder that list `TABLES`, in the order in which they are measured."""
 
 

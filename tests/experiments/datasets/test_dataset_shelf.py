@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 from experiments.datasets import run_methods as run_module
 from experiments.datasets.run_methods import grid, run
-from experiments.datasets.shelf import add, entries
+from experiments.datasets.shelf import add, entries, families_markdown
 from lab.options import Solving
 from scene.errors import SceneError
 
@@ -32,6 +32,11 @@ gray /= np.loadtxt(data / "light_intensities.txt").mean(1)[:, None, None]
 normals = np.einsum("if,fhw->hwi", np.linalg.pinv(np.loadtxt(data / "light_directions.txt")), gray)
 np.save(out / "normals.npy", normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-9))
 """
+
+
+def test_the_guide_shows_the_families_as_they_are(tmp_path):
+    guide = Path(__file__).parents[3] / "docs" / "guide" / "datasets.md"
+    assert families_markdown(entries(tmp_path)) in guide.read_text()
 
 
 @pytest.mark.full
