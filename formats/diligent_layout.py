@@ -211,10 +211,9 @@ def _read_mask(found: Layout) -> None:
     if not (found.folder / MASK).is_file():
         found.faults.append("mask.png: missing. White where the object is, black elsewhere, of the photographs' size.")
         return
-    import cv2
-
-    if (image := found.read(read_pixels, MASK, cv2.IMREAD_UNCHANGED)) is None:
+    if (read := found.read(read_pixels, MASK)) is None:
         return
+    image, _ = read
     values = image.reshape(*image.shape[:2], -1)[..., :3].max(-1)
     low, high = int(values.min()), int(values.max())
     if low < high:

@@ -74,13 +74,11 @@ def _read_npy(path: Path, height: int, width: int) -> NDArray:
 
 
 def _read_png(path: Path, height: int, width: int) -> NDArray:
-    import cv2
-
-    image = read_pixels(path, cv2.IMREAD_UNCHANGED)
+    image, white = read_pixels(path)
     if image.ndim != 3 or image.shape[2] < 3:
         raise ValueError("no RGB image of 8 or 16 bits")
-    code = image[..., 2::-1].astype(np.float64)
-    normals = code / (65535 if image.dtype == np.uint16 else 255) * 2 - 1
+    code = image[..., :3].astype(np.float64)
+    normals = code / white * 2 - 1
     if image.shape[2] == 4:
         normals[image[..., 3] == 0] = 0
     # Outside the object such maps are black, or the middle gray of a zero vector.

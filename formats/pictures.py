@@ -1,22 +1,25 @@
 """Pictures and arrays as linear float32; OpenEXR; the sRGB curve."""
 
 import os
-import threading
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from formats.tiff_files import read_tiff
 from scene.errors import RenderError, SceneError
-from scene.files import in_place
-from scene.image_files import check_header, read_pixels
+from scene.files import write_whole
+from scene.image_files import MOST_PIXELS, check_size, read_pixels
 from scene.reading import array_of, reading, shortened
 
 Picture = NDArray[np.float32]
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr", ".npy")
 
-_THREADS = threading.Lock()
+EXR = b"\x76\x2f\x31\x01"
+KINDS = {"HALF": np.float16, "FLOAT": np.float32}
+"""Of OpenEXR's channels. A third, UINT, holds numbers of objects and the like."""
+READ = "Read is one picture: R, G, B or Y, of floating point. Export it alone."
 
 
 def linear_from_srgb(values: Any) -> NDArray:
@@ -49,7 +52,7 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
         raise RenderError(f"{path}: not found.")
     if path.suffix.lower() not in SUFFIXES:
         raise RenderError(f"{path}: not a picture that is read here; expected one of {', '.join(SUFFIXES)}.")
-    values = _read(path)
+    values, white = _read(path)
     if values.ndim == 2:
         values = values[..., None]
     if values.ndim == 3 and values.shape[2] == 4:
@@ -57,7 +60,7 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
     if values.ndim != 3 or values.shape[2] not in (1, 3) or not values.size:
         raise RenderError(f"{path}: found an array of shape {values.shape}; expected height x width x 3 (or 1).")
     is_whole = np.issubdtype(values.dtype, np.integer)
-    linear = values.astype(np.float32) / (np.iinfo(values.dtype).max if is_whole else 1)
+    linear = values.astype(np.float32) / white
     bad = int(np.count_nonzero(~np.isfinite(linear) | (linear < 0)))
     if bad:
         raise RenderError(
@@ -69,55 +72,95 @@ def read_picture(path: Path, encoding: str | None = None) -> Picture:
     return np.ascontiguousarray(linear, np.float32)
 
 
-def _read(path: Path) -> NDArray:
-    suffix = path.suffix.lower()
-    if suffix == ".npy":
-        return array_of(path, "cannot be read as a picture", RenderError)
-    if suffix == ".exr":
-        return read_exr(path, "cannot be read as a picture", RenderError, do="Save it again.")
-    import cv2
-
-    image = read_pixels(path, cv2.IMREAD_UNCHANGED, RenderError)
-    return image if image.ndim == 2 else np.asarray(image[..., :3][..., ::-1])
+def _read(path: Path) -> tuple[NDArray, int]:
+    """Return the values of a picture, and that of white."""
+    if path.suffix.lower() != ".npy":
+        return read_values(path, RenderError)
+    values = array_of(path, "cannot be read as a picture", RenderError)
+    return values, np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1
 
 
-def read_exr(path: Path, fault: str, error: type[SceneError], *, do: str) -> Picture:
-    """Return the channels R, G, B (h, w, 3) or Y (h, w) of an OpenEXR file; see `scene.reading.reading`."""
-    import mitsuba
+def read_values(path: Path, error: type[SceneError], **how: str) -> tuple[NDArray, int]:
+    """Return the values of a picture of any kind as they lie in the file, and that of white, 1 of floating point.
 
-    _have_threads()
-    with reading(path, fault, error, do=do):
-        data = path.read_bytes()
-        if not data:
-            raise ValueError("it is empty")
-        check_header(data)
-        # Mitsuba brings a full OpenEXR reader; OpenCV's wheels have lost theirs.
-        bitmap: Any = mitsuba.Bitmap(os.fspath(path))
-        names = [field.name for field in bitmap.struct_()]
-        values = np.array(bitmap, np.float32)
-    values = values.reshape(*values.shape[:2], -1)
+    No colour profile is applied, and no orientation. What the file is, is told by its first bytes, not by its name.
+    See `scene.image_files.read_pixels` for the parameters.
+    """
+    with reading(path, **{"fault": "cannot be read as a picture", "do": "Save it again.", **how}, error=error):
+        with path.open("rb") as file:
+            start = file.read(4)
+        if start == EXR:
+            return _read_exr(path, error), 1
+        if start[:2] in (b"II", b"MM"):
+            return read_tiff(path, error)
+    return read_pixels(path, error, **how)
+
+
+def _read_exr(path: Path, error: type[SceneError]) -> NDArray:
+    """Return R, G, B (h, w, 3), or a single channel (h, w), of an OpenEXR file's display window, as they are stored.
+
+    What is stored beyond the display window is cut off. Where nothing is stored the picture is 0, as OpenEXR's own
+    tools show it. Chromaticities are not applied, and alpha is dropped.
+    """
+    import OpenEXR
+
+    parts = OpenEXR.File(os.fspath(path), header_only=True).parts
+    if unlike := _unlike(parts):
+        raise error(f"{path}: {unlike}. {READ}")
+    stored, shown = (np.array(parts[0].header[key], np.int64) for key in ("dataWindow", "displayWindow"))
+    (width, height), (wide, high) = (box[1] - box[0] + 1 for box in (stored, shown))
+    check_size(int(width), int(height), path.stat().st_size)
+    # A small data window may lie in a large display window.
+    check_size(int(wide), int(high), MOST_PIXELS)
+    first, end = np.maximum(stored[0], shown[0]), np.minimum(stored[1], shown[1]) + 1
+    if np.any(first >= end):
+        raise ValueError("its data window lies outside of its display window")
+    # `File` would decode all channels of all parts, and would print what is damaged, and go on.
+    file = OpenEXR.InputFile(os.fspath(path))
+    names = _names(parts[0])
+    types = [str(file.header()["channels"][name].type) for name in names]
+    if not set(types) <= set(KINDS):
+        raise error(f"{path}: holds whole numbers (channels of the type UINT). {READ}")
+    kinds = [np.dtype(KINDS[name]) for name in types]
+    values = np.zeros((high, wide, len(names)), max(kinds))
+    (left, top), (right, bottom) = first - shown[0], end - shown[0]
+    x, y = shown[0] - stored[0]
+    for index, (plane, kind) in enumerate(zip(file.channels(names), kinds, strict=True)):
+        part = np.frombuffer(plane, kind).reshape(height, width)[top + y : bottom + y, left + x : right + x]
+        values[top:bottom, left:right, index] = part
+    return values if len(names) == 3 else values[..., 0]
+
+
+def _names(part: Any) -> list[str]:
+    """Return which channels of an OpenEXR part are its picture, none if there is none."""
+    names = [channel.name for channel in part.header["channels"]]
     if {"R", "G", "B"} <= set(names):
-        return values[..., [names.index(name) for name in "RGB"]]
-    if len(names) == 1 or "Y" in names:
-        return values[..., names.index("Y") if "Y" in names else 0]
-    raise error(
-        f"{path}: holds the channels {shortened(', '.join(names))}, expected R, G, B or Y. Export the picture alone."
-    )
+        return ["R", "G", "B"]
+    # Z is the distance.
+    return names if len(names) == 1 and names != ["Z"] else ["Y"] * ("Y" in names and "RY" not in names)
+
+
+def _unlike(parts: list[Any]) -> str:
+    """Return what about an OpenEXR file is not read, nothing if all is."""
+    import OpenEXR
+
+    pictures = [bool(_names(part)) for part in parts]
+    channels = parts[0].header["channels"]
+    if sum(pictures) > 1 or not pictures[0]:
+        names = shortened(", ".join(one.name for one in channels))
+        return f"holds {len(parts)} part{'s' * (len(parts) > 1)}; the channels of the first are {names}"
+    if parts[0].type() not in (OpenEXR.scanlineimage, OpenEXR.tiledimage):
+        return "holds deep pixels"
+    if any(one.xSampling * one.ySampling != 1 for one in channels if one.name in _names(parts[0])):
+        return "holds channels of fewer pixels than the picture (sampling)"
+    return ""
 
 
 def write_exr(path: Path, picture: Picture) -> None:
     """Write (h, w, 3) or (h, w, 1) as 32-bit OpenEXR."""
-    import mitsuba
+    import OpenEXR
 
-    _have_threads()
-    with in_place(path) as temporary:
-        mitsuba.Bitmap(np.ascontiguousarray(picture, np.float32)).write(os.fspath(temporary))
-
-
-def _have_threads() -> None:
-    """Give Mitsuba's OpenEXR a thread to wait for: on one core, or kept to one, it would wait for ever."""
-    import drjit
-
-    with _THREADS:
-        if drjit.thread_count() < 2:
-            drjit.set_thread_count(2)
+    values = np.ascontiguousarray(picture, np.float32)
+    channels = {"RGB": values} if values.shape[2] == 3 else {"Y": values[..., 0]}
+    with write_whole(path) as file:
+        OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION}, channels).write(file)

@@ -1,10 +1,9 @@
 """Pictures in files, decoded by OpenCV: what a header claims is looked at before memory is asked for."""
 
 import io
-import logging
 import os
-import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,78 +11,87 @@ from numpy.typing import NDArray
 from scene.errors import SceneError
 from scene.reading import reading
 
-# What it would print of damaged headers, the decoder says in one message.
-logging.getLogger("tifffile").addHandler(logging.NullHandler())
-
 MOST_PIXELS = 600_000_000
 """No camera has more, with its pixels shifted neither."""
 TIGHTEST = 4000
 """Pixels that a byte of a file can stand for, at most: deflate packs 1032 to 1, LZW and JPEG to the same order."""
 PIXEL_BYTES = 16
 """Of memory that a pixel takes while it is decoded: its values, and its codes."""
-EXR = b"\x76\x2f\x31\x01"
-BOX = b"dataWindow\0box2i\0"
-PILLOW = ["PNG", "JPEG", "BMP", "PPM", "TGA", "GIF", "WEBP"]
+PILLOW = ["PNG", "JPEG", "BMP", "PPM", "TGA", "GIF", "WEBP", "TIFF"]
 
 
 def read_pixels(
     path: Path,
-    flags: int,
     error: type[SceneError] = SceneError,
     *,
     fault: str = "cannot be read as a picture",
     do: str = "Save it again.",
-) -> NDArray:
-    """Return a picture's values as OpenCV orders them, (H, W) or (H, W, BGR or BGRA).
+) -> tuple[NDArray, int]:
+    """Return a picture's values as they lie in the file, and that of white.
 
     Parameters
     ----------
     path : Path
-        PNG, TIFF, JPEG, BMP, PGM, PPM and whatever else OpenCV knows.
-    flags : int
-        `cv2.IMREAD_...`.
+        PNG, JPEG, BMP, PGM, PPM, TGA, HDR; TIFF and OpenEXR are read by `formats.pictures.read_values`.
     error, fault, do
         As in `scene.reading.reading`.
+
+    Returns
+    -------
+    values : (H, W), (H, W, 3) RGB or, of PNG with alpha, (H, W, 4)
+        uint8, uint16; of HDR float32.
+    white : int
+        1 of floating point.
     """
-    with reading(path, fault, error, do=do):
-        return pixels_of(path.read_bytes(), flags)
-
-
-def pixels_of(data: bytes, flags: int) -> NDArray:
-    """Return the picture that a file's bytes hold; ValueError where they hold none. See `read_pixels`."""
     import cv2
 
-    check_header(data)
-    values = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
-    if values is None:
-        raise ValueError("corrupt, empty, or of another kind")
-    return values
+    with reading(path, fault, error, do=do):
+        data = path.read_bytes()
+        if not data:
+            raise ValueError("it is empty")
+        _check_end(data)
+        head = _head(data)
+        if head and head.format == "TIFF":
+            raise error(f"{path}: is a TIFF file by its content. Save it as its name says.")
+        if head and head.mode == "CMYK":
+            raise error(f"{path}: is of the colour space CMYK. Export it as RGB.")
+        if head and head.format == "TGA":
+            return np.asarray(head.convert("L" if head.mode in ("L", "LA", "1") else "RGB")), 255
+        values = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        if values is None or values.dtype not in (np.uint8, np.uint16, np.float32):
+            raise ValueError("corrupt, or of another kind")
+        white = np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1
+        if head and head.format == "PPM" and isinstance(head.tile[0].args, tuple):
+            # The greatest value that a PGM or PPM header states: 4095 in a 12-bit file.
+            white = int(head.tile[0].args[-1])
+        # OpenCV has blue first.
+        return values if values.ndim == 2 else values[..., [2, 1, 0, 3][: values.shape[2]]], white
 
 
-def check_header(data: bytes) -> None:
-    """Raise ValueError for a picture of a size that no camera takes, or that so small a file cannot hold."""
-    width, height = claimed_size(data) or (1, 1)
-    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if min(width, height) < 1 or width * height > min(MOST_PIXELS, TIGHTEST * len(data), memory // PIXEL_BYTES):
-        raise ValueError(f"its header claims {width} x {height} px, the file has {len(data)} bytes")
-
-
-def claimed_size(data: bytes) -> tuple[int, int] | None:
-    """Return width and height that a header claims, None where it is not understood: OpenCV may know more kinds."""
-    import tifffile
+def _head(data: bytes) -> Any:
+    """Return the picture as Pillow knows it, not decoded; None where it knows no such kind."""
     from PIL import Image
 
     # The check is ours: Pillow's own would warn of 90 megapixels.
     Image.MAX_IMAGE_PIXELS = None
     try:
-        if data.startswith(EXR):
-            left, top, right, bottom = struct.unpack_from("<4i", data, data.index(BOX) + len(BOX) + 4)
-            return right - left + 1, bottom - top + 1
-        if data[:2] in (b"II", b"MM"):
-            with tifffile.TiffFile(io.BytesIO(data)) as file:
-                page = file.pages.first
-                return page.imagewidth, page.imagelength
-        with Image.open(io.BytesIO(data), formats=PILLOW) as image:
-            return image.size
+        head = Image.open(io.BytesIO(data), formats=PILLOW)
     except Exception:
         return None
+    check_size(*head.size, len(data))
+    return head
+
+
+def check_size(width: int, height: int, file_bytes: int) -> None:
+    """Raise ValueError for a picture of a size that no camera takes, or that so small a file cannot hold."""
+    memory = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    if min(width, height) < 1 or width * height > min(MOST_PIXELS, TIGHTEST * file_bytes, memory // PIXEL_BYTES):
+        raise ValueError(f"its header claims {width} x {height} px, the file has {file_bytes} bytes")
+
+
+def _check_end(data: bytes) -> None:
+    """Raise for a file cut short: the decoders fill the rest with gray and say nothing."""
+    if (data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-4096:]) or (
+        data[:8] == b"\x89PNG\r\n\x1a\n" and b"IEND" not in data[-64:]
+    ):
+        raise ValueError(f"it is cut short: {len(data)} bytes, no end mark")

@@ -204,9 +204,8 @@ class Store:
         write_png(self.path("mask.png"), mask)
 
     def load_mask(self) -> NDArray[np.bool_]:
-        import cv2
-
-        mask = read_pixels(self.path("mask.png"), cv2.IMREAD_GRAYSCALE, do=REMADE) > 127
+        values, white = read_pixels(self.path("mask.png"), do=REMADE)
+        mask = values.reshape(*values.shape[:2], -1)[..., :3].max(-1) > white / 2
         self._of_frames_size(self.path("mask.png"), *mask.shape)
         return mask
 

@@ -89,7 +89,8 @@ def test_the_project_installs_every_room_and_every_import():
     assert project["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"] == list(ROOMS)
     declared = {re.split(r"[\[<>= ]", line)[0].lower() for line in project["project"]["dependencies"]}
     distribution = {"cv2": "opencv-contrib-python-headless", "skimage": "scikit-image", "drjit": "mitsuba",
-                    "libusb_package": "libusb-package", "distributed": "dask", "PIL": "pillow"}  # fmt: skip
+                    "libusb_package": "libusb-package", "distributed": "dask", "PIL": "pillow",
+                    "OpenEXR": "openexr"}  # fmt: skip
     used = {name for path in SOURCES for name in imports(ast.parse(path.read_text()))}
     foreign = used - set(ROOMS) - set(sys.stdlib_module_names)
     assert {distribution.get(name, name) for name in foreign} <= declared

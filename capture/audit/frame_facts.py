@@ -1,11 +1,11 @@
 """What the audit needs to know of each frame, gathered by whoever decodes it while it is in memory."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from capture.photographs.photograph import CLIPPED_CODE, SATURATION
+from capture.photographs.photograph import CLIPPED_CODE, FLOAT16_MAX, SATURATION, pile_at_top
 from scene.frames import PEDESTAL, WHITE, gray
 
 SMALL_PX = 768
@@ -29,7 +29,8 @@ class FrameFacts:
     histogram : (3, 1024) int64
         Codes by channel, of a regular sample of the pixels; empty for float frames.
     white : float
-        Linear value at which this file's header says that the sensor clips.
+        Linear value at which this file's header says that the sensor clips; of floating point, see
+        `capture.photographs.photograph.clip_level`.
     """
 
     small: NDArray[np.float32]
@@ -46,10 +47,9 @@ class FrameFacts:
 
 def facts_of(codes: NDArray, *, white: float = 1.0, is_mosaic: bool = False) -> FrameFacts:
     """Return the facts of one frame's codes (H, W, 3)."""
-    clipped_share = blown_share = 0.0
+    clipped_share, blown_share = _clipped(codes, white)
     histogram = np.zeros((3, 0), np.int64)
     if codes.dtype == np.uint16:
-        clipped_share, blown_share = _clipped(codes, white)
         step = max(1, round(np.sqrt(codes.shape[0] * codes.shape[1] / 1e6)))
         sample = codes[::step, ::step] // BIN
         histogram = np.stack([np.bincount(sample[..., i].ravel(), minlength=65536 // BIN) for i in range(3)])
@@ -72,12 +72,17 @@ def reduced(codes: NDArray, longest_px: int = SMALL_PX) -> NDArray[np.float32]:
     return (out - PEDESTAL) / np.float32(WHITE - PEDESTAL) if codes.dtype == np.uint16 else out
 
 
-def _clipped(codes: NDArray[np.uint16], white: float) -> tuple[float, float]:
+def _clipped(codes: NDArray, white: float) -> tuple[float, float]:
     """Return the share of clipped pixels, and the share of those in wide spots."""
     import cv2
 
-    limit = min(CLIPPED_CODE, round(SATURATION * white * (WHITE - PEDESTAL)) + PEDESTAL)
-    unclipped = cv2.inRange(np.ascontiguousarray(codes), (0, 0, 0), (limit - 1,) * 3)
+    if codes.dtype == np.uint16:
+        least, limit = 0, min(CLIPPED_CODE, round(SATURATION * white * (WHITE - PEDESTAL)) + PEDESTAL)
+    else:
+        # Half floats have the order of their bits, those below 0 among the negative numbers.
+        limit = int(np.float16(min(SATURATION * white, FLOAT16_MAX)).view(np.int16))
+        least, codes = -(2**15), codes.view(np.int16)
+    unclipped = cv2.inRange(np.ascontiguousarray(codes), (least,) * 3, (limit - 1,) * 3)
     count = codes.shape[0] * codes.shape[1] - cv2.countNonZero(unclipped)
     if not count:
         return 0.0, 0.0
@@ -99,14 +104,9 @@ def sensor_ceiling(facts: list[FrameFacts]) -> float | None:
     tops = []
     for fact in facts:
         for counts in fact.histogram:
-            filled = np.flatnonzero(counts)
-            # A top pile of 4 bins (0.4 %) against the eight such windows below it.
-            if len(filled) and filled[-1] >= 36 + PEDESTAL // BIN // 2:
-                top = filled[-1]
-                pile = counts[top - 3 : top + 1].sum()
-                below = counts[top - 35 : top - 3].reshape(8, 4).sum(axis=1)
-                if pile >= 20 and pile > 3 * below.max() and pile > 8 * below.mean():
-                    tops.append(top)
+            top = pile_at_top(counts)
+            if top is not None and top >= 36 + PEDESTAL // BIN // 2:
+                tops.append(top)
     if not tops:
         return None
     top = int(np.median(tops))
@@ -117,3 +117,16 @@ def sensor_ceiling(facts: list[FrameFacts]) -> float | None:
     if agreeing < max(2, len(tops) / 2) or not plausible or level >= SATURATION:
         return None
     return level
+
+
+def one_clip_level(facts: list[FrameFacts]) -> tuple[list[FrameFacts], float]:
+    """Return the facts of floating-point frames that have one clip level, and it: the highest of the frames' own.
+
+    It is infinite where a frame is brighter: then samples pile up for another reason, as on flat faces of a rendering.
+    """
+    level = max((fact.white for fact in facts if np.isfinite(fact.white)), default=np.inf)
+    if any(fact.small.max() > level for fact in facts):
+        level = np.inf
+    others = [fact.white < SATURATION * level for fact in facts]
+    unclipped = [replace(fact, clipped_share=0.0, blown_share=0.0) for fact in facts]
+    return [clean if other else fact for fact, clean, other in zip(facts, unclipped, others, strict=True)], level

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from capture.audit.audit import audit
 from capture.audit.camera_settings import exposure_by_room, exposure_gains
-from capture.audit.frame_facts import FrameFacts, reduced, sensor_ceiling
+from capture.audit.frame_facts import FrameFacts, one_clip_level, reduced, sensor_ceiling
 from capture.camera.exif import Exif, read_exif
 from capture.camera.session_camera import fitted
 from capture.photographs.develop import Job, Recipe, develop, flat_field, mean_photograph, read_photograph, recoded
 from capture.photographs.kept import Kept, kept_folder
-from capture.photographs.photograph import SATURATION
+from capture.photographs.photograph import FLOAT16_MAX, SATURATION
 from capture.session.session_types import Session
 from scene.camera import Camera
 from scene.fan_out import fan_out
@@ -85,7 +85,7 @@ def decode(
     try:
         kept = Kept(kept_folder(store.folder), session.encoding, session.half)
         recipe = Recipe(session.encoding, session.half, session.flash[0], kept=kept if kept.folder.is_dir() else None)
-        first = read_photograph(session.flash[0], recipe)
+        first = read_photograph(session.flash[0], replace(recipe, is_first=True))
         height, width, _ = first.codes.shape
         if isinstance(session.camera, Camera):
             # Now, and not after minutes of decoding.
@@ -105,7 +105,7 @@ def decode(
             # A unit holds its file, its codes, and the decoder's own copies.
             threads = max(1, DECODING_BYTES // (2 * frame_bytes))
             facts = fan_out(develop, jobs, executor=executor, done=steps.done, threads=threads)
-            saturation, told = _saturation(facts, first.codes.dtype)
+            facts, saturation, told = _saturation(facts, first.codes.dtype)
             if told and recipe.is_corrected:
                 # Divided by the flat field, what clips at that ceiling is not to be found any more: once more.
                 steps.total += len(jobs)
@@ -176,15 +176,20 @@ def _ambient(session: Session, recipe: Recipe, gain: list[float], steps: _Steps)
     return recoded(mean, np.dtype(recipe.dtype))
 
 
-def _saturation(facts: list[FrameFacts], dtype: np.dtype) -> tuple[float, tuple[str, ...]]:
-    """Return `Frames.saturation`: from the files' white levels, or from where the sensor is seen to clip."""
+def _saturation(facts: list[FrameFacts], dtype: np.dtype) -> tuple[list[FrameFacts], float, tuple[str, ...]]:
+    """Return the facts; `Frames.saturation`, from the files' white levels or where the sensor is seen to clip; why."""
     if dtype != np.uint16:
-        return np.inf, ()
+        facts, level = one_clip_level(facts)
+        return facts, min(SATURATION * level, FLOAT16_MAX), ()
     white = min(fact.white for fact in facts)
     ceiling = sensor_ceiling(facts)
     if ceiling is None or ceiling >= SATURATION * white:
-        return SATURATION * white, ()
-    return SATURATION * ceiling, (
-        f"frames: pixels pile up at {ceiling:.4f} of the stated white level, in several frames: the sensor clips "
-        "there, and samples above are treated as saturated.",
+        return facts, SATURATION * white, ()
+    return (
+        facts,
+        SATURATION * ceiling,
+        (
+            f"frames: pixels pile up at {ceiling:.4f} of the stated white level, in several frames: the sensor clips "
+            "there, and samples above are treated as saturated.",
+        ),
     )

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from capture.audit.frame_facts import FrameFacts, facts_of, reduced
-from capture.photographs.images import FLOAT16_MAX, read_image
+from capture.photographs.images import read_image
 from capture.photographs.kept import Kept
-from capture.photographs.photograph import SATURATION, Photograph
+from capture.photographs.photograph import SATURATION, Photograph, half_floats
 from capture.photographs.raw import read_raw
 from capture.session.globs import kind_of
 from capture.session.session_types import Encoding
@@ -32,13 +32,15 @@ class Recipe:
     dtype : str
         "uint16" or "float16".
     sensor_range : float or None
-        DN from black to white of the session's first RAW file.
+        DN from black to white of the session's first RAW file, the power of two of its first float file.
     dark, flat : Path or None
         (H, W, 3) float32 .npy: subtracted; divided by.
     saturation : float
         Linear value from which a sample is clipped, where the sensor is known to end below the files' white.
     kept : Kept or None
         Photographs that were decoded before.
+    is_first : bool
+        It is the session's first photograph, which tells `sensor_range`.
     """
 
     encoding: Encoding
@@ -49,8 +51,9 @@ class Recipe:
     sensor_range: float | None = None
     dark: Path | None = None
     flat: Path | None = None
-    saturation: float = SATURATION
+    saturation: float = np.inf
     kept: Kept | None = None
+    is_first: bool = False
 
     @property
     def is_corrected(self) -> bool:
@@ -70,13 +73,16 @@ class Job:
 
 def read_photograph(file: Path, recipe: Recipe) -> Photograph:
     """Read one file, uncorrected; CaptureError if unreadable, or of another size or kind than `recipe.like`."""
-    known = recipe.kept.load_file(file, sensor_range=recipe.sensor_range) if recipe.kept else None
+    known = None
+    if recipe.kept and not recipe.is_first:
+        known = recipe.kept.load_file(file, sensor_range=recipe.sensor_range)
     if known is not None:
         photograph = known
     elif kind_of(file) == "raw":
         photograph = read_raw(file, sensor_range=recipe.sensor_range, half=recipe.half)
     else:
-        photograph = read_image(file, recipe.encoding, half=recipe.half)
+        scale = None if recipe.is_first else recipe.sensor_range or 1.0
+        photograph = read_image(file, recipe.encoding, half=recipe.half, sensor_range=scale)
     height, width, _ = photograph.codes.shape
     if min(height, width) < 2:
         raise CaptureError(f"{file}: is {width} x {height} px{' after halving' if recipe.half else ''}, no photograph.")
@@ -115,11 +121,11 @@ def _load(path: Path | None) -> NDArray | None:
 
 
 def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None, saturation: float) -> NDArray:
-    """Return codes of (linear - dark) / flat; what was clipped, from `saturation` on, gets the highest code.
+    """Return codes of (linear - dark) / flat; what was clipped, from `saturation` on, stays as it is.
 
     So a clipped sample stays one, and since a flat field only lowers values (see `flat_field`), no other becomes one.
     """
-    limit = round(saturation * (WHITE - PEDESTAL)) + PEDESTAL
+    limit = round(saturation * (WHITE - PEDESTAL)) + PEDESTAL if codes.dtype == np.uint16 else saturation
     out = np.zeros_like(codes)
     for start in range(0, len(codes), 256):
         rows = slice(start, start + 256)
@@ -128,17 +134,13 @@ def corrected(codes: NDArray, dark: NDArray | None, flat: NDArray | None, satura
             linear -= dark[rows]
         if flat is not None:
             linear /= flat[rows]
-        out[rows] = recoded(linear, codes.dtype)
-        if codes.dtype == np.uint16:
-            out[rows][codes[rows] >= limit] = 65535
+        out[rows] = np.where(codes[rows] >= limit, codes[rows], recoded(linear, codes.dtype))
     return out
 
 
 def recoded(linear: NDArray, dtype: np.dtype) -> NDArray:
     """Return codes of linear values in the stack's own type."""
-    if dtype == np.uint16:
-        return encode(linear)
-    return np.clip(linear, -FLOAT16_MAX, FLOAT16_MAX).astype(np.float16)
+    return encode(linear) if dtype == np.uint16 else half_floats(linear)
 
 
 def mean_photograph(files: Sequence[Path], gain: Sequence[float], recipe: Recipe) -> NDArray[np.float32]:

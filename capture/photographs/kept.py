@@ -53,11 +53,11 @@ class Kept:
         if digest is None or not self._about(digest).is_file():
             return None
         about = json_of(self._about(digest))
-        fits = sensor_range in (None, about["sensor_range"]) and (sensor_range is not None or about["white"] == 1)
-        if about["mark"] != self._mark or not fits:
+        if about["mark"] != self._mark or sensor_range not in (None, about["sensor_range"]):
             return None
         codes = np.load(self._codes(digest), mmap_mode="r")
-        return Photograph(codes, float(about["white"]), about["sensor_range"], bool(about["is_mosaic"]))
+        white = np.inf if about["white"] is None else float(about["white"])
+        return Photograph(codes, white, about["sensor_range"], bool(about["is_mosaic"]))
 
     def load_file(self, file: Path, *, sensor_range: float | None = None) -> Photograph | None:
         """Return the photograph of a file; see `load`."""

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from capture.photographs.dng import DO, compression_of, plain_dng
 from capture.photographs.photograph import Photograph, halve, mean_of
 from scene.errors import CaptureError
 from scene.frames import PEDESTAL, WHITE, encode
@@ -37,14 +38,24 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
         raise CaptureError(f"{path}: is missing or empty. Copy it from the camera again.")
     do = "Copy it from the camera again, or list it under frames.skip."
     fault = "cannot be decoded: corrupt, cut short, or no RAW file"
-    with reading(path, fault, CaptureError, do=do), rawpy.imread(str(path)) as raw:
+    with reading(path, fault, CaptureError, do=do):
+        try:
+            source, unit = plain_dng(path) or (str(path), 1.0)
+            opened = rawpy.imread(source)
+        except rawpy.LibRawFileUnsupportedError as error:
+            raise CaptureError(
+                f"{path}: is no RAW file, or of a kind that LibRaw does not read ({compression_of(path)}). {DO} If no "
+                "other program opens it either, copy it from the camera again."
+            ) from error
+    with reading(path, fault, CaptureError, do=do), opened as raw:
         black = [float(level) for level in raw.black_level_per_channel]
         white = float(raw.white_level)
         # Stacks of three colours fill only three of the four levels.
-        own_range = white - max(black[:3])
+        own_range = (white - max(black[:3])) / unit
         if own_range <= 0:
             raise CaptureError(f"{path}: states black level {black} above white level {white}. The file is broken.")
-        scale = sensor_range or own_range
+        sensor_range = sensor_range or own_range
+        scale = sensor_range * unit
         pattern = raw.raw_pattern
         if raw.raw_type == rawpy.RawType.Stack:
             codes, is_mosaic = _codes_of_stack(raw.raw_image_visible, black, scale), False
@@ -59,7 +70,7 @@ def read_raw(path: Path, *, sensor_range: float | None = None, half: bool = Fals
         else:
             codes, is_mosaic = _codes_by_libraw(raw, black, white, scale), not half
             codes = halve(codes) if half else codes
-    return Photograph(codes, min(own_range / scale, 1.0), scale, is_mosaic)
+    return Photograph(codes, min(own_range / sensor_range, 1.0), sensor_range, is_mosaic)
 
 
 @lru_cache(maxsize=16)

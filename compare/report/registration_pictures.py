@@ -114,10 +114,8 @@ def write_pictures(
 
 def read_picture(store: Store, name: str) -> Image | None:
     """Return a picture of align/, None where it is not there."""
-    import cv2
-
     path = store.path(FOLDER, f"{name}.png")
-    return read_pixels(path, cv2.IMREAD_COLOR)[..., ::-1] if path.exists() else None
+    return read_pixels(path)[0] if path.exists() else None
 
 
 def outline_picture(photograph: Image, box: Box, strokes: NDArray) -> Image:

@@ -13,12 +13,12 @@ from capture.session.session_types import Encoding, Lens
 from capture.survey.board_layout import find_board
 from capture.survey.folder_files import FEWEST, FolderFiles
 from capture.survey.small_pictures import Small, by_light, frames_of, of_one_size, read_small
+from formats.pictures import read_values
 from lab.init.answers import Asking
 from lab.init.draft import Draft, DraftBall
 from lab.init.draft_balls import with_balls
 from lab.init.scan_unit import object_across_px, read_scan
 from scene.errors import SceneError, SessionError
-from scene.image_files import read_pixels
 from scene.spheres import KINDS
 
 Progress = Callable[[int, int], None]
@@ -117,10 +117,8 @@ def encoding_of(first: Path, asking: Asking) -> tuple[bool | None, Encoding]:
 
 
 def _has_eight_bits(path: Path) -> bool:
-    import cv2
-
     try:
-        return read_pixels(path, cv2.IMREAD_UNCHANGED).dtype == np.uint8
+        return read_values(path, SceneError)[0].dtype == np.uint8
     except SceneError:
         # It is named among those that cannot be read.
         return False

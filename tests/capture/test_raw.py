@@ -237,7 +237,7 @@ def test_a_colour_filter_that_no_sensor_has(tmp_path, write_dng, mosaic, letters
     broken = bytes("RGB".index(letter) for letter in letters)
     (tmp_path / "a.dng").write_bytes(data[:place] + broken + data[place + 4 :])
     for half in (False, True):
-        with pytest.raises(CaptureError, match=r"a\.dng: cannot be decoded"):
+        with pytest.raises(CaptureError, match=r"a\.dng: (cannot be decoded|is no RAW file)"):
             read_raw(tmp_path / "a.dng", half=half)
 
 
