@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.motion import nudge
-from align.scan.mended_scan import LARGEST
+from formats.meshes.scan_files import LARGEST
 from scene.camera import FROM_OPENCV, Camera
 from scene.errors import AlignError
 from scene.length_units import UNITS_MM

@@ -16,8 +16,6 @@ from scene.mesh import Mesh
 
 __all__ = ["SUFFIXES", "load_scan"]
 
-LARGEST = 1e9
-"""Units of the file: no scan reaches further from its origin, and squares of it keep their precision."""
 USUAL_MM = (2.0, 3000.0)
 """Objects that are photographed on a table are this large, across."""
 SMALLEST_PIECE = 0.01
@@ -56,8 +54,7 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     if unit not in UNITS_MM:
         raise AlignError(f"scan_unit: found {unit!r}, expected one of {', '.join(UNITS_MM)}.")
     repairs: list[str] = []
-    surface = _read(path)
-    surface = weld(surface, repairs)
+    surface = weld(Surface(*read_scan(path)), repairs)
     _check_left(path, surface)
     _check_manifold(path, surface, repairs)
     table, words = find_table(surface)
@@ -83,37 +80,6 @@ def load_scan(path: Path, unit: str, *, ball_diameter_mm: float | None = None) -
     vertices = surface.vertices * scale
     _report_size(vertices, unit, in_mm, repairs)
     return Mesh(vertices, surface.faces, tuple(repairs))
-
-
-def _read(path: Path) -> Surface:
-    """Return the file's vertices and faces, checked."""
-    vertices, faces = read_scan(path)
-    if len(vertices) == 0:
-        raise AlignError(f"{path}: the scan is empty. Export it again as a triangle mesh.")
-    if len(faces) == 0:
-        raise AlignError(
-            f"{path}: {len(vertices)} points, but no faces: a point cloud. Mesh it in the scanner's program first."
-        )
-    if faces.min() < 0 or faces.max() >= len(vertices):
-        raise AlignError(
-            f"{path}: faces name vertices {faces.min()} to {faces.max()}, but there are {len(vertices)}. "
-            "The file is damaged; export the scan again."
-        )
-    far = np.abs(vertices[faces]).max(initial=0)
-    if LARGEST < far < np.inf:
-        raise AlignError(
-            f"{path}: positions reach {far:.3g} units of the file; nothing beyond {LARGEST:.0e} can be a scan. "
-            "The file is damaged; export the scan again."
-        )
-    # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.
-    x, y, z = np.isfinite(vertices).T
-    bad = ~(x & y & z)
-    if bad.any() and bad[faces].any():
-        raise AlignError(
-            f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position (the first is number "
-            f"{np.flatnonzero(bad)[0]}: {vertices[bad][0]}). Export the scan again."
-        )
-    return Surface(vertices, faces)
 
 
 def _check_left(path: Path, surface: Surface) -> None:

@@ -1,77 +1,62 @@
-"""Numbers in text files, read in one go: the ASCII kinds of scans."""
+"""Numbers in text files, line by line, read in one go: the kinds of meshes that are text."""
 
+import codecs
 import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+Integers = NDArray[np.int64]
 
-def parse(text: bytes, kind: type = np.float64) -> NDArray:
-    """Return all numbers of a text (N,), separated by white space.
 
-    Raises ValueError: Something in it is no number.
+def read_text(path: Path) -> bytes:
+    """Return a text without mark and comments (from # on); each line follows a line feed, the first one too."""
+    data = path.read_bytes()
+    if data[:2] in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        data = data.decode("utf-16").encode()
+    text = b"\n" + data.removeprefix(codecs.BOM_UTF8).replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    return re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
+
+
+def lines_of(text: bytes, words: bytes) -> bytes:
+    """Return the lines whose first word is one of these: a regular expression."""
+    return re.sub(rb"\n(?![ \t]*(?:%s)\s)[^\n]*" % words, b"", text)
+
+
+def table(text: bytes) -> tuple[NDArray[np.float64], Integers]:
+    """Return all numbers of a text, separated by white space, and how many each line has that is not blank.
+
+    text: Each line follows a line feed. Raises ValueError: Something in it is no number.
     """
-    if not text.strip():
-        return np.zeros(0, kind)
+    letters = np.frombuffer(text + b"\n", np.uint8)
+    spaces = letters <= ord(" ")
+    begins = np.flatnonzero(spaces[:-1] > spaces[1:])
+    words = np.diff(np.searchsorted(begins, np.flatnonzero(letters == ord("\n"))))
     with warnings.catch_warnings():
         # Older numpy only warns, and stops at the first word that is no number.
         warnings.simplefilter("error", DeprecationWarning)
         try:
-            return np.fromstring(text, kind, sep=" ")
+            return np.fromstring(text if len(begins) else b"", np.float64, sep=" "), words[words > 0]
         except (DeprecationWarning, ValueError):
-            word = next((word for word in text.split() if not _is_number(word)), b"?")
-            raise ValueError(f"{word[:20].decode('latin-1')!r} is not a number") from None
+            word = re.search(rb"\S*[^\s\d.eEnaif+-]\S*", text)
+            found = word[0][:20].decode("latin-1") if word else "a word"
+            raise ValueError(f"{found!r} is not a number") from None
 
 
-def _is_number(word: bytes) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def whole(values: NDArray) -> Integers:
+    """Return whole numbers as integers; ValueError where one is not whole."""
+    with np.errstate(invalid="ignore"):
+        found = values.astype(np.int64)
+    if (found != values).any():
+        raise ValueError(f"{values[found != values][0]:g} where a whole number belongs")
+    return found
 
 
-class Lines:
-    """A text cut into lines, with access to those that start with a given word.
-
-    text: Lines end with a line feed, with a carriage return, or with both.
-    comment: What starts a comment; comments are dropped.
-    """
-
-    def __init__(self, text: bytes, comment: bytes = b"#") -> None:
-        if b"\n" not in text:
-            text = text.replace(b"\r", b"\n")
-        if b"\\" in text:
-            text = re.sub(rb"\\\r?\n", b" ", text)
-        if comment in text:
-            text = re.sub(re.escape(comment) + rb"[^\n]*", b"", text)
-        if re.search(rb"^[ \t]", text, re.MULTILINE):
-            text = re.sub(rb"(?m)^[ \t]+", b"", text)
-        self.text = text if text.endswith(b"\n") else text + b"\n"
-        self._bytes = np.frombuffer(self.text, np.uint8)
-        self._ends = np.flatnonzero(self._bytes == ord("\n")) + 1
-        self._starts = np.concatenate([[0], self._ends[:-1]])
-
-    def starting_with(self, word: bytes) -> NDArray[np.bool_]:
-        """(L,) whether a line's first word is this one."""
-        found = self._ends - self._starts > len(word)
-        starts = self._starts[found]
-        same = self._bytes[starts + len(word)] <= ord(" ")
-        for index, letter in enumerate(word):
-            same &= self._bytes[starts + index] == letter
-        found[found] = same
-        return found
-
-    def select(self, lines: NDArray[np.bool_]) -> bytes:
-        """Return the text of the chosen lines (L,)."""
-        return self._bytes[np.repeat(lines, self._ends - self._starts)].tobytes()
-
-
-def words_a_line(text: bytes) -> NDArray[np.int64]:
-    """(L,) how many words each line holds, empty lines too."""
-    letters = np.frombuffer(text, np.uint8)
-    spaces = letters <= ord(" ")
-    starts = np.flatnonzero(~spaces & np.concatenate([[True], spaces[:-1]]))
-    ends = np.flatnonzero(letters == ord("\n"))
-    return np.diff(np.searchsorted(starts, ends), prepend=0)
+def places(starts: Integers, counts: Integers, step: int = 1) -> Integers:
+    """Return where the values of lists lie that begin at `starts` (N,) and have `counts` (N,), one after the other."""
+    if len(counts) and (counts == counts[0]).all():
+        return (starts[:, None] + step * np.arange(counts[0])).ravel()
+    before = np.cumsum(counts) - counts
+    return np.repeat(starts - step * before, counts) + step * np.arange(counts.sum())

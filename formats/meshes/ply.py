@@ -1,9 +1,12 @@
-"""PLY as scanners write it: polygons, and the triangle strips of Cyberware and Stanford.
+"""PLY as scanners write it: polygons, and the triangle strips of Cyberware and Stanford. The format: [Turk1994].
 
-trimesh reads a PLY with `tristrips` as an empty mesh, without a word, and none with polygons of
-different lengths; this reads them all. The format: [Turk1994].
+trimesh reads a PLY with `tristrips` as an empty mesh, without a word, and no binary one with polygons of different
+lengths; Open3D reads neither strips nor lines that hold more numbers than the header says.
 """
 
+import re
+import struct
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,11 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.numbers_in_text import parse
-from formats.meshes.polygons import fans, strips
+from formats.meshes.numbers_in_text import places, table, whole
 from scene.errors import AlignError
-from scene.reading import reading, shortened
+from scene.reading import shortened
 
+Integers = NDArray[np.int64]
 TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
     "uint16": "u2", "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4", "float": "f4", "float32": "f4",
@@ -33,67 +36,47 @@ class _Element:
 
 Columns = dict[str, dict[str, Any]]
 """Of each element, each property's values (N,), or of a list all lengths (N,) and all values in a row."""
+View = Callable[[str], tuple[NDArray, int]]
+"""All values of one type that the file could hold, at each place; and how many places one takes."""
 
 
-def read_ply(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], Columns]:
-    """Return vertices (V, 3) and triangles (T, 3), in the file's unit, and all that the file holds.
+def read_ply(path: Path) -> Columns:
+    """Return all that a file holds.
 
-    Polygons become fans. Raises AlignError: The file is no PLY, ends early, is a range grid, or has no positions.
+    Raises
+    ------
+    AlignError
+        It is a range grid.
+    ValueError
+        It is no PLY, or holds less or more than its header says.
     """
-    with reading(path, "cannot be read", AlignError):
-        data = path.read_bytes()
-    encoding, elements, offset = _header(path, data)
+    data = path.read_bytes()
+    encoding, elements, at = _header(data)
     names = [element.name for element in elements]
     if "range_grid" in names and "face" not in names and "tristrips" not in names:
         raise AlignError(
             f"{path}: a range grid, one view as the scanner saw it, without faces. Merge and mesh the views first "
             "(for example with VripPack or MeshLab), and give the merged mesh."
         )
-    promised = shortened(", ".join(f"{element.count} {element.name}" for element in elements))
-    do = f"Its header promises {promised}. Export the scan again."
-    with reading(path, "the PLY ends early or is damaged", AlignError, do=do):
-        _check_counts(elements, len(data) - offset, is_text=encoding == "ascii")
-        if encoding == "ascii":
-            columns = _read_ascii(data[offset:], elements)
-        else:
-            columns = _read_binary(data, offset, elements, "<" if encoding == "binary_little_endian" else ">")
-        return *_triangles(path, columns), columns
-
-
-def _check_counts(elements: list[_Element], there: int, *, is_text: bool) -> None:
-    """Raise ValueError where a header promises more than the `there` bytes behind it can hold."""
     for element in elements:
         # A row takes at least its single values and its lists' lengths; in a text a digit and a space for each.
-        sizes = [2 if is_text else np.dtype(length or kind).itemsize for _, kind, length in element.properties]
-        if element.count < 0 or element.count * sum(sizes) > there + 1:
-            raise ValueError(f"{element.count} {element.name} do not fit into {there} bytes")
+        sizes = [2 if encoding == "ascii" else np.dtype(n or kind).itemsize for _, kind, n in element.properties]
+        if element.count < 0 or element.count * sum(sizes) > len(data) - at + 1:
+            raise ValueError(f"{element.count} {element.name} do not fit into {len(data) - at} bytes")
+    if encoding == "ascii":
+        return _read_text(b"\n" + data[at:].replace(b"\r", b"\n"), elements)
+    return _read_binary(data, at, elements, "<" if encoding == "binary_little_endian" else ">")
 
 
-def _triangles(path: Path, columns: Columns) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    vertex = columns.get("vertex", {})
-    if not {"x", "y", "z"} <= set(vertex):
-        raise AlignError(f"{path}: the PLY has no vertices with x, y, z. Export the scan as a triangle mesh.")
-    vertices = np.stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"], -1)
-    faces = [np.zeros((0, 3), np.int64)]
-    for element, values in columns.items():
-        for name, (counts, flat) in ((n, v) for n, v in values.items() if isinstance(v, tuple)):
-            if element == "face" and name in ("vertex_indices", "vertex_index"):
-                faces.append(fans(counts, flat))
-            elif element == "tristrips" and name in ("vertex_indices", "vertex_index"):
-                faces.append(strips(counts, flat))
-    return vertices, np.concatenate(faces)
-
-
-def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
-    end = data.find(b"end_header")
-    if not data.startswith(b"ply") or end < 0:
-        raise AlignError(f"{path}: no PLY: it starts with {data[:12]!r}. Check that the file is whole.")
-    offset = data.find(b"\n", end) + 1
-    # Old Macintosh writers end lines with a lone carriage return.
-    if b"\n" not in data[:end]:
-        offset = end + len(b"end_header") + 1
+def _header(data: bytes) -> tuple[str, list[_Element], int]:
+    """Return the encoding, the elements, and where their values begin."""
+    found = re.match(rb"(?:\xef\xbb\xbf)?ply\s.*?[\r\n]end_header[ \t]*(\r\n?|\n)", data, re.DOTALL)
+    if not found:
+        raise ValueError(f"no PLY: it starts with {data[:12]!r}")
+    # Old Macintosh writers end lines with a lone carriage return, and any byte may follow the last one.
+    at = found.end() if b"\n" in data[: found.start(1)] else found.start(1) + 1
     encoding, elements = "", []
-    for line in data[:end].decode("latin-1").splitlines():
+    for line in re.split(r"[\r\n]+", found[0].decode("latin-1")):
         words = line.split()
         try:
             if words[:1] == ["format"]:
@@ -105,81 +88,91 @@ def _header(path: Path, data: bytes) -> tuple[str, list[_Element], int]:
             elif words[:1] == ["property"]:
                 elements[-1].properties.append((words[2], TYPES[words[1]], None))
         except (IndexError, KeyError, ValueError) as error:
-            raise AlignError(
-                f"{path}: cannot read the PLY header line {shortened(line)!r}. Export the scan again."
-            ) from error
+            raise ValueError(f"the header's line {shortened(line)!r} is not PLY") from error
     if encoding not in ("ascii", "binary_little_endian", "binary_big_endian"):
-        raise AlignError(f"{path}: unknown PLY format {shortened(encoding)!r}; expected ascii or binary_*_endian.")
-    return encoding, elements, offset
+        raise ValueError(f"unknown PLY format {shortened(encoding)!r}; expected ascii or binary_*_endian")
+    return encoding, elements, at
 
 
-def _read_ascii(text: bytes, elements: list[_Element]) -> Columns:
-    """An ASCII file is a binary one whose values all are float64: the same reader serves both."""
-    numbers = parse(text)
-    plain = [
-        _Element(e.name, e.count, [(name, "f8", "f8" if length else None) for name, _, length in e.properties])
-        for e in elements
-    ]
-    return _read_binary(numbers.tobytes(), 0, plain, "=")
-
-
-def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> Columns:
-    columns = {}
+def _read_text(text: bytes, elements: list[_Element]) -> Columns:
+    """Read one row a line; lines may hold more than their row: exporters and scripts append flags and colours."""
+    numbers, words = table(text)
+    ends = np.cumsum(words)
+    columns, line = {}, 0
     for element in elements:
-        if not element.count or not element.properties:
-            columns[element.name] = {name: np.zeros(0) for name, _, length in element.properties if not length}
-            continue
-        table = _read_table(data, at, element, order)
-        columns[element.name], at = table or _read_lists(data, at, element, order)
+        rows = slice(line, line + (element.count if element.properties else 0))
+        line = rows.stop
+        if line > len(ends):
+            raise ValueError(f"{element.name}: values are missing, or several rows share a line")
+        columns[element.name], _ = _rows(element, (ends - words)[rows], ends[rows], lambda kind: (numbers, 1))
+    if line < len(ends):
+        raise ValueError(f"{len(ends) - line} lines are left behind the last {elements[-1].name}")
     return columns
 
 
-def _read_table(data: bytes, at: int, element: _Element, order: str) -> tuple | None:
-    """Read an element whose rows all have one size, which the first row has; None where lists differ in length."""
-    fields: list[tuple] = []
-    lengths, here = {}, at
+def _read_binary(data: bytes, at: int, elements: list[_Element], order: str) -> Columns:
+    def view(kind: str) -> tuple[NDArray, int]:
+        size = np.dtype(kind).itemsize
+        return np.ndarray(max(len(data) - size + 1, 0), order + kind, data, strides=(1,)), size
+
+    columns = {}
+    for element in elements:
+        # Mostly all rows are as long as the first one.
+        edges = at + (_walk(data, at, min(element.count, 1), element, order)[-1] - at) * np.arange(element.count + 1)
+        try:
+            columns[element.name], ends = _rows(element, edges[:-1], len(data), view)
+            is_even = np.array_equal(ends, edges[1:])
+        except ValueError:
+            is_even = False
+        if not is_even:
+            edges = _walk(data, at, element.count, element, order)
+            columns[element.name], _ = _rows(element, edges[:-1], len(data), view)
+        at = int(edges[-1])
+    if data[at:].strip(b"\0 \t\r\n"):
+        raise ValueError(f"{len(data) - at} bytes are left behind the last {elements[-1].name}")
+    return columns
+
+
+def _walk(data: bytes, at: int, count: int, element: _Element, order: str) -> Integers:
+    """Return where rows start and the last one ends (count + 1,): known only when the lists before were read."""
+    layout = [
+        (struct.Struct(order + np.dtype(length).char) if length else None, np.dtype(kind).itemsize)
+        for _, kind, length in element.properties
+    ]
+    edges = [at]
+    for _ in range(count):
+        for length, size in layout:
+            number = 1
+            if length and at + length.size <= len(data):
+                number = length.unpack_from(data, at)[0]
+                at += length.size
+            if not 0 <= number <= len(data):
+                raise ValueError(f"{element.name}: a list of {number} values")
+            at += int(number) * size
+        edges.append(at)
+    return np.array(edges, np.int64)
+
+
+def _rows(element: _Element, at: Integers, ends: Integers | int, view: View) -> tuple[dict[str, Any], Integers]:
+    """Return an element's columns, and where each row's values end.
+
+    at (N,): Where rows start. ends: Where they have to end.
+    """
+
+    def take(kind: str, counts: Integers) -> tuple[NDArray, Integers]:
+        values, size = view(kind)
+        if (at + counts * size > ends).any():
+            raise ValueError(f"{element.name}: values are missing")
+        return values[places(at, counts, size)], at + counts * size
+
+    columns: dict[str, Any] = {}
     for name, kind, length in element.properties:
+        counts = np.ones(len(at), np.int64)
         if length:
-            count = int(np.frombuffer(data, order + length, 1, here)[0])
-            if count < 0:
-                raise ValueError(f"a list of {count} {name}")
-            lengths[name] = count
-            fields += [(f"count of {name}", order + length), (name, order + kind, (count,))]
-            here += np.dtype(length).itemsize + count * np.dtype(kind).itemsize
-        else:
-            fields.append((name, order + kind))
-            here += np.dtype(kind).itemsize
-    dtype = np.dtype(fields)
-    if lengths and at + element.count * dtype.itemsize > len(data):
-        return None
-    table = np.frombuffer(data, dtype, element.count, at)
-    values = {}
-    for name, _, length in element.properties:
-        if length and (table[f"count of {name}"] != lengths[name]).any():
-            return None
-        values[name] = (np.full(element.count, lengths[name]), table[name].ravel()) if length else table[name]
-    return values, at + element.count * dtype.itemsize
-
-
-def _read_lists(data: bytes, at: int, element: _Element, order: str) -> tuple[dict, int]:
-    """Read an element whose lists differ in length: walk it once, then fetch each list's values together."""
-    from formats.meshes.ply_walk import fetch, walk
-
-    size = [np.dtype(kind).itemsize for _, kind, _ in element.properties]
-    length_size = [np.dtype(length).itemsize if length else 0 for *_, length in element.properties]
-    is_float = [bool(length) and length.startswith("f") for *_, length in element.properties]
-    if any(is_float) and order != "=":
-        raise ValueError("the length of a list is not an integer")
-    raw = np.frombuffer(data, np.uint8)
-    numbers = np.frombuffer(data, np.float64) if any(is_float) else np.zeros(0)
-    starts, counts, at = walk(raw, at, element.count, np.array(size), np.array(length_size), order == ">", numbers)
-    if at < 0:
-        raise ValueError(f"{element.name}: values are missing")
-    values = {}
-    for column, (name, kind, length) in enumerate(element.properties):
-        if length:
-            lengths = counts[:, column] * size[column]
-            flat = np.zeros(lengths.sum(), np.uint8)
-            fetch(raw, starts[:, column], lengths, flat)
-            values[name] = (counts[:, column], flat.view(order + kind))
-    return values, at
+            lengths, at = take(length, counts)
+            counts = whole(lengths)
+            if (counts < 0).any():
+                raise ValueError(f"{element.name}: a list of {counts.min()} values")
+        values, at = take(kind, counts)
+        columns[name] = (counts, values) if length else values
+    return columns, at

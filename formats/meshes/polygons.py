@@ -5,32 +5,67 @@ from numpy.typing import NDArray
 
 Integers = NDArray[np.int64]
 
-
-def fans(counts: Integers, flat: NDArray) -> Integers:
-    """Cut polygons, given by their lengths (N,) and all their corners in a row, into triangles (T, 3)."""
-    if len(counts) and (counts == 3).all():
-        return flat.reshape(-1, 3).astype(np.int64)
-    flat = flat.astype(np.int64)
-    starts = np.cumsum(counts) - counts
-    triangles = np.maximum(counts - 2, 0)
-    first = np.repeat(starts, triangles)
-    second = np.arange(triangles.sum()) - np.repeat(np.cumsum(triangles) - triangles, triangles) + 1
-    return np.stack([flat[first], flat[first + second], flat[first + second + 1]], -1)
+MOST_FANS = 1000
+"""That are tried on a polygon: more take minutes."""
 
 
-def strips(counts: Integers, flat: NDArray) -> Integers:
+def triangles(counts: Integers, flat: Integers, vertices: NDArray[np.float64]) -> Integers:
+    """Cut polygons into fans: about the first corner, or about the first one whose fan does not overlap.
+
+    Parameters
+    ----------
+    counts, flat : (N,), (C,)
+        Each polygon's number of corners, and the vertices at all corners in a row.
+    vertices : (V, 3)
+
+    Returns
+    -------
+    corners : (T, 3)
+        Places in `flat`.
+
+    Raises
+    ------
+    ValueError
+        There is no such vertex, or no fan fills a polygon.
+    """
+    check_corners(flat, len(vertices))
+    cut = np.maximum(counts - 2, 0)
+    polygon, start, first = np.repeat(np.arange(len(cut)), cut), np.cumsum(counts) - counts, np.cumsum(cut) - cut
+    second = np.arange(len(polygon)) + (start - first + 1)[polygon]
+    corners = np.stack([start[polygon], second, second + 1], -1)
+    if (counts <= 3).all():
+        return corners
+
+    def areas(corners: Integers) -> NDArray[np.float64]:
+        a, b, c = (vertices[flat[corners[:, k]]] for k in range(3))
+        return np.cross(b - a, c - a)
+
+    with np.errstate(all="ignore"):
+        area = areas(corners)
+        whole = np.stack([np.bincount(polygon, axis, len(counts)) for axis in area.T], -1)
+        for one in np.unique(polygon[np.einsum("ti,ti->t", area, whole[polygon]) < 0]):
+            size = int(counts[one])
+            rolled = (start[one] + np.roll(np.arange(size), -k) for k in range(min(size, MOST_FANS)))
+            fans = (np.stack([np.full(size - 2, at[0]), at[1:-1], at[2:]], -1) for at in rolled)
+            fan = next((fan for fan in fans if (areas(fan) @ whole[one] >= 0).all()), None)
+            if fan is None:
+                raise ValueError(f"no fan fills a polygon of {size} corners: export the mesh as triangles")
+            corners[first[one] : first[one] + size - 2] = fan
+    return corners
+
+
+def check_corners(corners: Integers, count: int, what: str = "vertices") -> None:
+    """Raise ValueError where corners name what is not one of `count`."""
+    if corners.size and (corners.min() < 0 or corners.max() >= count):
+        raise ValueError(f"faces name {what} {corners.min()} to {corners.max()}, and there are {count}")
+
+
+def strips(counts: Integers, flat: Integers) -> Integers:
     """Cut strips into triangles (T, 3): -1 ends a strip, every second triangle of a strip is turned over."""
-    ends = np.cumsum(counts)
-    flat = np.insert(flat.astype(np.int64), ends, -1)
+    flat = np.insert(flat, np.cumsum(counts), -1)
     index = np.arange(len(flat))
     last_break = np.maximum.accumulate(np.where(flat < 0, index, -1))
     corners = np.stack([flat[:-2], flat[1:-1], flat[2:]], -1)
     odd = (index[:-2] - last_break[:-2] - 1) % 2 == 1
     corners[odd] = corners[odd][:, [1, 0, 2]]
     return corners[(corners >= 0).all(1)]
-
-
-def ragged(flat: NDArray, starts: Integers, counts: Integers) -> NDArray:
-    """Return the numbers of lists that lie in `flat` at `starts` (N,), `counts` (N,) long, one after the other."""
-    offset = np.cumsum(counts) - counts
-    return flat[np.repeat(starts - offset, counts) + np.arange(counts.sum())]

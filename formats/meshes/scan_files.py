@@ -1,5 +1,7 @@
 """Mesh files to vertices and triangles, in the file's own unit; with normals, texture and colours where asked for."""
 
+import codecs
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,34 +10,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from formats.meshes.numbers_in_text import Lines, parse, words_a_line
+from formats.meshes.numbers_in_text import lines_of, places, read_text, table, whole
 from formats.meshes.ply import read_ply
-from formats.meshes.polygons import fans, ragged
+from formats.meshes.polygons import check_corners, strips, triangles
 from scene.errors import AlignError
 from scene.reading import reading
+from scene.same_rows import first_of_same
 
-Surface = tuple[NDArray[np.float64], NDArray[np.int64]]
+Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 SUFFIXES = (".ply", ".obj", ".stl", ".off", ".glb")
+LARGEST = 1e9
+"""Units of the file: no scan reaches further from its origin, and squares of it keep their precision."""
 POINTS = (".xyz", ".pts", ".asc", ".pcd", ".las", ".laz", ".e57")
-
-
-def read_scan(path: Path) -> Surface:
-    """Return vertices (V, 3) and triangles (T, 3) as the file has them: nothing is merged or mended.
-
-    Raises
-    ------
-    AlignError
-        There is no such file, its kind is unknown, or it cannot be read.
-    """
-    if not path.is_file():
-        raise AlignError(f"{path}: there is no such file. Check scan under [object] in session.toml.")
-    suffix = _known_suffix(path)
-    if suffix == ".ply":
-        return read_ply(path)[:2]
-    reader = {".obj": _read_obj, ".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix]
-    with reading(path, "cannot be read as a mesh", AlignError, do="Export the scan again."):
-        return reader(path)
+GLTF_UNREAD = (
+    "KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_mesh_quantization", "EXT_mesh_gpu_instancing"
+)  # fmt: skip
+"""Extensions that change where the vertices are; trimesh passes over them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,135 +43,214 @@ class MeshWithAttributes:
         Colours are linear, 0 to 1 (r, g, b of a .ply); else sRGB, 0 to 255.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-    normals: NDArray[np.float64] | None = None
-    texcoords: NDArray[np.float64] | None = None
-    colours: NDArray[np.float64] | None = None
+    vertices: Array
+    faces: Integers
+    normals: Array | None = None
+    texcoords: Array | None = None
+    colours: Array | None = None
     linear: bool = False
 
 
-def read_with_attributes(path: Path) -> MeshWithAttributes:
-    """Return a mesh as its file has it, with its vertices' attributes; see `read_scan` for the errors."""
-    if _known_suffix(path) == ".ply":
-        return _ply_with_attributes(path)
-    import trimesh
-
-    with reading(path, "cannot be read as a mesh", AlignError, do="Export it again, as .ply or .obj."):
-        # An .obj with texture coordinates at the faces' corners must be taken apart.
-        loaded: Any = trimesh.load(path, process=False, force="mesh", fix_texture=True)
-        faces = np.asarray(getattr(loaded, "faces", np.zeros((0, 3))), np.int64)
-        if not len(faces):
-            return MeshWithAttributes(np.zeros((0, 3)), faces)
-        vertices, uv = np.array(loaded.vertices, np.float64), getattr(loaded.visual, "uv", None)
-        texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)
-        is_coloured = loaded.visual.kind == "vertex"
-        colours = np.asarray(loaded.visual.vertex_colors, np.float64)[:, :3] if is_coloured else None
-        return MeshWithAttributes(vertices, faces, None, texcoords, colours)
+def read_scan(path: Path) -> tuple[Array, Integers]:
+    """Return vertices (V, 3) and triangles (T, 3) as the file has them; see `read_mesh_file` for the errors."""
+    found = read_mesh_file(path, attributes=False)
+    return found.vertices, found.faces
 
 
-def _ply_with_attributes(path: Path) -> MeshWithAttributes:
-    vertices, faces, columns = read_ply(path)
-    with reading(path, "the PLY is damaged", AlignError, do="Export it again."):
-        vertex, face = columns["vertex"], columns.get("face", {})
+def read_mesh_file(path: Path, *, attributes: bool = True) -> MeshWithAttributes:
+    """Return a mesh as its file has it: nothing is merged or mended.
 
-        def of_vertices(*names: str) -> NDArray[np.float64] | None:
-            known = all(name in vertex for name in names)
-            return np.stack([np.asarray(vertex[name], np.float64) for name in names], -1) if known else None
-
-        normals, linear = of_vertices("nx", "ny", "nz"), of_vertices("r", "g", "b")
-        colours = of_vertices("red", "green", "blue") if linear is None else linear
-        pairs = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
-        texcoords = next((found for pair in pairs if (found := of_vertices(*pair)) is not None), None)
-        lists = [face[name] for name in ("vertex_indices", "vertex_index", "texcoord") if name in face]
-        if texcoords is None and len(lists) == 2 and "texcoord" in face and (lists[1][0] == 2 * lists[0][0]).all():
-            # Coordinates at the faces' corners: a vertex for each pair of a place and its coordinates.
-            corner = fans(lists[0][0], np.arange(len(lists[0][1])))
-            at_corner = np.asarray(lists[1][1], np.float64).reshape(-1, 2)[corner].reshape(-1, 2)
-            both = np.concatenate([lists[0][1][corner].reshape(-1, 1), at_corner], 1)
-            found, which = np.unique(both, axis=0, return_inverse=True)
-            faces, place, texcoords = which.reshape(-1, 3), found[:, 0].astype(np.int64), found[:, 1:]
-            vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
-    return MeshWithAttributes(vertices, faces, normals, texcoords, colours, linear is not None)  # type: ignore[arg-type]
-
-
-def _known_suffix(path: Path) -> str:
+    Raises
+    ------
+    AlignError
+        There is no such file, its kind is unknown, it cannot be read, is empty, is a point cloud, or its faces have
+        corners that are no positions.
+    """
     suffix = path.suffix.lower()
     if suffix in POINTS:
         raise AlignError(f"{path}: {suffix} holds points without faces. Mesh them in the scanner's program first.")
     if suffix not in SUFFIXES:
-        raise AlignError(f"{path}: cannot read a scan with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
-    return suffix
+        raise AlignError(f"{path}: cannot read a mesh with the ending {suffix!r}; expected {', '.join(SUFFIXES)}.")
+    if not path.is_file():
+        raise AlignError(f"{path}: there is no such file. Check its name in session.toml or the scene's description.")
+    with reading(path, "cannot be read as a mesh", AlignError, do="Export it again."):
+        if suffix in (".ply", ".obj"):
+            found = (_read_ply if suffix == ".ply" else _read_obj)(path, attributes)
+        else:
+            found = {".stl": _read_stl, ".off": _read_off, ".glb": _read_glb}[suffix](path)
+        check_corners(found.faces, len(found.vertices))
+    vertices, faces = found.vertices, found.faces
+    if not len(faces):
+        what = f"{len(vertices)} points, but no faces: a point cloud" if len(vertices) else "it is empty"
+        raise AlignError(f"{path}: {what}. Mesh it in the scanner's program, and export triangles.")
+    # Grids of ranges leave vertices without a position behind; only those that a face names are wrong.
+    bad = np.zeros(len(vertices), bool)
+    bad[faces] = True
+    bad &= ~(np.abs(vertices) <= LARGEST).all(1)
+    if bad.any():
+        raise AlignError(
+            f"{path}: {bad.sum()} of {len(vertices)} vertices have no finite position, or one beyond {LARGEST:.0e} "
+            f"units of the file (the first is number {bad.argmax()}: {vertices[bad.argmax()]}). Export it again."
+        )
+    return found
 
 
-def _read_obj(path: Path) -> Surface:
-    """All objects and groups together; colours behind a vertex, texture and normals are left behind."""
-    lines = Lines(path.read_bytes())
-    is_vertex, is_face = lines.starting_with(b"v"), lines.starting_with(b"f")
-    text = lines.select(is_vertex).replace(b"v", b" ")
-    vertices = _first_three(parse(text), words_a_line(text))
-    text = lines.select(is_face).replace(b"f", b" ")
-    if b"/" in text:
-        text = re.sub(rb"/\S*", b"", text)
-    flat, counts = parse(text, np.int64), words_a_line(text)
-    if (flat == 0).any():
+def _read_ply(path: Path, attributes: bool) -> MeshWithAttributes:
+    columns = read_ply(path)
+    vertex, face = columns.get("vertex", {}), columns.get("face", {})
+
+    def of_vertices(*names: str) -> Array | None:
+        known = all(name in vertex for name in names)
+        return np.stack([np.asarray(vertex[name], np.float64) for name in names], -1) if known else None
+
+    def lists(element: str, *names: str) -> tuple[Integers, Integers]:
+        of = columns.get(element, {})
+        known = [of[name] for name in names if name in of]
+        if of and not known:
+            raise ValueError(f"{element} has no {' or '.join(names)}, only {', '.join(of)}")
+        counts, flat = known[0] if known else (np.zeros(0, np.int64), np.zeros(0))
+        return counts, whole(flat)
+
+    vertices = of_vertices("x", "y", "z")
+    if vertices is None:
+        raise ValueError("the PLY has no vertices with x, y, z")
+    counts, flat = lists("face", "vertex_indices", "vertex_index")
+    corners = triangles(counts, flat, vertices)
+    faces = np.concatenate([flat[corners], strips(*lists("tristrips", "vertex_indices", "vertex_index"))])
+    if not attributes:
+        return MeshWithAttributes(vertices, faces)
+    normals, linear = of_vertices("nx", "ny", "nz"), of_vertices("r", "g", "b")
+    colours = of_vertices("red", "green", "blue") if linear is None else linear
+    pairs = (("texture_u", "texture_v"), ("u", "v"), ("s", "t"))
+    texcoords = next((found for pair in pairs if (found := of_vertices(*pair)) is not None), None)
+    if texcoords is None and "texcoord" in face and np.array_equal(face["texcoord"][0], 2 * counts):
+        at_corner = np.asarray(face["texcoord"][1], np.float64).reshape(-1, 2)[corners]
+        place, faces, texcoords = _split(flat[corners], at_corner)
+        vertices, normals, colours = (None if a is None else a[place] for a in (vertices, normals, colours))
+    return MeshWithAttributes(vertices, faces, normals, texcoords, colours, linear is not None)  # type: ignore[arg-type]
+
+
+def _split(faces: Integers, texcoords: Array) -> tuple[Integers, Integers, Array]:
+    """Make a vertex of each pair of a vertex and the coordinates (T, 3, 2) that a corner gives it.
+
+    Returns the vertex that each was (V,), the faces (T, 3), and the coordinates (V, 2).
+    """
+    pairs = np.concatenate([faces.reshape(-1, 1).astype(np.float64), texcoords.reshape(-1, 2)], 1)
+    first, which = np.unique(first_of_same(pairs), return_inverse=True)
+    return faces.ravel()[first], which.reshape(-1, 3), pairs[first, 1:]
+
+
+def _read_obj(path: Path, attributes: bool) -> MeshWithAttributes:
+    """All objects and groups together; normals are left behind."""
+    text = read_text(path).lower()
+    if b"\\" in text:
+        # Other lines may end in a backslash that is a folder's.
+        going_on = rb"\n[ \t]*[vf](?:[^\\\n]*\\[ \t]*\n)+"
+        text = re.sub(going_on, lambda lines: re.sub(rb"\\[ \t]*\n", b" ", lines[0]), text)
+    text = lines_of(text, b"v|vt|f").replace(b"vt", b"t")
+    letters = np.frombuffer(text, np.uint8)
+    kind = letters[(letters == ord("v")) | (letters == ord("t")) | (letters == ord("f"))]
+    is_face = kind == ord("f")
+    flat, words = table(re.sub(rb"/\S*", b"", text).translate(None, b"vtf"))
+    starts = np.cumsum(words) - words
+
+    def first(letter: str, count: int) -> Array:
+        """Return the first numbers of each such line (N, count)."""
+        chosen = kind == ord(letter)
+        if (words[chosen] < count).any():
+            raise ValueError(f"a line {'vt' if letter == 't' else letter} has fewer than {count} numbers")
+        return flat[starts[chosen][:, None] + np.arange(count)]
+
+    def index(numbers: Integers, letter: str) -> Integers:
+        # A negative index counts back from the last one above the face.
+        above = np.repeat(np.cumsum(kind == ord(letter))[is_face], counts)
+        return np.where(numbers > 0, numbers - 1, above + numbers)
+
+    vertices, counts = first("v", 3), words[is_face]
+    numbers = whole(flat[places(starts[is_face], counts)])
+    if (numbers == 0).any():
         raise ValueError("a face names vertex 0; OBJ counts from 1")
-    # A negative index counts back from the last vertex above the face.
-    above = np.repeat(np.cumsum(is_vertex)[is_face], counts)
-    return vertices, fans(counts, np.where(flat > 0, flat - 1, above + flat))
+    corner_of = index(numbers, "v")
+    corners = triangles(counts, corner_of, vertices)
+    faces = corner_of[corners]
+    if not attributes:
+        return MeshWithAttributes(vertices, faces)
+    is_coloured = len(vertices) and (words[kind == ord("v")] == 6).all()
+    colours, coordinates = 255 * first("v", 6)[:, 3:] if is_coloured else None, first("t", 2)
+    parts, words = table(lines_of(text, b"f").replace(b"/", b" ").translate(None, b"f"))
+    # Texture coordinates count where each corner is v/vt, or each v/vt/vn.
+    each = next((k for k in (2, 3) if np.array_equal(words, k * counts) and np.array_equal(parts[::k], numbers)), 0)
+    if not each or b"//" in text or not len(coordinates):
+        return MeshWithAttributes(vertices, faces, colours=colours)
+    texture = index(whole(parts[1::each]), "t")
+    check_corners(texture, len(coordinates), "vt")
+    place, faces, texcoords = _split(faces, coordinates[texture][corners])
+    return MeshWithAttributes(vertices[place], faces, None, texcoords, None if colours is None else colours[place])
 
 
-def _read_stl(path: Path) -> Surface:
+def _read_stl(path: Path) -> MeshWithAttributes:
     data = path.read_bytes()
-    count = int(np.frombuffer(data[80:84], "<u4")[0]) if len(data) >= 84 else 0
-    # Binary files may begin with "solid" too: only their length tells.
-    if data[:5].lower() == b"solid" and len(data) != 84 + 50 * count:
-        lines = Lines(data.lower(), comment=b"#")
-        text = lines.select(lines.starting_with(b"vertex")).replace(b"vertex", b" ")
-        corners = parse(text).reshape(-1, 3)
-        if len(corners) % 3 or len(corners) // 3 != lines.starting_with(b"endfacet").sum():
-            raise ValueError(f"{len(corners)} corners, not three a facet")
-    else:
-        if len(data) < 84 or len(data) < 84 + 50 * count:
+    # Binary files may begin with "solid" too, but hold zero bytes soon.
+    if data[:134].count(b"\0") and data[:2] not in (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE):
+        count = int.from_bytes(data[80:84], "little")
+        left = len(data) - 84 - 50 * count
+        if left < 0 or (left and left % 50 == 0 and data[-left:].strip(b"\0")):
             raise ValueError(f"{count} facets need {84 + 50 * count} bytes, and there are {len(data)}")
         facet = np.dtype([("normal", "<f4", (3,)), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
         corners = np.frombuffer(data, facet, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
-    return corners, np.arange(len(corners)).reshape(-1, 3)
+    else:
+        text = read_text(path).lower()
+        corners = table(lines_of(text, b"vertex").replace(b"vertex", b""))[0].reshape(-1, 3)
+        facets = text.count(b"endfacet")
+        begun, ended = (len(re.findall(rb"\n[ \t]*%s\b" % word, text)) for word in (b"solid", b"endsolid"))
+        if len(corners) != 3 * facets or begun != ended:
+            raise ValueError(
+                f"{len(corners)} corners in {facets} facets, {begun} solids of which {ended} end; "
+                "expected three corners a facet, and an end to each solid"
+            )
+    return MeshWithAttributes(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
-def _read_off(path: Path) -> Surface:
+def _read_off(path: Path) -> MeshWithAttributes:
     """OFF with anything behind a vertex's position (COFF: colours, NOFF: normals) and behind a face's corners."""
-    text = Lines(path.read_bytes()).text
-    head = re.match(rb"\s*(ST)?C?N?OFF\b(?!\s+BINARY)", text)
-    if not head:
-        raise ValueError(f"it starts with {text[:12]!r}, not with OFF, COFF, NOFF or STOFF")
-    text = re.sub(rb"\n\s*\n", b"\n", text[head.end() :].lstrip())
-    flat, counts = parse(text), words_a_line(text)
-    vertex_count, face_count = flat[:2].astype(int)
-    counts = counts[counts > 0][1 : 1 + vertex_count + face_count]
-    starts = np.cumsum(counts) - counts + 3
-    if len(counts) < vertex_count + face_count:
-        raise ValueError(f"{vertex_count} vertices and {face_count} faces were promised, {len(counts)} lines came")
-    vertices = _first_three(flat[3:], counts[:vertex_count])
-    starts = starts[vertex_count:]
-    corners = flat[starts].astype(np.int64)
-    if (corners >= counts[vertex_count:]).any():
+    text = read_text(path)
+    head = re.match(rb"\s*(?:(?:ST)?C?N?OFF\b(\s+BINARY)?)?", text)
+    if head is None or head[1]:
+        raise ValueError("it is binary; only text is read")
+    flat, words = table(b"\n" + text[head.end() :])
+    vertex_count, face_count = whole(flat[:2])
+    starts = np.cumsum(words) - words
+    at, ends = starts[1 + vertex_count :], np.cumsum(words)[1 + vertex_count :]
+    if vertex_count < 0 or len(at) != face_count:
+        raise ValueError(f"{vertex_count} vertices and {face_count} faces were promised, {len(words) - 1} lines came")
+    if (words[1 : 1 + vertex_count] < 3).any():
+        raise ValueError("a vertex has fewer than three coordinates")
+    vertices = flat[starts[1 : 1 + vertex_count, None] + np.arange(3)]
+    counts = whole(flat[at])
+    if (at + counts >= ends).any() or (counts < 0).any():
         raise ValueError("a face has fewer corners than it says")
-    return vertices, fans(corners, ragged(flat, starts + 1, corners))
+    corner_of = whole(flat[places(at + 1, counts)])
+    return MeshWithAttributes(vertices, corner_of[triangles(counts, corner_of, vertices)])
 
 
-def _read_glb(path: Path) -> Surface:
+def _read_glb(path: Path) -> MeshWithAttributes:
     import trimesh
 
+    data = path.read_bytes()
+    tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    used = [name for name in GLTF_UNREAD if name in tree.get("extensionsUsed", [])]
+    used += ["sparse accessors"] if any("sparse" in one for one in tree.get("accessors", [])) else []
+    fan = any(part.get("mode") == 6 for mesh in tree.get("meshes", []) for part in mesh["primitives"])
+    used += ["triangle fans"] if fan else []
+    if used:
+        raise ValueError(f"it has {', '.join(used)}, which are not read: export without them")
     # One mesh of all parts, each at its place in the file's scene.
-    mesh = trimesh.load_scene(path, process=False).to_geometry()
-    vertices = np.asarray(getattr(mesh, "vertices", np.zeros((0, 3))), np.float64)
-    return vertices, np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), np.int64).reshape(-1, 3)
-
-
-def _first_three(flat: NDArray, counts: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Return the first three numbers of each line (N, 3) from all lines' numbers in a row."""
-    if (counts < 3).any():
-        raise ValueError("a vertex has fewer than three coordinates")
-    starts = np.cumsum(counts) - counts
-    return flat[starts[:, None] + np.arange(3)]
+    mesh: Any = trimesh.load_scene(path, process=False).to_geometry()
+    faces = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))), np.int64).reshape(-1, 3)
+    if not len(faces):
+        return MeshWithAttributes(np.zeros((0, 3)), faces)
+    vertices, uv = np.asarray(mesh.vertices, np.float64), getattr(mesh.visual, "uv", None)
+    texcoords = None if uv is None or len(uv) != len(vertices) else np.asarray(uv, np.float64)
+    is_coloured = mesh.visual.kind == "vertex"
+    colours = np.asarray(mesh.visual.vertex_colors, np.float64)[:, :3] if is_coloured else None
+    return MeshWithAttributes(vertices, faces, None, texcoords, colours)

@@ -173,7 +173,7 @@ def test_faults_of_what_is_named_are_told_at_once_too(tmp_path):
     with pytest.raises(RenderError) as caught:
         read(tmp_path, text)
     keys = ("objects[1].mesh", "objects[2].mesh", "materials.m.reflectance", "environment.map", "objects[3].material")
-    for line in (*keys, "none.stl: not found", "no.png: not found", "8 of 8 values", "found 'x'"):
+    for line in (*keys, "none.stl: there is no such file", "no.png: not found", "8 of 8 values", "found 'x'"):
         assert line in str(caught.value)
 
 
@@ -319,6 +319,51 @@ def test_an_obj_files_picture_stands_upright(tmp_path):
     assert np.allclose(mesh.normals, [0, 0, 1])
 
 
+@pytest.mark.parametrize(
+    "faces",
+    [
+        "f 1/1/1 2/2/1 3/3/1\nf 1/5/1 3/3/1 4/4/1\n",
+        "f -4/-5 -3/-4 -2/-3\nf -4/-1 -2/-3 -1/-2\nv 9 9 9\nvt 9 9\n",
+        "\tf 1/1 \\\n2/2 3/3 # two\nF 1/5 3/3 4/4\n",
+    ],
+)
+def test_an_obj_gives_a_corner_its_own_coordinates_and_a_vertex_its_colour(tmp_path, faces):
+    """One vertex has two coordinates: two vertices stand there, with one colour."""
+    vertices = "v -1 -1 0 1 0 0\nv 1 -1 0 0 1 0\nv 1 1 0 0 0 1\nv -1 1 0 0.5 0.5 0.5\n"
+    coordinates = "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt 0.25 0.25\n"
+    text = vertices + coordinates + "vn 0 0 1\n" + faces.replace("v 9 9 9", "v 9 9 9 0 0 0")
+    (tmp_path / "a.obj").write_bytes(b"\xef\xbb\xbf" + text.encode())
+    mesh = read_mesh(tmp_path / "a.obj")
+    corners = [
+        [((*mesh.vertices[i, :2], *mesh.texcoords[i]), tuple(np.round(mesh.colours[i], 3))) for i in face]
+        for face in mesh.faces
+    ]
+    red, green, blue = (tuple(row) for row in np.eye(3))
+    gray = (0.214, 0.214, 0.214)
+    assert corners == [
+        [((-1, -1, 0, 1), red), ((1, -1, 1, 1), green), ((1, 1, 1, 0), blue)],
+        [((-1, -1, 0.25, 0.75), red), ((1, 1, 1, 0), blue), ((-1, 1, 0, 0), gray)],
+    ]
+    assert len(mesh.vertices) == 5
+
+
+@pytest.mark.parametrize("face", ["f 1//1 2//1 3//1\n", "f 1 2 3\n", "f 1/1 2 3/1\n", "f 1/1 2 3/1/1\n"])
+def test_an_obj_whose_corners_have_no_coordinates(tmp_path, face):
+    (tmp_path / "a.obj").write_text("v -1 -1 0\nv 1 -1 0\nv 1 1 0\nvt 0 0\nvn 0 0 1\n" + face)
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert mesh.texcoords is None
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+
+
+@pytest.mark.parametrize(
+    ("corner", "told"), [(2, "faces name vt 0 to 1, and there are 1"), (-2, "faces name vt -1 to 0")]
+)
+def test_an_obj_whose_corners_name_coordinates_that_are_not_there(tmp_path, corner, told):
+    (tmp_path / "a.obj").write_text(f"v -1 -1 0\nv 1 -1 0\nv 1 1 0\nvt 0 0\nf 1/1 2/1 3/{corner}\n")
+    with pytest.raises(RenderError, match=told):
+        read_mesh(tmp_path / "a.obj")
+
+
 def test_the_manuals_example_is_read(tmp_path):
     manual = (Path(__file__).parents[2] / "docs" / "reference" / "scene-toml.md").read_text()
     cv2.imwrite(str(tmp_path / "stripes.png"), np.full((4, 4, 3), 99, np.uint8))
@@ -370,7 +415,7 @@ def test_a_mesh_whose_faces_name_no_vertex(tmp_path):
     head += "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n"
     (tmp_path / "a.ply").write_text(head + "3 0 1 2000\n")
     mesh = '[[objects]]\nmesh = "a.ply"\nmaterial = "m"\n'
-    with pytest.raises(RenderError, match="no mesh can be read"):
+    with pytest.raises(RenderError, match="faces name vertices 0 to 2000, and there are 3"):
         read(tmp_path, HEAD, mesh, MATTE, LIGHT)
 
 

@@ -9,14 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.meshes.ply_write import write_ply
-from formats.meshes.scan_files import read_with_attributes
+from formats.meshes.scan_files import read_mesh_file
 from formats.pictures import linear_from_srgb
 from scene.errors import AlignError, RenderError
-from scene.reading import reading
 from twin.description.object_mesh import ObjectMesh, smooth
-
-LARGEST = 1e9
-"""Of a position, in the file's unit: squares of it keep their precision."""
 
 Array = NDArray[np.float64]
 
@@ -33,28 +29,18 @@ def read_mesh(path: Path) -> ObjectMesh:
     Raises
     ------
     RenderError
-        It cannot be read, has no faces, or positions that are no numbers.
+        It cannot be read, has no faces, or corners that are no positions.
     """
-    if not path.is_file():
-        raise RenderError(f"{path}: not found.")
-    with reading(path, "no mesh can be read", RenderError, do="Export it again, as .ply or .obj."):
-        try:
-            found = read_with_attributes(path)
-        except AlignError as error:
-            raise RenderError(str(error)) from error
-        if not len(found.faces):
-            raise RenderError(f"{path}: holds no faces; expected a mesh. A point cloud must be made a mesh first.")
-        vertices, faces = found.vertices, found.faces
-        if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(f"faces name vertices {faces.min()} to {faces.max()} of {vertices.shape}")
-        if not (np.abs(vertices) < LARGEST).all():
-            raise RenderError(f"{path}: some positions are no numbers, or beyond {LARGEST:.0e}. Export the mesh again.")
-        texcoords = None if found.texcoords is None else found.texcoords * [1, -1] + [0, 1]
-        coded = found.colours is not None and not found.linear
-        colours = linear_from_srgb(found.colours / 255) if coded else found.colours  # type: ignore[operator]
-        if found.normals is None:
-            return smooth(vertices, faces, texcoords, colours)
-        return ObjectMesh(vertices, faces, found.normals, texcoords, colours)
+    try:
+        found = read_mesh_file(path)
+    except AlignError as error:
+        raise RenderError(str(error)) from error
+    texcoords = None if found.texcoords is None else found.texcoords * [1, -1] + [0, 1]
+    coded = found.colours is not None and not found.linear
+    colours = linear_from_srgb(found.colours / 255) if coded else found.colours  # type: ignore[operator]
+    if found.normals is None:
+        return smooth(found.vertices, found.faces, texcoords, colours)
+    return ObjectMesh(found.vertices, found.faces, found.normals, texcoords, colours)
 
 
 def write_mesh(path: Path, mesh: ObjectMesh) -> None:
