@@ -41,7 +41,7 @@ def told(folder, text):
         ("a = " + "[" * 100_000, "nested too deeply"),
         ("a" + ".a" * 5000 + " = 1", "nested too deeply"),
         (FLASH + "x = " + "[" * 300 + "]" * 300, "frames.x: unknown key"),
-        ("# " + "x" * (2 << 20), "bytes; a session takes some hundreds"),
+        ("# " + "x" * (2 << 20), "1 MB are the most"),
         (FLASH + "gamma = " + "9" * 5000, "is not TOML"),
         (FLASH + 'gamma = "' + "x" * 100_000 + '"', "frames.gamma: found 'xxx"),
     ],
