@@ -200,14 +200,15 @@ def _read_stl(path: Path) -> MeshWithAttributes:
         corners = np.frombuffer(data, facet, count, 84)["corners"].reshape(-1, 3).astype(np.float64)
     else:
         text = read_text(path).lower()
-        corners = table(lines_of(text, b"vertex").replace(b"vertex", b""))[0].reshape(-1, 3)
+        flat, words = table(lines_of(text, b"vertex").replace(b"vertex", b""))
         facets = text.count(b"endfacet")
         begun, ended = (len(re.findall(rb"\n[ \t]*%s\b" % word, text)) for word in (b"solid", b"endsolid"))
-        if len(corners) != 3 * facets or begun != ended:
+        if len(words) != 3 * facets or (words != 3).any() or begun != ended:
             raise ValueError(
-                f"{len(corners)} corners in {facets} facets, {begun} solids of which {ended} end; "
-                "expected three corners a facet, and an end to each solid"
+                f"{len(words)} corners of {len(flat)} numbers in {facets} facets, {begun} solids of which {ended} end; "
+                "expected three corners a facet, three numbers a corner, and an end to each solid"
             )
+        corners = flat.reshape(-1, 3)
     return MeshWithAttributes(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
@@ -237,6 +238,8 @@ def _read_glb(path: Path) -> MeshWithAttributes:
     import trimesh
 
     data = path.read_bytes()
+    if data[:4] != b"glTF":
+        raise ValueError(f"it starts with {data[:12]!r}, not with glTF")
     tree = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
     used = [name for name in GLTF_UNREAD if name in tree.get("extensionsUsed", [])]
     used += ["sparse accessors"] if any("sparse" in one for one in tree.get("accessors", [])) else []

@@ -397,7 +397,10 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         "faces name vertices -1 to 2": write("below.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 -1 2\n"),
         "6 facets need 384 bytes, and there are 364": tmp_path / "cut.stl",
         "5 facets need 334 bytes, and there are 384": tmp_path / "count.stl",
-        "1 corners in 1 facets": write("loop.stl", "solid a\nfacet\nvertex 0 0 0\nendfacet\nendsolid\n"),
+        "1 corners of 3 numbers in 1 facets": write("loop.stl", "solid a\nfacet\nvertex 0 0 0\nendfacet\nendsolid\n"),
+        "12 corners of 35 numbers": write(
+            "number.stl", solids("a").decode().replace("vertex 0.0 0.0 0.0", "vertex 0.0 0.0", 1)
+        ),
         "2 solids of which 1 end": write("half.stl", (solids("a") + solids("b")[:-12]).decode()),
         "face: values are missing": tmp_path / "cut.ply",
         "1 lines are left behind the last face": tmp_path / "more.ply",
