@@ -1,4 +1,4 @@
-"""Sessions of the virtual camera with known truth, for the benchmark of calibrate, and their marking.
+"""Sessions of the virtual camera with known truth, for the benchmark of calibrate.
 
 Seeds 0 to 999 are the benchmark's; nothing was tuned on them. Every figure is against what the ray tracer was given.
 """
@@ -8,22 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibrate.calibrate import calibrate
-from calibrate.calibration import Calibration
 from fixtures.ball_scene import Ball, World, distant, flashes, photograph
 from scene.camera import Camera
-from scene.errors import SceneError
 from scene.frames import Frames
-from scene.normals import angular_error_deg
-from scene.spheres import SphereRequest
 from twin.camera.virtual_camera import Sensor
 
 Array = NDArray[np.float64]
 CAMERA = Camera(1200, 800, 1666.7, 1666.7, 606.8, 394.9)
 OBJECT = np.array([0.0, 0.0, -1000.0])
 FLASHES = 12
-INSIDE_2, INSIDE_3, INSIDE_1 = 5.991, 7.815, 3.841
-"""95 % quantiles of chi-square with 2, 3 and 1 degrees of freedom."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +87,6 @@ def world_peak(world: World, ball: Ball, powers: ArrayLike) -> float:
     return float(np.max(np.asarray(powers) * (1000 / distance[:, None]) ** 2))
 
 
-def requests_of(world: World) -> list[SphereRequest]:
-    """Return what the user says: kinds and diameters; where the balls are, calibrate finds."""
-    return world.requests()
-
-
 def reflection_points(camera: Camera, ball: Ball, lights: Array) -> Array:
     """Return the points (F, 3) of a mirror that show each light: where the normal halves view and light."""
     out = []
@@ -117,64 +105,3 @@ def directions_to(lights: Array, points: ArrayLike) -> Array:
     """Return unit vectors (F, 3) from a point, or from a point for each light."""
     toward = lights - np.asarray(points)
     return toward / np.linalg.norm(toward, axis=1, keepdims=True)
-
-
-def mark(made: Session) -> dict[str, list[float]]:
-    """Calibrate a session as its user would, and compare with the truth: lists of errors, ready to be pooled."""
-    world = made.world
-    try:
-        result = calibrate(made.frames, world.camera, requests_of(world))
-    except SceneError as error:
-        return {"refused": [1.0], "said": [str(error)]}  # type: ignore[list-item]
-    out: dict[str, list[float]] = {"refused": [0.0], "warned": [float(len(result.warnings) > 0)]}
-    out["said"] = list(result.warnings)  # type: ignore[assignment]
-    chrome = [ball for ball in world.balls if ball.kind == "chrome"]
-    lights = result.lights
-    if len(chrome) == 1:
-        points = reflection_points(world.camera, chrome[0], world.lights)
-        off = angular_error_deg(lights.directions, directions_to(world.lights, points))
-        out["direction_deg"], here = off.tolist(), off
-    else:
-        there = lights.seen_from(OBJECT)
-        out["direction_deg"] = angular_error_deg(there.directions, directions_to(world.lights, OBJECT)).tolist()
-        here = angular_error_deg(lights.directions, directions_to(world.lights, lights.reference_point_mm))
-    out["direction_inside"] = (here**2 < INSIDE_2 * lights.direction_sigma_deg**2).tolist()
-    _mark_positions(out, result, world)
-    white = [ball for ball in world.balls if ball.kind == "white"]
-    if white:
-        _mark_intensities(out, result, made, white[0])
-    return out
-
-
-def _mark_positions(out: dict, result: Calibration, world: World) -> None:
-    positions = result.lights.positions_mm
-    out["near_claimed"] = [float(positions is not None)]
-    if positions is None or np.linalg.norm(world.lights[0]) > 1e5:
-        return
-    off = positions - world.lights
-    ranges = np.linalg.norm(world.lights - OBJECT, axis=1)
-    out["position_percent"] = (100 * np.linalg.norm(off, axis=1) / ranges).tolist()
-    covariance = result.position_covariance_mm2
-    if covariance is not None:
-        square = np.einsum("fi,fij,fj->f", off, np.linalg.inv(covariance), off)
-        out["position_inside"] = (square < INSIDE_3).tolist()
-
-
-def _mark_intensities(out: dict, result: Calibration, made: Session, ball: Ball) -> None:
-    world, lights = made.world, result.lights
-
-    def relative(point: Array) -> Array:
-        strength = world.truth(point)[1]
-        return strength / strength.mean(0)
-
-    there = lights.seen_from(OBJECT)
-    out["intensity_percent"] = (100 * (there.intensities / relative(OBJECT) - 1)).ravel().tolist()
-    off = lights.intensities / relative(lights.reference_point_mm) - 1
-    sigma = lights.intensity_sigma
-    out["intensity_inside"] = (off.mean(1) ** 2 < INSIDE_1 * sigma**2).tolist()
-    neutral = np.array(made.sensor.neutral)
-    albedo = np.broadcast_to(np.asarray(ball.albedo, float), (3,))
-    truth = albedo * world.ambient * neutral
-    peak = (albedo * neutral * world.truth(ball.center)[1]).max(0)
-    found = np.zeros(3) if lights.ambient is None else lights.ambient
-    out["ambient_percent"] = (100 * (found - truth) / peak).tolist()

@@ -1,69 +1,84 @@
-"""Balls in photographs that nobody here made: what is found without a click, and what must hold without a truth.
+"""Balls in photographs that nobody here made: what is found without a click, against circles and lights by others.
 
-The lights that a mirror shows must explain a matte ball under the same flashes: its pixels by Lambert's law on the
-analytic sphere, and least squares on its pixels must give the sphere's own normals. Nothing of that is used by the
-calibration itself.
+Where a matte ball stood under the same flashes, it judges too: the lights that a mirror shows must explain its pixels
+by Lambert's law on the analytic sphere, and least squares on its pixels must give the sphere's own normals. Nothing of
+that is used by the calibration itself.
 """
 
-import json
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.calibration import is_same
+from benchmarks.harness import SHARED, Figures, Table, markdown
 from calibrate.calibrate import calibrate
 from calibrate.calibration import Calibration
 from calibrate.known_lights.read_known import read_lights
 from calibrate.photometry.matte_shading import read_surface, shading_directions
 from formats.pictures import linear_from_srgb
 from scene.camera import Camera
-from scene.errors import CalibrationError
 from scene.frames import Frames, encode
 from scene.lights import Lights
-from scene.normals import angular_error_deg
-from scene.spheres import Sphere, SphereRequest
+from scene.normals import angular_error_deg, unit
+from scene.spheres import Kind, Sphere, SphereRequest
 
-REAL = Path(__file__).resolve().parents[1] / ".." / "shared" / "real"
+REAL = SHARED / "real"
 FACING = 0.3
 """Cosine to the viewer below which a pixel of the matte ball counts as its limb."""
+PSDATA_SIZE = (3888, 2592)
+"""Of the photographs of which PSData's files are cut out, pixels."""
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class MatteBall:
-    """A matte ball that is explained by lights.
+class Capture:
+    """Photographs, what `calibrate` makes of them, and what others say of them.
 
     Parameters
     ----------
-    pixels : (P, 2) int
-        (u, v) of the ball's face.
-    residual : (F, P) float64
-        Measured minus Lambert's value with one albedo for the whole ball, over the ball's mean: NaN where the light is
-        below the horizon or the pixel is clipped.
-    error_deg : (P,) float64
-        Least squares over the lit frames against the sphere's normals; NaN where fewer than three light a pixel.
+    frames : Frames
+        Of the matte ball where one is judged, else of the chrome balls.
+    camera : Camera
+    found : Calibration
+    by_hand : tuple of Sphere
+        The balls' circles, of masks or points that somebody drew.
+    references : dict of (F, 3) float64
+        Unit directions of the lights, by their source.
+    matte : Sphere or None
+        The matte ball, as found.
+    strengths : (F, 3) float64 or None
+        The lights' intensities as the set gives them.
     """
 
-    pixels: NDArray[np.intp]
-    residual: Array
-    error_deg: Array
-
-    @property
-    def residual_percent(self) -> float:
-        """Root mean square."""
-        return 100 * float(np.sqrt(np.nanmean(self.residual**2)))
-
-    @property
-    def median_deg(self) -> float:
-        return float(np.nanmedian(self.error_deg))
+    frames: Frames
+    camera: Camera
+    found: Calibration
+    by_hand: tuple[Sphere, ...]
+    references: dict[str, Array]
+    matte: Sphere | None = None
+    strengths: Array | None = None
 
 
-def explain(frames: Frames, camera: Camera, ball: Sphere, lights: Lights) -> MatteBall:
-    """Hold a matte ball's pixels, and its normals by least squares, against the sphere under given lights."""
+class Explained(NamedTuple):
+    """How well lights explain a matte ball: rms residual in percent of its mean; its normals' median error."""
+
+    residual_percent: float
+    normals_deg: float
+
+
+def explain(frames: Frames, camera: Camera, ball: Sphere, lights: Lights) -> Explained:
+    """Hold a matte ball's pixels, and its normals by least squares, against the sphere under given lights.
+
+    One albedo for the whole ball. The limb, clipped pixels and those whose light is at the horizon are left out; no
+    normal where fewer than three lights are left.
+    """
     rows, columns = np.nonzero(ball.mask(camera))
     normals, points = ball.normals(camera, np.stack([columns, rows], -1))
-    view = [0.0, 0.0, 1.0] if camera.is_orthographic else -points / np.linalg.norm(points, axis=1, keepdims=True)
+    view = [0.0, 0.0, 1.0] if camera.is_orthographic else -unit(points)
     face = np.sum(normals * view, 1) > FACING
     rows, columns, normals, points = rows[face], columns[face], normals[face], points[face]
     values = np.stack([frames.frame(f)[rows, columns].mean(-1) for f in range(len(frames))]).astype(np.float64)
@@ -72,238 +87,213 @@ def explain(frames: Frames, camera: Camera, ball: Sphere, lights: Lights) -> Mat
     shading = np.einsum("fpi,pi->fp", vectors, normals)
     use = (shading > 0.1 * shading.max()) & ~clipped
     albedo = np.sum(values[use] * shading[use]) / np.sum(shading[use] ** 2)
-    residual = np.where(use, values - albedo * shading, np.nan) / values[use].mean()
-    # Least squares over the frames that light a pixel; with fewer than three there is no normal.
-    lit = np.where(use, 1.0, 0.0)
-    normal = np.einsum("fp,fpi,fpj->pij", lit, vectors, vectors)
-    determined = (use.sum(0) >= 3) & (np.linalg.cond(normal) < 1e6)
-    right = np.einsum("fp,fpi,fp->pi", lit, vectors, values)
-    found = np.full_like(normals, np.nan)
-    found[determined] = np.linalg.solve(normal[determined], right[determined][..., None])[..., 0]
-    found /= np.linalg.norm(found, axis=1, keepdims=True)
-    return MatteBall(np.stack([columns, rows], -1), residual, angular_error_deg(found, normals))
+    residual = (values - albedo * shading)[use] / values[use].mean()
+    normal = np.einsum("fp,fpi,fpj->pij", use.astype(float), vectors, vectors)
+    known = (use.sum(0) >= 3) & (np.linalg.cond(normal) < 1e6)
+    right = np.einsum("fp,fpi,fp->pi", use.astype(float), vectors, values)
+    found = unit(np.linalg.solve(normal[known], right[known][..., None])[..., 0])
+    error = np.median(angular_error_deg(found, normals[known]))
+    return Explained(100 * float(np.sqrt(np.mean(residual**2))), float(error))
 
 
-def need(*parts: str) -> Path:
-    """Return a capture's folder.
-
-    Raises
-    ------
-    FileNotFoundError
-        The captures are not there; they are handed out beside the repository, not in it.
-    """
-    folder = REAL.joinpath(*parts)
-    if not folder.is_dir():
-        raise FileNotFoundError(f"{folder} is absent: the captures made by others are handed out beside the repository")
-    return folder
+def photographs(paths: Sequence[Path], encoding: Literal["linear", "srgb"] = "linear") -> Frames:
+    """Return 8 or 16-bit photographs as linear frames."""
+    return Frames.from_linear(tuple(path.stem for path in paths), np.stack([_read(path, encoding) for path in paths]))
 
 
-def photographs(paths: list[Path], encoding: str = "linear") -> Frames:
-    """Return 8 or 16-bit photographs, linear or sRGB, as linear frames."""
+def _read(path: Path, encoding: str) -> NDArray[np.float32]:
     import cv2
 
-    images = []
-    for path in paths:
-        image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
-        assert image is not None, path
-        image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image[..., 2::-1]
-        image = image / np.float32(np.iinfo(image.dtype).max)
-        images.append(linear_from_srgb(image) if encoding == "srgb" else image)
-    return Frames.from_linear(tuple(path.stem for path in paths), np.stack(images))
+    image = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+    assert image is not None, path
+    image = np.repeat(image[..., None], 3, -1) if image.ndim == 2 else image[..., 2::-1]
+    image = image / np.float32(255 if image.dtype == np.uint8 else 65_535)
+    return linear_from_srgb(image) if encoding == "srgb" else image
 
 
-@dataclass(frozen=True)
-class Washington:
-    """University of Washington, psmImages: chrome and gray ball, each apart, 12 lights, 8 bits."""
-
-    camera: Camera
-    gray: Frames
-    found: Calibration
-    chrome_ball: Sphere
-    gray_ball: Sphere
-    given: Lights
-    shaded: Array
-    """(12, 3), by the gray ball's shading alone."""
+def mask_circle(path: Path, kind: Kind) -> Sphere:
+    """Return the ball whose round mask this is."""
+    rows, columns = np.nonzero(_read(path, "linear")[..., 0] > 0.5)
+    center = np.array([columns.min() + columns.max(), rows.min() + rows.max()]) / 2
+    return Sphere(kind, center, float(np.sqrt(len(rows) / np.pi)))
 
 
-def washington() -> Washington:
-    """Calibrate psmImages from its chrome ball; the gray one is found, but tells no direction."""
-    folder = need("uw_psm")
+def washington() -> Capture:
+    """Calibrate psmImages by its chrome ball, photographed apart, as all its things; its gray one is matte."""
+    folder = REAL / "uw_psm" / "png"
 
     def shots(name: str) -> Frames:
-        return photographs([folder / "png" / name / f"{name}.{i}.png" for i in range(12)])
+        return photographs([folder / name / f"{name}.{i}.png" for i in range(12)])
 
     camera, gray = Camera.orthographic(512, 340), shots("gray")
     requests = [SphereRequest("chrome", frames=shots("chrome")), SphereRequest("white", frames=gray)]
     found = calibrate(shots("buddha"), camera, requests)
-    chrome_ball, gray_ball = (next(s for s in found.spheres if s.kind == kind) for kind in ("chrome", "white"))
-    rows = np.loadtxt(folder / "lights.txt", skiprows=1)
-    directions = rows / np.linalg.norm(rows, axis=1, keepdims=True)
-    given = Lights(found.lights.names, directions, np.ones((12, 3)))
-    shaded, _ = shading_directions(read_surface(gray, camera, gray_ball))
-    return Washington(camera, gray, found, chrome_ball, gray_ball, given, shaded)
-
-
-@dataclass(frozen=True)
-class Harvard:
-    """PSBox, LightProbe-1: one scratched chrome ball that fills the picture, 12 lights, 8-bit sRGB."""
-
-    found: Calibration
-    ball: Sphere  # its circle by hand
-    given: Array  # (12, 3) directions from highlights that were marked by hand
-
-
-def harvard() -> Harvard:
-    """Find the ball and the lights."""
-    folder = need("harvard_probe")
-    frames = photographs(sorted(folder.glob("Image_*.JPG")), encoding="srgb")
-    u, from_below, radius = np.loadtxt(folder / "circle_data.txt")
-    ball = Sphere("chrome", np.array([u, frames.height - 1 - from_below]), float(radius))
-    given = np.loadtxt(folder / "light_directions.txt").T
-    found = calibrate(frames, Camera.orthographic(frames.width, frames.height), [SphereRequest("chrome")])
-    return Harvard(found, ball, given / np.linalg.norm(given, axis=1, keepdims=True))
-
-
-def mask_circle(path: Path) -> tuple[float, float, float]:
-    """Return centre (u, v) and radius of a round mask."""
-    import cv2
-
-    mask = cv2.imread(str(path), cv2.IMREAD_GRAYSCALE)
-    assert mask is not None, path
-    rows, columns = np.nonzero(mask > 127)
-    return (
-        float(columns.min() + columns.max()) / 2,
-        float(rows.min() + rows.max()) / 2,
-        float(np.sqrt(len(rows) / np.pi)),
+    matte = next(ball for ball in found.spheres if ball.kind == "white")
+    shaded, _ = shading_directions(read_surface(gray, camera, matte))
+    by_hand = (
+        mask_circle(folder / "chrome/chrome.mask.png", "chrome"),
+        mask_circle(folder / "gray/gray.mask.png", "white"),
     )
+    given = unit(np.loadtxt(folder.parent / "lights.txt", skiprows=1))
+    return Capture(gray, camera, found, by_hand, {"the gray ball's shading": shaded, "its lights.txt": given}, matte)
 
 
-@dataclass(frozen=True)
-class DiligentBall:
-    """DiLiGenT's ball, found as a ball: 96 known lights, 16 bits, ground truth normals."""
-
-    camera: Camera
-    frames: Frames
-    ball: Sphere
-    outline: tuple[float, float, float]
-    by_itself: bool
-    """False: told where it is."""
-    found: Lights
-    mirrored: Lights
-    """By the highlights alone, as if it were chrome."""
-    given: Lights
-    truth: NDArray[np.float32]
-
-
-def diligent_ball() -> DiligentBall:
-    """Calibrate DiLiGenT's ball as if it were a white calibration ball, with its own lights put aside."""
-    from align.registered_normals import read_normals
-
-    folder = need("diligent", "ballPNG")
+def diligent_ball(kind: Kind) -> Capture:
+    """Calibrate DiLiGenT's glossy ball by its shading, or as "chrome" by its highlights; its lights are put aside."""
+    folder = REAL / "diligent" / "ballPNG"
     frames = photographs(sorted(folder.glob("[0-9]*.png")))
     camera = Camera.orthographic(frames.width, frames.height)
-    outline = mask_circle(folder / "mask.png")
-    try:
-        found = calibrate(frames, camera, [SphereRequest("white")])
-    except CalibrationError:
-        # Its gloss is four times as bright as its skin: it may be taken for a mirror.
-        hint = SphereRequest("white", center_px=(round(outline[0]), round(outline[1])), radius_px=round(outline[2]))
-        found, by_itself = calibrate(frames, camera, [hint]), False
-    else:
-        by_itself = True
-    mirrored = calibrate(frames, camera, [SphereRequest("chrome")])
-    return DiligentBall(
-        camera,
-        frames,
-        found.spheres[0],
-        outline,
-        by_itself,
-        found.lights,
-        mirrored.lights,
-        read_lights(folder / "light_directions.txt", frames.names),
-        read_normals(folder / "Normal_gt.mat", frames.height, frames.width),
-    )
+    found = calibrate(frames, camera, [SphereRequest(kind)])
+    given, matte = read_lights(folder / "light_directions.txt", frames.names), replace(found.spheres[0], kind="white")
+    by_hand = (mask_circle(folder / "mask.png", kind),)
+    return Capture(frames, camera, found, by_hand, {"the set's": given.directions}, matte, given.intensities)
 
 
-@dataclass(frozen=True)
-class Columbia:
-    """Columbia's sphere: white, matte, 3 lights, 8 bits on a pedestal."""
+def columbia() -> Capture:
+    """Calibrate Columbia's white sphere by its shading.
 
-    camera: Camera
-    frames: Frames
-    ball: Sphere
-    found: Lights
-    ambient_code: float
-    """What the calibration found, 8-bit codes."""
-    dark_code: float
-    """What the frames show where there is nothing: their median, off the ball."""
-
-
-def columbia() -> Columbia:
-    """Calibrate Columbia's sphere from its shading; the dark beside it judges what is found of the pedestal.
-
-    The set's frame 0, called ambient, is white all over the ball: it cannot be subtracted.
+    The set's frame 0, called ambient, is white all over the ball: it cannot be subtracted. The pedestal of some 75
+    codes is found as ambient light, and is subtracted from the frames that are returned.
     """
-    folder = need("columbia_sphere_object")
-    frames = photographs([folder / f"sphere{i}.pgm" for i in (1, 2, 3)])
-    camera = Camera.orthographic(640, 480)
+    folder = REAL / "columbia_sphere_object"
+    frames, camera = photographs([folder / f"sphere{i}.pgm" for i in (1, 2, 3)]), Camera.orthographic(640, 480)
     found = calibrate(frames, camera, [SphereRequest("white")])
-    ball, ambient = found.spheres[0], found.lights.ambient
-    pedestal = np.zeros(3) if ambient is None else ambient
-    dark = frames.frame(0)[~ball.mask(camera, grow_px=20)]
-    level = encode(np.broadcast_to(pedestal, (480, 640, 3)))
-    return Columbia(
-        camera,
-        replace(frames, ambient=level),
-        ball,
-        found.lights,
-        float(255 * pedestal.mean()),
-        float(255 * np.median(dark)),
+    pedestal = np.zeros(3) if found.lights.ambient is None else found.lights.ambient
+    frames = replace(frames, ambient=encode(np.broadcast_to(pedestal, (frames.height, frames.width, 3))))
+    by_eye = (Sphere("white", np.array([368.0, 220.5]), 78.5),)
+    return Capture(frames, camera, found, by_eye, {}, found.spheres[0])
+
+
+def harvard() -> Capture:
+    """Calibrate PSBox's LightProbe-1: one scratched chrome ball that fills the picture; v is counted from below."""
+    folder = REAL / "harvard_probe"
+    frames = photographs(sorted(folder.glob("Image_*.JPG")), "srgb")
+    u, from_below, radius = np.loadtxt(folder / "circle_data.txt")
+    by_hand = (Sphere("chrome", np.array([u, frames.height - 1 - from_below]), float(radius)),)
+    camera = Camera.orthographic(frames.width, frames.height)
+    given = unit(np.loadtxt(folder / "light_directions.txt").T)
+    found = calibrate(frames, camera, [SphereRequest("chrome")])
+    return Capture(frames, camera, found, by_hand, {"highlights by hand": given})
+
+
+def psdata(name: str) -> Capture:
+    """Calibrate a PSData capture by its two chrome balls, each in its place in the whole photograph, at half the size.
+
+    Boxes are x0 x1 y0 y1, counted from 1, y from below; circles are u, v from below, radius within their box.
+    """
+    import cv2
+
+    folder, (width, height) = REAL / f"psdata_{name}", PSDATA_SIZE
+    probes, by_hand = {}, []
+    for number, box in enumerate(np.loadtxt(folder / "ManualData" / "probes_bbox.txt").astype(int), 1):
+        probe, (left, right, low, high) = folder / f"LightProbe-{number}", box
+        rows, columns = probes[probe] = slice(height - high, height - low + 1), slice(left - 1, right)
+        u, from_below, radius = np.loadtxt(probe / "circle_data.txt").ravel()
+        center = np.array([columns.start + u - 1, rows.stop - from_below]) / 2
+        by_hand.append(Sphere("chrome", center, float(radius) / 2))
+    paths, images = sorted((folder / "LightProbe-1").glob("Image_*.JPG")), []
+    for path in paths:
+        whole = np.zeros((height, width, 3), np.float32)
+        for probe, place in probes.items():
+            whole[place] = _read(probe / path.name, "srgb")
+        images.append(cv2.resize(whole, (width // 2, height // 2), interpolation=cv2.INTER_AREA))
+    frames = Frames.from_linear(tuple(path.stem for path in paths), np.stack(images))
+    camera = Camera.orthographic(frames.width, frames.height)
+    found = calibrate(frames, camera, 2 * [SphereRequest("chrome")])
+    by_hand_lights, refined = (
+        unit(np.array((folder / file).read_text().replace(",", " ").split(), float).reshape(3, -1).T)
+        for file in ("light_directions.txt", "refined_light.txt")
     )
+    references = {"highlights by hand, two balls": by_hand_lights, "these, refined by the set": refined}
+    return Capture(frames, camera, found, tuple(by_hand), references)
+
+
+CAPTURES: dict[str, Callable[[], Capture]] = {
+    "Columbia, white sphere, 3 lights": columbia,
+    "Washington, chrome and gray ball, 12": washington,
+    "DiLiGenT's ball by its shading, 96": lambda: diligent_ball("white"),
+    "DiLiGenT's ball by its highlights, 96": lambda: diligent_ball("chrome"),
+    "Harvard, one chrome ball, 12": harvard,
+    "Harvard, pig, two chrome balls, 20": lambda: psdata("pig"),
+    "Harvard, scholar, two chrome balls, 20": lambda: psdata("scholar"),
+}
 
 
 @dataclass(frozen=True)
-class Bunny:
-    """A session rendered by a program that shares no code with this one: truth known, chrome and white beside it."""
+class CaptureRow:
+    """One capture against one reference. None: not to be had.
 
-    camera: Camera
-    frames: Frames
-    found: Calibration
-    direction_error_deg: Array
-    position_error_percent: Array
-    intensity_error_percent: Array
-    ball_error_px: Array
+    `off_px`: of the balls found, radius. `residual_percent`, `normals_deg`: of the matte ball under the lights found;
+    with `given_`, under the reference's.
+    """
+
+    capture: str
+    by_hand: int
+    off_px: tuple[float, ...]
+    reference: str
+    median_deg: float | None
+    worst_deg: float | None
+    sigma_deg: float | None
+    residual_percent: float | None
+    normals_deg: float | None
+    given_residual_percent: float | None
+    given_normals_deg: float | None
+    warnings: int
 
 
-def bunny(scratch: Path) -> Bunny:
-    """Calibrate the bunny session by its session.toml; its truth judges."""
-    from capture.camera.session_camera import camera_of
-    from capture.photographs.decode import decode
-    from capture.session.requests import sphere_requests
-    from capture.session.session import load_session
-    from scene.store import Store
+def _measured(name: str) -> list[CaptureRow]:
+    one = CAPTURES[name]()
+    lights, sigma = one.found.lights, one.found.lights.direction_sigma_deg
+    pairs = [(ball, hand) for hand in one.by_hand for ball in one.found.spheres if is_same(ball, hand)]
+    off = tuple(float(ball.radius_px - hand.radius_px) for ball, hand in pairs)
 
-    folder = need("..", "sessions", "bunny")
-    truth = json.loads((folder / "truth.json").read_text())
-    positions = np.load(folder / "truth.npz")["light_positions_mm"]
-    session, store = load_session(folder), Store(scratch)
-    frames, report = decode(session, store)
-    camera, _ = camera_of(session, report.exif, frames.width, frames.height)
-    found = calibrate(frames, camera, sphere_requests(session, store)[0])
-    center = np.array(truth["object_centre_mm"])
-    lights = found.lights.seen_from(center)
-    off = []
-    for ball in truth["spheres"]:
-        mine = min(found.spheres, key=lambda s: np.hypot(*(s.center_px - ball["centre_px"])))
-        off.append([*(mine.center_px - ball["centre_px"]), mine.radius_px - ball["radius_px"]])
-    distance = np.linalg.norm(positions - center, axis=1)
-    placed = np.full((len(lights), 3), np.nan) if lights.positions_mm is None else lights.positions_mm
-    return Bunny(
-        camera,
-        frames,
-        found,
-        angular_error_deg(lights.directions, np.array(truth["directions_at_object"])),
-        100 * np.linalg.norm(placed - positions, axis=1) / distance,
-        100 * (lights.intensities / np.array(truth["relative_intensity_rgb_at_object"]) - 1),
-        np.array(off),
-    )
+    def judged(by: Lights | None) -> tuple[float, float] | tuple[None, None]:
+        return (None, None) if by is None or one.matte is None else explain(one.frames, one.camera, one.matte, by)
+
+    def row(reference: str, directions: Array | None) -> CaptureRow:
+        median, worst, given = None, None, None
+        if directions is not None:
+            error = angular_error_deg(lights.directions, directions)
+            median, worst = float(np.median(error)), float(np.max(error))
+            strengths = np.ones((len(lights), 3)) if one.strengths is None else one.strengths
+            given = Lights(lights.names, directions, strengths)
+        return CaptureRow(
+            name, len(one.by_hand), off, reference, median, worst, None if sigma is None else float(np.median(sigma)),
+            *judged(lights), *judged(given), len(one.found.warnings),
+        )  # fmt: skip
+
+    return [row(*one) for one in one.references.items()] or [row("", None)]
+
+
+def _figures(rows: Sequence[CaptureRow]) -> Figures:
+    found: Figures = {}
+    for row in rows:
+        name = ", against ".join(filter(None, (row.capture, row.reference)))
+        for key in ("median_deg", "sigma_deg", "residual_percent", "normals_deg"):
+            value = getattr(row, key)
+            found |= {} if value is None else {f"{name}: {key}": value}
+        found[f"{row.capture}: balls"] = float(len(row.off_px))
+    return found
+
+
+TABLES = (
+    Table(
+        "real-captures", "captures", ("calibrate.calibrate",), CaptureRow,
+        lambda scale: [(name,) for name in list(CAPTURES)[: {"small": 1, "gates": 2, "full": None}[scale]]], _measured,
+        lambda rows: markdown(
+            {
+                "capture": "{capture}", "balls found": "{found} of {by_hand}", "radius off by, px": "{off}",
+                "lights against": "{reference}", "median": "{median_deg:.2f}°", "worst": "{worst_deg:.2f}°",
+                "stated sigma": "{sigma_deg:.2f}°",
+                "matte ball: residual": "{residual_percent:.1f} %", "its normals": "{normals_deg:.2f}°",
+                "residual under the reference": "{given_residual_percent:.1f} %",
+                "normals under it": "{given_normals_deg:.2f}°", "warnings": "{warnings}",
+            },
+            [
+                vars(row) | {"found": len(row.off_px), "off": ", ".join(f"{value:+.1f}" for value in row.off_px)}
+                for row in rows
+            ],
+        ),
+        _figures, needs=(REAL,),
+    ),
+)  # fmt: skip

@@ -4,7 +4,10 @@ from importlib import import_module
 
 from benchmarks.harness import Table
 
-MODULES = ("calibration", "registration", "methods", "truth", "scans", "datasets")
+MODULES = (
+    "calibration", "peers", "probe", "real_captures", "registration", "methods", "truth", "scans", "datasets", "plan",
+    "watch", "init",
+)  # fmt: skip
 """Files of this folder that list `TABLES`, in the order in which they are measured."""
 
 
