@@ -23,9 +23,7 @@ def names_in(path: Path, error: type[SceneError] = SceneError) -> list[str]:
     return [name for line in text_of(path, error=error).splitlines() if (name := line.strip())]
 
 
-def table_in(
-    path: Path, error: type[SceneError] = SceneError, beside: str | None = None
-) -> tuple[NDArray[np.float64], str]:
+def table_in(path: Path, error: type[SceneError] = SceneError, beside: str | None = None) -> tuple[Array, str]:
     """Return a table of lights (N, 3), NaN and infinity as they are written; and what to say of how it was read.
 
     Numbers between blanks or commas: a light a line, or a column (`BY_COLUMN`); a first line may count the lights.
@@ -57,15 +55,13 @@ def table_in(
             break
     if not table:
         raise error(f"{path}: {where}; expected three numbers a line, one line a photograph.")
-    values, note = np.array(table), ""
-    if values.shape == (3, 3) and beside is None:
-        by_line, by_column = (bool((abs(np.linalg.norm(way, axis=1) - 1) < 0.01).all()) for way in (values, values.T))
-        note = EITHER if by_line == by_column and not np.array_equal(values, values.T) else ""
-        by_column = by_column and not by_line
-    elif values.shape == (3, 3):
-        by_column = beside == BY_COLUMN
+    values, is_told = np.array(table), True
+    if values.shape == (3, 3):
+        unit = [bool((abs(np.linalg.norm(way, axis=1) - 1) < 0.01).all()) for way in (values, values.T)]
+        by_column = unit == [False, True] if beside is None else beside == BY_COLUMN
+        is_told = beside is not None or unit[0] != unit[1] or np.array_equal(values, values.T)
     values = values.T if by_column else values
-    return np.broadcast_to(values, (len(values), 3)), BY_COLUMN if by_column else note
+    return np.broadcast_to(values, (len(values), 3)), BY_COLUMN if by_column else "" if is_told else EITHER
 
 
 def number_rows(rows: NDArray[np.float64]) -> str:

@@ -113,13 +113,12 @@ def _in_order(path: Path, lights: Lights, names: tuple[str, ...], skipped: tuple
         order = [i for i in range(len(lights)) if i not in skipped]
         flag = ("taken in the file's order, which counts the skipped frames",)
     else:
-        missing = [name for name, rows in zip(names, found, strict=True) if not rows and any(found)]
-        twice = [name for name, rows in zip(names, found, strict=True) if len(rows) > 1]
-        odd = f"no light for the frame {listed(map(repr, missing))}: " if missing else ""
-        odd += f"several lights for the frame {listed(map(repr, twice))}: " if twice else ""
+        wrong = [(name, len(rows)) for name, rows in zip(names, found, strict=True) if len(rows) != 1 and any(found)]
+        odd = [f"{count or 'no'} light{'s' * (count > 1)} for the frame {name!r}" for name, count in wrong]
         raise CalibrationError(
-            f"{path}: {odd}{len(lights)} lights for {len(names)} flash frames. Each frame needs its light, in order or "
-            f"by name: complete the file, or list frames without a light under frames.skip.{_encode(lights)}"
+            f"{path}: {listed(odd)}{': ' * bool(odd)}{len(lights)} lights for {len(names)} flash frames. Each frame "
+            "needs its light, in order or by name: complete the file, or list frames without a light under "
+            f"frames.skip.{_encode(lights)}"
         )
     as_frames = _by_number(names) if len(lights) == len(names) else list(range(len(lights)))
     if flag and _by_number(lights.names) != as_frames:

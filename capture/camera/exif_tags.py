@@ -11,6 +11,7 @@ import struct
 import time
 import zlib
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -21,12 +22,14 @@ from numpy.typing import NDArray
 logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 HEAD = 1 << 20
-"""Bytes of a file in which its blocks begin."""
+"""Bytes at a file's beginning and at its end in which its blocks begin."""
 MOST = 500
 """Of blocks, directories, entries: a damaged file can promise any number."""
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
-BLOCK = re.compile(rb"(?:Exif\0\0|CMT[12]|\0TTW....)(?=II\*\0|MM\0\*)", re.DOTALL)
-PNG = b"\x89PNG\r\n\x1a\n"
+BLOCK = re.compile(rb"(?:Exif\0\0|CMT[12]|\0TTW....|eXIf)(?=II\*\0|MM\0\*)", re.DOTALL)
+PROFILE = re.compile(rb"([zt])(?:TXt|EXt)Raw profile type (?:exif|APP1)\0")
+DIGITS = re.compile(rb"\s*\w+\s+(\d+)\s+([0-9a-fA-F\s]+)")
+"""Of a profile as a text: its kind, its length, its bytes."""
 PANASONIC_ISO = {"55": "ISOSpeedRatings", "23": "ISOSpeedRatings"}
 """Tags 0x37 and 0x17 of .rw2, which have no name elsewhere."""
 X3F = {
@@ -44,22 +47,30 @@ def tags_in(path: Path) -> dict[str, Any]:
         Of any kind: there is no such file, or it is damaged.
     """
     with open(path, "rb") as file:
-        head = file.read(HEAD)
-        if head[6:14] == b"HEAPCCDR":
-            return _tags_of_crw(head + file.read())
-        found: dict[str, Any] = {}
-        if head.startswith(b"FOVb"):
-            head += file.read()
-            found = _tags_of_x3f(head)
-        blocks: list[BinaryIO] = [file] if head[:2] in (b"II", b"MM") else []
-        if head.startswith(PNG):
-            blocks += _blocks_of_png(file)
-        elif head[:4] not in TIFF:
-            blocks += [io.BytesIO(head[at.end() :]) for at, _ in zip(BLOCK.finditer(head), range(MOST), strict=False)]
+        data = file.read(HEAD)
+        if data[6:14] == b"HEAPCCDR":
+            return _tags_of_crw(data + file.read())
+        is_x3f = data.startswith(b"FOVb")
+        blocks: list[BinaryIO] = [file] if data[:2] in (b"II", b"MM") else []
+        if data[:4] not in TIFF:
+            file.seek(HEAD if is_x3f else max(HEAD, path.stat().st_size - HEAD))
+            data += file.read()
+            blocks += map(io.BytesIO, islice(_blocks(data), MOST))
+        found = _tags_of_x3f(data) if is_x3f else {}
         for block in reversed(blocks):
             block.seek(0)
             found |= _tags_of_tiff(block)
         return found
+
+
+def _blocks(data: bytes) -> Iterator[bytes]:
+    for at in BLOCK.finditer(data):
+        yield data[at.end() :][:HEAD]
+    for at in PROFILE.finditer(data):
+        text = data[at.end() :][:HEAD]
+        written = DIGITS.match(zlib.decompressobj().decompress(text[1:], HEAD) if at[1] == b"z" else text)
+        digits = b"".join(written[2].split())[: 2 * int(written[1])] if written else b""
+        yield from _blocks(b"Exif\0\0" + bytes.fromhex(digits.decode()))
 
 
 def _tags_of_tiff(block: BinaryIO) -> dict[str, Any]:
@@ -74,23 +85,6 @@ def _tags_of_tiff(block: BinaryIO) -> dict[str, Any]:
     except Exception:
         # A maker's malformed block breaks parsers in many ways; the others still count.
         return {}
-
-
-def _blocks_of_png(file: BinaryIO) -> Iterator[BinaryIO]:
-    file.seek(len(PNG))
-    while len(head := file.read(8)) == 8 and head[4:].isalpha():
-        size = int.from_bytes(head[:4])
-        if head[4:] in (b"eXIf", b"tEXt", b"zTXt") and size < HEAD:
-            data = file.read(size)
-            key, _, rest = data.partition(b"\0")
-            if key.startswith(b"Raw profile type"):
-                text = zlib.decompressobj().decompress(rest[1:], HEAD) if head[4:] == b"zTXt" else rest
-                # Its kind and its length stand before the digits.
-                data = bytes.fromhex(b"".join(text.split()[2:]).decode("ascii"))
-            if start := re.search(rb"II\*\0|MM\0\*", data[:16]):
-                yield io.BytesIO(data[start.start() :])
-            size = 0
-        file.seek(size + 4, io.SEEK_CUR)
 
 
 def _tags_of_crw(data: bytes) -> dict[str, Any]:
