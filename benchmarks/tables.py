@@ -6,7 +6,7 @@ from benchmarks.harness import Table
 
 MODULES = (
     "calibration", "peers", "probe", "real_captures", "registration", "methods", "truth", "scans", "datasets", "plan",
-    "watch", "init",
+    "watch", "init", "faults", "robustness", "memory", "decode",
 )  # fmt: skip
 """Files of this folder that list `TABLES`, in the order in which they are measured."""
 
