@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.fault_list import ALL, MISTAKES, Mistake, varied
-from benchmarks.fault_sessions import LackingError, Taken, session, write
+from benchmarks.fault_sessions import BUNNY, LackingError, Taken, session, write
 from benchmarks.harness import Figures, Scale, Table, markdown, opened
 from lab.options import Solving
 from lab.plan import STEPS
@@ -19,7 +19,8 @@ from scene.normals import angular_error_deg
 from scene.store import Store
 
 HARMFUL_DEG = 1.0
-FULL, GATES = ("bunny", "balls 903", "far 902"), ("fixture", "far 902")
+FULL = (*(("bunny",) if BUNNY.is_dir() else ()), "balls 903", "far 902")
+GATES = ("fixture", "far 902")
 
 
 @dataclass(frozen=True)
