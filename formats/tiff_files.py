@@ -74,7 +74,9 @@ def read_tiff(path: Path, error: type[SceneError]) -> tuple[NDArray, int]:
 
 def pictures_in(file: Any) -> list[Any]:
     """Return a tifffile.TiffFile's pages and their sub-pages that are no copies, the largest first."""
-    pages = [one for page in file.pages for one in (page, *(page.pages or ()))]
+    # By their number: to iterate over them would never end where a damaged file's last page names its first.
+    pages = [file.pages[index] for index in range(len(file.pages))]
+    pages += [page.pages[index] for page in pages for index in range(len(page.pages or ()))]
     whole = [page for page in pages if not page.subfiletype & COPY] or pages
     return sorted(whole, key=_area, reverse=True)
 
@@ -113,7 +115,8 @@ def _unlike(file: Any, page: Any, others: list[Any]) -> str:
     least = SAMPLES[page.photometric]
     if PHOTOMETRIC not in page.tags or not least <= page.samplesperpixel <= least + 1:
         return f"has {page.samplesperpixel} samples a pixel, expected {least} of {kind}, and perhaps one of alpha"
-    if not (form == FLOAT and page.photometric in (1, 2)) and not (form == 1 and isinstance(bits, int) and bits <= 16):
+    fits = page.photometric in (1, 2) if form == FLOAT else form == 1 and isinstance(bits, int) and bits <= 16
+    if not fits or page.dtype is None:
         return f"holds {kind} values of {bits} bits, SampleFormat {named(form)}"
     return ""
 

@@ -17,7 +17,9 @@ TIGHTEST = 4000
 """Pixels that a byte of a file can stand for, at most: deflate packs 1032 to 1, LZW and JPEG to the same order."""
 PIXEL_BYTES = 16
 """Of memory that a pixel takes while it is decoded: its values, and its codes."""
-PILLOW = ["PNG", "JPEG", "BMP", "PPM", "TGA", "GIF", "WEBP", "TIFF"]
+PILLOW = ["PNG", "JPEG", "BMP", "PPM", "TGA", "GIF", "WEBP"]
+HDR = b"#?"
+"""Radiance's files begin so; Pillow does not know them."""
 
 
 def read_pixels(
@@ -50,9 +52,7 @@ def read_pixels(
         if not data:
             raise ValueError("it is empty")
         _check_end(data)
-        head = _head(data)
-        if head and head.format == "TIFF":
-            raise error(f"{path}: is a TIFF file by its content. Save it as its name says.")
+        head = None if data.startswith(HDR) else _head(data)
         if head and head.mode == "CMYK":
             raise error(f"{path}: is of the colour space CMYK. Export it as RGB.")
         if head and head.format == "TGA":
@@ -62,22 +62,22 @@ def read_pixels(
             raise ValueError("corrupt, or of another kind")
         white = np.iinfo(values.dtype).max if values.dtype.kind == "u" else 1
         if head and head.format == "PPM" and isinstance(head.tile[0].args, tuple):
-            # The greatest value that a PGM or PPM header states: 4095 in a 12-bit file.
-            white = int(head.tile[0].args[-1])
+            # The greatest value that a header states: 4095 in a 12-bit file. Text of 8 bits OpenCV brings to 255.
+            white = white if data[:2] in (b"P2", b"P3") and white == 255 else int(head.tile[0].args[-1])
         # OpenCV has blue first.
         return values if values.ndim == 2 else values[..., [2, 1, 0, 3][: values.shape[2]]], white
 
 
 def _head(data: bytes) -> Any:
-    """Return the picture as Pillow knows it, not decoded; None where it knows no such kind."""
+    """Return the picture as Pillow finds it, not decoded."""
     from PIL import Image
 
     # The check is ours: Pillow's own would warn of 90 megapixels.
     Image.MAX_IMAGE_PIXELS = None
     try:
         head = Image.open(io.BytesIO(data), formats=PILLOW)
-    except Exception:
-        return None
+    except Exception as error:
+        raise ValueError("corrupt, or of another kind") from error
     check_size(*head.size, len(data))
     return head
 

@@ -62,7 +62,7 @@ def plain_dng(path: Path) -> tuple[io.BytesIO, float] | None:
             raise CaptureError(f"{path}: holds values that are no numbers. Export again.")
         white, black = (_numbers(tags.get(code), value) for code, value in ((WHITE, 1.0), (BLACK, 0.0)))
         scale = (65535 - PEDESTAL) / float(white.min())
-        values = np.clip(np.round(values * scale + PEDESTAL), 0, 65535).astype(np.uint16)
+        values = np.clip(np.round(values.astype(np.float32) * scale + PEDESTAL), 0, 65535).astype(np.uint16)
         levels = np.round(black * scale + PEDESTAL).astype(int)
         tags |= {WHITE: (WHITE, 4, 1, 65535), BLACK: (BLACK, 4, len(levels), levels.tolist())}
     if values.ndim == 2 and page.photometric == LINEAR:
@@ -106,7 +106,7 @@ def _is_known(page: Any) -> bool:
     else:
         fits = page.bitspersample <= (8 if page.compression == LOSSY else 16)
     is_decoded = page.compression == 1 or page.compression in tifffile.TIFF.DECOMPRESSORS
-    return fits and is_decoded and not {TABLE, POLYNOMIAL} & _operations(page)
+    return fits and is_decoded and page.dtype is not None and not {TABLE, POLYNOMIAL} & _operations(page)
 
 
 def _operations(page: Any) -> set[int]:

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
@@ -44,6 +44,8 @@ class Small:
     step : int
         Pixels of the file in one of `codes`, along a side.
     is_mosaic : bool
+    unit : float
+        What 1.0 stands for in floating point; all pictures of a folder get the same.
     """
 
     path: Path
@@ -52,6 +54,7 @@ class Small:
     height: int
     step: int
     is_mosaic: bool
+    unit: float = 1.0
 
     @property
     def light(self) -> NDArray[np.float32]:
@@ -79,16 +82,21 @@ def read_small(
         found = [first, *found]
         if done:
             done()
-    return [one for one in found if isinstance(one, Small)], [one for one in found if isinstance(one, str)]
+    small = [one for one in found if isinstance(one, Small)]
+    unit = max((one.unit for one in small), default=1.0)
+    codes = [(one.codes * np.float32(one.unit / unit)).astype(one.codes.dtype) for one in small]
+    scaled = [replace(one, codes=code, unit=unit) for one, code in zip(small, codes, strict=True)]
+    return scaled, [one for one in found if isinstance(one, str)]
 
 
 def _read(path: Path, encoding: Encoding, *, half: bool) -> "Small | str":
     half = half and kind_of(path) == "raw"
     try:
-        photograph = read_photograph(path, Recipe(encoding, half, path))
+        photograph = read_photograph(path, Recipe(encoding, half, path, is_first=True))
     except SceneError as error:
         return str(error)
-    return small_of(path, photograph, full=2 if half else 1)
+    small = small_of(path, photograph, full=2 if half else 1)
+    return small if small.codes.dtype == np.uint16 else replace(small, unit=photograph.sensor_range or 1.0)
 
 
 def small_of(path: Path, photograph: Photograph, *, full: int = 1) -> Small:
@@ -150,5 +158,7 @@ def frames_of(flash: list[Small], ambient: list[Small]) -> Frames:
     base = np.mean([one.codes.astype(np.float32) for one in ambient], axis=0).astype(codes.dtype) if ambient else None
     # In the mean of a box a clipped sample is hidden among others.
     saturation = (0.9 * WHITE - PEDESTAL) / (WHITE - PEDESTAL) if flash[0].step > 1 else 0.98
+    if codes.dtype != np.uint16:
+        saturation = np.inf
     names = tuple(one.path.stem for one in flash)
     return Frames(names, codes, np.ones(len(flash)), base, saturation, flash[0].is_mosaic)
