@@ -23,6 +23,7 @@ from scene.clock import now, since
 from scene.errors import SceneError
 from scene.frames import Frames
 from scene.lights import Lights
+from scene.mesh import Mesh
 from scene.normals import angular_error_deg
 from scene.pose import Pose
 
@@ -31,13 +32,16 @@ VERBS = ("check", "calibrate", "align", "solve", "twin", "compare")
 
 
 class Registered(NamedTuple):
-    """What a method is given of a session, and the ground truth (H, W, 3), NaN where unknown."""
+    """What a method is given of a session, the ground truth (H, W, 3), NaN where unknown, and the scan as it stands
+    before the camera.
+    """
 
     frames: Frames
     lights: Lights
     camera: Camera
     mask: NDArray[np.bool_]
     normals: NDArray
+    surface: Mesh | None = None
 
 
 @contextmanager
@@ -47,7 +51,11 @@ def registered(session: Path) -> Iterator[Registered]:
         job.run(STEPS, "align")
         store = job.store
         given = store.load_frames(), store.load_lights(), store.load_camera(), store.load_mask()
-        yield Registered(*given, store.load_normals("truth"))
+        surface = None
+        if job.session.scan and not job.session.normals:
+            scan = job.load_scan()
+            surface = Mesh(store.load_pose().apply(scan.vertices), scan.faces)
+        yield Registered(*given, store.load_normals("truth"), surface)
 
 
 def with_truth() -> dict[str, Path]:

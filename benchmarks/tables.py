@@ -5,8 +5,8 @@ from importlib import import_module
 from benchmarks.harness import Table
 
 MODULES = (
-    "calibration", "peers", "probe", "real_captures", "registration", "methods", "truth", "scans", "datasets", "plan",
-    "watch", "init", "faults", "robustness", "memory", "decode",
+    "calibration", "peers", "probe", "real_captures", "sessions", "registration", "methods", "unknown_lights",
+    "trust", "twin", "materials", "truth", "scans", "datasets", "plan", "watch", "init", "faults", "robustness", "memory", "decode",
 )  # fmt: skip
 """Files of this folder that list `TABLES`, in the order in which they are measured."""
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.bench_intensities import session, true_normals
+from benchmarks.unknown_lights import photographed
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
@@ -18,9 +18,7 @@ from solve.whole.light_distance import find_positions
 @pytest.fixture(scope="module", params=["blob", pytest.param("potato", marks=pytest.mark.full)])
 def near_session(request):
     """Flashes 0.5 to 0.9 m away; (frames, true lights, camera, mask, normals)."""
-    scene = session({"blob": 20_400, "potato": 20_401}[request.param], request.param, 16, 1.5)
-    normals, mask = true_normals(scene)
-    return scene.photograph(), scene.lights, scene.camera, mask, normals
+    return photographed(request.param, {"blob": 20_400, "potato": 20_401}[request.param], 1.5)[:5]
 
 
 def directions_only(lights: Lights) -> Lights:
@@ -56,10 +54,8 @@ def test_distances_and_normals(near_session):
 
 @pytest.mark.full
 def test_distant_lights_stay_distant():
-    scene = session(20_402, "blob", 16, 40.0)
-    given = directions_only(scene.lights)
-    _, mask = true_normals(scene)
-    problem = problem_of(scene.photograph(), given, scene.camera, mask)
+    frames, lights, camera, mask, *_ = photographed("blob", 20_402, 40.0)
+    problem = problem_of(frames, directions_only(lights), camera, mask)
     assert find_positions(problem) is problem
 
 
