@@ -87,7 +87,6 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
     inside = np.pad(mask, 1).astype(np.uint8)
     depth = cv2.distanceTransform(inside, cv2.DIST_L2, 5)[1:-1, 1:-1]
     smooth = np.asarray(cv2.GaussianBlur(depth, (0, 0), 1.5), np.float64)
-    gy, gx = np.gradient(smooth, axis=0), np.gradient(smooth, axis=1)
     known = np.isfinite(turned[..., 0]) & np.isfinite(turned[..., 2])
     border = np.zeros_like(mask)
     border[1:-1, 1:-1] = True
@@ -95,6 +94,7 @@ def _way_out(turned: Array, mask: NDArray[np.bool_]) -> float:
     rim = mask & known & (depth <= 2.5) & border
     if rim.sum() < 20:
         return 0.0
+    gy, gx = np.gradient(smooth, axis=0), np.gradient(smooth, axis=1)
     out, flat = np.stack([-gx[rim], gy[rim]], -1), turned[rim][:, :2]
     scale = np.linalg.norm(out, axis=1) * np.linalg.norm(flat, axis=1)
     cosine = np.sum(out * flat, 1) / np.maximum(scale, 1e-9)

@@ -50,7 +50,7 @@ def find_object(
     Raises
     ------
     AlignError
-        The given mask is empty or of another size; or nothing stands out from the backdrop.
+        The given mask is empty, too thin or of another size; or nothing stands out from the backdrop.
     """
     size = (camera.height, camera.width)
     balls = np.zeros(size, bool)
@@ -58,7 +58,9 @@ def find_object(
         if not sphere.apart:
             balls |= sphere.mask(camera, grow_px=BALL_MARGIN_PX)
     if mask_given is not None:
-        return _checked(np.asarray(mask_given, bool), balls, size)
+        found = _checked(np.asarray(mask_given, bool), balls, size)
+        _check_area(found.mask)
+        return found
 
     factor = max(1, round(max(size) / WORK_SIZE))
     stack = block_means(frames, factor)
@@ -78,6 +80,7 @@ def find_object(
         border = np.zeros(size, bool)
         border[window] = _sharpen(bright_picture(frames, big)[window], big[window], balls[window], reach=reach)
     border = _one_piece(border & ~balls)
+    _check_area(border)
     cut = border[[0, -1]].sum() + border[:, [0, -1]].sum()
     if cut > 4:
         warnings.append(f"mask: the object reaches the image's border ({cut} pixels): part of it may be missing.")
@@ -150,6 +153,18 @@ def _checked(mask: NDArray[np.bool_], balls: NDArray[np.bool_], size: tuple[int,
         return ObjectMask(mask, "given", doubts)
     left_out = f"mask: {overlap.sum()} of its pixels lie on calibration balls; left out."
     return ObjectMask(rest, "given", (*doubts, left_out))
+
+
+def _check_area(mask: NDArray[np.bool_]) -> None:
+    """Raise AlignError where no pixel of a mask has all its neighbours in it: slopes of normals need them."""
+    import cv2
+
+    whole = cv2.erode(mask.astype(np.uint8), np.ones((3, 3), np.uint8), borderType=cv2.BORDER_CONSTANT, borderValue=0)
+    if not whole.any():
+        raise AlignError(
+            f"mask: {mask.sum()} pixels are the object's, and nowhere 3 x 3 of them together: too few or too thin for "
+            "normals. White marks the object: paint all of it, or drop mask under [object]."
+        )
 
 
 def _choose(contradiction: Contradiction, balls: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], list[str]]:

@@ -33,6 +33,8 @@ def _key(what: str, example: Any, unit: str = "") -> Any:
 
 Length = Annotated[PositiveFloat, _between(0.1, 10_000, "millimetres, from a bead to a building's dome")]
 Pixels = Annotated[PositiveInt, _between(1, 100_000, "no camera has more pixels in a row")]
+Scale = Annotated[PositiveFloat, _between(1, 1_000_000, "pixels, the focal length times those a millimetre")]
+Term = Annotated[float, _between(-1000, 1000, "a term of OpenCV's distortion")]
 Place = Annotated[float, _between(-1e6, 1e6, "pixels of the picture")]
 Squares = Annotated[PositiveInt, _between(2, 200, "squares that a photograph can tell apart")]
 Exponent = Annotated[PositiveFloat, _between(0.1, 10, "encodings have exponents about 2.2")]
@@ -110,21 +112,21 @@ class CameraTable(Table):
     ] = None
     height: Annotated[Pixels | None, _key("As width.", 4000, "px")] = None
     fx: Annotated[
-        PositiveFloat | None,
+        Scale | None,
         _key("Focal length. Alone it is taken as good to 2 %; with cx and cy, as measured.", 8333.0, "px"),
     ] = None
-    fy: Annotated[PositiveFloat | None, _key("The same along columns. Absent: fx.", 8333.0, "px")] = None
+    fy: Annotated[Scale | None, _key("The same along columns. Absent: fx.", 8333.0, "px")] = None
     cx: Annotated[
-        float | None,
+        Place | None,
         _key(
             "Principal point, column; the upper left pixel's centre is 0. Absent: the middle, +- 1 % of the width.",
             2999.5,
             "px",
         ),
     ] = None
-    cy: Annotated[float | None, _key("Principal point, row.", 1999.5, "px")] = None
+    cy: Annotated[Place | None, _key("Principal point, row.", 1999.5, "px")] = None
     distortion: Annotated[
-        list[float] | None,
+        list[Term] | None,
         Field(min_length=5, max_length=5),
         _key("OpenCV's k1, k2, p1, p2, k3. Absent: none.", [-0.1, 0.02, 0.0, 0.0, 0.0]),
     ] = None

@@ -59,6 +59,11 @@ def sphere_requests(
                     f"{key}.center_px: found {list(spec.center_px or ())}, outside of the picture of "
                     f"{header.width} x {header.height} px."
                 )
+            if radius > max(header.width, header.height):
+                raise SessionError(
+                    f"{key}.radius_px: found {spec.radius_px:g}, larger than the picture of {header.width} x "
+                    f"{header.height} px; expected the radius of a ball that is seen whole."
+                )
         mask = read_mask(spec.mask, header.height, header.width) if spec.mask else None
         requests.append(SphereRequest(spec.kind, spec.diameter_mm, center, radius, mask, frames))
     return requests, tuple(warnings)

@@ -122,6 +122,26 @@ def test_a_given_mask_is_checked(on_table):
             give(mask)
 
 
+def thin(shape, *where):
+    mask = np.zeros(shape, bool)
+    mask[where] = True
+    return mask
+
+
+def test_a_mask_too_thin_for_normals_is_refused(on_table):
+    """Slopes need neighbours: lines, single pixels and a mask of every second pixel once ended as faults of rgbn's."""
+    shape = on_table.mask.shape
+    lines = [thin(shape, k) for k in (0, -1, 40, slice(0, 2), slice(-2, None), slice(50, 52))]
+    lines += [thin(shape, slice(None), k) for k in (0, -1, 40, slice(0, 2), slice(-2, None), slice(50, 52))]
+    every_second = np.indices(shape).sum(0) % 2 == 0
+    for mask in (*lines, thin(shape, 0, 0), thin(shape, 40, 40), thin(shape, slice(9, 11), slice(9, 11)), every_second):
+        with pytest.raises(AlignError, match=f"{mask.sum()} pixels are the object's, and nowhere 3 x 3"):
+            find_object(on_table.frames, on_table.camera, [], mask_given=mask)
+    for corner in (slice(0, 3), slice(-3, None)):
+        mask = thin(shape, corner, corner)
+        assert (find_object(on_table.frames, on_table.camera, [], mask_given=mask).mask == mask).all()
+
+
 def test_the_final_mask_is_the_silhouette_and_what_was_not_scanned():
     silhouette = np.zeros((80, 100), bool)
     silhouette[20:60, 20:60] = True

@@ -1,5 +1,6 @@
 """Sessions that break a parser, a file system or physics: one message, with the key where there is one."""
 
+import copy
 import os
 import sys
 from pathlib import Path
@@ -8,6 +9,8 @@ import numpy as np
 import pytest
 
 from capture.session.globs import MOST_FOLDERS, expand
+from capture.session.manifest import TABLES
+from capture.session.manifest_faults import parse
 from capture.session.session import load_session
 from scene.errors import SessionError
 from scene.files import write_png
@@ -64,12 +67,12 @@ def test_deep_and_huge_files(folder, text, part):
 @pytest.mark.parametrize(
     ("text", "part"),
     [
-        (CAMERA.replace("fx = 70", "fx = 1e308"), "camera.fx: found 1e+308 px for a picture of 60 px"),
-        (CAMERA.replace("fy = 70", "fy = 0.5"), "camera.fy: found 0.5 px"),
+        (CAMERA.replace("fx = 70", "fx = 1e5"), "camera.fx: found 100000 px for a picture of 60 px"),
+        (CAMERA.replace("fy = 70", "fy = 2"), "camera.fy: found 2 px"),
         (CAMERA.replace("fx = 70", "fx = inf"), "camera.fx: found inf; expected a finite number"),
         (CAMERA.replace("cx = 30", "cx = nan"), "camera.cx: found nan; expected a finite number"),
         (CAMERA + "distortion = [0.1, nan, 0, 0, 0]", "camera.distortion[1]: found nan"),
-        (CAMERA + "distortion = [1e9, 0, 0, 0, 0]", "camera.distortion: found [1000000000.0"),
+        (CAMERA + "distortion = [900, 0, 0, 0, 0]", "camera.distortion: found [900.0"),
         (CAMERA.replace("width = 60", "width = 9000000000"), "camera.width: found 9000000000; expected 1 to 100000"),
         ('[[spheres]]\nkind = "chrome"\ndiameter_mm = inf', "spheres[0].diameter_mm: found inf"),
         ('[[spheres]]\nkind = "chrome"\ndiameter_mm = 76e9', "expected 0.1 to 10000: millimetres"),
@@ -83,6 +86,37 @@ def test_deep_and_huge_files(folder, text, part):
 )
 def test_numbers_beyond_physics(folder, text, part):
     assert part in told(folder, FLASH + text)
+
+
+def examples(table):
+    return {key: field.examples[0] for key, field in TABLES[table].model_fields.items()}
+
+
+WHOLE = {name: examples(name) for name in ("frames", "camera", "lights", "object")} | {"spheres": [examples("spheres")]}
+"""Every key, with its example."""
+
+
+def numbers(value, path=()):
+    """Yield the path of each number in a document."""
+    if isinstance(value, dict | list):
+        for key, part in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from numbers(part, (*path, key))
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        yield path
+
+
+@pytest.mark.parametrize("path", list(numbers(WHOLE)))
+def test_every_number_has_bounds(path):
+    """Of the keys to come, too."""
+    assert parse(WHOLE)[1] == []
+    for number in (1e300, -1e300, 10**30, -(10**30), 1e9, -1e9):
+        data = copy.deepcopy(WHOLE)
+        holder = data
+        for part in path[:-1]:
+            holder = holder[part]
+        holder[path[-1]] = number
+        where = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path).lstrip(".")
+        assert [fault for fault in parse(data)[1] if fault.startswith(f"{where}: found")]
 
 
 def test_all_of_them_at_once(folder):

@@ -121,6 +121,13 @@ def test_hints_outside_of_the_picture(apart):
         sphere_requests(session, store)
 
 
+def test_a_ball_larger_than_the_picture(apart):
+    """Its outline was looked for in gigabytes, for minutes."""
+    session, store, _ = apart('[[spheres]]\nkind = "white"\ncenter_px = [40, 20]\nradius_px = 81')
+    with pytest.raises(SessionError, match=r"spheres\[1\]\.radius_px: found 81, larger than the picture of 80 x 60"):
+        sphere_requests(session, store)
+
+
 def test_masks(tmp_path):
     truth = np.zeros((8, 10), bool)
     truth[2:6, 3:9] = True

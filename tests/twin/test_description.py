@@ -9,6 +9,7 @@ import drjit
 import numpy as np
 import pytest
 import trimesh
+from pydantic import TypeAdapter
 
 from formats.pictures import write_exr
 from scene.errors import RenderError
@@ -16,9 +17,19 @@ from scene.lights import Lights
 from scene.store import Store
 from twin.description.description import Environment, TwinObject, TwinScene
 from twin.description.description_file import TAGS, read_scene
+from twin.description.description_tables import DescriptionTable
 from twin.description.description_writer import write_scene
 from twin.description.light_groups import direction
-from twin.description.materials import Conductor, Diffuse, Measured, Principled, RoughPlastic, Subsurface, Texture
+from twin.description.materials import (
+    KINDS,
+    Conductor,
+    Diffuse,
+    Measured,
+    Principled,
+    RoughPlastic,
+    Subsurface,
+    Texture,
+)
 from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import SHAPES, ObjectMesh, built_in, smooth
 
@@ -393,6 +404,63 @@ def test_bright_maps_come_back_from_exr_and_hdr(tmp_path):
         read(tmp_path, HEAD, BALL, MATTE, text % "exr", LIGHT)
 
 
+def numbers(schema):
+    """Yield all numbers in a JSON schema."""
+    if isinstance(schema, dict):
+        if schema.get("type") in ("number", "integer") and "const" not in schema:
+            yield schema
+        schema = list(schema.values())
+    if isinstance(schema, list):
+        for part in schema:
+            yield from numbers(part)
+
+
+@pytest.mark.parametrize("table", [DescriptionTable, *KINDS.values()])
+def test_every_number_has_bounds(table):
+    """Of the keys to come, too: nothing renders for ever, or in more memory than there is."""
+    found = list(numbers(TypeAdapter(table).json_schema()))
+    assert found or table is Measured
+    for number in found:
+        low, high = (number.keys() & {f"{which}imum", f"exclusive{which.title()}imum"} for which in ("min", "max"))
+        assert low, number
+        assert high, number
+        assert all(abs(number[key]) <= 2**20 for key in (*low, *high))
+
+
+@pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (
+            ("[sampling]\nmax_depth = 1000000000",),
+            "sampling.max_depth: found 1000000000; expected less than or equal to 100",
+        ),
+        (
+            (LIGHT + "intensity = 1e300",),
+            "lights[1].intensity[0]: found 1e+300; expected less than or equal to 1000000",
+        ),
+        ((BALL.replace("scale = 40", "scale = 1e-300"),), "expected a scale of 1e-06 or more"),
+        ((BALL,) * 160, "objects: 10468864 triangles in all; expected 10000000 at most"),
+        (
+            (
+                BALL.replace(
+                    "translate_mm", "matrix = [[1e6,0,0,0],[0,1e6,0,0],[0,0,1e6,0],[0,0,0,1]]\ntranslate_mm"
+                ).replace("-300", "-3e5"),
+            ),
+            "objects[1]: 65024 faces, and ",
+        ),
+    ],
+)
+def test_a_scene_beyond_what_can_be_rendered(tmp_path, lines, told):
+    with pytest.raises(RenderError) as error:
+        read(tmp_path, HEAD, BALL, MATTE, LIGHT, *lines)
+    assert told in str(error.value)
+
+
+def test_a_picture_larger_than_any_cameras(tmp_path):
+    with pytest.raises(RenderError, match=r"camera: .* expected 100000000 pixels at most, width times height"):
+        read(tmp_path, HEAD.replace("64", "20000").replace("48", "20000"), BALL, MATTE, LIGHT)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "part"),
     [
@@ -419,9 +487,11 @@ def test_a_mesh_whose_faces_name_no_vertex(tmp_path):
         read(tmp_path, HEAD, mesh, MATTE, LIGHT)
 
 
-@pytest.mark.parametrize("text", ["a = " + "[" * 50_000, "\0", "a = " + "9" * 5000])
-def test_toml_that_breaks_its_parser(tmp_path, text):
-    with pytest.raises(RenderError, match=r"a\.toml: not TOML"):
+@pytest.mark.parametrize(
+    ("text", "told"), [("a = " + "[" * 50_000, "not TOML"), ("\0", "zero bytes"), ("a = " + "9" * 5000, "not TOML")]
+)
+def test_toml_that_breaks_its_parser(tmp_path, text, told):
+    with pytest.raises(RenderError, match=rf"a\.toml: .*{told}"):
         read(tmp_path, text)
 
 

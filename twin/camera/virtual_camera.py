@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from scene.errors import RenderError
 from scene.files import write_whole
-from twin.description.checked_values import NotNegative, Positive, Three, Whole, checked
+from twin.description.checked_values import Level, NotNegative, Positive, Three, checked
 
 CFA_PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 NO_FILTER = "none"
@@ -63,8 +63,8 @@ class Sensor:
     read_noise_e: NotNegative = 4.0
     adc_noise_dn: NotNegative = 0.0
     iso: Positive = 100.0
-    black_level: Whole = 512
-    white_level: Whole = 16383
+    black_level: Level = 512
+    white_level: Level = 16383
     blur_px: NotNegative = 0.5
     vignetting: Three = (0.0, 0.0, 0.0)
     cfa: str = "RGGB"

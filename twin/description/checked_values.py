@@ -12,8 +12,6 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainValidator,
-    PositiveFloat,
-    PositiveInt,
     Strict,
     ValidationInfo,
     with_config,
@@ -55,13 +53,17 @@ def named(kind: str) -> PlainValidator:
     return PlainValidator(read)
 
 
-Whole = Annotated[int, Strict()]
-Number = Annotated[float, Strict()]
-Positive = Annotated[PositiveFloat, Strict()]
-NotNegative = Annotated[float, Strict(), Field(ge=0)]
+MOST = 1e6
+"""Of a scene's lengths in mm, angles, factors and radiances: with squares of it, single precision still counts."""
+LEAST = 1e-6
+"""Of what must be positive."""
+Level = Annotated[int, Strict(), Field(ge=0, le=65535)]
+Number = Annotated[float, Strict(), Field(ge=-MOST, le=MOST)]
+Positive = Annotated[float, Strict(), Field(ge=LEAST, le=MOST)]
+NotNegative = Annotated[float, Strict(), Field(ge=0, le=MOST)]
 Share = Annotated[float, Strict(), Field(ge=0, le=1)]
-AboveNone = Annotated[float, Strict(), Field(gt=0, le=1)]
-Count = Annotated[PositiveInt, Strict()]
+AboveNone = Annotated[float, Strict(), Field(ge=LEAST, le=1)]
+Count = Annotated[int, Strict(), Field(ge=1, le=1 << 20)]
 Three = tuple[Number, Number, Number]
 Factors = Annotated[Three, BeforeValidator(three)]
 Rgb = Annotated[tuple[NotNegative, NotNegative, NotNegative], BeforeValidator(three)]

@@ -100,8 +100,8 @@ class Sampling:
 
     engine: Literal["auto", "direct", "many", "mitsuba"] = "auto"
     samples: Count | None = None
-    max_depth: Annotated[int, Strict(), Field(ge=2)] = 3
-    error: Annotated[float, Strict(), Field(gt=0, lt=1)] = 0.01
+    max_depth: Annotated[int, Strict(), Field(ge=2, le=100)] = 3
+    error: Annotated[float, Strict(), Field(ge=1e-4, lt=1)] = 0.01
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,9 @@
 """What is wrong with a scene, before anything is rendered: every fault at once."""
 
 import numpy as np
+from numpy.typing import NDArray
 
+from formats.meshes.scan_files import LARGEST
 from scene.errors import RenderError
 from scene.mesh import Mesh
 from scene.rays import RayCaster
@@ -31,18 +33,19 @@ def scene_faults(scene: TwinScene) -> list[str]:
         key = f"objects[{index}]"
         if one.material not in scene.materials:
             faults.append(f"{key}.material: {one.material!r} is none of the scene's materials.")
-        elif not len(one.mesh.faces) or not np.isfinite(one.placed.vertices).all():
-            bad = np.count_nonzero(~np.isfinite(one.placed.vertices))
+        elif not len(one.mesh.faces) or not _sound(one.placed.vertices).all():
+            bad = np.count_nonzero(~_sound(one.placed.vertices))
             faults.append(
-                f"{key}: {len(one.mesh.faces)} faces, and {bad} of its coordinates are not finite; nothing can be "
-                "rendered. Load or export it again."
+                f"{key}: {len(one.mesh.faces)} faces, and {bad} of its coordinates are not finite or beyond "
+                f"{LARGEST:.0e} mm; nothing can be rendered. Load or export it again, or scale it down."
             )
         else:
             faults += _object_faults(key, one, scene.materials[one.material])
     radiance = scene.environment.radiance
-    if radiance is not None and not (np.isfinite(radiance).all() and np.min(radiance) >= 0):
-        bad = int(np.count_nonzero(~np.isfinite(radiance) | (radiance < 0)))
-        faults.append(f"environment.map: {bad} of {radiance.size} values are not finite or below 0. Mend the picture.")
+    if radiance is not None and not (_sound(radiance) & (radiance >= 0)).all():
+        bad = int(np.count_nonzero(~(_sound(radiance) & (radiance >= 0))))
+        told = f"{bad} of {radiance.size} values are not finite, below 0 or beyond {LARGEST:.0e}"
+        faults.append(f"environment.map: {told}. Mend the picture.")
     faults += _light_faults(scene)
     if not faults:
         try:
@@ -50,6 +53,11 @@ def scene_faults(scene: TwinScene) -> list[str]:
         except RenderError as error:
             faults.append(f"camera: {error}")
     return faults
+
+
+def _sound(values: NDArray) -> NDArray[np.bool_]:
+    """Return which values are numbers that squares in single precision hold."""
+    return np.abs(values) <= LARGEST
 
 
 def _object_faults(key: str, one: TwinObject, material: Material) -> list[str]:
@@ -87,10 +95,10 @@ def _light_faults(scene: TwinScene) -> list[str]:
     lights, of_session = scene.lights, "Of a session:"
     arrays = [lights.directions, lights.intensities, *([] if lights.positions_mm is None else [lights.positions_mm])]
     faults = [
-        f"lights {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected finite numbers and no "
-        f"negative intensity. {of_session} calibrate again, or leave the frame out with frames.skip."
+        f"lights {name}: direction {row[:3]}, intensity {row[3:6]}, position {row[6:]}; expected numbers up to "
+        f"{LARGEST:.0e}, no negative intensity. {of_session} calibrate again, or leave the frame out with frames.skip."
         for name, row in zip(lights.names, np.concatenate(arrays, 1), strict=True)
-        if not np.isfinite(row).all() or (row[3:6] < 0).any()
+        if not _sound(row).all() or (row[3:6] < 0).any()
     ]
     if lights.positions_mm is None or faults:
         return faults

@@ -26,6 +26,8 @@ from twin.description.mesh_files import read_mesh
 from twin.description.object_mesh import ObjectMesh, built_in
 
 Array = NDArray[np.float64]
+MOST_TRIANGLES = 10_000_000
+"""Of all objects: some 100 bytes each, in several copies. A built-in sphere has 65,000."""
 TAGS = {*KINDS, "distant", "point", "area", "ring", "hemisphere", "session"}
 
 
@@ -58,6 +60,11 @@ def _scene(path: Path, data: dict[str, Any]) -> TwinScene:
     except ValidationError as error:
         raise _told(path, [_line(fault) for fault in error.errors(include_url=False)]) from None
     objects = tuple(_object(index, one) for index, one in enumerate(table.objects))
+    triangles = sum(len(one.mesh.faces) for one in objects)
+    if triangles > MOST_TRIANGLES:
+        raise _told(
+            path, [f"objects: {triangles} triangles in all; expected {MOST_TRIANGLES} at most, or coarser meshes."]
+        )
     reference = table.reference_point_mm
     points = np.concatenate([one.placed.vertices for one in objects])
     middle = (points.min(0) + points.max(0)) / 2 if reference is None else np.array(reference, float)
@@ -89,6 +96,7 @@ class _Named:
     def __init__(self, folder: Path, materials: tuple[str, ...]) -> None:
         self._folder, self.materials = folder, materials
         self._pictures: dict[tuple, NDArray[np.float32]] = {}
+        self._meshes: dict[str, ObjectMesh] = {}
 
     def path(self, name: str) -> Path:
         return self._folder / name
@@ -97,7 +105,9 @@ class _Named:
         return read_picture(self._folder / name)
 
     def mesh(self, name: str) -> ObjectMesh:
-        return read_mesh(self._folder / name)
+        if name not in self._meshes:
+            self._meshes[name] = read_mesh(self._folder / name)
+        return self._meshes[name]
 
     def texture(self, table: dict[str, Any]) -> Texture:
         given = TextureTable.model_validate(table)

@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from twin.camera.virtual_camera import Sensor
-from twin.description.checked_values import Count, Factors, Number, Positive, Rgb, Table, Three, as_fault, named
+from twin.description.checked_values import LEAST, Count, Factors, Number, Positive, Rgb, Table, Three, as_fault, named
 from twin.description.description import Environment, Sampling
 from twin.description.materials import KINDS
 from twin.description.object_mesh import ObjectMesh
@@ -26,6 +26,7 @@ from twin.description.object_mesh import ObjectMesh
 Size = Annotated[Count, Field(le=65535)]
 Many = Annotated[Count, Field(le=10_000)]
 Few = Annotated[Count, Field(le=100)]
+MOST_PIXELS = 100_000_000
 Row = tuple[Number, Number, Number, Number]
 Matrix = tuple[Row, Row, Row, Row]
 
@@ -53,7 +54,9 @@ class CameraTable(Table):
     files: Literal["png", "dng", "exr"] | None = None
 
     @model_validator(mode="after")
-    def _a_mosaic_for_a_dng(self) -> "CameraTable":
+    def _a_picture_that_can_be_written(self) -> "CameraTable":
+        if self.width * self.height > MOST_PIXELS:
+            raise ValueError(f"expected {MOST_PIXELS} pixels at most, width times height")
         bayer = self.sensor is not None and self.sensor.cfa != "none"
         if self.files == "dng" and not bayer:
             raise ValueError('files = "dng" wants [camera.sensor] with a Bayer pattern for its cfa')
@@ -92,8 +95,8 @@ class ObjectTable(Table):
     def _one_source(self) -> "ObjectTable":
         if (self.mesh is None) == (self.shape is None):
             raise ValueError('expected either mesh = "file" or shape = "sphere"')
-        if 0 in self.scale:
-            raise ValueError("expected a scale that is not 0")
+        if min(map(abs, self.scale)) < LEAST:
+            raise ValueError(f"expected a scale of {LEAST:g} or more, or of its negative")
         return self
 
 
@@ -190,9 +193,9 @@ class DescriptionTable(Table):
     version: Literal[1] = 1
     name: str | None = None
     camera: CameraTable
-    objects: list[ObjectTable] = Field(min_length=1)
+    objects: list[ObjectTable] = Field(min_length=1, max_length=10_000)
     materials: dict[str, MaterialTable]  # type: ignore[valid-type]
     environment: Environment = Environment()
-    lights: list[LightsTable] = Field(min_length=1)
+    lights: list[LightsTable] = Field(min_length=1, max_length=10_000)
     reference_point_mm: Three | None = None
     sampling: Sampling = Sampling()

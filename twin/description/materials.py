@@ -136,7 +136,7 @@ class RoughPlastic:
     reflectance: Reflectance
     roughness: AboveNone = 0.1
     specularity: Annotated[float | Texture, PlainValidator(_specularity)] = 1.0
-    index: Annotated[float, Strict(), Field(gt=1)] = 1.49
+    index: Annotated[float, Strict(), Field(gt=1, le=5)] = 1.49
     subsurface: Subsurface | None = None
     covered: Share = 1.0
     distribution: Distribution = "ggx"

@@ -1,5 +1,6 @@
 """A mesh with what a material needs of it: normals, texture coordinates, colours; and the built-in shapes."""
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,6 +62,7 @@ def smooth(vertices: Array, faces: NDArray[np.int64], texcoords: Array | None, c
 SHAPES = ("sphere", "square", "disc", "cube", "cylinder", "cone")
 
 
+@functools.cache
 def built_in(name: str) -> ObjectMesh:
     """Return a shape of size 1 with texture coordinates.
 
