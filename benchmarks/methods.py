@@ -30,7 +30,7 @@ SESSIONS = {
     "DiLiGenT ball": SHARED / "real" / "diligent" / "ballPNG",
     "DiLiGenT cat": SHARED / "real" / "diligent" / "catPNG",
 }
-"""Nothing was tuned on the last three but how strongly `reflectance` is pulled to matte, which all four were seen for."""
+"""Of the last three one thing was chosen: how strongly `reflectance` is pulled to matte, with all four in view."""
 LIGHTS, SEED, ROUNDS = 96, 10_001, 3
 ALONE = ("ls", "iterative", "position", "l1", "sbl", "hsh")
 """Methods that treat each pixel alone."""
