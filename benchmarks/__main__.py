@@ -34,7 +34,7 @@ def main() -> None:
         rows = run(table, arguments.scale, processes=arguments.processes)
         print(f"\n{table.key}\n\n{table.show(rows)}", flush=True)
         if arguments.write:
-            write(table, rows)
+            write(table, rows, arguments.scale)
     if arguments.write:
         from benchmarks.readme import write_readme
 

@@ -11,6 +11,7 @@ import json
 import os
 import sys
 import time
+from math import inf, isnan
 from pathlib import Path
 
 from benchmarks.harness import commit, rounded, run
@@ -24,7 +25,8 @@ def measure(file: Path, only: list[str]) -> None:
     """Measure all tables at the scale of the gates, keep each as soon as it is there, and write the JSON."""
     found = json.loads(file.read_text()) if file.is_file() else {}
     head = {"commit": commit(), "cores": os.cpu_count()}
-    if found.get("commit") != head["commit"]:
+    # What is in no commit may have changed since.
+    if found.get("commit") != head["commit"] or head["commit"].endswith("-dirty"):
         found = {**head, "figures": {}, "seconds": {}, "absent": {}}
     file.parent.mkdir(parents=True, exist_ok=True)
     for table in tables():
@@ -50,6 +52,8 @@ def moved(old: dict[str, list[float]], new: dict[str, list[float]]) -> list[str]
     for name in old.keys() & new.keys():
         before, after = (sum(values) / len(values) for values in (old[name], new[name]))
         noise = max(max(values) - min(values) for values in (old[name], new[name]))
+        if isnan(before) != isnan(after):
+            lines.append((-inf, f"{name}: {before:.4g} -> {after:.4g}"))
         size = max(abs(before), abs(after), 1e-12)
         if abs(after - before) > max(noise, SHOWN * size):
             told = f"{name}: {before:.4g} -> {after:.4g} ({100 * (after - before) / size:+.1f} %"

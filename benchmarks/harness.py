@@ -29,7 +29,7 @@ SHARED = ROOT / ".." / "shared"
 """Photographs, scans and sessions that others made; they are handed out beside the project."""
 EVIDENCE = ROOT / "docs" / "evidence"
 MEASURED = EVIDENCE / "measured.json"
-"""Of each table: the commit, the fingerprint of the code and the machine that it was measured on, and its figures."""
+"""Of each table: the commit and the fingerprint of the code that it was measured on, the scale, and its figures."""
 KEPT = ROOT / "out" / "benchmarks"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
@@ -155,20 +155,27 @@ def _row(table: Table, values: dict[str, Any]) -> Any:
     return table.row(**{name: tuple(value) if isinstance(value, list) else value for name, value in values.items()})
 
 
-def write(table: Table, rows: list[Any]) -> None:
-    """Write a table's rows, its part of the page, its pictures, and on which code it was measured."""
+SAID: dict[Scale, str] = {
+    "small": "with the smallest case alone", "gates": "with the cases of `make gates`", "full": "",
+}  # fmt: skip
+"""What a page says of the scale of its tables."""
+
+
+def write(table: Table, rows: list[Any], scale: Scale) -> None:
+    """Write a table's rows, its part of the page, its pictures, on which code it was measured, and at which scale."""
     table.data().parent.mkdir(exist_ok=True)
     with table.data().open("w", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
         names = [field.name for field in fields(table.row)]
         writer.writerow(names)
         writer.writerows([[_plain(getattr(row, name)) for name in names] for row in rows])
-    text = f"{table.show(rows).rstrip()}\n\nMeasured at {commit()} on {os.cpu_count()} cores.\n"
-    put(EVIDENCE / f"{table.page}.md", table.name, text)
+    measured = ", ".join(filter(None, (f"Measured at {commit()} on {os.cpu_count()} cores", SAID[scale])))
+    put(EVIDENCE / f"{table.page}.md", table.name, f"{table.show(rows).rstrip()}\n\n{measured}.\n")
     for name, picture in (table.draw(rows) if table.draw else {}).items():
         (EVIDENCE / name).write_text(picture)
     known = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
-    known[table.key] = {"commit": commit(), "code": table.code, "figures": rounded(table.figures(rows))}
+    found = rounded(table.figures(rows))
+    known[table.key] = {"commit": commit(), "code": table.code, "scale": scale, "figures": found}
     MEASURED.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n")
 
 

@@ -88,9 +88,14 @@ def _errors(rows: Sequence[MethodRow]) -> str:
 
 def _error_figures(rows: Sequence[MethodRow]) -> Figures:
     known = [row for row in rows if row.mean_deg is not None]
-    return {f"{row.session}: {row.method}, mean_deg": row.mean_deg for row in known if row.mean_deg is not None} | {
-        f"{row.session}: {row.method}, median_deg": row.median_deg for row in known if row.median_deg is not None
+    means = {f"{row.session}: {row.method}, mean_deg": row.mean_deg for row in known if row.mean_deg is not None}
+    least = {
+        f"{session}: least, mean_deg": min(row.mean_deg for row in group if row.mean_deg is not None)
+        for session, group in groupby(known, lambda row: row.session)
     }
+    return means | least | {
+        f"{row.session}: {row.method}, median_deg": row.median_deg for row in known if row.median_deg is not None
+    }  # fmt: skip
 
 
 def _chart_name(session: str) -> str:

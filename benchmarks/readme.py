@@ -20,10 +20,50 @@ class Quoted(NamedTuple):
     anchor: str = ""
 
 
+WASHINGTON = "Washington, chrome and gray ball, 12, against the gray ball's shading"
+SCHOLAR = "Harvard, scholar, two chrome balls, 20, against these, refined by the set"
+FITTED = "without Lsq, whose range was fitted"
 QUOTED = (
     Quoted(
-        "normals of DiLiGenT's cat by photographs that others made: least squares, the best method", "methods/table",
-        "[DiLiGenT cat: ls, mean_deg]°, [DiLiGenT cat: reflectance, mean_deg]°",
+        "light direction in scenes rendered by other programs, by Cycles and by Mitsuba", "calibration/lights",
+        "[Cycles, handed out: direction_median_deg]°, [Mitsuba, balls among clutter: direction_median_deg]°",
+        "#balls-and-lights",
+    ),
+    Quoted(
+        "light direction in real captures: against a gray ball's shading, against highlights by hand",
+        "real-captures/captures", f"[{WASHINGTON}: median_deg]°, [{SCHOLAR}: median_deg]°",
+    ),
+    Quoted(
+        "scans found at their pose: sessions by others, photographs by others", "registration/poses",
+        "[others' sessions: found:.0f] of [others' sessions: sessions:.0f], "
+        "[others' photographs: found:.0f] of [others' photographs: sessions:.0f]",
+    ),
+    Quoted(
+        "normals of DiLiGenT's ball and cat: least squares, the best method (means)", "methods/table",
+        "[DiLiGenT ball: ls, mean_deg]°, [DiLiGenT ball: least, mean_deg]°; "
+        "[DiLiGenT cat: ls, mean_deg]°, [DiLiGenT cat: least, mean_deg]°",
+    ),
+    Quoted(
+        "a person's mistakes that data can tell: noticed, harmful in silence; sound sessions warned", "faults/faults",
+        "[noticed:.0%], [silent:.1%]; [sound warned:.0f] of [sound:.0f]",
+    ),
+    Quoted(
+        "without any truth: predicted against true error of the methods, rank correlation in sessions, in own scenes",
+        "trust/trust", "[sessions: rank], [scenes: rank]",
+    ),
+    Quoted(
+        "virtual captures against their renderings: rank correlation of the methods, correlation of the error maps",
+        "counterparts/pairs", "[rank correlation], [maps, ls]",
+    ),
+    Quoted(
+        "mean errors against the benchmark's, rank correlation: without `ls`, whose range was fitted; all seven "
+        "methods; the benchmark's `ls` standing for all", "sweeps/agreement",
+        f"[benchmark, default, {FITTED}: overall]; [benchmark, default, all seven: overall]; "
+        "[benchmark, default, all seven: baseline]", "#beside-the-benchmark",
+    ),
+    Quoted(
+        "light direction in own scenes, two chrome balls of 67 px", "calibration/lights",
+        "[two chrome balls of 67 px, a white one: direction_median_deg:.3f]°", "#balls-and-lights",
     ),
 )  # fmt: skip
 

@@ -231,7 +231,7 @@ def _cases(scale: Scale) -> list[tuple]:
     ]
     if scale == "gates":
         others = [one for one in others if one[1].endswith(("blender_0", "bunny"))]
-        return [*others, *_real_cases(24)[:1], *right[:6:2], *wrong[3:5]]
+        return [*others, *_real_cases(24)[:1], *right[2:5:2], *wrong[5:6]]
     return [*others, *_real_cases(96), *right, *wrong]
 
 
@@ -270,7 +270,10 @@ def _shown(rows: Sequence[PoseRow]) -> str:
     ours, wrong = ([row for row in rows if row.group == SHAPES and (row.scan == OWN) == own] for own in (True, False))
     words = {True: "yes", False: "no", None: ""}
     others = [{**vars(row), "came": row.came, "inside": words[row.is_inside]} for row in rows if row.group != SHAPES]
-    kinds: dict[str, str] = {**dict.fromkeys(SYMMETRIC, "symmetric"), **dict.fromkeys(NEARLY_SYMMETRIC, "nearly so")}
+    kinds: dict[str, str] = {
+        **dict.fromkeys(SYMMETRIC, "symmetric"),
+        **dict.fromkeys(NEARLY_SYMMETRIC, "nearly symmetric"),
+    }
     shapes = _grouped(ours, lambda row: row.name)
     shapes["**all but the symmetric**"] = [row for row in ours if row.name not in SYMMETRIC]
     tables = (

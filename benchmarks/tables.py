@@ -6,8 +6,8 @@ from benchmarks.harness import Table
 
 MODULES = (
     "calibration", "peers", "probe", "real_captures", "sessions", "registration", "methods", "unknown_lights",
-    "trust", "twin", "materials", "truth", "scans", "datasets", "plan", "watch", "init", "faults", "robustness",
-    "memory", "decode",
+    "trust", "twin", "materials", "truth", "counterparts", "sweeps", "plan", "init", "faults", "robustness", "memory",
+    "studio",
 )  # fmt: skip
 """Files of this folder that list `TABLES`, in the order in which they are measured."""
 

@@ -93,9 +93,6 @@ class Setup:
     seed: int = 0  # of the hand that holds the flash, and of the sensor's noise
 
 
-Level = float | str
-
-
 @dataclass(frozen=True)
 class Experiment:
     """One factor, from easy to hard."""
@@ -103,15 +100,14 @@ class Experiment:
     name: str
     label: str
     vary: str  # the field of `base` that the levels are of
-    levels: tuple[Level, ...]
+    levels: tuple[float | str, ...]
     axis: str  # what the chart's axis says
     base: Setup
     log: bool = False  # the chart's axis is logarithmic
 
-    def setups(self) -> Iterator[tuple[Level, Setup]]:
-        """Yield each level with its setup."""
-        for level in self.levels:
-            yield level, replace(self.base, **{self.vary: level})
+    def setups(self) -> list[Setup]:
+        """Return the setup of each level."""
+        return [replace(self.base, **{self.vary: level}) for level in self.levels]
 
 
 VIRTUAL_EXPERIMENTS: tuple[Experiment, ...] = (

@@ -16,15 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.chromium import SCREEN, chromium
-from benchmarks.fault_sessions import BUNNY
-from benchmarks.real_captures import REAL
+from benchmarks.harness import ROOT, SHARED
 from compare.report.facts import all_warnings
 from compare.report.page import LEVELS
 from compare.report.verdict import verdict
 from rgbn.examples import fixture_folder
 
-DOCS = Path(__file__).resolve().parents[1] / "docs"
+DOCS = ROOT / "docs"
 HEAD = """# Example reports
 
 What a session's report says when all is well, when something is missing, and when something is wrong. Each picture is
@@ -76,34 +74,29 @@ def _given(folder: Path) -> Callable[[Path, Path], Path]:
 
 EXAMPLES = (
     Example(
-        "demo",
-        "All is well",
-        "The session of `make demo`: twelve flashes, three balls, a scan.",
+        "demo", "All is well", "The session of `make demo`: twelve flashes, three balls, a scan.",
         _given(fixture_folder()),
     ),
     Example(
-        "bunny",
-        "A glossy object, rendered by another program",
+        "bunny", "A glossy object, rendered by another program",
         "A glazed rabbit beside balls, rendered by a program that shares no code with this one.",
-        _given(BUNNY),
+        _given(SHARED / "sessions" / "bunny"),
     ),
     Example(
-        "cat",
-        "A capture of others",
+        "cat", "A capture of others",
         "`catPNG` of the [DiLiGenT benchmark](https://doi.org/10.1109/CVPR.2016.403): lights and true normals are "
         "given, nothing tells how well they are known.",
-        _given(REAL / "diligent" / "catPNG"),
+        _given(SHARED / "real" / "diligent" / "catPNG"),
     ),
     Example(
         "photographs", "No scan", "The demo's photographs and balls without the scan: no error is known.", _without_scan
     ),
     Example(
-        "lights",
-        "The wrong lights",
+        "lights", "The wrong lights",
         "The demo's photographs with a light file in which each flash has the direction of the next one.",
         _other_lights,
     ),
-)
+)  # fmt: skip
 
 
 def processed(example: Example, outputs: Path) -> Path | None:
@@ -125,21 +118,18 @@ def processed(example: Example, outputs: Path) -> Path | None:
 def told(example: Example, out: Path) -> str:
     """Return an example's part of the page."""
     summary = json.loads((out / "summary.json").read_text())
-    first, warnings = verdict(summary)[0], all_warnings(summary)
-    lines = [
-        f"## {example.title}",
-        "",
-        example.what,
-        "",
-        f"**{LEVELS[first.level].capitalize()}.** {first.text}",
-        "",
-        f"![The first screen of the report](gallery/{example.name}.webp)",
-        "",
-        f'<p><a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; '
-        f"{len(warnings) or 'no'} warning{'s' if len(warnings) != 1 else ''}.</p>",
-        "",
-    ]
-    return "\n".join(lines)
+    first, count = verdict(summary)[0], len(all_warnings(summary))
+    return f"""## {example.title}
+
+{example.what}
+
+**{LEVELS[first.level].capitalize()}.** {first.text}
+
+![The first screen of the report](gallery/{example.name}.webp)
+
+<p><a href="{example.name}.html">The whole page</a>, {(out / "report.html").stat().st_size / 1e6:.1f} MB; \
+{count or "no"} warning{"s" if count != 1 else ""}.</p>
+"""
 
 
 def photographed(reports: dict[str, Path]) -> None:
@@ -147,6 +137,8 @@ def photographed(reports: dict[str, Path]) -> None:
     import io
 
     from PIL import Image
+
+    from benchmarks.studio import SCREEN, chromium
 
     (DOCS / "gallery").mkdir(exist_ok=True)
     with chromium() as browser:
@@ -163,7 +155,7 @@ def photographed(reports: dict[str, Path]) -> None:
 def main() -> None:
     """Make sessions, reports, pictures and the page."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("--out", type=Path, default=Path("out") / "gallery")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "gallery")
     outputs = parser.parse_args().out
     done = {example: out for example in EXAMPLES if (out := processed(example, outputs)) is not None}
     site = DOCS / "_gallery"

@@ -8,15 +8,14 @@
 import inspect
 import json
 import re
-from pathlib import Path
 from typing import Any
 
 import rgbn
-from benchmarks.pages import put
+from benchmarks.harness import ROOT, markdown, put
 from capture.session.manifest import TABLES, Manifest
 from rgbn.cli import app
 
-REFERENCE = Path(__file__).resolve().parents[1] / "docs" / "reference"
+REFERENCE = ROOT / "docs" / "reference"
 TITLES = {"": "Above all tables", "spheres": "`[[spheres]]`", "camera.board": "`board` of `[camera]`"}
 
 
@@ -31,14 +30,16 @@ def keys() -> str:
         if name:
             about = (table.__doc__ or "").split(": ", 1)[-1]
             lines += [about[:1].upper() + about[1:], ""]
-        lines += ["| key | type | unit | default | what it is | example |", "|---|---|---|---|---|---|"]
-        for key, field in schema["properties"].items():
-            default = "required" if key in required else _default(field)
-            what = field.get("description", "")
-            example = " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or [])
-            cells = (f"`{key}`", _kind(field), field.get("unit", ""), default, what, example)
-            lines.append(f"| {' | '.join(cells)} |")
-        lines.append("")
+        rows = [
+            {
+                "key": key, "type": _kind(field), "unit": field.get("unit", ""),
+                "default": "required" if key in required else _default(field), "what": field.get("description", ""),
+                "example": " ".join(f"`{key} = {_toml(one)}`" for one in table.model_fields[key].examples or []),
+            }
+            for key, field in schema["properties"].items()
+        ]  # fmt: skip
+        columns = {"key": "`{key}`", "type": "{type}", "unit": "{unit}", "default": "{default}"}
+        lines.append(markdown({**columns, "what it is": "{what}", "example": "{example}"}, rows))
     return "\n".join(lines)
 
 
@@ -89,14 +90,15 @@ def verbs() -> str:
 
 def members() -> str:
     """Return a row for each method and property of an opened session, as Markdown."""
-    lines = ["| of a session | what it is |", "|---|---|"]
-    for name, member in vars(rgbn.Session).items():
-        if name.startswith("_"):
-            continue
-        about = (inspect.getdoc(member) or "").split("\n\n")[0].replace("\n", " ")
-        call = "" if isinstance(member, property) else _call(member)
-        lines.append(f"| `{name}{call}` | {about} |")
-    return "\n".join(lines) + "\n"
+    rows = [
+        {
+            "name": name if isinstance(member, property) else f"{name}{_call(member)}",
+            "about": (inspect.getdoc(member) or "").split("\n\n")[0].replace("\n", " "),
+        }
+        for name, member in vars(rgbn.Session).items()
+        if not name.startswith("_")
+    ]
+    return markdown({"of a session": "`{name}`", "what it is": "{about}"}, rows)
 
 
 def _call(function: Any) -> str:

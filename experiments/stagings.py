@@ -28,7 +28,7 @@ MATERIALS = (
 )  # fmt: skip
 """In the benchmark's order; the last one it counts, but does not name."""
 FITTED = Path(__file__).parent / "benchmark_levels.csv"
-"""Levels of the staging "benchmark", written by `benchmarks.fit_benchmark_levels`."""
+"""Levels of the staging "benchmark": those at which plain `ls` goes in even steps over the range of the Lsq column."""
 NOISE = "renderings' noise"
 """The line there that is no experiment's."""
 

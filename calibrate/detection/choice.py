@@ -2,7 +2,7 @@
 
 The log-odds of a set are the sum of its circles' own, each linear in a few features of its kind, and of its pairs',
 linear in how far both see the same lights; no two of a set may stand at one place. The weights are in
-ball_weights.toml, fitted by benchmarks/fit_ball_weights.py to scenes of two generators: logistic regression of whether
+ball_weights.toml, which names the program that fitted them to scenes of two generators: logistic regression of whether
 a circle is a ball, given the true other balls (pseudo-likelihood [Besag1975]).
 """
 

@@ -1,0 +1,328 @@
+"""The nine experiments in both stagings, against the benchmark's own numbers and statements; what breaks whom.
+
+The sweeps lie in out/sweeps and go on there where they were stopped: the tables of one run share them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from pyarrow import parquet
+
+from benchmarks.harness import ROOT, Figures, Scale, Table, markdown
+from experiments.stagings import CALIBRATED, ONE_FACTOR, SOLVERS, experiments
+from experiments.sweeps.cell import measured, run_cell
+from experiments.sweeps.findings import answers, verdict_of
+from experiments.sweeps.perturbation import PERTURBATIONS
+from experiments.sweeps.stability import candour, tolerances
+from experiments.sweeps.sweep import sweep
+from experiments.sweeps.sweep_statistics import agreement, benchmark_statistics, statistics
+from experiments.tables import Rows
+from lab.options import Staging
+from solve.solve import solve
+
+OUT = ROOT / "out" / "sweeps"
+STAGINGS: tuple[Staging, ...] = ("benchmark", "one-factor")
+PROFILES = ("default", "seed")
+GAPS = "filled_deg"
+"""Mean errors in which a pixel without a normal counts 90 degrees: who gives up where it is hard gains nothing."""
+UNDEFINED = {("images", "hsh", "seed"), ("ring", "hsh", "seed")}
+"""Experiment, method, profile: round-off decides, see the table `round-off`; they are in no comparison."""
+SETS = {
+    "the four calibrated": CALIBRATED,
+    "without Lsq, whose range was fitted": tuple(one for one in CALIBRATED if one != "ls"),
+    "all seven": tuple(SOLVERS),
+}
+
+
+def swept(staging: Staging, scale: Scale, name: str = "results") -> Rows:
+    """Return a sweep's rows, `results` or `perturbations`; at the scale of the gates a first look, small: two cells."""
+    if scale == "small":
+        cells = list(experiments(staging)["ambient"].cells(methods=("ls",), quick=True))[:2]
+        small = [run_cell(replace(cell, recipe=replace(cell.recipe, side=32))) for cell in cells]
+        return [row for one in small for row in one["rows"]] if name == "results" else []
+    folder = sweep("all", out=OUT, staging=staging, quick=scale == "gates")
+    return parquet.read_table(folder / f"{name}.parquet").to_pylist()
+
+
+@dataclass(frozen=True)
+class MeanRow:
+    """One method's mean error in one experiment, over levels, shapes and draws; nan: undefined, or of no cell.
+
+    failed: cells without a result by a fault of ours; they are in no mean.
+    """
+
+    staging: str
+    experiment: str
+    solver: str
+    default_deg: float
+    seed_deg: float
+    benchmark_deg: float
+    failed: int
+
+
+def _means(scale: Scale) -> list[MeanRow]:
+    theirs, found = benchmark_statistics(), []
+    for staging in STAGINGS:
+        ours = statistics(swept(staging, scale), GAPS)
+        for name, solver in dict.fromkeys(key[:2] for key in ours):
+            both = {profile: ours[name, solver, profile] for profile in PROFILES}
+            means = (
+                np.nan if (name, solver, profile) in UNDEFINED else one.get("mean", np.nan)
+                for profile, one in both.items()
+            )
+            failed = int(sum(one["failed"] for one in both.values()))
+            found.append(MeanRow(staging, name, solver, *means, theirs[name, solver]["mean"], failed))
+    return found
+
+
+def _show_means(rows: Sequence[MeanRow]) -> str:
+    lines: dict[tuple[str, str], dict[str, str]] = {}
+    for row in rows:
+        line = lines.setdefault((row.staging, row.experiment), {"what": f"{row.staging}: {row.experiment}"})
+        told = " / ".join(f"{value:.1f}" for value in (row.default_deg, row.seed_deg)).replace("nan", "undefined")
+        line[row.solver] = f"{told} / *{row.benchmark_deg:.1f}*" + f" ({row.failed} failed)" * bool(row.failed)
+    columns = {"default / seed / *the benchmark*, degrees": "{what}"}
+    columns |= {SOLVERS[row.solver]: f"{{{row.solver}}}" for row in rows}
+    return markdown(columns, lines.values())
+
+
+def _mean_figures(rows: Sequence[MeanRow]) -> Figures:
+    """Return each method's median over the experiments."""
+    return {
+        f"{staging}, {profile}: {solver}, mean_deg": float(
+            np.nanmedian([
+                getattr(row, f"{profile}_deg") for row in rows if (row.staging, row.solver) == (staging, solver)
+            ])
+        )
+        for profile in PROFILES
+        for staging, solver in dict.fromkeys((row.staging, row.solver) for row in rows)
+    }  # fmt: skip
+
+
+def _pictures(names: dict[str, str]) -> dict[str, str]:
+    """Return pictures of the staging one-factor, names there by names beside the page; none where no sweep lies."""
+    paths = {ours: OUT / "all" / theirs for ours, theirs in names.items()}
+    return {name: path.read_text() for name, path in paths.items() if path.is_file()}
+
+
+@dataclass(frozen=True)
+class AgreementRow:
+    """Spearman's rank correlation of mean errors with the benchmark's; low, high: 5 % and 95 % over scenes drawn anew.
+
+    overall: of all means together. within: of the methods within an experiment, between: of the experiments for a
+    method, means. baseline: what the benchmark's own Lsq mean of each experiment gives when it stands for all methods.
+    """
+
+    staging: str
+    profile: str
+    methods: str
+    means: int
+    overall: float
+    low: float
+    high: float
+    within: float
+    between: float
+    baseline: float
+    baseline_between: float
+
+
+def _agreements(scale: Scale) -> list[AgreementRow]:
+    theirs, found = benchmark_statistics(), []
+    for staging in STAGINGS:
+        rows = swept(staging, scale)
+        for profile in PROFILES:
+            for words, solvers in SETS.items():
+                undefined = {name for name, solver, of in UNDEFINED if of == profile and solver in solvers}
+                kept = [row for row in rows if row["experiment"] not in undefined]
+                ours = agreement(kept, profile, GAPS, solvers=solvers)
+                plain = [row | {GAPS: theirs[row["experiment"], "ls"]["mean"]} for row in kept]
+                base = agreement(plain, profile, GAPS, solvers=solvers)
+                found.append(
+                    AgreementRow(
+                        staging, profile, words, ours.pairs, *ours.overall, ours.within[0], ours.between[0],
+                        base.overall[0], base.between[0],
+                    )
+                )  # fmt: skip
+    return found
+
+
+@dataclass(frozen=True)
+class RoundOffRow:
+    """Plain HSH at one level: least and greatest mean error when the lights are moved by 1e-15, in all ways."""
+
+    staging: str
+    experiment: str
+    level: str
+    least_deg: float
+    most_deg: float
+
+
+def _moved(staging: Staging, name: str, side: int, draws: int) -> list[RoundOffRow]:
+    from experiments.photographs import one_thread, photograph
+
+    cells, rows = list(replace(experiments(staging)[name], seeds=1).cells(methods=("hsh",))), []
+    cells = [cell for cell in cells if cell.recipe.shape == cells[0].recipe.shape]
+    for cell in (cells[0], cells[len(cells) // 2], cells[-1]):
+        with one_thread():
+            p, errors = photograph(replace(cell.recipe, side=side)), []
+            for draw in range(draws):
+                by = 1e-15 * np.random.default_rng(draw).standard_normal(p.lights.directions.shape)
+                moved = replace(p.lights, directions=p.lights.directions + by)
+                found = solve("hsh", p.frames, moved, p.camera, p.mask, profile="seed")
+                errors.append(float(measured(p, "hsh", found)[GAPS]))
+        level = cell.value if isinstance(cell.value, str) else f"{cell.value:g}"
+        rows.append(RoundOffRow(staging, name, level, min(errors), max(errors)))
+    return rows
+
+
+def _show_round_off(rows: Sequence[RoundOffRow]) -> str:
+    lines: dict[tuple[str, str], list[str]] = {}
+    for row in rows:
+        told = f"{row.level}: {row.least_deg:.1f} to {row.most_deg:.1f}"
+        lines.setdefault((row.staging, row.experiment), []).append(told)
+    columns = {"staging": "{staging}", "experiment": "{name}", "level: least to greatest mean error": "{levels}"}
+    return markdown(columns, [{"staging": a, "name": b, "levels": "; ".join(some)} for (a, b), some in lines.items()])
+
+
+@dataclass(frozen=True)
+class FindingRow:
+    """A statement of the benchmark's text, and whether it holds in a staging and profile."""
+
+    section: str
+    claim: str
+    rule: str
+    staging: str
+    profile: str
+    holds: bool
+    numbers: str
+
+
+def _findings(scale: Scale) -> list[FindingRow]:
+    return [
+        FindingRow(
+            one.finding.section, one.finding.claim, one.finding.rule, staging, profile, one.holds[profile],
+            one.numbers[profile],
+        )
+        for staging in STAGINGS
+        for one in answers(swept(staging, scale))
+        for profile in PROFILES
+    ]  # fmt: skip
+
+
+def _show_findings(rows: Sequence[FindingRow]) -> str:
+    lines = []
+    for section, claim, rule in dict.fromkeys((row.section, row.claim, row.rule) for row in rows):
+        some, cells = [row for row in rows if row.claim == claim], {}
+        for staging in STAGINGS:
+            told = [(row.profile, "yes" if row.holds else "no", row.numbers) for row in some if row.staging == staging]
+            cells[staging] = "<br>".join(f"{profile}: **{word}**, {numbers}" for profile, word, numbers in told)
+        verdict = verdict_of(row.holds for row in some if row.staging == STAGINGS[0])
+        lines.append({"section": section, "claim": claim, "rule": rule, "verdict": verdict, **cells})
+    columns = {"section": "{section}", "the benchmark says": "{claim}", "counts as so if": "{rule}"}
+    return markdown(columns | {one: f"{{{one}}}" for one in STAGINGS} | {"verdict": "**{verdict}**"}, lines)
+
+
+def _finding_figures(rows: Sequence[FindingRow]) -> Figures:
+    groups = [(staging, profile) for staging in STAGINGS for profile in PROFILES]
+    return {
+        f"{staging}, {profile}: statements that hold": float(
+            sum(row.holds for row in rows if (row.staging, row.profile) == (staging, profile))
+        )
+        for staging, profile in groups
+    }
+
+
+@dataclass(frozen=True)
+class StabilityRow:
+    """The smallest strength of one quantity that breaks a method, median and quartiles; None: none does.
+
+    draws: 0 where the method is not told it. The last four: cells of the nine experiments, and how many of them the
+    method doubted.
+    """
+
+    solver: str
+    profile: str
+    quantity: str
+    breaks_at: float | None
+    low: float | None
+    high: float | None
+    how: str | None
+    draws: int
+    failed: int
+    broken: int
+    broken_doubted: int
+    whole: int
+    whole_doubted: int
+
+
+def _stability(scale: Scale) -> list[StabilityRow]:
+    doubts = {(one["solver"], one["profile"]): one for one in candour(swept("one-factor", scale))}
+    kept = ("broken", "broken_doubted", "whole", "whole_doubted")
+    return [
+        StabilityRow(
+            one.solver, one.profile, one.name, one.breaks_at, one.low, one.high, one.how, one.draws, one.failed,
+            *(doubts[one.solver, one.profile][key] for key in kept),
+        )
+        for one in tolerances(swept("one-factor", scale, "perturbations"))
+    ]  # fmt: skip
+
+
+def _show_stability(rows: Sequence[StabilityRow]) -> str:
+    lines: dict[tuple[str, str], dict[str, Any]] = {}
+    for row in rows:
+        unit = PERTURBATIONS[row.quantity].unit
+        ends = " to ".join("more" if end is None else f"{end:.3g}" for end in (row.low, row.high))
+        told = "not told" if not row.draws else "holds" if row.breaks_at is None else "broken without"
+        told = f"{row.breaks_at:.3g} {unit} ({ends}), {row.how}" if row.breaks_at else told
+        told += f" ({row.failed} failed)" if row.failed else ""
+        lines.setdefault((row.solver, row.profile), {**vars(row)})[row.quantity] = told
+    columns = {"method, profile": "`{solver}`, {profile}"} | {one: f"{{{one}}}" for one in PERTURBATIONS}
+    columns["doubted, of its broken cells"] = "{broken_doubted} of {broken}"
+    columns["of the others"] = "{whole_doubted} of {whole}"
+    return markdown(columns, lines.values())
+
+
+MEASURES = ("experiments.sweeps.sweep",)
+TABLES = (
+    Table(
+        "sweeps", "stability", MEASURES, StabilityRow, lambda scale: [(scale,)], _stability, _show_stability,
+        lambda rows: {
+            f"{row.solver}, {row.profile}: {row.quantity}, breaks at": row.breaks_at for row in rows if row.breaks_at
+        },
+        lambda rows: _pictures({f"sweeps-{name}.svg": f"{name}.svg" for name in ("atlas", "speed")}),
+    ),
+    Table(
+        "sweeps", "agreement", MEASURES, AgreementRow, lambda scale: [(scale,)], _agreements,
+        lambda rows: markdown(
+            {
+                "staging, profile": "{staging}, {profile}", "methods": "{methods}", "means": "{means}",
+                "all means": "{overall:.2f} ({low:.2f} to {high:.2f})", "baseline": "{baseline:.2f}",
+                "methods within an experiment": "{within:.2f}", "between experiments": "{between:.2f}",
+                "its baseline": "{baseline_between:.2f}",
+            },
+            rows,
+        ),
+        lambda rows: {
+            f"{row.staging}, {row.profile}, {row.methods}: {key}": getattr(row, key)
+            for row in rows for key in ("overall", "within", "between", "baseline")
+        },
+    ),
+    Table(
+        "sweeps", "means", MEASURES, MeanRow, lambda scale: [(scale,)], _means, _show_means, _mean_figures,
+        lambda rows: _pictures({f"sweeps-{name}.svg": f"{name}-normals.svg" for name in ONE_FACTOR}),
+    ),
+    Table(
+        "sweeps", "round-off", ("experiments.photographs", "solve.solve"), RoundOffRow,
+        lambda scale: [("one-factor", "ring", 48, 2)] if scale == "small" else [
+            (staging, name, 96, 8 if scale == "full" else 3) for staging in STAGINGS
+            for name in (("ring",) if scale == "gates" else ONE_FACTOR)
+        ],
+        _moved, _show_round_off,
+    ),
+    Table(
+        "findings", "findings", MEASURES, FindingRow, lambda scale: [(scale,)], _findings, _show_findings,
+        _finding_figures,
+    ),
+)  # fmt: skip
