@@ -5,7 +5,7 @@ READY := .venv/.ready
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
 TEST = $(BIN)/python -m pytest -n 2 --dist loadfile -q
 
-.PHONY: setup lock demo gallery docs test test-all test-full test-latest lint check clean
+.PHONY: setup lock demo gallery docs gates gates-compare test test-all test-full test-latest lint check clean
 
 setup: $(READY)
 
@@ -41,6 +41,14 @@ gallery: setup
 docs: setup
 	$(BIN)/python -m benchmarks.write_reference
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
+
+# Figures of every step, into out/gates.json; what is measured already, at the same commit, is kept.
+gates: setup
+	$(BIN)/python -m benchmarks.gates out/gates.json
+
+# What moved by more than its own noise: make gates-compare OLD=old.json NEW=out/gates.json
+gates-compare: setup
+	@$(BIN)/python -m benchmarks.gates $(OLD) $(NEW)
 
 test: setup
 	@$(PYTHON) rgbn/system_libraries.py --browser
