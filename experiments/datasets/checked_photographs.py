@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from formats.diligent_layout import Layout
+from formats.pictures import read_values
 from scene.errors import SceneError
-from scene.image_files import read_pixels
 from scene.reading import listed
 from solve.convention import CLIPPED
 
@@ -29,8 +29,6 @@ def read_samples(found: Layout) -> Samples | None:
 
     None where there is no mask, or a photograph is at fault.
     """
-    import cv2
-
     size = None if found.mask is None else found.mask.shape
     places = np.zeros(0, np.intp)
     if found.mask is not None:
@@ -40,7 +38,7 @@ def read_samples(found: Layout) -> Samples | None:
     faults, shallow, dark, clipped, within, around = [], [], [], [], 0.0, 0.0
     for index, name in enumerate(found.files):
         try:
-            image = read_pixels(found.folder / name, cv2.IMREAD_UNCHANGED, do="Save it as a 16-bit PNG.")
+            image, white = read_values(found.folder / name, SceneError, do="Save it as a 16-bit PNG.")
         except SceneError as error:
             faults.append(str(error).removeprefix(f"{found.folder}/"))
             continue
@@ -59,7 +57,7 @@ def read_samples(found: Layout) -> Samples | None:
         colours = image if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
         if found.mask is None:
             continue
-        scaled = colours.reshape(-1, colours.shape[2])[:, 2::-1].astype(np.float32) / np.iinfo(image.dtype).max
+        scaled = colours.reshape(-1, colours.shape[2])[:, :3].astype(np.float32) / white
         values[:, index] = scaled[places]
         flat = found.mask.ravel()
         within, around = within + float(scaled[flat].mean()), around + float(scaled[~flat].mean())

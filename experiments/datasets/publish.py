@@ -8,12 +8,12 @@ from experiments.datasets import croissant
 from experiments.datasets.checksums import write_checksums
 from experiments.datasets.shelf import KEPT_BACK, Entry, contents_of
 from formats.diligent_layout import MASK, TABLES, read_tables
+from formats.pictures import read_values
 from formats.toml_text import toml_text
 from lab.progress import say
 from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import write_json, write_png, write_text, write_whole
-from scene.image_files import read_pixels
 from scene.light_text import FILENAMES
 from scene.map_pictures import Image, shrink
 from scene.output_folder import open_record
@@ -82,14 +82,13 @@ def _copy(entry: Entry, folder: Path) -> None:
 
 def strip(folder: Path, files: list[str], shown: int = STRIP) -> Image:
     """Return some of the photographs (h, w, 3), evenly chosen, side by side; one brightness for all."""
-    import cv2
     import numpy as np
 
     chosen = np.unique(np.linspace(0, len(files) - 1, min(shown, len(files))).round().astype(int))
     small = []
     for index in chosen:
-        image = read_pixels(folder / files[index], cv2.IMREAD_UNCHANGED)
-        colours = image[..., 2::-1] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
-        small.append(shrink(colours / np.float32(np.iinfo(image.dtype).max), STRIP_WIDTH))
+        image, photograph_white = read_values(folder / files[index], SceneError)
+        colours = image[..., :3] if image.ndim == 3 else np.repeat(image[..., None], 3, -1)
+        small.append(shrink(colours / np.float32(photograph_white), STRIP_WIDTH))
     white = float(np.quantile(np.max(small, -1), 0.995))
     return Exposure(max(white, 1e-6), np.ones(3)).develop(np.concatenate(small, 1))

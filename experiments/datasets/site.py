@@ -101,8 +101,6 @@ def _gather(entry: Entry, rows: Rows, site: Path, downloads: str) -> Shown:
 
 def _true_maps(folder: Path, layout: Layout, box: Box) -> dict[str, Image]:
     """Return small pictures of the true maps that there are."""
-    import cv2
-
     assert layout.normals is not None
     maps = {"normals": normal_picture(box.of(layout.normals), WIDTH)}
     truth = folder / "truth"
@@ -112,17 +110,15 @@ def _true_maps(folder: Path, layout: Layout, box: Box) -> dict[str, Image]:
             maps["albedo"] = gray(albedo / (1.3 * max(float(np.nanquantile(albedo, 0.99)), 1e-6)), WIDTH)
     for name in ("attached", "cast"):
         if (truth / f"{name}.png").is_file() and layout.mask is not None:
-            share = read_pixels(truth / f"{name}.png", cv2.IMREAD_GRAYSCALE) / 255
-            share = box.of(np.where(layout.mask, share, np.nan))
+            share, white = read_pixels(truth / f"{name}.png")
+            share = box.of(np.where(layout.mask, share / white, np.nan))
             maps[f"{name} shadows, white: of all lights"] = gray(np.repeat(share[..., None], 3, -1), WIDTH, 1.0)
     return maps
 
 
 def _error_map(path: Path) -> NDArray[np.float32]:
     """Return an error map (H, W), degrees, NaN where there is none, as `run_methods` keeps it."""
-    import cv2
-
-    codes = read_pixels(path, cv2.IMREAD_UNCHANGED)
+    codes, _ = read_pixels(path)
     return np.where(codes == NO_ERROR, np.nan, codes / np.float32(100)).astype(np.float32)
 
 

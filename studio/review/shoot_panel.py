@@ -84,7 +84,7 @@ class ShootPanel:
         out = np.full((SIDE_PX, SIDE_PX, 3), GROUND, np.uint8)
         path = self._window.folder / MAP
         if path.is_file():
-            picture = read_pixels(path, cv2.IMREAD_COLOR)[..., ::-1]
+            picture, _ = read_pixels(path)
             scale = SIDE_PX / max(picture.shape[:2])
             size = [max(1, round(scale * side)) for side in picture.shape[1::-1]]
             small = cv2.resize(np.ascontiguousarray(picture), size, interpolation=cv2.INTER_NEAREST)

@@ -1,0 +1,248 @@
+"""Photographs in floating point: where they clip, what stands for 1.0, and that a rendering is taken as it is."""
+
+import itertools
+
+import numpy as np
+import pytest
+import tifffile
+
+from capture.audit.frame_facts import facts_of
+from capture.photographs.decode import decode
+from capture.photographs.develop import Recipe, read_photograph
+from capture.photographs.images import read_image
+from capture.photographs.kept import Kept
+from capture.photographs.raw import read_raw
+from capture.session.session import load_session
+from capture.survey.small_pictures import by_light, read_small
+from formats.pictures import write_exr
+from scene.frames import decode as linear_of
+from scene.store import Store
+
+
+def write(path, picture):
+    if path.suffix == ".exr":
+        write_exr(path, picture)
+    else:
+        tifffile.imwrite(path, picture, photometric="rgb")
+
+
+def developed(folder, pictures, *, suffix=".tif", form="f4", table="", **others):
+    """Write a session of pictures (F, H, W, 3), decode it, and return frames and report."""
+    folder.mkdir()
+    named = {f"flash_{i}": picture for i, picture in enumerate(pictures)} | others
+    for name, picture in named.items():
+        scaled = (picture * 65535).round() if form == "u2" else picture
+        write(folder / f"{name}{suffix}", scaled.astype(form))
+    table += "".join(f'{name} = "{name}{suffix}"\n' for name in others)
+    (folder / "session.toml").write_text(f'[frames]\nflash = "flash_*{suffix}"\nlinear = true\n{table}')
+    return decode(load_session(folder), Store(folder / "out"))
+
+
+def overexposed(report):
+    return [text.split(":")[0] for text in report.warnings if "overexposed" in text]
+
+
+@pytest.mark.parametrize("suffix", [".tif", ".exr"])
+@pytest.mark.parametrize("half", [False, True])
+def test_clipped_floats_are_clipped_integers(tmp_path, scene_pictures, suffix, half):
+    """The same photographs in both ways: the same samples are not believed, and the same frames are named."""
+    pictures = np.clip(scene_pictures(6, shape=(120, 160)) * 2.5, 0, 1)
+    table = f"half = {str(half).lower()}\n"
+    floats, of_floats = developed(tmp_path / "float", pictures, suffix=suffix, table=table)
+    whole, of_whole = developed(tmp_path / "whole", pictures, form="u2", table=table)
+    assert whole.saturated().mean() > 0.05
+    # Half floats round what lies within 0.0003 of the limit.
+    assert np.mean(floats.saturated() != whole.saturated()) < 1e-3
+    full = (pictures == 1).any(-1)
+    full = full.reshape(6, 60, 2, 80, 2).any((2, 4)) if half else full
+    assert floats.saturated()[full].all()
+    assert overexposed(of_floats) == overexposed(of_whole) != []
+    shares = [[row["saturated_share"] for row in report.frames_table] for report in (of_floats, of_whole)]
+    assert shares[0] == pytest.approx(shares[1], abs=2e-3)
+
+
+@pytest.mark.parametrize("ends", [[1.0, 1.0, 1.0], [0.37, 0.37, 0.37], [255.0, 255.0, 255.0], [2.1, 1.0, 1.6]])
+def test_wherever_the_values_end(tmp_path, scene_pictures, ends):
+    """Also after white balance, where each channel ends at a value of its own."""
+    pictures = np.clip(scene_pictures(6, shape=(120, 160)) * 2.5, 0, 1) * ends
+    frames, report = developed(tmp_path / "a", pictures)
+    # White balance lifts channels beyond the least end: those are left out too.
+    certain = (pictures >= np.array(ends) * 0.9999).any(-1)
+    assert certain.mean() > 0.05
+    assert frames.saturated()[certain].all()
+    assert not frames.saturated()[(pictures < 0.97 * min(ends)).all(-1)].any()
+    assert overexposed(report)
+
+
+def test_one_frame_alone_that_is_overexposed(tmp_path, scene_pictures):
+    pictures = scene_pictures(6, shape=(120, 160))
+    pictures[3] = np.minimum(pictures[3] * 4, 1)
+    frames, report = developed(tmp_path / "a", pictures)
+    assert overexposed(report) == ["flash_3"]
+    assert np.array_equal(frames.saturated()[3], (pictures[3] >= 0.98).any(-1))
+
+
+def rendering(*, ground):
+    """A ball on a ground, under a ring of distant lights, without noise: every pixel of the ground has one value."""
+    v, u = np.mgrid[:120, :160]
+    x, y = (u - 79.5) / 40, (59.5 - v) / 40
+    inside = x * x + y * y < 1
+    normals = np.stack([x, y, np.sqrt(np.where(inside, 1 - x * x - y * y, 1))], -1)
+    normals[~inside] = [0, 0, 1]
+    angles = np.arange(8) * np.pi / 4
+    lights = np.stack([0.5 * np.cos(angles), 0.5 * np.sin(angles), np.full(8, np.sqrt(0.75))], -1)
+    shading = np.clip(np.einsum("hwc,fc->fhw", normals, lights), 0, None)
+    return (shading * np.where(inside, 0.5, ground))[..., None] * [1.0, 0.8, 0.6]
+
+
+@pytest.mark.parametrize("ground", [0.0, 0.3, 0.9])
+def test_a_rendering_has_no_end(tmp_path, ground):
+    """A bright flat ground is no clipping, though all of its samples are the greatest of all frames."""
+    frames, report = developed(tmp_path / "a", rendering(ground=ground))
+    assert not frames.saturated().any()
+    assert not overexposed(report)
+    assert all(row["saturated_share"] == 0 for row in report.frames_table)
+
+
+def test_a_pile_below_what_other_frames_reach_is_no_end(tmp_path, scene_pictures):
+    pictures = scene_pictures(6, shape=(120, 160))
+    pictures[2] = np.minimum(pictures[2], np.quantile(pictures[2], 0.9))
+    pictures[4] *= 3
+    frames, report = developed(tmp_path / "a", pictures)
+    assert not frames.saturated().any()
+    assert not overexposed(report)
+
+
+def test_a_flat_field_hides_no_clipped_float(tmp_path, scene_pictures):
+    v, u = np.mgrid[-1:1:120j, -1:1:160j]
+    vignette = (1 / (1 + 0.6 * (u * u + v * v)))[..., None] * np.ones(3)
+    seen = np.clip(scene_pictures(6, shape=(120, 160)) * 3.5 * vignette, 0, 1)
+    frames, _ = developed(tmp_path / "a", seen, flat=0.7 * vignette)
+    clipped = (seen >= 0.98).any(-1)
+    assert clipped.mean() > 0.05
+    assert frames.saturated()[clipped].all()
+    assert not frames.saturated()[(seen < 0.97).all(-1)].any()
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-6, 3e-4, 1e4, 1e9])
+@pytest.mark.parametrize("suffix", [".tif", ".exr"])
+def test_only_ratios_count(tmp_path, scene_pictures, scale, suffix):
+    """Watts or any other unit: all photographs of a session are divided by one power of two."""
+    light = scene_pictures(4, shape=(60, 80)) + 0.05
+    light[2] *= 0.3
+    others = {"ambient": np.full((60, 80, 3), 0.04), "dark": np.full((60, 80, 3), 0.01)}
+    found = {}
+    for name, unit in (("plain", 1.0), ("scaled", scale)):
+        (tmp_path / name).mkdir()
+        more = {key: value * unit for key, value in others.items()}
+        found[name], report = developed(tmp_path / name / "a", light * unit, suffix=suffix, **more)
+        assert not any("same photograph" in text for text in report.warnings)
+    plain, scaled = found["plain"].read(), found["scaled"].read()
+    bright = plain > 0.1
+    ratio = np.median(scaled[bright] / plain[bright])
+    assert np.log2(ratio / scale) == pytest.approx(round(np.log2(ratio / scale)), abs=2e-3), "a power of two"
+    # Roundings to half floats: of frames, dark frame and ambient frame.
+    assert np.abs(scaled / ratio - plain).max() < 1e-3
+    assert not found["scaled"].saturated().any()
+
+
+def test_single_pixels_of_any_brightness_change_no_other(tmp_path, scene_pictures):
+    """What is beyond the greatest half float counts as clipped."""
+    picture = scene_pictures(1, shape=(60, 80))[0].astype("f4")
+    sparks = picture.copy()
+    sparks[5, 7] = sparks[9, 3] = 1e9
+    codes = []
+    for values in (picture, sparks):
+        write(tmp_path / "a.tif", values)
+        photograph = read_image(tmp_path / "a.tif", "linear", sensor_range=None)
+        assert photograph.sensor_range == 1
+        codes.append(photograph.codes)
+    assert np.argwhere((codes[0] != codes[1]).any(-1)).tolist() == [[5, 7], [9, 3]]
+    assert facts_of(codes[1], white=photograph.white).clipped_share == 2 / 4800
+
+
+def test_values_around_one_stay_as_they_are(tmp_path):
+    """One code for one value, whatever stands beside it in the picture: what sessions compare with is absolute."""
+    for factor in (0.005, 1.0, 100.0):
+        picture = np.random.default_rng(0).uniform(0, factor, (40, 50, 3)).astype("f4")
+        write(tmp_path / "a.tif", picture)
+        photograph = read_image(tmp_path / "a.tif", "linear", sensor_range=None)
+        assert photograph.sensor_range == 1
+        assert np.array_equal(photograph.codes, picture.astype("f2"))
+
+
+def test_a_folder_s_small_pictures_have_one_scale(tmp_path, scene_pictures):
+    """The dim frames of a folder, each read by itself, would all be brought to usual values."""
+    light, room = scene_pictures(5, shape=(80, 96)) * 0.2 + 1e-4, np.full((80, 96, 3), 1e-4)
+    roles = [*(f"flash_{i}" for i in range(5)), "ambient"]
+    for unit in (1.0, 1e-8):
+        files = []
+        for i in np.random.default_rng(1).permutation(6):
+            files.append(tmp_path / f"{len(files)}_{roles[i]}.exr")
+            write_exr(files[-1], [*light, room][i] * unit)
+        small, unread = read_small(files, "linear")
+        assert not unread
+        found = {role: [one.path.stem[2:] for one in some] for role, some in by_light(small).items()}
+        assert len(found.pop("flash")) == 5
+        assert [*found.values()] == [["ambient"]]
+
+
+def float_dng(path, picture, white=1):
+    """Write a Bayer mosaic RGGB of a picture (H, W, 3)."""
+    mosaic = picture[..., 1].astype("f4")
+    mosaic[::2, ::2], mosaic[1::2, 1::2] = picture[::2, ::2, 0], picture[1::2, 1::2, 2]
+    unit = tuple(v for x in np.eye(3).ravel() for v in (int(x * 10000), 10000))
+    tags = [(33421, 3, 2, (2, 2), True), (33422, 1, 4, b"\0\1\1\2", True), (50706, 1, 4, b"\1\4\0\0", True)]
+    tags += [(50708, 2, 0, "Test One", True), (50717, 4, 1, white, True), (50721, 10, 9, unit, True)]
+    tifffile.imwrite(path, mosaic, photometric="cfa", metadata=None, extratags=tags)
+    return path
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_a_highlight_in_a_float_dng_changes_no_other_pixel(tmp_path, scene_pictures, half):
+    picture = scene_pictures(1, shape=(60, 80))[0] - 0.1
+    plain = read_raw(float_dng(tmp_path / "a.dng", picture), half=half).codes
+    for level in (0.9, 1.6, 300.0):
+        shot = picture.copy()
+        shot[20:24, 30:34] = level
+        bright = read_raw(float_dng(tmp_path / "b.dng", shot), half=half).codes
+        rows, columns = np.nonzero((bright != plain).any(-1))
+        step = 2 if half else 1
+        assert (20 - 1) // step <= rows.min() <= rows.max() <= 24 // step
+        assert (30 - 1) // step <= columns.min() <= columns.max() <= 34 // step
+    assert linear_of(plain).min() < 0, "noise below black is kept"
+
+
+def test_the_first_float_dng_s_white_level_holds(tmp_path):
+    """The same values in a file with another white level are the same light."""
+    picture = np.full((40, 60, 3), 0.4)
+    first = read_raw(float_dng(tmp_path / "a.dng", picture))
+    other = read_raw(float_dng(tmp_path / "b.dng", picture, white=2), sensor_range=first.sensor_range)
+    assert first.sensor_range == pytest.approx(1)
+    assert np.allclose(linear_of(other.codes), 0.4, atol=1e-4)
+    assert np.allclose(linear_of(read_raw(tmp_path / "b.dng").codes), 0.2, atol=1e-4)
+
+
+def test_what_a_watch_kept_is_read_again_as_it_is(tmp_path, scene_pictures):
+    """Memory-mapped, with its clip level, at the scale of usual values; another scale is read from the file."""
+    kept = Kept(tmp_path / "kept", "linear", half=False)
+    for name, picture in zip("ab", (scene_pictures(1)[0], np.clip(scene_pictures(1)[0] * 2.5, 0, 1)), strict=True):
+        write(tmp_path / f"{name}.tif", picture.astype("f4"))
+        photograph = read_photograph(tmp_path / f"{name}.tif", Recipe("linear", False, tmp_path))
+        kept.keep(name, photograph)
+        again = kept.load(name)
+        assert isinstance(again.codes, np.memmap)
+        assert np.array_equal(again.codes, photograph.codes)
+        assert (again.white, again.sensor_range) == (photograph.white, 1.0)
+        assert again.white == (np.inf if name == "a" else 1.0)
+        assert kept.load(name, sensor_range=2.0**-20) is None
+
+
+def test_facts_of_floats_count_as_those_of_integers():
+    codes = np.linspace(-0.5, 1.5, 40 * 40 * 3).reshape(40, 40, 3).astype("f2")
+    for white, limit in itertools.product((1.0, 0.5), (0.98,)):
+        share = (codes >= np.float16(limit * white)).any(-1).mean()
+        assert facts_of(codes, white=white).clipped_share == share > 0
+    assert facts_of(codes, white=np.inf).clipped_share == 0
+    codes[3, 3] = 65504
+    assert facts_of(codes, white=np.inf).clipped_share == 1 / 1600
