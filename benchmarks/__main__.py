@@ -7,8 +7,7 @@ README quotes into README. `make gates` and `make gates-compare` are `benchmarks
 import argparse
 import sys
 
-from benchmarks.harness import Table, run, write
-from benchmarks.tables import tables
+from benchmarks.harness import Table, run, tables, write
 
 
 def chosen(names: list[str]) -> list[Table]:

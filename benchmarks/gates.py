@@ -14,8 +14,7 @@ import time
 from math import inf, isnan
 from pathlib import Path
 
-from benchmarks.harness import commit, rounded, run
-from benchmarks.tables import tables
+from benchmarks.harness import commit, rounded, run, tables
 
 SHOWN = 1e-4
 """A relative change that is called one, where a figure has no noise of its own."""

@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, fields
+from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, Literal
@@ -105,6 +106,18 @@ class Table:
     def data(self) -> Path:
         """Return where the rows of the page lie."""
         return EVIDENCE / "data" / f"{self.page}-{self.name.replace(' ', '-')}.csv"
+
+
+MODULES = (
+    "calibration", "peers", "probe", "real_captures", "sessions", "registration", "methods", "unknown_lights",
+    "trust", "twin", "materials", "truth", "counterparts", "sweeps", "plan", "init", "faults", "robustness", "memory",
+)  # fmt: skip
+"""Files of this folder that list `TABLES`, in the order in which they are measured."""
+
+
+def tables() -> list[Table]:
+    """Return all tables, page by page."""
+    return [table for name in MODULES for table in import_module(f"benchmarks.{name}").TABLES]
 
 
 def run(table: Table, scale: Scale, *, processes: int | None = None, is_new: bool = False) -> list[Any]:

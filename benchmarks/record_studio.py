@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.studio import SCREEN, chromium
+from benchmarks.write_gallery import SCREEN, chromium
 from rgbn.examples import fixture_folder
 from studio.server import Studio
 from studio.workspace import Workspace

@@ -148,14 +148,15 @@ def _shown(rows: Sequence[SessionRow]) -> str:
         },
         rows,
     )  # fmt: skip
+    solved = [row for row in rows if row.ls_deg is not None]
     of_methods = markdown(
         {"median errors": "{session}"}
         | {f"`{method}`, {words}": f"{{{method}{key}_deg:.2f}}°" for method in ("ls", "iterative") for key, words in (
             ("_true", "true normals"), ("", "ground truth"), ("_twin", "twin"))},
-        [row for row in rows if row.ls_deg is not None],
+        solved,
     )  # fmt: skip
     refused = folded("Refused", [f"{row.session}: {row.refused}" for row in rows if row.refused])
-    return f"{of_way}\n{of_methods}\n{refused}"
+    return "\n".join([of_way, *([of_methods] if solved else []), refused])
 
 
 def _figures(rows: Sequence[SessionRow]) -> Figures:

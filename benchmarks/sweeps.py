@@ -5,6 +5,7 @@ The sweeps lie in out/sweeps and go on there where they were stopped: the tables
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -36,12 +37,20 @@ SETS = {
 }
 
 
+@cache
+def small(staging: Staging) -> Rows:
+    """Return the rows of six small cells, of the first and the last level of three experiments."""
+    cells = []
+    for name in ("noise", "roughness", "specularity"):
+        every = list(experiments(staging)[name].cells(methods=tuple(SOLVERS), quick=True))
+        cells += [replace(cell, recipe=replace(cell.recipe, side=24)) for cell in (every[0], every[-1])]
+    return [row for cell in cells for row in run_cell(cell)["rows"]]
+
+
 def swept(staging: Staging, scale: Scale, name: str = "results") -> Rows:
-    """Return a sweep's rows, `results` or `perturbations`; at the scale of the gates a first look, small: two cells."""
+    """Return a sweep's rows, `results` or `perturbations`; at the scale of the gates a first look."""
     if scale == "small":
-        cells = list(experiments(staging)["ambient"].cells(methods=("ls",), quick=True))[:2]
-        small = [run_cell(replace(cell, recipe=replace(cell.recipe, side=32))) for cell in cells]
-        return [row for one in small for row in one["rows"]] if name == "results" else []
+        return small(staging) if name == "results" else []
     folder = sweep("all", out=OUT, staging=staging, quick=scale == "gates")
     return parquet.read_table(folder / f"{name}.parquet").to_pylist()
 
@@ -68,12 +77,12 @@ def _means(scale: Scale) -> list[MeanRow]:
         ours = statistics(swept(staging, scale), GAPS)
         for name, solver in dict.fromkeys(key[:2] for key in ours):
             both = {profile: ours[name, solver, profile] for profile in PROFILES}
-            means = (
+            default, seed = (
                 np.nan if (name, solver, profile) in UNDEFINED else one.get("mean", np.nan)
                 for profile, one in both.items()
             )
             failed = int(sum(one["failed"] for one in both.values()))
-            found.append(MeanRow(staging, name, solver, *means, theirs[name, solver]["mean"], failed))
+            found.append(MeanRow(staging, name, solver, default, seed, theirs[name, solver]["mean"], failed))
     return found
 
 

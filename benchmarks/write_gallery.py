@@ -9,10 +9,13 @@ others' data are left out where the data are not there.
 
 import argparse
 import json
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +26,9 @@ from compare.report.verdict import verdict
 from rgbn.examples import fixture_folder
 
 DOCS = ROOT / "docs"
+WEBGL = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+"""Drawn by software."""
+SCREEN = {"width": 1280, "height": 800}
 HEAD = """# Example reports
 
 What a session's report says when all is well, when something is missing, and when something is wrong. Each picture is
@@ -132,13 +138,24 @@ def told(example: Example, out: Path) -> str:
 """
 
 
+@contextmanager
+def chromium() -> Iterator[Any]:
+    """Yield playwright's browser. RGBN_CHROMIUM: its path; else the system's."""
+    from playwright.sync_api import sync_playwright
+
+    path = os.environ.get("RGBN_CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+    with (
+        sync_playwright() as playwright,
+        closing(playwright.chromium.launch(executable_path=path, args=WEBGL)) as browser,
+    ):
+        yield browser
+
+
 def photographed(reports: dict[str, Path]) -> None:
     """Write pictures of the reports' first screens into docs/gallery."""
     import io
 
     from PIL import Image
-
-    from benchmarks.studio import SCREEN, chromium
 
     (DOCS / "gallery").mkdir(exist_ok=True)
     with chromium() as browser:

@@ -10,13 +10,16 @@ import numpy as np
 import pytest
 
 from benchmarks import harness
-from benchmarks.harness import run, write
-from benchmarks.tables import tables
+from benchmarks.harness import run, tables, write
 
-LONG: set[str] = set()
+LONG = {
+    "calibration/lights", "calibration/balls", "calibration/peers", "calibration/scan as probe", "methods/table",
+    "trust/trust", "twin/relighting", "twin/material", "counterparts/pairs", "sweeps/stability", "sweeps/agreement",
+    "sweeps/means", "findings/findings", "plan/errors", "first-capture/init", "robustness/kills",
+}  # fmt: skip
 """More than five processor seconds."""
-WITHOUT_VALUE: set[str] = set()
-"""Tables of which the smallest case leaves a figure without a value."""
+EMPTY = {"sweeps/stability"}
+"""It judges perturbations, of which the smallest case has none."""
 
 
 def plain(rows):
@@ -33,8 +36,7 @@ def test_a_table_is_measured_shown_and_read_again(table, tmp_path, monkeypatch):
         pytest.skip(f"{table.absent[0]} is absent")
     monkeypatch.setattr(harness, "KEPT", tmp_path / "kept")
     rows = run(table, "small", processes=0, is_new=True)
-    assert rows
-    assert {type(row) for row in rows} == {table.row}
+    assert {type(row) for row in rows} == (set() if table.key in EMPTY else {table.row})
     assert plain(run(table, "small", processes=0)) == plain(rows), "what is kept is not what was measured"
 
     real = (harness.EVIDENCE / f"{table.page}.md").read_text()
@@ -52,7 +54,7 @@ def test_a_table_is_measured_shown_and_read_again(table, tmp_path, monkeypatch):
     for block in blocks:
         head, line, *body = block.splitlines()
         assert set(line) == {"|", "-"}
-        assert body, head
+        assert body or table.key in EMPTY, head
         assert {one.count("|") for one in (head, *body)} == {line.count("|")}, block
     assert not re.search(r"\bnan\b|\bNone\b|\{\w+", "".join(blocks))
 
@@ -68,7 +70,6 @@ def test_a_table_is_measured_shown_and_read_again(table, tmp_path, monkeypatch):
     known = json.loads(harness.MEASURED.read_text())[table.key]
     assert (known["code"], known["scale"]) == (table.code, "small")
     assert all(isinstance(value, float) for value in known["figures"].values())
-    if table.key not in WITHOUT_VALUE:
-        assert all(np.isfinite(value) for value in known["figures"].values()), known["figures"]
+    assert all(np.isfinite(value) for value in known["figures"].values()), known["figures"]
     for name in table.draw(rows) if table.draw else ():
         assert ElementTree.parse(tmp_path / name).getroot().tag.endswith("svg")

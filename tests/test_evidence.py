@@ -6,9 +6,8 @@ import re
 import pytest
 
 from benchmarks.gates import moved
-from benchmarks.harness import EVIDENCE, MEASURED, commits_since
+from benchmarks.harness import EVIDENCE, MEASURED, commits_since, tables
 from benchmarks.readme import AGREED, QUOTED, README, Quoted, cell, readme_table
-from benchmarks.tables import tables
 
 TABLES = {table.key: table for table in tables()}
 KNOWN = json.loads(MEASURED.read_text()) if MEASURED.is_file() else {}
