@@ -198,7 +198,7 @@ def _cases(scale: Scale) -> list[tuple]:
     mitsuba, blender = scenes_of(SCENES / "mitsuba"), scenes_of(SCENES / "blender")
     handed = scenes_of(SHARED / "sessions")
     if scale == "gates":
-        mitsuba, blender = mitsuba[:6], blender[:2]
+        mitsuba, blender = mitsuba[:4], blender[:1]
     modes = ("asked", "unasked") if scale == "full" else ("asked",)
     found: list[tuple] = [("Mitsuba, balls among clutter", str(one), mode) for one in mitsuba for mode in modes]
     found += [("Cycles", str(one), mode) for one in blender for mode in modes]
@@ -207,7 +207,7 @@ def _cases(scale: Scale) -> list[tuple]:
         for one in handed
     ]
     return found + [
-        ("ours", kind, seed) for kind, most in COUNTS.items() for seed in range(most if scale == "full" else 2)
+        ("ours", kind, seed) for kind, most in COUNTS.items() for seed in range(most if scale == "full" else 1)
     ]
 
 
@@ -351,7 +351,7 @@ TABLES = (
     Table(
         "calibration", "balls", ("calibrate.detection.balls",), SceneRow,
         # A ball of 15 px is as hard to find in a smaller picture, and takes half the time.
-        lambda scale: [(1, 300)] if scale == "small" else [(n, 900) for n in range(12 if scale == "gates" else 100)],
+        lambda scale: [(1, 300)] if scale == "small" else [(n, 900) for n in range(6 if scale == "gates" else 100)],
         _sought, _balls,
         lambda rows: {
             "found": sum(row.found for row in rows) / sum(row.wanted for row in rows),

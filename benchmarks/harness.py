@@ -69,6 +69,8 @@ class Table:
         Folders outside of the project; where one is absent, nothing is measured.
     is_timed : bool
         It measures time: one case at a time, with all cores.
+    is_steady : bool
+        None of its figures is of time, though it measures time; the gates need no second round of it.
     """
 
     page: str
@@ -82,6 +84,7 @@ class Table:
     draw: Callable[[list[Any]], dict[str, str]] | None = None
     needs: tuple[Path, ...] = ()
     is_timed: bool = False
+    is_steady: bool = False
 
     @property
     def key(self) -> str:

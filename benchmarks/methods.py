@@ -184,7 +184,8 @@ def _pixelwise(side: int) -> list[PixelwiseRow]:
 
 TABLES = (
     Table(
-        "methods", "table", ("lab.run",), MethodRow, _sessions, _solved, _errors, _error_figures, _charts, is_timed=True
+        "methods", "table", ("lab.run",), MethodRow, _sessions, _solved, _errors, _error_figures, _charts,
+        is_timed=True, is_steady=True,
     ),
     Table(
         "methods", "speed", ("solve.solve", "solve.methods"), PixelwiseRow,
