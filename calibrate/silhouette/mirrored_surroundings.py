@@ -43,16 +43,23 @@ def mirrored_pixels(camera: Camera, ball: Sphere, plane: Array, points: Array, m
 
 
 class Shown(NamedTuple):
-    """What a mirror shows (F, BINS, K) between depths (K + 1,) inside its outline, px; NaN where that is unknown."""
+    """What a mirror meets (F, BINS, K) between depths (K + 1,) inside its outline, px; NaN where that is unknown.
+
+    `facing` (K,): cosines between the normal and the view there.
+    """
 
     depths: Array
+    facing: Array
     values: Values
     radius_px: float
 
-    def blurred(self, offsets: Array, blur_px: float) -> Values:
-        """Return (F, BINS, M) at offsets (M,) outward of the outline, NaN where what is unknown reaches."""
+    def blurred(self, offsets: Array, blur_px: float, reflectance: Array) -> Values:
+        """Return (F, BINS, M) at offsets (M,) outward of the outline, NaN where what is unknown reaches.
+
+        reflectance: (K,), at the cosines `facing`.
+        """
         s = offsets + curvature_shift_px(blur_px, self.radius_px)
-        kernel = np.diff(ndtr((s[:, None] + self.depths) / blur_px), axis=1)
+        kernel = np.diff(ndtr((s[:, None] + self.depths) / blur_px), axis=1) * reflectance
         known = np.isfinite(self.values)
         out = np.where(known, self.values, 0) @ kernel.T.astype(np.float32)
         until = np.where(known.all(0), self.depths[-1], self.depths[:-1]).min(-1)
@@ -109,7 +116,8 @@ class Surroundings:
         pixels += np.maximum(2.5 * blur_px - away, 0)[..., None] * at.normals[:, None]
         values = self._look_up(pixels)
         values = values.reshape(len(values), BINS, per_bin, -1).mean(2)
-        return Shown(sphere.radius_px * (1 - np.sqrt(1 - at.facing**2)), values, sphere.radius_px)
+        depths = sphere.radius_px * (1 - np.sqrt(1 - at.facing**2))
+        return Shown(depths, 0.5 * (at.facing[1:] + at.facing[:-1]), values, sphere.radius_px)
 
     def _looking(self, sphere: Sphere, blur_px: float, per_bin: int) -> _Looking:
         """Return the rays, kept for the next plane that is tried under the same ball."""

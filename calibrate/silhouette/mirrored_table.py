@@ -4,15 +4,16 @@ Just inside its outline a mirror shows, squeezed into a few pixels, the table th
 textured table no smooth profile describes that edge; but the mirror's law does. With a plane for the table, three
 unknowns, each pixel inside the outline is some pixel outside of it, dimmed by the reflectance:
 
-    inside   k I(pixel that the mirrored ray meets),     outside   d + e s
+    inside   R I(pixel that the mirrored ray meets),     outside   d + e s
 
-s: distance from the outline. Outline, plane and reflectance are shared by all frames and directions; d and e are each
-profile's own (variable projection [Golub1973]). Texture, shadows and the shadows' edges all speak for the outline then,
-where they would bend a smooth profile's. The mirror's picture is squeezed without bound towards the outline; so it is
-looked up at even steps of the ball's normal, and blurred as the camera blurs it.
+s: distance from the outline; R: as a metal's, it rises to 1 at the outline, by the one of two laws that explains more
+(`calibrate.silhouette.metal_reflectance`). Outline, plane and reflectance are shared by all frames and directions; d
+and e are each profile's own (variable projection [Golub1973]). Texture, shadows and the shadows' edges all speak for
+the outline then, where they would bend a smooth profile's. The mirror's picture is squeezed without bound towards the
+outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX, blurred_ramp
+from calibrate.silhouette.metal_reflectance import LAWS, Law
 from calibrate.silhouette.mirrored_surroundings import Shown, Surroundings
 from calibrate.silhouette.outline import SECTOR, moved
 from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
@@ -56,7 +58,8 @@ class MirroredTable(NamedTuple):
     covariance: Array  # (3, 3) of (u, v, radius), px^2
     plane: TablePlane
     blur_px: float  # standard deviation of the blur under which the silhouette edge is seen
-    mirror: float  # reflectance
+    mirror: float  # reflectance where it faces the camera
+    law: Law  # by which it changes with the angle
     explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
 
 
@@ -74,45 +77,67 @@ def fit_mirrored_table(
     `plane`: what other balls show of the table. `rough`: a few turns only, enough to tell a mirror's outline from
     another circle.
     """
-    surroundings = Surroundings(frames.some(FRAMES), camera, sphere)
-    if plane is not None:
-        return _settle(surroundings, sphere, plane, plane.values, blur_px, rough=rough)
-    best: MirroredTable | None = None
-    for height in HEIGHTS[:1] if rough else HEIGHTS:
-        start = _rough_plane(surroundings, sphere, height, blur_px, rough=rough)
-        table = None if start is None else _settle(surroundings, sphere, ANY_PLANE, start, blur_px, rough=rough)
-        if table and (best is None or table.explained > best.explained):
-            best = table
-        if best and best.explained > SURE:
-            break
+    surroundings, best = Surroundings(frames.some(FRAMES), camera, sphere), None
+    known = ANY_PLANE if plane is None else plane
+    for law in LAWS[:1] if rough else LAWS:
+        if best:
+            starts = [(best.sphere, best.plane.values, best.blur_px)]
+        elif plane is None:
+            starts = _starts(surroundings, sphere, law, blur_px, rough=rough)
+        else:
+            starts = [(sphere, plane.values, blur_px)]
+        for start in starts:
+            best = _better(best, _settle(surroundings, start, known, law, rough=rough))
+            if best and best.explained > SURE and best.law is law:
+                break
     return best
 
 
-def share_explained(table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float) -> Array:
+def _starts(
+    table: Surroundings, sphere: Sphere, law: Law, blur_px: float, *, rough: bool
+) -> Iterator[tuple[Sphere, Array, float]]:
+    """Yield outline, plane (3,) and blur to begin with, for each height of the plane that explains anything."""
+    for height in HEIGHTS[:1] if rough else HEIGHTS:
+        plane = _rough_plane(table, sphere, height, law, blur_px, rough=rough)
+        if plane is not None:
+            yield sphere, plane, blur_px
+
+
+def _better(one: MirroredTable | None, other: MirroredTable | None) -> MirroredTable | None:
+    """Return the one that explains more."""
+    return other if other and (one is None or other.explained > one.explained) else one
+
+
+def share_explained(
+    table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float, law: Law = LAWS[0]
+) -> Array:
     """Return (P,), the share of the profiles' variance that each plane (3,), mirrored, explains; 0 of what is none."""
     profiles, offsets, _ = table.profiles(sphere, blur_px)
     shares = []
     for plane in planes:
-        mirrored = table.mirrored_by(sphere, plane, blur_px).blurred(offsets, blur_px)
-        explained = _explain(profiles, mirrored, _outside(offsets, blur_px))
+        shown = table.mirrored_by(sphere, plane, blur_px)
+        explained = _explain(profiles, shown, law(shown.facing), offsets, blur_px)
         shares.append(explained.share if explained and explained.hopeful else 0.0)
     return np.array(shares)
 
 
-def _rough_plane(table: Surroundings, sphere: Sphere, height: float, blur_px: float, *, rough: bool) -> Array | None:
+def _rough_plane(
+    table: Surroundings, sphere: Sphere, height: float, law: Law, blur_px: float, *, rough: bool
+) -> Array | None:
     """Return the best of some tilts of a table so far below the ball's centre, or None where none explains anything."""
     slopes = [(0.0, 0.0), *((t * np.cos(a), t * np.sin(a)) for t in TILTS for a in AZIMUTHS)]
     planes = np.array([[x, y, height] for x, y in slopes])
-    shares = share_explained(table, sphere, planes, blur_px)
+    shares = share_explained(table, sphere, planes, blur_px, law)
     # Of an even table any tilt explains much: on an outline a slope must pay for itself.
     left = (1 - shares) * (1.0 if rough else 1 + planes[:, 0] ** 2 + planes[:, 1] ** 2)
     return planes[np.where(shares > 0, left, np.inf).argmin()] if shares.any() else None
 
 
 def _settle(
-    table: Surroundings, sphere: Sphere, known: TablePlane, plane: Array, blur_px: float, *, rough: bool
+    table: Surroundings, start: tuple[Sphere, Array, float], known: TablePlane, law: Law, *, rough: bool
 ) -> MirroredTable | None:
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it."""
+    sphere, plane, blur_px = start
     blur, damping = blur_px, 0.0
     kept: _Turn | None = None
     # From a circle that is none yet the way leads through worse ones.
@@ -123,9 +148,10 @@ def _settle(
     for turn in range(turns):
         profiles, offsets, jacobian = table.profiles(sphere, blur)
         shown = table.mirrored_by(sphere, plane, blur)
-        explained = _explain(profiles, shown.blurred(offsets, blur), _outside(offsets, blur))
+        explained = _explain(profiles, shown, law(shown.facing), offsets, blur)
         if explained and explained.hopeful and (kept is None or explained.share > kept.explained.share - slip):
-            slopes = _slopes(table, (sphere, plane, blur), shown, (profiles, offsets, jacobian), explained)
+            at = sphere, plane, blur
+            slopes = _slopes(table, at, (shown, law), (profiles, offsets, jacobian), explained)
             scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
             rows = slopes.reshape(8, -1).astype(np.float64)
             normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
@@ -152,7 +178,7 @@ def _settle(
     sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
     best, found = kept.explained, TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
-    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, best.share)
+    return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, law, best.share)
 
 
 class _Turn(NamedTuple):
@@ -169,7 +195,7 @@ class _Explained(NamedTuple):
     """What the mirrored table explains of profiles (F, BINS, M)."""
 
     share: float  # of the variance
-    mirror: float  # the reflectance
+    mirror: float  # the reflectance where it faces the camera
     residual: Values  # (F, BINS, M) in noises
     weight: Values  # (F, BINS, M)
     noise: Values  # (F, 1, 1)
@@ -179,15 +205,20 @@ class _Explained(NamedTuple):
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
 
 
-def _explain(profiles: Values, mirrored: Values, basis: Values) -> _Explained | None:
-    """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen."""
+def _explain(profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float) -> _Explained | None:
+    """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
+
+    grazing: g of the law at the cosines where the mirror is looked at.
+    """
+    basis = _outside(offsets, blur_px)
+    mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
     known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
     if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
         return None
-    profiles, mirrored = np.nan_to_num(profiles), np.nan_to_num(mirrored)
+    profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
     weight, noise, mirror = known, np.ones((len(known), 1, 1), np.float32), 0.0
     for _ in range(3):
-        y, x = _free(profiles, basis, weight), _free(mirrored, basis, weight)
+        whole, y, x = (_free(values, basis, weight) for values in (profiles, profiles - given, mirrored))
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
@@ -195,33 +226,36 @@ def _explain(profiles: Values, mirrored: Values, basis: Values) -> _Explained | 
         noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
-    left, total = (weight * residual**2).sum(), (weight * (y / noise) ** 2).sum()
+    left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
     return _Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise)
 
 
 def _slopes(
     table: Surroundings,
     at: tuple[Sphere, Array, float],
-    shown: Shown,
+    mirror: tuple[Shown, Law],
     seen: tuple[Values, Array, Array],
     explained: _Explained,
 ) -> Values:
     """Return (8, F, BINS, M), the model's derivatives `at` (sphere, plane, blur), in noises, free of d and e."""
-    (sphere, plane, blur), (profiles, offsets, jacobian), k = at, seen, explained.mirror
-    basis, mirrored = _outside(offsets, blur), shown.blurred(offsets, blur)
-    beyond = _coefficients(np.nan_to_num(profiles - k * mirrored), basis, explained.weight)
+    (sphere, plane, blur), (profiles, offsets, jacobian), (shown, law) = at, seen, mirror
+    grazing, k = law(shown.facing), explained.mirror
+    reflects = k + (1 - k) * grazing
+    basis, mirrored = _outside(offsets, blur), shown.blurred(offsets, blur, reflects)
+    beyond = _coefficients(np.nan_to_num(profiles - mirrored), basis, explained.weight)
 
     def moved_by(shift: float, blur_px: float) -> Values:
-        return k * shown.blurred(offsets - shift, blur_px) + beyond @ _outside(offsets - shift, blur_px).T
+        return shown.blurred(offsets - shift, blur_px, reflects) + beyond @ _outside(offsets - shift, blur_px).T
 
     def seen_in(sphere: Sphere, plane: Array) -> Values:
         # One direction a profile is enough for a difference.
-        return table.mirrored_by(sphere, plane, blur, 1)._replace(radius_px=shown.radius_px).blurred(offsets, blur)
+        one = table.mirrored_by(sphere, plane, blur, 1)._replace(radius_px=shown.radius_px)
+        return one.blurred(offsets, blur, k + (1 - k) * law(one.facing))
 
     here = seen_in(sphere, plane)
 
     def looked_up(sphere: Sphere, plane: Array, step: float) -> Values:
-        return (seen_in(sphere, plane) - here) * np.float32(k / step)
+        return (seen_in(sphere, plane) - here) / np.float32(step)
 
     by_shift = (moved_by(0.1, blur) - moved_by(-0.1, blur)) / 0.2
     by_plane = [looked_up(sphere, plane + e, 0.05) for e in 0.05 * np.eye(3)]
@@ -230,7 +264,8 @@ def _slopes(
         for j, e in enumerate(0.1 * np.eye(3))
     ]
     by_blur = (moved_by(0, blur + 0.05) - moved_by(0, blur - 0.05)) / 0.1
-    slopes = np.nan_to_num(np.stack([*by_outline, *by_plane, by_blur, mirrored]))
+    by_facing = shown.blurred(offsets, blur, 1 - grazing)
+    slopes = np.nan_to_num(np.stack([*by_outline, *by_plane, by_blur, by_facing]))
     return _free(slopes, basis, explained.weight) / explained.noise
 
 

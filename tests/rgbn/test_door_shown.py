@@ -96,10 +96,12 @@ def test_an_estimate_shows_its_normals_and_its_doubts():
     normals[:, :30] = [1, 0, 0]
     normals[:20, 30:50] = [0, 0, 1]
     estimate = Estimate(
-        "ls", normals, normals, np.ones((40, 60), np.uint16), 2.0, warnings=("too <dark>",),
+        "ls", normals, normals, np.ones((40, 60), np.uint16), processor_seconds=2.0,
+        warnings=("too <dark>",),
         sigma_deg=np.full((40, 60), 0.5, np.float32),
     )  # fmt: skip
-    assert repr(estimate) == "ls: normals of 1,600 of 60 x 40 pixels, sigma 0.5 degrees (median), 2.0 s, 1 warning"
+    words = "ls: normals of 1,600 of 60 x 40 pixels, sigma 0.5 degrees (median), 2.0 processor s, 1 warning"
+    assert repr(estimate) == words
     html = estimate._repr_html_()
     assert "too &lt;dark&gt;" in html
     picture = uri_picture(html).astype(int)

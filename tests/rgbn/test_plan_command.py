@@ -27,7 +27,7 @@ def box(path):
 @pytest.mark.parametrize(
     ("source", "options", "flashes", "words"),
     [
-        ("notes.txt", {}, 8, "cannot read a scan with the ending '.txt'"),
+        ("notes.txt", {}, 8, "cannot read a mesh with the ending '.txt'"),
         ("no.ply", {}, 8, "there is no such scan or session"),
         ("broken.ply", {"unit": "mm"}, 8, "broken.ply"),
         ("box.ply", {}, 8, "a scan's file does not tell its unit"),

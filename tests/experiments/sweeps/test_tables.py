@@ -149,7 +149,7 @@ def test_the_page_shows_failures_and_every_experiment(tmp_path):
         # Six methods that have results, with two profiles each.
         assert speed.count("s per megapixel-image, median") == 12
     assert "tv, default: failed: by the test" in page
-    assert "ls, default: 7.81 s per megapixel-image" in (tmp_path / "speed.svg").read_text()
+    assert "ls, default: 7.81 processor s per megapixel-image" in (tmp_path / "speed.svg").read_text()
     atlas = (tmp_path / "atlas.svg").read_text()
     assert "tv, default" not in atlas, "what failed says nothing of the method"
     assert json.loads((tmp_path / "stability.json").read_text())["doubts"][0]["whole_doubted"] > 0
