@@ -1,7 +1,6 @@
 """The catalogue: the named datasets, each a line; the benchmark's list; which names stand for one stack."""
 
 import fnmatch
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
@@ -79,12 +78,6 @@ def first_names() -> dict[str, str]:
     first: dict[Dataset, str] = {}
     known = catalogue().values()
     return {one.name: first.setdefault(replace(one, name="", family="", text=""), one.name) for one in known}
-
-
-def first_name(name: str) -> str:
-    """Return the name under which a dataset's stack is listed, of whatever size; unknown names stay as they are."""
-    base = re.sub(r"-\d+px$", "", name)
-    return first_names().get(base, base) + name[len(base) :]
 
 
 @cache

@@ -121,42 +121,29 @@ def make(
 
 @dataset.command(sort_key=3)
 def check(
-    folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout; or a submission, with submission.toml.")],
+    folder: Annotated[Path, Parameter(help="Folder in the DiLiGenT layout.")],
     /,
     *,
-    shelf: Shelf = SHELF,
     json: Json = False,
 ) -> None:
-    """Check a dataset by its files and photographs: axes, intensities, order of the lights. Or check a submission."""
+    """Check a dataset by its files and photographs: axes, intensities, order of the lights."""
+    from experiments.datasets.check import check_dataset
     from scene.reading import told
 
-    is_submission = (folder / "submission.toml").is_file()
-    if is_submission:
-        from experiments.datasets.submissions import check_submission, dataset_folders
-
-        verdict = check_submission(folder, dataset_folders(shelf))
-        plain, fine = {"method": verdict.method, "maps": list(verdict.maps)}, f"{len(verdict.maps)} maps."
-    else:
-        from experiments.datasets.check import check_dataset
-
-        verdict = check_dataset(folder)
-        plain, fine = {"facts": verdict.facts}, ""
+    verdict = check_dataset(folder)
     for note in verdict.notes:
         say(f"note: {note}")
     if json:
-        common = {"folder": str(folder), "faults": verdict.faults, "notes": verdict.notes, "ok": not verdict.faults}
-        print(json_module.dumps({**common, **plain}, indent=1))
+        found = {"faults": verdict.faults, "notes": verdict.notes, "ok": not verdict.faults, "facts": verdict.facts}
+        print(json_module.dumps({"folder": str(folder), **found}, indent=1))
     if verdict.faults:
         raise SceneError(told(folder, verdict.faults))
     if not json:
-        print(f"{folder}: fine. {fine or _dataset_words(plain['facts'])}")
-
-
-def _dataset_words(facts: dict) -> str:
-    return (
-        f"{facts['photographs']} photographs of {facts['width']} x {facts['height']} px; their median correlation with "
-        f"Lambert's law is {facts['agreement']:.3f}."
-    )
+        facts = verdict.facts
+        print(
+            f"{folder}: fine. {facts['photographs']} photographs of {facts['width']} x {facts['height']} px; their "
+            f"median correlation with Lambert's law is {facts['agreement']:.3f}."
+        )
 
 
 @dataset.command(sort_key=4)
@@ -198,9 +185,6 @@ def run(
         str, Parameter(help="Settings of our methods: default, or seed.", converter=in_any_case)
     ] = "default",
     timeout_s: Annotated[float, Parameter(help="Seconds after which a program is ended.")] = 3600.0,
-    submissions: Annotated[
-        Path | None, Parameter(help="A submission's folder, or a folder of them: scored beside the methods.")
-    ] = None,
     downloads: Annotated[
         str | None,
         Parameter(help="Address under which the shelf is served, for the site's links. Default: where it is here."),
@@ -208,31 +192,13 @@ def run(
     shelf: Shelf = SHELF,
     out: Annotated[Path, Parameter(alias="-o", help="Output folder.")] = Path("out") / "datasets-table",
 ) -> None:
-    """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a site to publish."""
+    """Solve datasets of the shelf by methods and other programs: a table of angular errors, and a site."""
     from experiments.datasets.run_methods import results_text
     from experiments.datasets.run_methods import run as run_methods
     from experiments.datasets.site import write_site
-    from experiments.datasets.submissions import read_submissions
     from lab.options import Solving
 
     solving = Solving(method, profile, tuple(command or ()), timeout_s)
-    given = read_submissions(submissions, shelf) if submissions else []
-    rows = run_methods(shelf, on or [], solving=solving, submissions=given, out=out)
+    rows = run_methods(shelf, on or [], solving=solving, out=out)
     print(results_text(rows), end="")
-    say(f"site: {write_site(shelf, out, rows, given, downloads=downloads or '')}")
-
-
-@dataset.command(sort_key=6)
-def publish(
-    name: Annotated[list[str], Parameter(help="Datasets of the shelf: names, patterns, or benchmark.")],
-    /,
-    *,
-    to: Annotated[Path, Parameter(help="Folder that gets the copies: new, empty, or of an earlier publish.")],
-    shelf: Shelf = SHELF,
-) -> None:
-    """Copy datasets without their truth, for others; the truth stays on the shelf, where `run` scores submissions."""
-    from experiments.datasets.publish import publish as publish_datasets
-    from experiments.datasets.shelf import entries, select
-
-    for folder in publish_datasets(shelf, select(entries(shelf), name), to):
-        print(folder)
+    say(f"site: {write_site(shelf, out, rows, downloads=downloads or '')}")

@@ -1,19 +1,14 @@
-"""`rgbn align --check`: the registration for MeshLab, its residuals before and after, and the cost around it."""
+"""`rgbn align --check`: the registration's residuals before and after it is refined again, and the cost around it."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from lab.job import Job
 from rgbn.text_tables import number_table
 from scene.errors import AlignError
 from scene.files import write_json
-
-PLACE = ("align", "meshlab")
-"""Of the MeshLab project, below the output folder."""
 
 
 @contextmanager
@@ -27,18 +22,15 @@ def checked(job: Job, *, tell: bool) -> Iterator[None]:
 
 
 def check_alignment(job: Job) -> dict[str, Any]:
-    """Write OUT/align/meshlab and OUT/align/check.json of a session that was aligned, and return the latter.
+    """Write OUT/align/check.json of a session that was aligned, and return it.
 
     Raises
     ------
     AlignError
         There is no registered scan.
     """
-    from align.meshlab import write_project
     from align.pose.photographed import Photographs
     from align.pose.pose_check import STEPS_PX, check_pose
-    from compare.report.pictures import Exposure
-    from compare.report.registration_pictures import raking_frame
 
     store = job.store
     if not store.path("pose.json").exists():
@@ -48,18 +40,8 @@ def check_alignment(job: Job) -> dict[str, Any]:
         )
     mesh = job.load_scan()
     pose, camera, frames, lights = store.load_pose(), store.load_camera(), store.load_frames(), store.load_lights()
-    exposure = Exposure.for_frames(frames, white_value=lights.white_value)
-    # One frame that shows the shape, and the one with the fewest shadows.
-    chosen = dict.fromkeys([raking_frame(lights.directions), int(np.argmax(lights.directions[:, 2]))])
-    photographs = {frames.names[index]: exposure.develop(frames.frame(index)) for index in chosen}
-    paths = write_project(store.path(*PLACE), mesh, pose, camera, photographs)
     found = check_pose(mesh, pose, Photographs(camera, frames, lights, store.load_mask()))
-    result = {
-        "steps_px": STEPS_PX,
-        "project": [path.relative_to(store.folder).as_posix() for path in paths],
-        **asdict(found),
-    }
-    write_json(store.path("align", "check.json"), result)
+    write_json(store.path("align", "check.json"), {"steps_px": STEPS_PX, **asdict(found)})
     return store.read_json("align/check.json")
 
 
@@ -92,7 +74,6 @@ def tell_check(result: dict[str, Any]) -> None:
     console.print(around)
     off = [row["axis"] for row in along if min(row["cost"]) < row["cost"][middle]]
     console.print(f"The cost is lower elsewhere: {', '.join(off)}." if off else "The cost is lowest at the pose.")
-    console.print(f"For MeshLab: {result['project'][0]} in the output folder.", highlight=False)
 
 
 def _residuals(row: dict[str, float | None]) -> list[str]:

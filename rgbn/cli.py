@@ -128,7 +128,7 @@ def align(
     check: Annotated[
         bool,
         Parameter(
-            help="Check the registration: refine again from beside it, the cost around it, and a project for MeshLab.",
+            help="Check the registration: refine again from beside it, and the cost around it.",
             negative="",
         ),
     ] = False,

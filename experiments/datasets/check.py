@@ -171,7 +171,7 @@ def lights_fault(turn: Array, given: float, best: float, *, certain: bool, norma
     given, best: agreement of the photographs with Lambert's law, as given and mended. certain: the normals tell that it
     is not they.
     """
-    words = axes_words(turn)
+    words = _axes_words(turn)
     if words == "all three point the other way":
         words = "they go from the light to the surface"
     or_else = "" if certain and not _is_half_turn(turn) else (
@@ -179,24 +179,24 @@ def lights_fault(turn: Array, given: float, best: float, *, certain: bool, norma
     )  # fmt: skip
     return (
         f"light_directions.txt: {words}; expected x right, y up, z toward the viewer, from the surface to the light "
-        f"(agreement {given:.2f}, put right {best:.2f}). {axes_cure(turn, 'columns')}{or_else}"
+        f"(agreement {given:.2f}, put right {best:.2f}). {_axes_cure(turn, 'columns')}{or_else}"
     )
 
 
 def normals_fault(name: str, turn: Array, given: float, best: float) -> str:
     """Return what to say of a normal map that `turn` (3, 3) mends."""
     return (
-        f"{name}: {axes_words(turn)}; expected x right, y up, z toward the viewer (by the map's own slopes and rim; "
-        f"agreement {given:.2f}, put right {best:.2f}). {axes_cure(turn, 'components')}"
+        f"{name}: {_axes_words(turn)}; expected x right, y up, z toward the viewer (by the map's own slopes and rim; "
+        f"agreement {given:.2f}, put right {best:.2f}). {_axes_cure(turn, 'components')}"
     )
 
 
-def axes_words(turn: Array) -> str:
+def _axes_words(turn: Array) -> str:
     """Return in words what is wrong with axes that `turn` (3, 3) mends."""
     return WORDS.get(str(Axes(turn)), "the axes are permuted")
 
 
-def axes_cure(turn: Array, things: str) -> str:
+def _axes_cure(turn: Array, things: str) -> str:
     """Return the sentence that says what to do to columns or components for `turn` (3, 3)."""
     flips = [axis for axis in range(3) if turn[axis, axis] == -1]
     if np.count_nonzero(np.diag(turn)) == 3:

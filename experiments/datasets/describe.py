@@ -44,7 +44,6 @@ The layout is that of the DiLiGenT benchmark: a program that reads one reads the
 | | `attached`, `cast`: shadows, one bit a light, light i in byte i // 8, bit i % 8; as `.png`: white, no light |
 | | `normals`, `z_mm`, `albedo` as `.exr` too (0 outside) |
 | `recipe.json` | what it is made from |
-| `croissant.json` | the same for machine-learning tools (Croissant 1.0) |
 | `SHA256SUMS` | checksums: `sha256sum --check SHA256SUMS` |
 {camera}
 ## Recipe

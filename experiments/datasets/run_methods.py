@@ -1,8 +1,7 @@
-"""`rgbn dataset run`: methods, other programs and submissions on datasets of the shelf; results are kept."""
+"""`rgbn dataset run`: methods and other programs on datasets of the shelf; results are kept."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.datasets.shelf import Entry, contents_of, entries, select
-from experiments.datasets.submissions import Submission, submitted_normals
 from experiments.tables import DATASETS, Row, Rows, errors_of, has_failed, write_table
-from formats.diligent_layout import NORMALS, read_layout
 from lab.options import BY_DEFAULT, DEFAULT_PROFILE, Solving
 from lab.progress import say
 from lab.run_log import logged
@@ -22,19 +19,12 @@ from scene.files import write_json, write_png, write_text
 from scene.output_folder import open_record
 from scene.reading import json_of
 
-FAILED, ABSENT = "failed", "not submitted"
+FAILED = "failed"
 NO_ERROR = 65535
 """In the kept error maps, which count in hundredths of a degree: no truth, or no answer."""
 
 
-def run(
-    shelf: Path,
-    patterns: Sequence[str],
-    *,
-    solving: Solving = BY_DEFAULT,
-    submissions: Sequence[Submission] = (),
-    out: Path,
-) -> Rows:
+def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, out: Path) -> Rows:
     """Run methods on datasets, as far as their results are not there yet, write the tables, and return the rows.
 
     patterns: names of datasets that are on the shelf, patterns, `benchmark`; none: all of them. out gets
@@ -45,8 +35,6 @@ def run(
     solving = replace(solving, profile=solving.profile or DEFAULT_PROFILE)
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    if twice := sorted(set(programs) & {one.method for one in submissions}):
-        raise SceneError(f"{', '.join(twice)}: a program's name and a submission's. Give the program another.")
     there, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
     with open_record(out, origin="table of datasets") as record, logged(record):
         for number, entry in enumerate(there, 1):
@@ -54,19 +42,13 @@ def run(
             for name in names:
                 how = (programs[name].command, programs[name].files) if name in programs else solving.profile
                 kept[name] = out / "results" / f"{fingerprint(digest, name, how, code=code)[:24]}.json"
-            given = {one.method: one for one in submissions if entry.name in one.maps}
-            for name, one in given.items():
-                mark = fingerprint(digest, "submission", one.maps[entry.name], code=code)[:24]
-                kept[name] = out / "results" / f"{mark}.json"
             made, missing = {}, [
                 name for name, path in kept.items()
                 if not (record.is_intact(path) and record.is_intact(path.with_suffix(".png")))
             ]  # fmt: skip
             if missing:
                 say(f"{number} of {len(there)}: {entry.name}: {', '.join(missing)}")
-                judged = ((name, _submitted(entry, given[name])) for name in missing if name in given)
-                ours = [name for name in missing if name not in given]
-                for name, row in chain(judged, _solve(out, entry, ours, solving) if ours else ()):
+                for name, row in _solve(out, entry, missing, solving):
                     error, made[name] = row.pop("error", None), row
                     if error is not None:
                         write_png(kept[name].with_suffix(".png"), error)
@@ -75,12 +57,7 @@ def run(
                 row = made.get(name) or json_of(kept[name])
                 if row["status"] == "ok":
                     row = {**row, "map": kept[name].with_suffix(".png")}
-                if name in given:
-                    row = {**row, "seconds": given[name].seconds}
                 rows.append({"dataset": entry.name, "family": entry.family, **row})
-            absent = [one.method for one in submissions if one.method not in given]
-            about = {"dataset": entry.name, "family": entry.family, "profile": "submission", "status": ABSENT}
-            rows += [{**about, "method": name} for name in absent]
         write_table(out / "results.parquet", rows, DATASETS)
         write_text(out / "results.txt", results_text(rows))
     return rows
@@ -98,14 +75,6 @@ def _wanted(shelf: Path, patterns: Sequence[str]) -> list[Entry]:
         raise SceneError(
             f"dataset {fitting[0].name}: is in the catalogue, but not made yet. Make it: "
             f"rgbn dataset make {patterns[0]!r}."
-        )
-    blind = [
-        one.folder for one in there if one.folder.is_dir() and not any((one.folder / f).is_file() for f in NORMALS)
-    ]
-    if blind:
-        raise SceneError(
-            f"{blind[0]}: has no true normals, so nothing can be judged here. Solve it (`rgbn process {blind[0]}`), "
-            "and submit the normals to who keeps the truth (docs/guide/datasets.md)."
         )
     return there
 
@@ -143,14 +112,6 @@ def _row(name: str, profile: str, job: Any, dataset: str) -> Row:
     judged = _judged(store.load_normals(name), store.load_normals("truth"), store.load_mask())
     more = {"seconds": facts["seconds"], "doubts": " ".join(facts["warnings"])}
     return {"method": name, "profile": profile, **judged, **more}
-
-
-def _submitted(entry: Entry, submission: Submission) -> Row:
-    found = read_layout(entry.folder)
-    assert found.mask is not None
-    assert found.normals is not None
-    judged = _judged(submitted_normals(submission.maps[entry.name], found.mask), found.normals, found.mask)
-    return {"method": submission.method, "profile": "submission", **judged, "doubts": ""}
 
 
 def _judged(normals: NDArray, truth: NDArray, mask: NDArray[np.bool_]) -> Row:
@@ -196,15 +157,9 @@ def results_text(rows: Rows) -> str:
     wide = max(len(title), *(len(name) for name, _ in lines))
     widths = [max(len(method), 7) for method in methods]
     head = "".join(f"  {method:>{width}}" for method, width in zip(methods, widths, strict=True))
-    text, absent = (
-        [f"{title:{wide}}{head}"],
-        {(row["dataset"], row["method"]) for row in rows if row["status"] == ABSENT},
-    )
+    text = [f"{title:{wide}}{head}"]
     for name, values in lines:
-        cells = [
-            f"{value:.2f}" if value is not None else "–" if (name, method) in absent else FAILED
-            for method, value in zip(methods, values, strict=True)
-        ]
+        cells = [FAILED if value is None else f"{value:.2f}" for value in values]
         text.append(f"{name:{wide}}" + "".join(f"  {cell:>{width}}" for cell, width in zip(cells, widths, strict=True)))
     text += [f"{row['dataset']}, {row['method']}: {row['status']}" for row in rows if has_failed(row)]
     return "\n".join(text) + "\n"

@@ -3,7 +3,7 @@
 import re
 import shutil
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from experiments.catalogue import FAMILIES, benchmark_names, catalogue, first_names, wanted
@@ -19,8 +19,6 @@ from scene.record import Record
 
 ADDED = ".added"
 """Folder of the shelf: one NAME.json for each dataset that was added, with its checksums."""
-KEPT_BACK = ".kept-back"
-"""Folder of the shelf: one NAME.json for each dataset that was published without its truth."""
 FAMILY_COLUMNS = ("family", "datasets", "of the benchmark's list", "what is varied", "for instance")
 
 
@@ -35,7 +33,6 @@ class Entry:
     folder: Path  # where it is, or would be
     benchmark: bool = False  # of the benchmark's list of 93
     same_as: str = ""  # the dataset that it is another name of; empty: none
-    kept_back: str = ""  # folder of what was given to others without the truth, see `publish`; empty: nothing was
 
 
 def entries(shelf: Path) -> list[Entry]:
@@ -55,9 +52,7 @@ def entries(shelf: Path) -> list[Entry]:
         if sized and base and path.name not in taken and record and record.files_of(path.name):
             text, one = f"{base.text}; {sized[2]} px", base.sized(int(sized[2]))
             found.append(Entry(path.name, base.family, text, _state(record, one), path, base.name in benchmark_names()))
-    found += [Entry(note["name"], "added", note["text"], "added", Path(note["folder"])) for note in notes]
-    kept_back = {path.stem: json_of(path)["published"] for path in (shelf / KEPT_BACK).glob("*.json")}
-    return [replace(one, kept_back=kept_back.get(first.get(one.name, one.name), "")) for one in found]
+    return found + [Entry(note["name"], "added", note["text"], "added", Path(note["folder"])) for note in notes]
 
 
 def select(found: Sequence[Entry], patterns: Sequence[str]) -> list[Entry]:
@@ -128,17 +123,13 @@ def contents_of(shelf: Path, entry: Entry) -> str:
 
 def tell(found: list[Entry]) -> None:
     """Print a line a dataset, and how many there are."""
-    lines = [(one.name, "benchmark" if one.benchmark else "ours", _state_words(one), one.text) for one in found]
+    lines = [(one.name, "benchmark" if one.benchmark else "ours", one.state or "-", one.text) for one in found]
     _tell_table(("name", "list", "on the shelf", "what it is"), lines)
     own = [one for one in found if not one.same_as]
     more = f" and {len(found) - len(own)} other names" if len(own) < len(found) else ""
     marked = sum(one.benchmark for one in own)
     there = sum(bool(one.state) for one in own)
     print(f"{len(own)} datasets{more}; {marked} of the benchmark's list; {there} on the shelf")
-
-
-def _state_words(one: Entry) -> str:
-    return f"{one.state}, truth kept back" if one.kept_back else one.state or "-"
 
 
 def tell_families(found: list[Entry]) -> None:

@@ -1,4 +1,4 @@
-"""The pages of the leaderboard: HTML of what `site` has gathered, each page whole in itself, nothing fetched."""
+"""The pages of the site: HTML of what `site` has gathered, each page whole in itself, nothing fetched."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -8,9 +8,7 @@ from html import escape
 from compare.report.maps import colour_scale
 from compare.report.page import UNKNOWN, folded, number, percent, picture, section, table, whole_page
 from experiments.catalogue import FAMILIES
-from experiments.datasets.run_methods import ABSENT
 from experiments.datasets.shelf import Entry
-from experiments.datasets.submissions import FILE, Submission
 from experiments.tables import Row, Rows
 from scene.map_pictures import Image
 
@@ -45,7 +43,7 @@ class Shown:
     entry: Entry
     strip: Image  # some photographs side by side
     thumbnail: Image  # one of them
-    maps: Mapping[str, Image]  # the truth's, by what they are; empty where it is kept back
+    maps: Mapping[str, Image]  # the truth's, by what they are
     errors: Mapping[str, Image]  # of the methods, in `end_deg`'s colours
     end_deg: float
     base: str  # where its files are, ending in /
@@ -53,53 +51,40 @@ class Shown:
     rows: Rows
 
 
-def index_page(
-    entries: Sequence[Entry], thumbnails: Mapping[str, Image], rows: Rows, submissions: Sequence[Submission], said: str
-) -> str:
-    """Return the first page: ranking, matrix, datasets by family, submissions; `said`: HTML below the title."""
+def index_page(entries: Sequence[Entry], thumbnails: Mapping[str, Image], rows: Rows, said: str) -> str:
+    """Return the first page: matrix, datasets by family, what failed; `said`: HTML below the title."""
     methods = list(dict.fromkeys(row["method"] for row in rows))
     by_place = {(row["dataset"], row["method"]): row for row in rows}
-    lists = {"All datasets": entries}
-    if 0 < len(listed := [one for one in entries if one.benchmark]) < len(entries):
-        lists = {"The benchmark's list": listed, **lists}
-    ranking = "".join(
-        f"<h3>{words}, {len(those)}</h3>{_ranking(those, by_place, methods)}" for words, those in lists.items()
-    )
     matrices = [_matrix(entries, by_place, methods, quantity) for quantity in QUANTITIES]
     first, *others = (f"<h3>{words}</h3>{html}" for words, html in zip(QUANTITIES.values(), matrices, strict=True))
     more = folded("The same of the answered pixels alone: mean, median", "".join(others))
-    failed = [row for row in rows if row["status"] not in ("ok", ABSENT)]
+    failed = [row for row in rows if row["status"] != "ok"]
     chapters = {
-        "Ranking": section("ranking", "Ranking", ranking, "A dataset without a result counts as 90 degrees."),
         "Methods x datasets": section(
             "matrix", "Methods x datasets", first + more,
             "The darker, the larger the error. A click on a column's head sorts by it.",
         ),
         "Datasets": section("datasets", "Datasets", _families(entries, thumbnails)),
     }  # fmt: skip
-    if submissions:
-        chapters["Submissions"] = section("submissions", "Submissions", _submissions(submissions))
     if failed:
         said_of = (f"{row['dataset']}, {row['method']}: {row['status']}" for row in failed)
         lines = "".join(f"<li>{escape(text)}</li>" for text in said_of)
-        chapters["What failed"] = section("failed", "What failed", f"<ul>{lines}</ul>")
-    return whole_page("Photometric stereo on datasets with known truth", "leaderboard", said, chapters, script=_SORT)
+        chapters["What failed"] = section("failed", "What failed", f'<ul class="notes">{lines}</ul>')
+    return whole_page("Photometric stereo on datasets with known truth", "datasets", said, chapters, script=_SORT)
 
 
 def dataset_page(shown: Shown, aliases: Sequence[str]) -> str:
     """Return the page of a dataset; `aliases`: its other names."""
     entry = shown.entry
     lead = f"Also named {escape(', '.join(aliases))}." if aliases else ""
-    truth = (
-        "".join(picture(image, f"{what} of {entry.name}", what, photograph=True) for what, image in shown.maps.items())
-        if shown.maps
-        else "<p>Kept back: neither the true maps nor error maps are shown, and submissions are scored where it is.</p>"
+    truth = "".join(
+        picture(image, f"{what} of {entry.name}", what, photograph=True) for what, image in shown.maps.items()
     )
     chapters = {
         "Photographs": section(
             "photographs", "Photographs", picture(shown.strip, f"photographs of {entry.name}", photograph=True), lead
         ),
-        "Truth": section("truth", "Truth", f'<div class="gallery many">{truth}</div>' if shown.maps else truth),
+        "Truth": section("truth", "Truth", f'<div class="gallery many">{truth}</div>'),
         "Errors": section("errors", "Errors", _errors(shown)),
         "Files": section("files", "Files", _files(shown)),
     }
@@ -131,37 +116,10 @@ def _files(shown: Shown) -> str:
     lines = [[_link(base + file, file), f"<code>{value}</code>"] for file, value in shown.sums.items()]
     by_hand = f"cut -c67- {name}.sha256 | xargs -I % curl --create-dirs -o % BASE/%; sha256sum --check {name}.sha256"
     return (
-        f"<p>{_link(f'{name}.sha256', f'{name}.sha256')}, {_link(f'{name}.croissant.json', 'croissant.json')}. All "
-        f"files at once, BASE being where they are served: <code>{by_hand}</code></p>"
+        f"<p>{_link(f'{name}.sha256', f'{name}.sha256')}. All files at once, BASE being where they are served: "
+        f"<code>{by_hand}</code></p>"
         + folded(f"{len(lines)} files with their SHA-256", table(["file", "SHA-256"], lines))
     )
-
-
-def _ranking(entries: Sequence[Entry], by_place: Mapping[tuple[str, str], Row], methods: Sequence[str]) -> str:
-    """Return a table of the methods, the least mean error first; no result: 90 degrees."""
-    lines = []
-    for method in methods:
-        found = [by_place[one.name, method] for one in entries]
-        solved = [row for row in found if row["status"] == "ok"]
-        mean = sum(row["filled_deg"] if row["status"] == "ok" else 90.0 for row in found) / len(found)
-        share = sum(1 - row["unanswered"] for row in solved) / len(found)
-        answered = [_mean(solved, key) for key in ("mean_deg", "median_deg", "seconds")]
-        lines.append((mean, [escape(method), number(mean), *answered, percent(share, 1), number(len(solved))]))
-    head = [
-        "method",
-        "mean, gaps as 90°",
-        "mean of answered",
-        "mean of medians",
-        "seconds",
-        "pixels answered",
-        "datasets",
-    ]
-    return table(head, [cells for _, cells in sorted(lines, key=lambda line: line[0])], kind="numbers")
-
-
-def _mean(rows: Rows, key: str) -> str:
-    known = [row[key] for row in rows if row.get(key) is not None]
-    return number(sum(known) / len(known)) if known else UNKNOWN
 
 
 def _matrix(entries: Sequence[Entry], by_place: Mapping[tuple[str, str], Row], methods: Sequence[str], key: str) -> str:
@@ -171,7 +129,7 @@ def _matrix(entries: Sequence[Entry], by_place: Mapping[tuple[str, str], Row], m
         for method in methods:
             row = by_place[one.name, method]
             if row["status"] != "ok":
-                cells.append("–" if row["status"] == ABSENT else "failed")
+                cells.append("failed")
                 continue
             share = math.log(max(row[key], _LEAST_DEG) / _LEAST_DEG) / math.log(_MOST_DEG / _LEAST_DEG)
             cells.append(f'<span class="heat" style="--share:{min(share, 1):.2f}">{number(row[key])}</span>')
@@ -189,41 +147,6 @@ def _families(entries: Sequence[Entry], thumbnails: Mapping[str, Image]) -> str:
         )
         parts += [f"<h3>{family}</h3><p>{escape(text)}</p><div class='sheet width-120'>{figures}</div>"] if own else []
     return "".join(parts)
-
-
-def _submissions(submissions: Sequence[Submission]) -> str:
-    lines = []
-    for one in submissions:
-        assert one.description is not None
-        said = one.description
-        links = [_link(text, words) if text.startswith(("https://", "http://")) else escape(text)
-                 for text, words in ((said.paper, "paper"), (said.code, "code"))]  # fmt: skip
-        lines.append([escape(one.method), escape(said.authors), *links, escape(said.settings), escape(said.hardware)])
-    return table(["method", "authors", "paper", "code", "settings", "hardware"], lines) if lines else ""
-
-
-def submit_page(example: str) -> str:
-    """Return the page that says how to submit; `example`: a dataset's name."""
-    toml = (
-        'method = "MyNet"\nauthors = "A. Author, B. Author"\npaper = "https://..."      # or a text; optional\n'
-        'code = "https://..."       # optional\nsettings = "the published weights; no parameter chosen by hand"\n'
-        'hardware = "one core of a laptop"\nseconds = 1.5               # of one dataset, on the mean\n'
-    )
-    body = (
-        "<p>A submission is a folder: a description and one normal map a dataset. A dataset may be left out; it counts "
-        f"as 90 degrees in the ranking.</p><pre>MyNet/\n  {FILE}\n  {escape(example)}.npy     (or .png)\n  ...</pre>"
-        f"<p>{FILE}:</p><pre>{escape(toml)}</pre>"
-        "<p>A map has the size of the dataset's mask.png: <code>.npy</code>, H x W x 3, or <code>.png</code>, 16 bits, "
-        "R G B = (n + 1) / 2. Unit vectors, x right, y up, z toward the viewer, first row above. Where there is no "
-        "answer: 0 or NaN. What may be used: the photographs, their lights and the mask; not the true maps.</p>"
-        "<p>Check it before you send it; all that is wrong is said at once, flipped axes too:</p>"
-        "<pre>rgbn dataset check MyNet --shelf DATASETS</pre>"
-        "<p>Then send the folder to who serves these pages. It is scored by</p>"
-        "<pre>rgbn dataset run --submissions FOLDER</pre>"
-    )
-    body = body.replace("<pre>", "<div class='scroll'><pre>").replace("</pre>", "</pre></div>")
-    lead = '<a href="index.html">all datasets</a>'
-    return whole_page("How to submit", "leaderboard", lead, {"Submission": section("submission", "A submission", body)})
 
 
 def _link(target: str, words: str) -> str:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.datasets import croissant
 from experiments.datasets.checksums import write_checksums
 from experiments.datasets.describe import preview, readme, session_toml
 from experiments.photographs import Photographs, photograph_dataset
@@ -29,7 +28,7 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     folder : Path
         Gets the DiLiGenT layout (001.png ..., filenames.txt, light_directions.txt, light_intensities.txt, mask.png,
         Normal_gt.mat, Normal_gt.png), session.toml and lights.json with camera and near lights, truth/, preview.png,
-        README.md, recipe.json, croissant.json and, last, SHA256SUMS.
+        README.md, recipe.json and, last, SHA256SUMS.
     dataset : Dataset
 
     Raises
@@ -62,7 +61,6 @@ def write_dataset(folder: Path, dataset: Dataset) -> None:
     write_text(folder / "session.toml", session_toml(dataset, stack))
     write_text(folder / "README.md", readme(dataset, stack, _facts(stack)))
     write_json(folder / RECIPE, dataset)
-    write_json(folder / croissant.FILE, croissant.of_dataset(folder, dataset.name, dataset.text))
     write_checksums(folder)
 
 

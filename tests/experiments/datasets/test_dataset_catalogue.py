@@ -19,7 +19,6 @@ from experiments.catalogue import (
     benchmark_names,
     catalogue,
     chosen,
-    first_name,
     first_names,
     wanted,
 )
@@ -62,8 +61,6 @@ def test_no_stack_has_two_names_unless_said():
     assert all(replace(KNOWN[name], name=of, family="", text="") == replace(KNOWN[of], family="", text="")
                for name, of in first.items())  # fmt: skip
     assert first["pear-roughness-0.10"] == first["pear-specularity-1.00"] == "pear-material-specular"
-    assert first_name("pear-roughness-0.10-64px") == "pear-material-specular-64px"
-    assert first_name("no-such-name") == "no-such-name"
     # Asked for by either name it is made once.
     asked = wanted(["pear-roughness-0.10", "pear-specularity-1.00"], KNOWN, names_of_list := benchmark_names(), first)
     assert asked == {"pear-material-specular"}
