@@ -255,9 +255,12 @@ def _plain(value: Any) -> Any:
 
 
 def commit() -> str:
-    """Return the commit that the code is of; -dirty where something is changed."""
-    words = ["git", "describe", "--always", "--dirty"]
-    return subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+    """Return the commit that the code is of; -dirty where some code is changed."""
+
+    def said(*words: str) -> str:
+        return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=False).stdout.strip()
+
+    return said("rev-parse", "--short", "HEAD") + "-dirty" * bool(said("status", "--porcelain", "--", "*.py"))
 
 
 def commits_since(first: str, files: Iterable[Path]) -> list[str] | None:
