@@ -215,6 +215,7 @@ def test_twice_the_same_light_is_named(table):
     assert any("flash_002 and flash_007 have the same light" in warning for warning in result.warnings)
 
 
+@pytest.mark.full
 def test_known_lights_are_used_as_they_are(table):
     world, frames = table
     directions, intensities = _truth(world)
