@@ -1,5 +1,6 @@
 """`rgbn watch`: photographs taken as they come, judged at once, and a session in the end."""
 
+import math
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -7,6 +8,7 @@ from pathlib import Path
 
 from capture.hot_folder.hot_folder import HotFolder
 from capture.hot_folder.ledger import Ledger
+from capture.hot_folder.tracker import ALONE_S
 from capture.photographs.kept import kept_folder
 from capture.session.globs import kind_of
 from capture.survey.folder_files import files_below
@@ -25,6 +27,20 @@ from lab.watch.status import write_status
 from lab.watch.take import Taken, Taking
 from scene.origin import Origin
 from scene.output_folder import open_record
+
+
+def whole_photographs(folder: Path) -> tuple[Path, ...]:
+    """Return the photographs of a folder that no program writes to: half of one has other contents later."""
+    latest = time.time() - ALONE_S
+    return tuple(file for file in files_below(folder) if kind_of(file) and _written(file) < latest)
+
+
+def _written(file: Path) -> float:
+    """Return when a file was last written to; never ending for one that is gone meanwhile."""
+    try:
+        return file.stat().st_mtime
+    except OSError:
+        return math.inf
 
 
 def watch_folder(
@@ -62,7 +78,7 @@ def watch_folder(
     folder = folder.resolve()
     check_folder(folder)
     asking = Asking(answers, silent=True)
-    origin = Origin("session", folder, tuple(file for file in files_below(folder) if kind_of(file)))
+    origin = Origin("session", folder, whole_photographs(folder))
     out = out or default_out(origin, folder.name)
     with open_record(out, origin=origin, input_folders=[folder]) as record, logged(record), alarm:
         ledger = Ledger(record.scratch("watch") / "ledger.json")

@@ -1,7 +1,9 @@
 """The parts of a watch: what is told once, roles of photographs, the alarm, and folders that cannot be watched."""
 
+import os
 import shutil
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +19,7 @@ from lab.watch.judge import Told
 from lab.watch.lights_so_far import NEWEST, LightsSoFar, joined
 from lab.watch.screen import side_of
 from lab.watch.shots import read_shot, sort_shots
+from lab.watch.watch_folder import whole_photographs
 from scene.camera import Camera
 from scene.current import file_digest
 from scene.errors import CaptureError, SceneError
@@ -221,3 +224,11 @@ def test_all_lights_are_fitted_where_the_newest_lie_in_one_plane_or_a_photograph
     fitted.clear()
     watched.update(frames, [], 1)
     assert fitted == [20]
+
+
+def test_a_half_written_photograph_does_not_tell_a_session_from_others(tmp_path):
+    """Its contents when the watch began were no later photograph's: in the end the folder was refused as another's."""
+    for name, age_s in (("whole.dng", 60), ("half.dng", 0)):
+        (tmp_path / name).write_bytes(b"II*\0")
+        os.utime(tmp_path / name, (time.time() - age_s,) * 2)
+    assert [file.name for file in whole_photographs(tmp_path)] == ["whole.dng"]
