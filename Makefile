@@ -35,11 +35,11 @@ demo: setup
 # Example reports: docs/gallery.md, with the reports in docs/_gallery, from where `make docs` takes them.
 gallery: setup
 	@$(PYTHON) rgbn/system_libraries.py --browser
-	$(BIN)/python -m benchmarks.write_gallery
+	$(BIN)/python -m docs.write_gallery
 
 # The site: docs/_build/html/index.html. The pages that the code writes are written first.
 docs: setup
-	$(BIN)/python -m benchmarks.write_reference
+	$(BIN)/python -m docs.write_reference
 	$(BIN)/python -m sphinx -W --keep-going -q -b html docs docs/_build/html
 
 # Figures of every step, into out/gates.json; what is measured already, at the same commit, is kept.

@@ -17,7 +17,7 @@ from pathlib import Path
 from benchmarks.harness import commit, rounded, run, tables
 
 LEFT_OUT = (
-    "calibration/peers", "sweeps/round-off", "plan/errors", "plan/flashes", "first-capture/init", "robustness/memory",
+    "calibration/peers", "sweeps/round-off", "robustness/memory",
 )  # fmt: skip
 """Tables of no step's own figures, or whose time is too long here; measured where they are named."""
 SHOWN = 1e-4

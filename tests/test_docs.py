@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.write_reference import BLOCKS, REFERENCE
+from docs.write_reference import BLOCKS, REFERENCE
 from capture.session.manifest import TABLES
 from capture.session.manifest_faults import parse
 
@@ -68,7 +68,7 @@ def test_every_picture_is_shown():
 def test_what_the_code_writes_is_up_to_date(page):
     name, write = BLOCKS[page]
     found = (REFERENCE / page).read_text().split(f"<!-- {name} -->\n")[1].split(f"<!-- end of {name} -->")[0]
-    assert found == write(), "run: .venv/bin/python -m benchmarks.write_reference"
+    assert found == write(), "run: .venv/bin/python -m docs.write_reference"
 
 
 def test_every_key_of_a_session_is_described_with_an_example():

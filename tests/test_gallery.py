@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from benchmarks.write_gallery import DOCS, EXAMPLES
+from docs.write_gallery import DOCS, EXAMPLES
 from calibrate.known_lights.read_known import read_lights
 from capture.session.session import load_session
 

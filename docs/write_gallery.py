@@ -1,6 +1,6 @@
 """Example reports as pages of the documentation: docs/gallery.md, pictures of their first screens, and the reports.
 
-    make gallery        # .venv/bin/python -m benchmarks.write_gallery [--out out/gallery]
+    make gallery        # .venv/bin/python -m docs.write_gallery [--out out/gallery]
 
 Each session is taken the whole way, as `rgbn process` does, into the folder --out; what is current is not done again.
 The reports themselves go to docs/_gallery, which git leaves out and `make docs` takes into the site. Sessions of

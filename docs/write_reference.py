@@ -1,6 +1,6 @@
 """Write what the code itself says into docs/reference: keys of session.toml, verbs, what an opened session has.
 
-    .venv/bin/python -m benchmarks.write_reference
+    .venv/bin/python -m docs.write_reference
 
 `tests/test_docs.py` fails where a page says something else.
 """

@@ -1,6 +1,6 @@
 """Record the studio from a folder of photographs to the report: a minute, as one animated picture for the README.
 
-    .venv/bin/python -m benchmarks.record_studio [--out docs/guide/studio.webp]
+    .venv/bin/python -m docs.record_studio [--out docs/guide/studio.webp]
 
 The studio is the real one, in headless Chromium, on the photographs and the scan of the demo's session without its
 session.toml. What is shown is held as long as it takes to read it: the steps' own minutes are left out, and said.
@@ -13,7 +13,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from benchmarks.write_gallery import SCREEN, chromium
+from docs.write_gallery import SCREEN, chromium
 from rgbn.examples import fixture_folder
 from studio.server import Studio
 from studio.workspace import Workspace
