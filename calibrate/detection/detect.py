@@ -39,8 +39,6 @@ LEAST_BRIGHT = (
 LEAST_LEFT, MOST_GAIN = (3e-3, 1e-2), 0.05
 """Limits of features: what shading leaves, what of the outline is not seen; what another body's shading explains."""
 LEAST_MIRRORED, LEAST_AREA, USUAL_PX, LARGEST_PX = 0.9, 2e-3, 30.0, 90.0  # of others: where they begin, or end
-UNEXPLAINED = 0.15
-"""Sigma, in radii, of the outline of a mirror that does not show the table: the horizon is 0.7 of the true one."""
 BESIDE, SEEN = (1.1, 1.5), 0.05  # radii around a ball, and share of the picture's bright parts at which these are seen
 HINT_SIDE, HINT_MARGIN_PX = 1.3, 4  # radii, and pixels, around a hint that are looked into; `HINT_LEAST_PX` at least
 HINT_LEAST_PX = 24
@@ -65,25 +63,29 @@ class Found:
 
     fit: OutlineFit
     rival: Sphere | None = None
-    unexplained: bool = False  # a mirror that does not show the table beside it
+    unexplained: bool = False  # a mirror that does not show the table beside it: it may be the horizon in a larger one
 
     @property
     def sphere(self) -> Sphere:
         return self.fit.sphere
 
     @property
+    def is_open(self) -> bool:
+        """Whether another circle may be the outline."""
+        return self.rival is not None or self.unexplained
+
+    @property
     def warning(self) -> str | None:
-        """The caution that belongs to a mirror whose outline is not sure."""
-        if self.rival is None and not self.unexplained:
+        """The caution that belongs to a mirror whose outline is one of two; it is in no sigma, for it is no scatter."""
+        if not self.is_open:
             return None
         (u, v), radius = self.sphere.center_px, self.sphere.radius_px
         but = "it does not mirror the table beside it, and may be what a larger ball mirrors"
         if self.rival is not None:
             but = f"a circle of {self.rival.radius_px:.0f} px stands as still"
         return (
-            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, to "
-            f"{self.sphere.sigma_px:.1f} px, but {but}. Look at the picture; center_px and radius_px in session.toml "
-            "decide."
+            f"chrome ball at ({u:.0f}, {v:.0f}) px: taken with a radius of {radius:.0f} px, but {but}. Look at the "
+            "picture; center_px and radius_px in session.toml decide, and so do the diameter_mm of all balls."
         )
 
 
@@ -121,8 +123,7 @@ def detect(
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
         else:
             rivals = [] if fit.by_table else circles[1:]
-            unexplained = _unexplained(coarse, fit)
-            found.append(Found(_loosened(fit) if unexplained else fit, rivals[0] if rivals else None, unexplained))
+            found.append(Found(fit, rivals[0] if rivals else None, _unexplained(coarse, fit)))
     return found, tuple(sorted(rejected, key=lambda r: -r.probability))
 
 
@@ -136,13 +137,6 @@ def _unexplained(coarse: Coarse, fit: OutlineFit) -> bool:
     far = np.hypot(columns - small.center_px[0], rows - small.center_px[1]) / small.radius_px
     beside = mean[box][(far > BESIDE[0]) & (far < BESIDE[1])]
     return bool(len(beside) and np.median(beside) > SEEN * np.quantile(mean, 0.9))
-
-
-def _loosened(fit: OutlineFit) -> OutlineFit:
-    """Return the outline with the doubt that it is what the ball mirrors."""
-    covariance = fit.covariance + (UNEXPLAINED * fit.sphere.radius_px) ** 2 * np.eye(3)
-    sigma = float(np.sqrt((covariance[0, 0] + covariance[1, 1]) / 2))
-    return replace(fit, covariance=covariance, sphere=replace(fit.sphere, sigma_px=sigma))
 
 
 def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from calibrate.lights.directions import toward_camera
 from scene.camera import Camera
 from scene.frames import Frames, gray
-from scene.normals import unit
 from scene.robust import TUKEY, cluster_sums, spread, tukey
 from scene.spheres import Sphere
 
@@ -31,7 +30,6 @@ class Surface:
 
     points: Array  # (P, 3)
     normals: Array  # (P, 3)
-    view: Array  # (P, 3) unit, to the camera
     values: NDArray[np.float32]  # (F, P, 3)
     clipped: NDArray[np.bool_]  # (F, P)
     block: NDArray[np.intp]  # (P,) which patch of the ball a pixel lies in: errors agree within a patch
@@ -48,11 +46,11 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     view = toward_camera(camera, points)
     keep = np.flatnonzero(np.sum(normals * view, 1) > FACING)
     keep = keep[:: max(1, len(keep) // MOST_PIXELS)]
-    pixels, points, normals, view = pixels[keep], points[keep], normals[keep], view[keep]
+    pixels, points, normals = pixels[keep], points[keep], normals[keep]
     count, place = len(frames), (sphere.center_mm(camera), sphere.radius_mm)
     if not len(keep):
         none = np.zeros((count, 0, 3), np.float32)
-        return Surface(points, normals, view, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
+        return Surface(points, normals, none, none[..., 0] > 0, np.zeros(0, np.intp), *place, none[0])
     (left, top), (right, bottom) = pixels.min(0), pixels.max(0) + 1
     band, side = slice(int(top), int(bottom)), slice(int(left), int(right))
     at = (pixels[:, 1] - top, pixels[:, 0] - left)
@@ -63,7 +61,7 @@ def read_surface(frames: Frames, camera: Camera, sphere: Sphere) -> Surface:
     ring = np.minimum(np.hypot(*offset.T) / sphere.radius_px * RINGS, RINGS - 1).astype(np.intp)
     block = (angle / (2 * np.pi) * ANGLES).astype(np.intp) % ANGLES + ring * ANGLES
     ambient = frames.read(band, [0], columns=side, subtract_ambient=False)[0][at] - values[0]
-    return Surface(points, normals, view, values, clipped, block, *place, ambient)
+    return Surface(points, normals, values, clipped, block, *place, ambient)
 
 
 def brightness_beside(frames: Frames, sphere: Sphere) -> NDArray[np.float32]:
@@ -155,9 +153,3 @@ def tukey_weights(design: Array, values: Array) -> Array:
         residual = values - design @ np.linalg.lstsq(design.T @ weighted, values @ weighted, rcond=None)[0]
         weight = tukey(residual, TUKEY * max(spread(residual), 1e-7))
     return weight
-
-
-def across_axis(axis: Array) -> tuple[Array, Array]:
-    """Return two unit vectors (3,) across a unit axis and each other."""
-    side = unit(np.cross(axis, [0.0, 1.0, 0.0] if abs(axis[1]) < 0.9 else [1.0, 0.0, 0.0]))
-    return side, np.cross(axis, side)

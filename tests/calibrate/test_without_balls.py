@@ -282,7 +282,7 @@ def test_a_ball_that_is_black_all_over_tells_no_direction():
     values[1] = np.maximum(normals @ [0.6, 0.0, 0.8], 0)[:, None]
     empty = np.zeros((900, 3), np.float32)
     blocks = np.arange(900) // 30
-    surface = Surface(normals, normals, normals, values, np.zeros((2, 900), bool), blocks, np.zeros(3), 1.0, empty)
+    surface = Surface(normals, normals, values, np.zeros((2, 900), bool), blocks, np.zeros(3), 1.0, empty)
     directions, sigma = shading_directions(surface)
     assert np.isnan(directions[0]).all()
     assert np.isnan(sigma[0])
