@@ -46,7 +46,8 @@ TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # on a ball at least so large, who
 TABLE_FLOOR_PX, TABLE_BLURS, TABLE_DOUBT_PX = 0.05, 26.0, 6.0
 """What bends the mirrored table's outline beyond its residuals' scatter, sigma: on a large ball; radius, in blurs, of a
 ball so small that the blur mixes what it mirrors, and as much comes to it; and times the share of the variance that is
-left: the table is no plane, things stand on it, or a wall throws light."""
+left: the table is no plane, things stand on it, or a wall throws light. The first grows as a table seen aslant, by 1 /
+cos^2 of the angle: it shines, and the ball sees it from where the camera does not."""
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
@@ -95,9 +96,12 @@ def fit_outline(
     return _fit_chrome(frames, read, camera, best[0], sphere, plane, float(best_softness)) or best[0]
 
 
-def table_floor_px(radius_px: float, blur_px: float) -> float:
-    """Return the least sigma of an outline that is fitted by the table that the ball mirrors, px."""
-    return TABLE_FLOOR_PX * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
+def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> float:
+    """Return the least sigma of an outline that is fitted by the table that the ball mirrors, px.
+
+    `steepness`: tangent of the angle between the table's normal and the view.
+    """
+    return TABLE_FLOOR_PX * (1 + steepness**2) * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
 
 
 def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
@@ -234,7 +238,9 @@ def _fit_chrome(
     for near, known in tries if sphere.radius_px > TABLE_FROM_PX else ():
         table = fit_mirrored_table(frames, camera, near, blur_px=softness, plane=known)
         if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
-            floor = table_floor_px(table.sphere.radius_px, table.blur_px)
+            if plane is not None and known is None and not table.plane.agrees(plane):
+                continue
+            floor = table_floor_px(table.sphere.radius_px, table.blur_px, table.plane.steepness)
             doubt = np.hypot(floor, TABLE_DOUBT_PX * (1 - table.explained))
             covariance = table.covariance + doubt**2 * np.eye(3)
             if table.covariance[2, 2] < TABLE_LOCATES_PX**2:

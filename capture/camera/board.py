@@ -16,6 +16,8 @@ from scene.reading import reading
 Corners = tuple[NDArray, NDArray]
 """(N, 1, 3) on the board and (N, 1, 2) in the picture."""
 FEWEST = 8
+SQUARE_PIXELS = 0.05
+"""How far fx and fy may differ, relative, beyond three sigmas: cameras' pixels are square."""
 
 
 def calibrate_board(board: Board, session: Session) -> tuple[Camera, str]:
@@ -51,7 +53,7 @@ def calibrate_board(board: Board, session: Session) -> tuple[Camera, str]:
     with reading(board.key, "gives no camera", SessionError, do=do):
         objects, images = map(list, zip(*matched, strict=True))
         return _camera_of_corners(
-            objects, images, size, missed, "chessboard" if board.dictionary is None else "ChArUco"
+            objects, images, size, missed, board.key, "chessboard" if board.dictionary is None else "ChArUco"
         )
 
 
@@ -90,7 +92,7 @@ def _chessboard(board: Board) -> Callable[[NDArray[np.uint8]], Corners | None]:
 
 
 def _camera_of_corners(
-    objects: list[NDArray], images: list[NDArray], size: tuple[int, ...], missed: list[str], source: str
+    objects: list[NDArray], images: list[NDArray], size: tuple[int, ...], missed: list[str], key: str, source: str
 ) -> tuple[Camera, str]:
     import cv2
 
@@ -99,6 +101,11 @@ def _camera_of_corners(
     rms, matrix, distortion, _, _, sigma, _, _ = calibrate(objects, images, (size[1], size[0]), None, None)
     fx, fy, cx, cy = (float(matrix[i]) for i in ((0, 0), (1, 1), (0, 2), (1, 2)))
     sigma_fx, sigma_fy, sigma_cx, sigma_cy = map(float, np.ravel(sigma)[:4])
+    if abs(np.log(fx / fy)) > SQUARE_PIXELS + 3 * np.hypot(sigma_fx / fx, sigma_fy / fy):
+        raise SessionError(
+            f"{key}: the board gives fx {fx:.0f} and fy {fy:.0f} px, but a camera's pixels are square. Count the "
+            "board's squares along and across again; is it flat, and tilted differently in each shot?"
+        )
     camera = Camera(
         *(size[1], size[0], fx, fy, cx, cy),
         distortion=tuple(map(float, np.ravel(distortion)[:5])),

@@ -14,6 +14,8 @@ DICTIONARIES = ("DICT_4X4_1000", "DICT_5X5_1000", "DICT_6X6_1000", "DICT_7X7_100
 """Each holds the smaller ones of its kind, under the same numbers."""
 FEWEST, FEWEST_SHOTS = 6, 3
 """Markers that make a board, and pictures of one that make a camera: a chequered table is none."""
+FEWEST_CORNERS = 4, 4
+"""Inner corners along and across of a chessboard whose size nobody says: three by three are found on balls, too."""
 LONGEST_SIDE = 3
 """Times its shorter one: no board is narrower."""
 
@@ -107,5 +109,5 @@ def _chessboard(gray: NDArray[np.uint8]) -> tuple[int, int] | None:
     import cv2
 
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(gray, (3, 3), flags)
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(gray, FEWEST_CORNERS, flags)
     return (max(meta.shape), min(meta.shape)) if found and meta is not None else None

@@ -22,6 +22,7 @@ WORDS = {
     "board": ("charuco", "aruco", "board", "chessboard", "checkerboard", "chess", "calib", "calibration"),
     "mask": ("mask", "silhouette"),
     "normals": ("normal", "normals"),
+    "truth": ("gt", "truth", "true", "groundtruth", "reference"),
     "lights": ("light", "lights"),
     "chrome": ("chrome", "mirror", "mirrorball"),
     "white": ("white", "gray", "grey", "matte", "diffuse"),
@@ -186,7 +187,15 @@ def _sort(files: Iterable[Path], found: FolderFiles) -> None:
             if "intensities" not in words_of(path, folder):
                 found.lights.append(path)
         elif suffix in NORMALS_SUFFIXES and _told(path, folder, "normals"):
-            found.normals.append(path)
+            # Normals that a program solved have the same names, but for the word.
+            if _told(path, folder, "truth"):
+                found.normals.append(path)
+            else:
+                name = path.relative_to(folder)
+                found.left_out.append(
+                    f"{name}: its name does not say whether these normals are the truth (gt, truth) or a program's "
+                    f'result; they are not used. If they are the truth, add normals = "{name}" under [object].'
+                )
         elif kind_of(path) and _told(path, folder, "mask"):
             found.masks.append(path)
         elif kind_of(path):

@@ -11,7 +11,7 @@ from lab.init.answers import Answers, Asking
 from lab.init.contact_sheet import write_sheet
 from lab.init.draft import Draft
 from lab.init.prepare import prepare
-from lab.init.session_text import session_text
+from lab.init.session_text import is_unedited, session_text, signed
 from lab.progress import progress_bar, say
 from lab.session_place import MANIFEST, default_out
 from scene.errors import SessionError
@@ -99,14 +99,18 @@ def write_session(draft: Draft, out: Path | None = None) -> Made:
         with record.part_of(PART):
             write_sheet(out / SHEET, draft)
     # Last, and outside of the output folder's record: from here on it is the user's.
-    write_text(manifest, session_text(draft))
+    write_text(manifest, signed(session_text(draft)))
     return Made(draft, manifest, out / SHEET)
 
 
+def _text_of(path: Path) -> str:
+    return path.read_bytes().decode("utf-8", "replace")
+
+
 def check_free(files: FolderFiles) -> None:
-    """Raise SessionError where session.toml is there already, or cannot be written."""
+    """Raise SessionError where session.toml is there already and not as init wrote it, or cannot be written."""
     manifest = files.folder / MANIFEST
-    if os.path.lexists(manifest):
+    if os.path.lexists(manifest) and not (manifest.is_file() and is_unedited(_text_of(manifest))):
         raise SessionError(
             f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run "
             f"rgbn init {files.folder} again."

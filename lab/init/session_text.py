@@ -8,6 +8,7 @@ from typing import Any
 from capture.survey.folder_files import pattern_of
 from formats.toml_text import toml_value
 from lab.init.draft import Draft, DraftBall
+from scene.current import fingerprint
 
 COLUMN = 44
 """Where comments begin."""
@@ -18,6 +19,8 @@ PURPOSE = {
     "dark": "lens covered",
     "flat": "white surface, divided by",
 }
+SIGNED = "# As rgbn init wrote it: "
+"""What stands before the fingerprint of all that is above: a file in which nothing was changed is written anew."""
 SQUARE_MM = 20.0
 """Nobody was asked for it: the size of its squares does not change the camera."""
 
@@ -32,6 +35,17 @@ def session_text(draft: Draft) -> str:
         lines += ["", "[lights]", *_key("file", _name(draft.lights, draft.folder))]
     about = [*_object(draft)]
     return "\n".join([*lines, *(["", "[object]", *about] if about else []), ""])
+
+
+def signed(text: str) -> str:
+    """Return the text of a session.toml with the line by which `is_unedited` knows it."""
+    return f"{text}\n{SIGNED}{fingerprint(text)[:12]}\n"
+
+
+def is_unedited(text: str) -> bool:
+    """Whether nobody changed what `signed` returned."""
+    above, mark, _ = text.rpartition(f"\n{SIGNED}")
+    return bool(mark) and text == signed(above)
 
 
 def _frames(draft: Draft) -> Iterator[str]:

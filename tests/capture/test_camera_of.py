@@ -220,6 +220,19 @@ def test_a_board_gives_the_camera(session, tmp_path, plain):
     assert "reprojection error 0." in note
 
 
+def test_a_board_of_another_shape_gives_no_camera():
+    """Squares that are said to be three times as long as they are wide."""
+    rng = np.random.default_rng(10001)
+    corners = BOARD.getChessboardCorners().astype(np.float32)
+    images = []
+    for _ in range(6):
+        turn = cv2.Rodrigues(rng.uniform(-0.45, 0.45, 3) * [1, 1, 0.3])[0]
+        seen = TRUE.project((corners @ turn.T + [-90, -60, 260]) * [1, -1, -1])
+        images.append(seen.astype(np.float32))
+    with pytest.raises(SessionError, match=r"camera.charuco: the board gives fx \d+ and fy \d+ px"):
+        _camera_of_corners([corners * np.float32([3, 1, 1])] * 6, images, (640, 960), [], "camera.charuco", "ChArUco")
+
+
 def test_the_boards_sigma_is_honest():
     """Corners with known noise, 24 times: errors in units of the stated sigma have variance 1."""
     rng = np.random.default_rng(10000)
@@ -232,7 +245,7 @@ def test_the_boards_sigma_is_honest():
             place = np.array([-90, -60, 260]) + rng.uniform(-1, 1, 3) * [25, 15, 30]
             seen = TRUE.project((corners @ turn.T + place) * [1, -1, -1])
             images.append((seen + rng.normal(0, 0.2, seen.shape)).astype(np.float32))
-        camera, _ = _camera_of_corners([corners] * 8, images, (640, 960), [], "ChArUco")
+        camera, _ = _camera_of_corners([corners] * 8, images, (640, 960), [], "camera.charuco", "ChArUco")
         scores.append([(camera.fx / TRUE.fx - 1) / camera.focal_sigma, (camera.cx - TRUE.cx) / camera.center_sigma_px])
     spread = np.sqrt(np.mean(np.square(scores), 0))
     assert (spread > 0.6).all()

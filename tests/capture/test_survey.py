@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from capture.session.globs import expand
-from capture.survey.board_layout import find_board
+from capture.survey.board_layout import _chessboard, find_board
 from capture.survey.folder_files import pattern_of, survey
 from capture.survey.small_pictures import Small, by_light, of_one_size, read_small
 from scene.errors import SessionError
@@ -50,6 +50,20 @@ def test_names_tell_roles(tmp_path):
         "penguin.ply", "mask.png", "lights.lp", "Normal_gt.mat"
     ]  # fmt: skip
     assert found.left_out == []
+
+
+def test_normals_whose_name_does_not_say_that_they_are_the_truth_are_none(tmp_path):
+    lay(tmp_path, "1.dng", "2.dng", "3.dng", "result/normals.npy")
+    (found,) = survey(tmp_path)
+    assert found.normals == []
+    assert found.left_out[0].startswith("result/normals.npy: its name does not say whether these normals are the truth")
+
+
+def test_what_shows_three_by_three_corners_is_no_board():
+    squares = np.kron(np.indices((4, 4)).sum(0) % 2, np.ones((40, 40))).astype(np.float32)
+    assert _chessboard((255 * np.pad(squares, 60, constant_values=1)).astype(np.uint8)) is None
+    squares = np.kron(np.indices((6, 7)).sum(0) % 2, np.ones((40, 40))).astype(np.float32)
+    assert _chessboard((255 * np.pad(squares, 60, constant_values=1)).astype(np.uint8)) == (6, 5)
 
 
 @pytest.mark.parametrize("word", ["no_flash", "noflash", "FlashOff", "ambient", "AMB"])

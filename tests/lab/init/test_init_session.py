@@ -66,6 +66,11 @@ def test_two_questions_give_the_session_that_was_written_by_hand(folder, monkeyp
     assert (ours.scan_unit, ours.camera) == ("mm", None)
     assert made.sheet.is_file()
     assert any("13 .jpg" in note and "beside a file of the same name" in note for note in made.draft.notes)
+    # What nobody has changed is written anew, with what is known now; a person's own words are not.
+    init_sessions(folder, Answers({"chrome": (60.0,), "white": (58.0,)}, unit="mm"), silent=True)
+    assert {s.diameter_mm for s in load_session(folder).spheres if s.kind == "chrome"} == {60.0}
+    text = (folder / "session.toml").read_text()
+    (folder / "session.toml").write_text(text.replace("60", "61", 1))
     with pytest.raises(SessionError, match="is there already"):
         init_sessions(folder, Answers(), silent=True)
 
