@@ -19,7 +19,7 @@ from scipy.special import expit
 
 from calibrate.detection.agreement import Rays, agreement
 from calibrate.detection.circles import overlap
-from calibrate.silhouette.table_plane import TablePlane
+from calibrate.silhouette.mirrored_table import MirroredTable
 from scene.spheres import Kind, Sphere
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ class Suspect:
     rays: Rays
     glossy: bool = False  # it shows the light as a wandering point
     others: Sequence[Sphere] = ()  # circles that stand about as still and may be its outline, the likeliest first
-    plane: TablePlane | None = None  # of the table that it mirrors
+    table: MirroredTable | None = None  # that it mirrors
 
     @property
     def doubt(self) -> str:

@@ -21,6 +21,8 @@ from calibrate.detection.mirror_outline import (
     static_slopes,
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
+from calibrate.silhouette.metal_reflectance import Law, law_of
+from calibrate.silhouette.mirrored_table import MirroredTable
 from calibrate.silhouette.table_plane import TablePlane, shared_plane
 from scene.camera import Camera
 from scene.frames import Frames
@@ -114,10 +116,11 @@ def detect(
             places.append(one)
     rejected = [_rejected(coarse, one, one.suspect.doubt) for one in places[len(chosen) :]]
     starts = [[coarse.sphere_to_full(s) for s in (one.suspect.sphere, *one.suspect.others)] for one in chosen]
-    shown = [one.suspect.plane for one in chosen]
-    planes = [shared_plane([p for m, p in enumerate(shown) if p and m != n]) for n in range(len(shown))]
+    shown = [one.suspect.table for one in chosen]
+    planes = [shared_plane([t.plane for m, t in enumerate(shown) if t and m != n]) for n in range(len(shown))]
+    law = law_of([table.is_fresnels for table in shown if table])
     with ThreadPoolExecutor(THREADS) as threads:
-        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px), starts, planes))
+        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px, law=law), starts, planes))
     for one, circles, fit in zip(chosen, starts, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
@@ -146,12 +149,12 @@ def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
 
 
 def _outline(
-    frames: Frames, camera: Camera, circles: list[Sphere], plane: TablePlane | None, *, search_px: float
+    frames: Frames, camera: Camera, circles: list[Sphere], plane: TablePlane | None, *, search_px: float, law: Law
 ) -> OutlineFit | None:
     """Fit the likeliest circle, the first; but a mirror's is that in which it shows the table beside it."""
     first = None
     for number, circle in enumerate(circles[: 1 + OTHERS]):
-        fit = fit_outline(frames, camera, circle, search_px=search_px, plane=plane)
+        fit = fit_outline(frames, camera, circle, search_px=search_px, plane=plane, laws=(law,))
         if fit is not None and fit.by_table:
             return fit
         if number == 0:
@@ -216,7 +219,7 @@ def _mirrors(
         if table is not None:
             tables.append(coarse.from_full(table.sphere))
             planes.append(table.plane)
-            suspects += _mirror(coarse, change, tables[-1], [], table.plane)
+            suspects += _mirror(coarse, change, tables[-1], [], table)
         for circle in some:
             others = [c for c in about if c is not circle and c.score > AS_STILL * circle.score]
             suspects += _mirror(coarse, change, circle, others, None)
@@ -224,19 +227,19 @@ def _mirrors(
 
 
 def _mirror(
-    coarse: Coarse, change: list[Change], circle: Sphere, others: list[Sphere], plane: TablePlane | None
+    coarse: Coarse, change: list[Change], circle: Sphere, others: list[Sphere], shown: MirroredTable | None
 ) -> list[Suspect]:
-    """Return a circle as a mirror, if it may be one. `plane`: of the table beside it, where that explains it."""
+    """Return a circle as a mirror, if it may be one. `shown`: the table beside it, where that explains it."""
     points, seen = bright_points(change, circle), shaded(coarse, circle)
     if points is None or seen is None or not points.may_wander:
         return []
-    table = [0, 0, circle.score] if plane is None else [1, max(circle.score - LEAST_MIRRORED, 0), 0]
+    table = [0, 0, circle.score] if shown is None else [1, max(circle.score - LEAST_MIRRORED, 0), 0]
     area = np.log(max(points.area, LEAST_AREA))
     features = [1, *table, area, float(np.clip(seen.share, 0, 1)), points.inside, _size(circle)]
     sphere = replace(circle, kind="chrome")
     rivals = [replace(c, kind="chrome") for c in others]
     rays = mirror_rays(coarse, change, sphere)
-    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals, plane=plane)]
+    return [Suspect(sphere, "chrome", np.array(features, np.float64), rays, glossy=True, others=rivals, table=shown)]
 
 
 def around_hint(coarse: Coarse, hint: Sphere, *, reach_px: float) -> list[Sphere]:

@@ -1,5 +1,6 @@
 """A ball's outline to hundredths of a pixel: the cone that a sphere cuts, three unknowns, no free ellipse."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -17,6 +18,7 @@ from calibrate.silhouette.cone_fit import (
     Reader,
     fit_cone,
 )
+from calibrate.silhouette.metal_reflectance import LAWS, Law
 from calibrate.silhouette.mirrored_table import fit_mirrored_table
 from calibrate.silhouette.outline import (
     difference,
@@ -72,12 +74,18 @@ class OutlineFit:
 
 
 def fit_outline(
-    frames: Frames, camera: Camera, sphere: Sphere, *, search_px: float, plane: TablePlane | None = None
+    frames: Frames,
+    camera: Camera,
+    sphere: Sphere,
+    *,
+    search_px: float,
+    plane: TablePlane | None = None,
+    laws: Sequence[Law] = LAWS,
 ) -> OutlineFit | None:
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
-    The outline may lie `search_px` from the start. `plane`: what other balls show of the table. None if less than a
-    quarter of the outline shows an edge.
+    The outline may lie `search_px` from the start. `plane`: what other balls show of the table; `laws`: those
+    that their metal may have. None if less than a quarter of the outline shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
@@ -93,7 +101,7 @@ def fit_outline(
         return None
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
-    return _fit_chrome(frames, read, camera, best[0], sphere, plane, float(best_softness)) or best[0]
+    return _fit_chrome(frames, read, camera, best[0], sphere, (plane, laws), float(best_softness)) or best[0]
 
 
 def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> float:
@@ -227,16 +235,16 @@ def _fit_chrome(
     camera: Camera,
     edge: OutlineFit,
     start: Sphere,
-    plane: TablePlane | None,
+    others: tuple[TablePlane | None, Sequence[Law]],
     softness: float,
 ) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
-    sphere = edge.sphere
+    sphere, (plane, laws) = edge.sphere, others
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
     tries = [(sphere, plane), (sphere, None), (start, None)] if plane else [(sphere, None), (start, None)]
     for near, known in tries if sphere.radius_px > TABLE_FROM_PX else ():
-        table = fit_mirrored_table(frames, camera, near, blur_px=softness, plane=known)
+        table = fit_mirrored_table(frames, camera, near, blur_px=softness, plane=known, laws=laws)
         if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
             if plane is not None and known is None and not table.plane.agrees(plane):
                 continue

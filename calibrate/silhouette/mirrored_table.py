@@ -13,7 +13,7 @@ the outline then, where they would bend a smooth profile's. The mirror's picture
 outline; so it is looked up at even steps of the ball's normal, and blurred as the camera blurs it.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtr
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX, blurred_ramp
-from calibrate.silhouette.metal_reflectance import LAWS, Law
+from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
 from calibrate.silhouette.mirrored_surroundings import Shown, Surroundings
 from calibrate.silhouette.outline import SECTOR, moved
 from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
@@ -41,6 +41,7 @@ LEAST_SEEN = 0.25  # share of the profiles to go on with a plane
 TURNS, ROUGH_TURNS, LEAST_TURNS = 40, 8, 2
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
+USUAL = 0.6  # the same of chromium, before it is known
 SETTLED_PX, UNSETTLED_PX = 1e-3, 0.05  # step of the outline from which on no more is taken, and that none is left
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
@@ -61,6 +62,7 @@ class MirroredTable(NamedTuple):
     mirror: float  # reflectance where it faces the camera
     law: Law  # by which it changes with the angle
     explained: float  # share of the profiles' variance that the model explains; d and e alone explain none of it
+    is_fresnels: float = 0.0  # log ratio of what Schlick's law and Fresnel's leave; 0 where only one was tried
 
 
 def fit_mirrored_table(
@@ -70,16 +72,17 @@ def fit_mirrored_table(
     *,
     blur_px: float,
     plane: TablePlane | None = None,
+    laws: Sequence[Law] = LAWS,
     rough: bool = False,
 ) -> MirroredTable | None:
     """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
 
-    `plane`: what other balls show of the table. `rough`: a few turns only, enough to tell a mirror's outline from
-    another circle.
+    `plane`: what other balls show of the table; `laws`: those that their metal may have. `rough`: a few turns only,
+    enough to tell a mirror's outline from another circle.
     """
     surroundings, best = Surroundings(frames.some(FRAMES), camera, sphere), None
-    known = ANY_PLANE if plane is None else plane
-    for law in LAWS[:1] if rough else LAWS:
+    known, left = ANY_PLANE if plane is None else plane, dict[Law, float]()
+    for law in laws[:1] if rough else laws:
         if best:
             starts = [(best.sphere, best.plane.values, best.blur_px)]
         elif plane is None:
@@ -87,10 +90,15 @@ def fit_mirrored_table(
         else:
             starts = [(sphere, plane.values, blur_px)]
         for start in starts:
-            best = _better(best, _settle(surroundings, start, known, law, rough=rough))
-            if best and best.explained > SURE and best.law is law:
+            one = _settle(surroundings, start, known, law, rough=rough)
+            if one:
+                left[law] = min(left.get(law, 1.0), 1 - one.explained)
+                best = one if best is None or one.explained > best.explained else best
+            if one and one.explained > SURE:
                 break
-    return best
+    if best is None or len(left) < 2:
+        return best
+    return best._replace(is_fresnels=float(np.log(left[schlick] / left[fresnel])))
 
 
 def _starts(
@@ -103,11 +111,6 @@ def _starts(
             yield sphere, plane, blur_px
 
 
-def _better(one: MirroredTable | None, other: MirroredTable | None) -> MirroredTable | None:
-    """Return the one that explains more."""
-    return other if other and (one is None or other.explained > one.explained) else one
-
-
 def share_explained(
     table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float, law: Law = LAWS[0]
 ) -> Array:
@@ -116,7 +119,7 @@ def share_explained(
     shares = []
     for plane in planes:
         shown = table.mirrored_by(sphere, plane, blur_px)
-        explained = _explain(profiles, shown, law(shown.facing), offsets, blur_px)
+        explained = _explain(profiles, shown, law(shown.facing, USUAL), offsets, blur_px)
         shares.append(explained.share if explained and explained.hopeful else 0.0)
     return np.array(shares)
 
@@ -138,7 +141,7 @@ def _settle(
 ) -> MirroredTable | None:
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it."""
     sphere, plane, blur_px = start
-    blur, damping = blur_px, 0.0
+    blur, damping, mirror = blur_px, 0.0, USUAL
     kept: _Turn | None = None
     # From a circle that is none yet the way leads through worse ones.
     turns, slip = (ROUGH_TURNS, np.inf) if rough else (TURNS, SLIP)
@@ -148,7 +151,7 @@ def _settle(
     for turn in range(turns):
         profiles, offsets, jacobian = table.profiles(sphere, blur)
         shown = table.mirrored_by(sphere, plane, blur)
-        explained = _explain(profiles, shown, law(shown.facing), offsets, blur)
+        explained = _explain(profiles, shown, law(shown.facing, mirror), offsets, blur)
         if explained and explained.hopeful and (kept is None or explained.share > kept.explained.share - slip):
             at = sphere, plane, blur
             slopes = _slopes(table, at, (shown, law), (profiles, offsets, jacobian), explained)
@@ -166,6 +169,7 @@ def _settle(
         else:
             damping = max(10 * damping, FIRST_DAMPING)
         sphere, plane, blur = kept.at
+        mirror = min(max(kept.explained.mirror, REFLECTS[0]), REFLECTS[1])
         step = np.linalg.solve(kept.normal + damping * np.diag(np.diag(kept.normal)), kept.gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
         sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
@@ -239,7 +243,8 @@ def _slopes(
 ) -> Values:
     """Return (8, F, BINS, M), the model's derivatives `at` (sphere, plane, blur), in noises, free of d and e."""
     (sphere, plane, blur), (profiles, offsets, jacobian), (shown, law) = at, seen, mirror
-    grazing, k = law(shown.facing), explained.mirror
+    k = explained.mirror
+    grazing = law(shown.facing, k)
     reflects = k + (1 - k) * grazing
     basis, mirrored = _outside(offsets, blur), shown.blurred(offsets, blur, reflects)
     beyond = _coefficients(np.nan_to_num(profiles - mirrored), basis, explained.weight)
@@ -250,7 +255,7 @@ def _slopes(
     def seen_in(sphere: Sphere, plane: Array) -> Values:
         # One direction a profile is enough for a difference.
         one = table.mirrored_by(sphere, plane, blur, 1)._replace(radius_px=shown.radius_px)
-        return one.blurred(offsets, blur, k + (1 - k) * law(one.facing))
+        return one.blurred(offsets, blur, k + (1 - k) * law(one.facing, k))
 
     here = seen_in(sphere, plane)
 
