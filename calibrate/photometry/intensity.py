@@ -48,7 +48,7 @@ def measure(surface: Surface, meter: Meter) -> Photometry:
         return Photometry(intensities, sigma, np.full(3, np.nan), sigma, clipped, "")
     every = ShadingModel(ball.only(read))
     gray = every.ball.values.mean(-1)
-    rough = every.misfit(every.energies(every.ball.shading, np.zeros(4), gray)[1])
+    rough = every.misfit(every.energies(every.ball.shading, 0.0, gray)[1])
     # What hides the flash from the ball in one frame must not bend what all frames share.
     sound = (every.level > DIM * np.median(every.level)) & (rough < max(PARTLY, PARTLY_TIMES * float(np.median(rough))))
     kept = np.flatnonzero(read)[sound]
@@ -57,8 +57,7 @@ def measure(surface: Surface, meter: Meter) -> Photometry:
     for c in range(3):
         own = model.fit(model.ball.values[..., c])
         intensities[read, c] = every.energies(every.shape(own.table), own.ambient, every.ball.values[..., c])[0]
-        # As the surface that faces the camera shows it.
-        ambient[c] = max(0.0, float(own.ambient[0] + own.ambient[3]))
+        ambient[c] = own.ambient
     _, residual = every.energies(every.shape(fit.table), fit.ambient, gray)
     misfit = np.full(count, np.nan)
     misfit[read] = every.misfit(residual)
@@ -84,13 +83,12 @@ def _sigma(model: ShadingModel, fit: Fit, covariance: Array | None) -> Array:
     root, thrown = np.sqrt(model.weight), fit.energy[:, None] * (model.shape(fit.table) - model.ball.shading)
     count, blocks = root.shape
     # By the energies, the ambient light where there is any, and the table where it throws any.
-    lit = model.around if fit.ambient.any() else model.around[:, :0]
-    slopes = model.slopes(fit.table) if fit.table[0] else []
-    columns = np.zeros((count, blocks, count + lit.shape[1] + len(slopes)))
+    shared = [np.ones((count, blocks))] if fit.ambient else []
+    shared += [fit.energy[:, None] * slope for slope in model.slopes(fit.table)] if fit.table[0] else []
+    columns = np.zeros((count, blocks, count + len(shared)))
     columns[np.arange(count), :, np.arange(count)] = model.shape(fit.table)
-    columns[..., count : count + lit.shape[1]] = lit
-    for i, slope in enumerate(slopes, count + lit.shape[1]):
-        columns[..., i] = fit.energy[:, None] * slope
+    for i, column in enumerate(shared, count):
+        columns[..., i] = column
     weighted = root[..., None] * columns
     flat = weighted.reshape(count * blocks, -1)
     scale = np.maximum(np.linalg.norm(flat, axis=0), 1e-12)

@@ -1,9 +1,9 @@
 """What a matte ball shows under every flash:
 
-    value = E_f (m + k B) + a + a'.n
+    value = E_f (m + k B) + a
 
 m is the flash's own shading, B the light that an even white table under the ball throws back at it, k the table's
-albedo, and a, a' the light that is there without flash, with its direction. Only E_f is a frame's own. The table's
+albedo, and a the light that is there without flash. Only E_f is a frame's own. The table's
 normal is (x, y, 1) / |(x, y, 1)|; k, x and y are the nonlinear numbers.
 """
 
@@ -28,7 +28,7 @@ class Fit(NamedTuple):
 
     table: Array  # (3,) k, x and y: its albedo, as far as the ball sees an even, endless one, and its slopes
     energy: Array  # (F,) pixel value of the surface that faces the flash at the reference point
-    ambient: Array  # (4,) a and a'
+    ambient: float  # a
     residual: Array  # (F, B) value less model
 
 
@@ -37,7 +37,6 @@ class ShadingModel:
 
     def __init__(self, ball: Patches) -> None:
         self.ball = ball
-        self.around = np.column_stack([np.ones(len(ball.normals)), ball.normals])
         level = np.sum(ball.weight * ball.shading * ball.values.mean(-1), 1)
         level /= np.maximum(np.sum(ball.weight * ball.shading**2, 1), 1e-12)
         # Relative errors: a bright flash's patches scatter in proportion. Not those of a ball in shadow.
@@ -52,9 +51,9 @@ class ShadingModel:
         """Return the derivatives (F, B) of `shape` by the table's numbers."""
         return [(self.shape(table + e) - self.shape(table - e)) / (2 * STEP) for e in STEP * np.eye(3)]
 
-    def energies(self, shape: Array, ambient: Array, values: Array) -> tuple[Array, Array]:
+    def energies(self, shape: Array, ambient: float, values: Array) -> tuple[Array, Array]:
         """Return energy (F,) and value less model (F, B), all else held."""
-        rest = values - self.around @ ambient
+        rest = values - ambient
         energy = np.sum(self.weight * shape * rest, 1) / np.maximum(np.sum(self.weight * shape**2, 1), 1e-30)
         return energy, rest - energy[:, None] * shape
 
@@ -76,12 +75,11 @@ class ShadingModel:
         energy, left = self.energies(shape, ambient, values)
         return Fit(table, energy, ambient, left)
 
-    def _ambient(self, shape: Array, values: Array) -> Array:
-        """Return (4,) the ambient light, with every energy eliminated; 0 where it would be negative."""
-        weight, around = self.weight, self.around
+    def _ambient(self, shape: Array, values: Array) -> float:
+        """Return the ambient light, with every energy eliminated; 0 where it would be negative."""
+        weight = self.weight
         square = np.maximum(np.sum(weight * shape**2, 1), 1e-30)
-        mixed = (weight * shape) @ around
-        matrix = around.T @ (weight.sum(0)[:, None] * around) - mixed.T @ (mixed / square[:, None])
-        right = around.T @ np.sum(weight * values, 0) - mixed.T @ (np.sum(weight * shape * values, 1) / square)
-        ambient = np.linalg.lstsq(matrix, right, rcond=1e-9)[0]
-        return ambient if ambient[0] > 0 else np.zeros(4)
+        mixed = np.sum(weight * shape, 1)
+        left = weight.sum() - np.sum(mixed**2 / square)
+        right = np.sum(weight * values) - np.sum(mixed * np.sum(weight * shape * values, 1) / square)
+        return max(float(right / left), 0.0) if left > 1e-9 * weight.sum() else 0.0
