@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from docs.write_reference import BLOCKS, REFERENCE
 from capture.session.manifest import TABLES
 from capture.session.manifest_faults import parse
+from docs.write_reference import BLOCKS, REFERENCE
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from docs.write_gallery import DOCS, EXAMPLES
 from calibrate.known_lights.read_known import read_lights
 from capture.session.session import load_session
+from docs.write_gallery import DOCS, EXAMPLES
 
 MADE = {example.name: example.make for example in EXAMPLES}
 COUNT = 12
