@@ -25,8 +25,10 @@ SCHOLAR = "Harvard, scholar, two chrome balls, 20, against these, refined by the
 FITTED = "without Lsq, whose range was fitted"
 QUOTED = (
     Quoted(
-        "light direction in scenes rendered by other programs, by Cycles and by Mitsuba", "calibration/lights",
-        "[Cycles, handed out: direction_median_deg]°, [path-traced bunny: direction_median_deg]°",
+        "light direction in scenes rendered by other programs: by Cycles; balls among clutter, and a figurine, by "
+        "Mitsuba", "calibration/lights",
+        "[Cycles, handed out: direction_median_deg]°; [Mitsuba, balls among clutter: direction_median_deg]°, "
+        "[path-traced bunny: direction_median_deg]°",
         "#balls-and-lights",
     ),
     Quoted(

@@ -196,6 +196,7 @@ def test_two_flashes_from_one_place(shot):
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_gamma_encoded_frames(shot, frames):
     """8 bits of sRGB, said to be linear: an ambient light of 70 % of the flash hid it, with strengths 16 % off."""
     world = shot[0]

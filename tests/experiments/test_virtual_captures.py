@@ -165,6 +165,7 @@ def test_no_two_materials_look_alike_and_each_counterpart_has_its_own():
 
 @pytest.mark.full
 @pytest.mark.render
+@pytest.mark.slow
 def test_a_pair_is_photographed_and_processed(tmp_path):
     """One easy level, all the way: the lights are found as they were held, and the two sides err alike."""
     setup, capture, rendering = Setup(frames=12, seed=10001), tmp_path / "capture", tmp_path / "rendering"

@@ -55,6 +55,7 @@ for size in sizes:
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_a_disk_of_any_size(tmp_path):
     make_session(tmp_path / "session")
     disk = tmp_path / "disk"

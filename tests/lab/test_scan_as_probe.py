@@ -75,6 +75,7 @@ def test_a_scan_of_unknown_unit_cannot_be_the_probe():
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_process_goes_the_whole_way(processed):
     out, summary = processed
     truth = json.loads((BUMPY / "truth.json").read_text())

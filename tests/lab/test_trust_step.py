@@ -11,6 +11,7 @@ METHODS = "ls,iterative,reflectance,near"
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_errors_of_a_session_are_foretold(tmp_path, run_rgbn):
     out = tmp_path / "out"
     code, printed, said = run_rgbn("solve", SESSION, "--out", out, "--trust", "-m", METHODS)

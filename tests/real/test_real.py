@@ -21,6 +21,7 @@ COMMAND = [str(Path(sys.executable).parent / "rgbn")]
 pytestmark = [
     pytest.mark.skipif(not SHARED.is_dir(), reason="../shared, with captures made by others, is absent"),
     pytest.mark.slow,
+    pytest.mark.full,
 ]
 
 
@@ -45,7 +46,6 @@ def owl(tmp_path_factory):
     return out, process(HERE / "uw_owl", out)
 
 
-@pytest.mark.full
 def test_lights_from_an_almost_invisible_chrome_ball(owl):
     """Against the set's own lights.txt, the weaker of the two: its README puts it 3.7 degrees from the gray ball.
 
@@ -84,7 +84,6 @@ def test_the_report_says_what_is_not_known(owl):
     assert not (out / "normals" / "truth.npy").exists()
 
 
-@pytest.mark.full
 def test_a_matte_sphere_has_the_normals_of_a_sphere(tmp_path):
     """Chrome gives the lights, the gray ball is the object: no truth file is needed.
 
@@ -101,7 +100,6 @@ def test_a_matte_sphere_has_the_normals_of_a_sphere(tmp_path):
     assert np.median(error[z > 0.2]) < 5
 
 
-@pytest.mark.full
 @pytest.mark.parametrize(("name", "ls", "iterative"), [("ball", 3.1, 2.1), ("cat", 7.9, 6.6)])
 def test_diligent_folders_are_sessions(tmp_path, name, ls, iterative):
     """Mean error with given lights and given normals; a 60-line prototype apart from this project had 1.93 and 6.39."""
@@ -111,7 +109,6 @@ def test_diligent_folders_are_sessions(tmp_path, name, ls, iterative):
     assert methods["iterative"]["real"]["mean_deg"] < iterative
 
 
-@pytest.mark.full
 @pytest.mark.render
 def test_a_session_with_known_truth_made_by_another_renderer(tmp_path):
     """The bunny: no click, no code in common; figures with slack over those in the README.

@@ -272,6 +272,7 @@ def test_ctrl_c_while_a_compiled_module_loads():
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_a_killed_run_leaves_no_half_file_and_the_next_goes_on(run_rgbn, session):
     out = session.parent / "out"
     process = start(session, out)

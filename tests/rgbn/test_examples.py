@@ -72,6 +72,7 @@ def test_all_slips_are_told_at_once_and_each_message_says_the_cure(tmp_path):
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_the_last_slip_shows_in_the_photographs(tmp_path):
     """What the first message says is put right; then the scan's unit is doubted, and once it is mended all runs."""
     folder = rgbn.example("wrong", tmp_path / "wrong")

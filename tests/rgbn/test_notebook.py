@@ -49,6 +49,7 @@ def table(run, line):
 
 
 @pytest.mark.full
+@pytest.mark.slow
 def test_no_cell_fails_or_warns(run):
     for line, outputs in run.items():
         for output in outputs:

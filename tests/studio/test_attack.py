@@ -370,6 +370,7 @@ def run(work):
         pool.submit(asyncio.run, work).result()
 
 
+@pytest.mark.slow
 def test_an_attack_leaves_the_studio_as_it_was(studio):
     async def proper():
         """Do what a person does: a window, a shape, a picture of it."""

@@ -145,6 +145,7 @@ def test_a_program_that_was_changed_runs_again(dented, tmp_path):
     assert (calls / "log").read_text() == "xx"
 
 
+@pytest.mark.full
 def test_programs_join_the_table_and_run_once(dented, tmp_path):
     shelf, out, calls = tmp_path / "shelf", tmp_path / "out", tmp_path / "calls"
     calls.mkdir()

@@ -98,7 +98,8 @@ def test_a_watch_goes_on_with_a_shoot_that_ended_and_leaves_a_changed_session_al
     assert manifest.read_text().endswith("# mine\n")
 
 
-def test_200_frames_by_four_hasty_writers_and_a_watch_killed_20_times(tmp_path):
-    found = killed_watch(tmp_path, count=200, kills=20)
+@pytest.mark.slow
+def test_100_frames_by_four_hasty_writers_and_a_watch_killed_10_times(tmp_path):
+    found = killed_watch(tmp_path, count=100, kills=10)
     assert found.lost == []
     assert found.doubled == []
