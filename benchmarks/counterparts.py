@@ -191,7 +191,8 @@ def _shown(rows: Sequence[PairRow]) -> str:
     results = _by_experiment(rows)
     parts = [_levels(one, results[one.name]) for one in VIRTUAL_EXPERIMENTS if one.name in results]
     whole = len(results) == len(VIRTUAL_EXPERIMENTS)
-    return "\n".join([_summary(rows), *([_statements(results)] if whole else []), *parts])
+    charts = [f"![{one.label}](virtual-{one.name}.svg)\n" for one in VIRTUAL_EXPERIMENTS] if whole else []
+    return "\n".join([_summary(rows), *([_statements(results)] if whole else []), *parts, *charts])
 
 
 def _figures(rows: Sequence[PairRow]) -> Figures:
@@ -204,7 +205,7 @@ def _figures(rows: Sequence[PairRow]) -> Figures:
 
 def _charts(rows: Sequence[PairRow]) -> dict[str, str]:
     results, drawn = _by_experiment(rows), {}
-    for one in (one for one in VIRTUAL_EXPERIMENTS if one.name in results):
+    for one in VIRTUAL_EXPERIMENTS if len(results) == len(VIRTUAL_EXPERIMENTS) else ():
         names = [level for level in one.levels if isinstance(level, str)]
         levels = list(map(float, range(len(names)) if names else one.levels))
         lines = {

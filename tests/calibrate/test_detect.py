@@ -1,15 +1,17 @@
 """Balls without clicks, among shadows, mirrored rims and an object made of round lumps."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from calibrate.detection.agreement import Rays, agreement
-from calibrate.detection.balls import find_balls
+from calibrate.detection.balls import _by_diameters, find_balls
 from calibrate.detection.choice import Suspect, choose, fitted
 from calibrate.detection.coarse import shrink
 from calibrate.detection.detect import Found, detect
+from calibrate.detection.diameters import Diameter
 from calibrate.detection.mirror_outline import about_horizon, circles_about
 from calibrate.lights.directions import mirrored_rays
 from calibrate.silhouette.ball_silhouette import OutlineFit
@@ -291,6 +293,29 @@ def test_a_mirror_whose_outline_is_not_sure_is_named():
     warning = Found(fit, rival).warning
     assert warning is not None
     assert "a circle of 30 px stands as still" in warning
+
+
+def test_diameters_tell_a_mirror_from_the_table_s_edge_in_it(table):
+    """Of two circles that stand as still, the one that its diameter asks for beside a white ball is taken."""
+    world, frames = table
+    chrome, white = world.spheres()[0], world.spheres()[2]
+    inner = replace(chrome, radius_px=0.7 * chrome.radius_px)
+    fits = [OutlineFit(sphere, 0.01 * np.eye(3), 0.1) for sphere in (chrome, inner)]
+    mm = chrome.diameter_mm
+
+    def told(found, diameter, sure):
+        return _by_diameters(frames, world.camera, found, Diameter(diameter, 0.0), sure, search_px=2.0)
+
+    right = told(Found(fits[0], unexplained=True), mm, [white])
+    assert right.warning is None
+    assert right.sphere.radius_px == chrome.radius_px
+    exchanged = told(Found(fits[1], rival=chrome), mm, [white])
+    assert exchanged.warning is None
+    assert exchanged.sphere.radius_px == pytest.approx(chrome.radius_px, abs=0.1)
+    # Nothing is known without diameters, and a diameter that fits none of both is at fault itself.
+    assert told(Found(fits[1], rival=chrome), None, [white]).warning
+    assert told(Found(fits[1], rival=chrome), mm, []).warning
+    assert told(Found(fits[1], rival=chrome), 5 * mm, [white]).warning
 
 
 def test_a_few_frames_of_many_are_searched():
