@@ -83,7 +83,10 @@ def cell(quoted: Quoted, figures: dict[str, float]) -> str:
 def readme_table() -> str:
     """Return README's table as Markdown."""
     known = json.loads(MEASURED.read_text())
-    lines = ["| judged by known truth | |", "|---|---|"]
+    whole = sorted({one.table.split("/")[0] for one in QUOTED if known.get(one.table, {}).get("scale") == "full"})
+    cases = "the cases of `make gates`"
+    told = f"; {cases}" + (f", of {', '.join(whole)} all" if whole else "")
+    lines = [f"| judged by known truth{told} | |", "|---|---|"]
     for one in QUOTED:
         page = one.table.split("/")[0]
         told = cell(one, known[one.table]["figures"]) if one.table in known else "not measured yet"
