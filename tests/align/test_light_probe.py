@@ -53,6 +53,7 @@ def at_truth(world):
     return JointEquations.about(evidence, doubt, near=True), lights, evidence
 
 
+@pytest.mark.full
 def test_lights_and_pose_come_from_photographs_and_scan_alone(world, found):
     assert found.lights.model == "near"
     assert np.median(angular_error_deg(found.lights.directions, world.lights.directions)) < 0.3
@@ -64,6 +65,7 @@ def test_lights_and_pose_come_from_photographs_and_scan_alone(world, found):
     assert found.lights.white_value is None
 
 
+@pytest.mark.full
 def test_the_sigmas_are_honest(world, found):
     """Neither smaller than the errors, nor so large that they say nothing."""
     off = angular_error_deg(found.lights.directions, world.lights.directions) / np.sqrt(2)
@@ -78,6 +80,7 @@ def test_the_sigmas_are_honest(world, found):
     assert (found.pose.inverse() @ world.pose).angle_deg() < 3 * np.degrees(turn)
 
 
+@pytest.mark.full
 def test_what_is_said(found):
     assert "no ball and no lights' file: near lights, 0.5" in found.evidence
     assert "judged too kindly" in found.warnings[0]

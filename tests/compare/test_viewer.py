@@ -95,8 +95,8 @@ def test_photographs_keep_the_error_that_the_page_states(session, shown):
     assert scale["error_share"] < 0.03
 
 
-@pytest.mark.parametrize("viewport", [DESK, PHONE])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("viewport", [DESK, pytest.param(PHONE, marks=pytest.mark.full)])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.full)])
 def test_no_faults_no_shifts_no_overflow(visit, viewport, scheme):
     page = visit(viewport, color_scheme=scheme)
     page.wait_for_timeout(200)

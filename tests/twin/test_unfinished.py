@@ -82,7 +82,14 @@ render_scene(read_scene(Path(sys.argv[1])), apart=True, store=Store(Path(sys.arg
 """
 
 
-@pytest.mark.parametrize("engine", [*ENGINES[:2], pytest.param("many", marks=[NEEDS_LLVM, pytest.mark.full])])
+@pytest.mark.parametrize(
+    "engine",
+    [
+        pytest.param(ENGINES[0], marks=pytest.mark.full),
+        ENGINES[1],
+        pytest.param("many", marks=[NEEDS_LLVM, pytest.mark.full]),
+    ],
+)
 def test_a_killed_rendering_goes_on_where_it_was(engine, tmp_path, monkeypatch):
     monkeypatch.setattr(layers, "VALUES_PER_BAND", BAND)
     monkeypatch.setattr(layers, "SAMPLES_PER_CALL", PATHS)

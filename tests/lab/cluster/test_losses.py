@@ -99,6 +99,7 @@ def test_a_worker_that_falls_silent_before_it_is_asked(cluster, monkeypatch, tmp
         pass
 
 
+@pytest.mark.full
 def test_a_unit_that_fails_or_is_cancelled_costs_the_others_nothing_but_a_silent_scheduler_all(
     cluster, monkeypatch, tmp_path
 ):

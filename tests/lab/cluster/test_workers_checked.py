@@ -41,6 +41,7 @@ def test_a_cluster_gives_what_threads_give(session, cluster, same, finish, tmp_p
     same(tmp_path / "out")
 
 
+@pytest.mark.full
 def test_a_worker_of_other_code_is_refused_before_any_work(session, cluster, other_house, refused, tmp_path):
     cluster.start_scheduler()
     cluster.start_worker()

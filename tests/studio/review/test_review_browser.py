@@ -149,6 +149,7 @@ def test_a_whole_session_is_looked_at_and_picked_on(visit, made, tmp_path, at_se
     assert load_session(made.folder / "review").picks == made.folder / "review" / "picks.csv"
 
 
+@pytest.mark.full
 def test_the_wheel_enlarges_what_is_under_the_pointer_and_a_drag_moves_it(visit, made, tmp_path, at_session):
     """The photograph is never turned; in 3-D the same hand turns."""
     visitor = visit(at_session(tmp_path, made.folder, made.session), READY)
@@ -171,6 +172,7 @@ def test_the_wheel_enlarges_what_is_under_the_pointer_and_a_drag_moves_it(visit,
     visitor.page.wait_for_function("() => document.documentElement.dataset.flat === 'false'")
 
 
+@pytest.mark.full
 def test_a_page_that_saw_another_studio_is_told(visit, made, tmp_path, at_session):
     visitor = visit(at_session(tmp_path, made.folder, made.session), READY)
     visitor.page.wait_for_function("() => sessionStorage.getItem('studio-run')")
