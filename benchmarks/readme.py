@@ -50,7 +50,7 @@ QUOTED = (
         "[noticed:.0%], [silent:.1%]; [sound warned:.0f] of [sound:.0f]",
     ),
     Quoted(
-        "without any truth: predicted against true error of the methods, rank correlation in a session, in an own scene",
+        "without any truth: predicted against true errors of methods, rank correlation in one session, one own scene",
         "trust/trust", "[sessions: rank], [scenes: rank]",
     ),
     Quoted(
