@@ -191,6 +191,7 @@ def test_the_bunny_of_another_program(tmp_path):
     assert np.nanmedian(error) < 0.8
 
 
+@pytest.mark.full
 def test_a_large_picture_is_searched_shrunken(world, monkeypatch):
     """The rough search on halved pictures leads to the same pose."""
     monkeypatch.setattr("align.pose.photographed.ROUGH_SIZE", 40)

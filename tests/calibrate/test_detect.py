@@ -59,6 +59,7 @@ def test_order_of_frames_does_not_matter(table):
         np.testing.assert_allclose(a.sphere.center_px, b.sphere.center_px, atol=1e-3)
 
 
+@pytest.mark.full
 def test_a_shrunken_stack_finds_the_same_balls(table, monkeypatch):
     """Coarse to fine: searched at half size, fitted at full size."""
     world, frames = table
