@@ -41,12 +41,6 @@ def million_s():
     return max(spent)
 
 
-def pytest_collection_modifyitems(items):
-    """Put the files with long tests first: the two workers then end at about the same time."""
-    slow = {item.path for item in items if item.get_closest_marker("slow")}
-    items.sort(key=lambda item: item.path not in slow)
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call(item):
     """Fail a test of `make test` that costs what belongs into `make test-all`."""
