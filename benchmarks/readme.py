@@ -84,8 +84,7 @@ def readme_table() -> str:
     """Return README's table as Markdown."""
     known = json.loads(MEASURED.read_text())
     whole = sorted({one.table.split("/")[0] for one in QUOTED if known.get(one.table, {}).get("scale") == "full"})
-    cases = "the cases of `make gates`"
-    told = f"; {cases}" + (f", of {', '.join(whole)} all" if whole else "")
+    told = ", with the cases of `make gates`" + (f"; {', '.join(whole)}: all cases" if whole else "")
     lines = [f"| judged by known truth{told} | |", "|---|---|"]
     for one in QUOTED:
         page = one.table.split("/")[0]

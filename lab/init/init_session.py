@@ -103,14 +103,17 @@ def write_session(draft: Draft, out: Path | None = None) -> Made:
     return Made(draft, manifest, out / SHEET)
 
 
-def _text_of(path: Path) -> str:
-    return path.read_bytes().decode("utf-8", "replace")
+def _is_as_written(manifest: Path) -> bool:
+    """Whether a session.toml is a file of its own that init wrote and nobody changed."""
+    if manifest.is_symlink() or not manifest.is_file():
+        return False
+    return is_unedited(manifest.read_bytes().decode("utf-8", "replace"))
 
 
 def check_free(files: FolderFiles) -> None:
     """Raise SessionError where session.toml is there already and not as init wrote it, or cannot be written."""
     manifest = files.folder / MANIFEST
-    if os.path.lexists(manifest) and not (manifest.is_file() and is_unedited(_text_of(manifest))):
+    if os.path.lexists(manifest) and not _is_as_written(manifest):
         raise SessionError(
             f"{manifest}: is there already, and is not written over. Correct it by hand, or rename it and run "
             f"rgbn init {files.folder} again."

@@ -122,6 +122,27 @@ def test_from_inside_the_folder_the_sheet_lies_beside_it(tmp_path, monkeypatch):
     assert sorted(path.name for path in folder.iterdir()) == [*(f"{n}.png" for n in range(4)), "session.toml"]
 
 
+def test_only_its_own_file_is_written_anew(tmp_path, monkeypatch):
+    folder, manifest = tmp_path / "mine", tmp_path / "mine" / "session.toml"
+    folder.mkdir()
+    take_photographs(folder)
+    monkeypatch.chdir(tmp_path)
+    init_sessions(folder, Answers(), silent=True)
+    written = manifest.read_text()
+    init_sessions(folder, Answers(), silent=True)
+    assert manifest.read_text() == written
+    manifest.write_text(written.replace("mine", "cup", 1))
+    with pytest.raises(SessionError, match="is there already"):
+        init_sessions(folder, Answers(), silent=True)
+    # A link leads to a file of another place, whatever that holds.
+    (tmp_path / "elsewhere.toml").write_text(written)
+    manifest.unlink()
+    manifest.symlink_to(tmp_path / "elsewhere.toml")
+    with pytest.raises(SessionError, match="is there already"):
+        init_sessions(folder, Answers(), silent=True)
+    assert manifest.is_symlink()
+
+
 def test_nothing_is_written_where_the_output_is_anothers(tmp_path, monkeypatch):
     folder, other = tmp_path / "mine", tmp_path / "out" / "mine"
     folder.mkdir()
