@@ -120,7 +120,8 @@ def detect(
     planes = [shared_plane([t.plane for m, t in enumerate(shown) if t and m != n]) for n in range(len(shown))]
     law = law_of([table.is_fresnels for table in shown if table])
     with ThreadPoolExecutor(THREADS) as threads:
-        fits = list(threads.map(partial(_outline, frames, camera, search_px=coarse.search_px, law=law), starts, planes))
+        fit = partial(_outline, frames, camera, search_px=coarse.search_px, law=law)
+        fits = list(threads.map(fit, starts, shown, planes))
     for one, circles, fit in zip(chosen, starts, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))
@@ -149,12 +150,19 @@ def _rejected(coarse: Coarse, one: Judged, doubt: str) -> Rejected:
 
 
 def _outline(
-    frames: Frames, camera: Camera, circles: list[Sphere], plane: TablePlane | None, *, search_px: float, law: Law
+    frames: Frames,
+    camera: Camera,
+    circles: list[Sphere],
+    shown: MirroredTable | None,
+    plane: TablePlane | None,
+    *,
+    search_px: float,
+    law: Law,
 ) -> OutlineFit | None:
     """Fit the likeliest circle, the first; but a mirror's is that in which it shows the table beside it."""
     first = None
     for number, circle in enumerate(circles[: 1 + OTHERS]):
-        fit = fit_outline(frames, camera, circle, search_px=search_px, plane=plane, laws=(law,))
+        fit = fit_outline(frames, camera, circle, search_px=search_px, shown=shown, plane=plane, laws=(law,))
         if fit is not None and fit.by_table:
             return fit
         if number == 0:

@@ -19,7 +19,7 @@ from calibrate.silhouette.cone_fit import (
     fit_cone,
 )
 from calibrate.silhouette.metal_reflectance import LAWS, Law
-from calibrate.silhouette.mirrored_table import fit_mirrored_table
+from calibrate.silhouette.mirrored_table import MirroredTable, fit_mirrored_table
 from calibrate.silhouette.outline import (
     difference,
     image_strips,
@@ -45,7 +45,7 @@ SEARCH = 0.05  # radii by which a chrome ball's outline is searched around its c
 SEARCH_MASK = 0.06  # the same around a given mask's circle, 3 px at least
 TABLE_EXPLAINS = 0.975  # share of a chrome edge's variance from which on the mirrored table is taken for its cause,
 TABLE_FROM_PX, TABLE_LOCATES_PX = 12.0, 0.15  # on a ball at least so large, whose radius it locates to this sigma
-TABLE_FLOOR_PX, TABLE_BLURS, TABLE_DOUBT_PX = 0.05, 26.0, 6.0
+TABLE_FLOOR_PX, TABLE_BLURS, TABLE_DOUBT_PX = 0.07, 26.0, 6.0
 """What bends the mirrored table's outline beyond its residuals' scatter, sigma: on a large ball; radius, in blurs, of a
 ball so small that the blur mixes what it mirrors, and as much comes to it; and times the share of the variance that is
 left: the table is no plane, things stand on it, or a wall throws light. The first grows as a table seen aslant, by 1 /
@@ -53,9 +53,7 @@ cos^2 of the angle: it shines, and the ball sees it from where the camera does n
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
-BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
-"""Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
-BLUR_AGREES = 0.15  # relative, up to which a mirror's blur and the matte balls' are the same
+BLUR_DOUBT_PX = 1.3  # relative error of the blur that is read at a mirror's edge of radius r: this over r
 
 
 @dataclass(frozen=True)
@@ -79,13 +77,15 @@ def fit_outline(
     sphere: Sphere,
     *,
     search_px: float,
+    shown: MirroredTable | None = None,
     plane: TablePlane | None = None,
     laws: Sequence[Law] = LAWS,
 ) -> OutlineFit | None:
     """Fit the ball's outline at full size, in about `READ` of the frames together.
 
-    The outline may lie `search_px` from the start. `plane`: what other balls show of the table; `laws`: those
-    that their metal may have. None if less than a quarter of the outline shows an edge.
+    The outline may lie `search_px` from the start. `shown`: the table that the ball mirrors, where that is known
+    already; `plane`: what other balls show of it; `laws`: those that their metal may have. None if less than a quarter
+    of the outline shows an edge.
     """
     read = _reader(frames)
     best: list[OutlineFit] = []
@@ -101,7 +101,7 @@ def fit_outline(
         return None
     if sphere.kind == "white":
         return _fit_matte(read, camera, best, sphere, float(best_softness)) or best[0]
-    return _fit_chrome(frames, read, camera, best[0], sphere, (plane, laws), float(best_softness)) or best[0]
+    return _fit_chrome(frames, read, camera, best[0], sphere, (shown, plane, laws), float(best_softness)) or best[0]
 
 
 def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> float:
@@ -110,22 +110,6 @@ def table_floor_px(radius_px: float, blur_px: float, steepness: float = 0.0) -> 
     `steepness`: tangent of the angle between the table's normal and the view.
     """
     return TABLE_FLOOR_PX * (1 + steepness**2) * float(np.hypot(1, (TABLE_BLURS * blur_px / radius_px) ** 2))
-
-
-def with_blur(frames: Frames, camera: Camera, fit: OutlineFit, blur_px: float) -> OutlineFit:
-    """Return a chrome ball's fit with the blur that matte balls of the same photographs show, where they agree on it.
-
-    What a mirror squeezes into its last pixels looks like blur; a matte ball tells the two apart.
-    """
-    if fit.sphere.kind != "chrome" or fit.by_table or not abs(fit.blur_px / blur_px - 1) < BLUR_AGREES:
-        return fit
-    read = _reader(frames)
-    model = EdgeModel(MIRROR, fit.sphere.radius_px, blur_px, MIRROR_START)
-    first = fit_cone(read, camera, fit.sphere, model, free_blur=False)
-    if first is None:
-        return fit
-    again = _fit_mirror(read, camera, fit, first, BLUR_DOUBT)
-    return again if _apart(again.sphere, fit.sphere) < 0.5 * blur_px else fit
 
 
 def fit_mask(mask: NDArray[np.bool_], camera: Camera, sphere: Sphere) -> OutlineFit | None:
@@ -235,16 +219,20 @@ def _fit_chrome(
     camera: Camera,
     edge: OutlineFit,
     start: Sphere,
-    others: tuple[TablePlane | None, Sequence[Law]],
+    others: tuple[MirroredTable | None, TablePlane | None, Sequence[Law]],
     softness: float,
 ) -> OutlineFit | None:
     """Fit a chrome ball by the table that it mirrors, else by a mirror's smooth profile; None if neither holds."""
-    sphere, (plane, laws) = edge.sphere, others
+    sphere, (shown, plane, laws) = edge.sphere, others
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
-    tries = [(sphere, plane), (sphere, None), (start, None)] if plane else [(sphere, None), (start, None)]
-    for near, known in tries if sphere.radius_px > TABLE_FROM_PX else ():
-        table = fit_mirrored_table(frames, camera, near, blur_px=softness, plane=known, laws=laws)
+    tries = [
+        (near, known, None, softness) for known in ([plane, None] if plane else [None]) for near in (sphere, start)
+    ]
+    if shown:
+        tries = [(shown.sphere, plane, shown.plane.values, shown.blur_px), *tries]
+    for near, known, seen, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
+        table = fit_mirrored_table(frames, camera, near, blur_px=blur_px, plane=known, start=seen, laws=laws)
         if table and table.explained > TABLE_EXPLAINS and _apart(table.sphere, near) < farthest:
             if plane is not None and known is None and not table.plane.agrees(plane):
                 continue
@@ -257,14 +245,14 @@ def _fit_chrome(
     first = fit_cone(read, camera, sphere, model, free_blur=True)
     if first is None:
         return None
-    fit = _fit_mirror(read, camera, edge, first, BLUR_DOUBT_PX / sphere.radius_px)
+    fit = _fit_mirror(read, camera, edge, first)
     return fit if _apart(fit.sphere, sphere) < 0.6 * softness + 0.4 else None
 
 
-def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit, blur_doubt: float) -> OutlineFit:
-    """Fit a mirror's profiles where its blur is known to `blur_doubt`, relative."""
+def _fit_mirror(read: Reader, camera: Camera, edge: OutlineFit, first: ConeFit) -> OutlineFit:
+    """Fit a mirror's profiles, its blur known from a first fit."""
     last = fit_cone(read, camera, first.sphere, first.model._replace(terms=MIRROR_CLOSE), free_blur=False) or first
-    sharper = last.model._replace(blur_px=(1 - blur_doubt) * last.model.blur_px)
+    sharper = last.model._replace(blur_px=(1 - BLUR_DOUBT_PX / edge.sphere.radius_px) * last.model.blur_px)
     other = fit_cone(read, camera, last.sphere, sharper, free_blur=False)
     # What the model may err by: other profiles, another blur.
     doubts = [PROFILE_SHARE * difference(first.sphere, last.sphere)]

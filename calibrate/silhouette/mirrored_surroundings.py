@@ -10,7 +10,7 @@ from scipy.special import ndtr
 
 from calibrate.lights.directions import mirrored_rays
 from calibrate.silhouette.cone_fit import STEP_PX, curvature_shift_px
-from calibrate.silhouette.outline import BINS, binned_outline, outline_with_normals, read_strips
+from calibrate.silhouette.outline import BINS, binned_outline, moved, outline_with_normals, read_strips
 from scene.camera import Camera
 from scene.frames import Frames, decode, gray
 from scene.spheres import Sphere
@@ -23,6 +23,7 @@ SURROUNDINGS = 3.2  # radii around the ball's centre in which the table is looke
 LOOKED_UP_AT_PX = 100.0  # in a picture in which the ball is at most so large: what is mirrored is squeezed,
 SMOOTH_PX = 1.0  # with this blur: the picture's noise would pass for a slope of what is looked up
 PER_BIN = 3  # directions in which the table is looked up for each profile
+MOVE = 1e-4  # px, of the differences by which what is looked up moves
 
 
 def sized(sphere: Sphere) -> Sphere:
@@ -43,20 +44,16 @@ def mirrored_pixels(camera: Camera, ball: Sphere, plane: Array, points: Array, m
 
 
 class Shown(NamedTuple):
-    """What a mirror meets (F, BINS, K) between depths (K + 1,) inside its outline, px; NaN where that is unknown.
-
-    `facing` (K,): cosines between the normal and the view there.
-    """
+    """What a mirror meets (F, BINS, K) between depths (K + 1,) inside its outline, px; NaN where that is unknown."""
 
     depths: Array
-    facing: Array
     values: Values
     radius_px: float
 
     def blurred(self, offsets: Array, blur_px: float, reflectance: Array) -> Values:
         """Return (F, BINS, M) at offsets (M,) outward of the outline, NaN where what is unknown reaches.
 
-        reflectance: (K,), at the cosines `facing`.
+        reflectance: (K,), at `Samples.middle`.
         """
         s = offsets + curvature_shift_px(blur_px, self.radius_px)
         kernel = np.diff(ndtr((s[:, None] + self.depths) / blur_px), axis=1) * reflectance
@@ -67,10 +64,33 @@ class Shown(NamedTuple):
         return out
 
 
+class Samples(NamedTuple):
+    """Where a ball is looked at; the same samples throughout a fit, or its sum of squares would jump."""
+
+    offsets: Array  # (M,) across its outline, px outward
+    facing: Array  # (K + 1,) cosines between normal and view, inside of it
+    blur_px: float  # for which they are chosen
+
+    @property
+    def middle(self) -> Array:
+        """(K,) the cosines at which the mirror is looked at."""
+        return 0.5 * (self.facing[1:] + self.facing[:-1])
+
+
+def samples(radius_px: float, blur_px: float) -> Samples:
+    """Return samples of an outline: finely near it, where all is squeezed, and by even steps of the normal inside."""
+    near = np.arange(-6 * blur_px, 2.6 * blur_px + 2, STEP_PX)
+    step = max(STEP_PX, DEEP_STEP * radius_px)
+    deep = np.arange(-max(DEPTH * radius_px - 3 * blur_px, 0), near[0] - 0.01, step)
+    deepest = np.sqrt(1 - (1 - min(max(DEPTH, 8 * blur_px / radius_px), 1.0)) ** 2)
+    facing = np.linspace(0, deepest, int(np.clip(0.6 * radius_px, 24, 60)) + 1)
+    return Samples(np.concatenate([deep, near]), facing, blur_px)
+
+
 class _Looking(NamedTuple):
     """Where a ball is looked at inside its outline, and where to from there; whatever the plane."""
 
-    facing: Array  # (K + 1,)
+    ball: Sphere
     outline: Array  # (N, 2)
     normals: Array  # (N, 2)
     points: Array  # (N, K, 3)
@@ -88,58 +108,82 @@ class Surroundings:
         high = np.minimum(sphere.center_px + reach + 1, [camera.width, camera.height]).astype(int)
         window = slice(low[1], high[1]), slice(low[0], high[0])
         shrink = max(1.0, sphere.radius_px / LOOKED_UP_AT_PX)
-        size = tuple(int(n) for n in np.maximum((high - low) / shrink, 1))
-        self.corner, self.shrink = low, (high - low) / size
-        self.images = []
+        size = tuple(int(n) for n in np.maximum((high - low) / shrink, 2))
+        self.corner, self.shrink, self.size = low, (high - low) / size, size
+        images = []
         dark = 0.0 if frames.ambient is None else gray(decode(np.ascontiguousarray(frames.ambient[window])))
         for codes, gain in zip(frames.codes, frames.gain, strict=True):
             image = gray(decode(np.ascontiguousarray(codes[window]))) * np.float32(gain) - dark
             small = cv2.resize(image.astype(np.float32), size, interpolation=cv2.INTER_AREA)
-            self.images.append(cv2.GaussianBlur(small, (0, 0), SMOOTH_PX))
+            images.append(cv2.GaussianBlur(small, (0, 0), SMOOTH_PX))
+        # The frames last: what is looked up at one place in all of them lies together.
+        self.images = np.stack(images, -1).reshape(size[0] * size[1], len(images))
 
-    def _look_up(self, pixels: Array) -> Values:
-        """Return (F, N, K) values at pixels (N, K, 2), NaN outside."""
+    def _look_up(self, pixels: Array) -> tuple[Values, Values]:
+        """Return values (N, K, F) at pixels (N, K, 2), NaN outside, and their slopes (2, N, K, F) by the pixel."""
         place = (pixels - self.corner + 0.5) / self.shrink - 0.5
-        height, width = self.images[0].shape
+        width, height = self.size
         outside = ~np.all((place >= 0) & (place <= [width - 1, height - 1]), -1)
-        place = np.nan_to_num(place, nan=-1.0).astype(np.float32)
-        out = np.stack([cv2.remap(i, place[..., 0], place[..., 1], cv2.INTER_LINEAR) for i in self.images])
-        out[:, outside] = np.nan
-        return out.astype(np.float32, copy=False)
+        place = np.where(outside[..., None], 0.0, place)
+        first = np.minimum(place.astype(np.intp), [width - 2, height - 2])
+        right, down = np.moveaxis((place - first).astype(np.float32), -1, 0)[..., None]
+        at = first[..., 1] * width + first[..., 0]
+        here, beside, below, across = (self.images[at + step] for step in (0, 1, width, width + 1))
+        upper, lower = here + right * (beside - here), below + right * (across - below)
+        values = upper + down * (lower - upper)
+        values[outside] = np.nan
+        along = (beside - here) + down * ((across - below) - (beside - here))
+        slopes = np.stack([along / np.float32(self.shrink[0]), (lower - upper) / np.float32(self.shrink[1])])
+        return values, slopes
 
-    def mirrored_by(self, sphere: Sphere, plane: Array, blur_px: float, per_bin: int = PER_BIN) -> Shown:
+    def mirrored_by(self, sphere: Sphere, plane: Array, at: Samples) -> Shown:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
-        at = self._looking(sphere, blur_px, per_bin)
-        pixels = mirrored_pixels(self.camera, sized(sphere), plane, at.points, at.mirrored)
-        # Beside the outline itself the picture is blurred with the ball.
-        away = np.sum((pixels - at.outline[:, None]) * at.normals[:, None], -1)
-        pixels += np.maximum(2.5 * blur_px - away, 0)[..., None] * at.normals[:, None]
-        values = self._look_up(pixels)
-        values = values.reshape(len(values), BINS, per_bin, -1).mean(2)
-        depths = sphere.radius_px * (1 - np.sqrt(1 - at.facing**2))
-        return Shown(depths, 0.5 * (at.facing[1:] + at.facing[:-1]), values, sphere.radius_px)
+        values, _ = self._look_up(self._pixels(self._looking(sphere, at), plane, at))
+        return Shown(_depths(sphere, at), _binned(values), sphere.radius_px)
 
-    def _looking(self, sphere: Sphere, blur_px: float, per_bin: int) -> _Looking:
+    def slopes(self, sphere: Sphere, plane: Array, at: Samples) -> Values:
+        """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""
+        looking = self._looking(sphere, at)
+        here = self._pixels(looking, plane, at)
+        shown = self._look_up(here)[1]
+        elsewhere = [self._pixels(self._looked(moved(sphere, e), at), plane, at) for e in MOVE * np.eye(3)]
+        elsewhere += [self._pixels(looking, plane + e, at) for e in MOVE * np.eye(3)]
+        by = (np.nan_to_num((pixels - here) / MOVE).astype(np.float32)[..., None] for pixels in elsewhere)
+        return np.stack([_binned(move[:, :, 0] * shown[0] + move[:, :, 1] * shown[1]) for move in by])
+
+    def _pixels(self, looking: _Looking, plane: Array, at: Samples) -> Array:
+        """Return the pixels (N, K, 2) that show what a ball mirrors; NaN where its rays miss the plane."""
+        pixels = mirrored_pixels(self.camera, looking.ball, plane, looking.points, looking.mirrored)
+        # Beside the outline itself the picture is blurred with the ball.
+        away = np.sum((pixels - looking.outline[:, None]) * looking.normals[:, None], -1)
+        return pixels + np.maximum(2.5 * at.blur_px - away, 0)[..., None] * looking.normals[:, None]
+
+    def _looking(self, sphere: Sphere, at: Samples) -> _Looking:
         """Return the rays, kept for the next plane that is tried under the same ball."""
-        radius = sphere.radius_px
-        key = (*sphere.center_px.tolist(), radius, blur_px, per_bin)
+        key = (*sphere.center_px.tolist(), sphere.radius_px, at.blur_px, float(at.facing[-1]))
         if self.last is None or self.last[0] != key:
-            deepest = np.sqrt(1 - (1 - max(DEPTH, 8 * blur_px / radius)) ** 2)
-            # Even steps of the normal: near the outline the mirror's picture is squeezed without bound.
-            facing = np.linspace(0, deepest, int(np.clip(0.6 * radius, 24, 60)) + 1)
-            middle = radius * (1 - np.sqrt(1 - (0.5 * (facing[1:] + facing[:-1])) ** 2))
-            outline, normals = outline_with_normals(self.camera, sphere, per_bin * BINS)
-            inside = outline[:, None] - middle[:, None] * normals[:, None]
-            rays = mirrored_rays(self.camera, sized(sphere), inside)
-            self.last = key, _Looking(facing, outline, normals, *rays)
+            self.last = key, self._looked(sphere, at)
         return self.last[1]
 
-    def profiles(self, sphere: Sphere, blur_px: float) -> tuple[Values, Array, Array]:
-        """Return profiles (F, BINS, M) across an outline, their offsets (M,) and the Jacobian (BINS, 3)."""
+    def _looked(self, sphere: Sphere, at: Samples) -> _Looking:
+        outline, normals = outline_with_normals(self.camera, sphere, PER_BIN * BINS)
+        depths = sphere.radius_px * (1 - np.sqrt(1 - at.middle**2))
+        ball = sized(sphere)
+        rays = mirrored_rays(self.camera, ball, outline[:, None] - depths[:, None] * normals[:, None])
+        return _Looking(ball, outline, normals, *rays)
+
+    def profiles(self, sphere: Sphere, at: Samples) -> tuple[Values, Array]:
+        """Return profiles (F, BINS, M) across an outline, and the Jacobian (BINS, 3)."""
         points, normals, jacobian = binned_outline(self.camera, sphere)
-        near = np.arange(-6 * blur_px, 2.6 * blur_px + 2, STEP_PX)
-        step = max(STEP_PX, DEEP_STEP * sphere.radius_px)
-        deep = np.arange(-max(DEPTH * sphere.radius_px - 3 * blur_px, 0), near[0] - 0.01, step)
-        offsets = np.concatenate([deep, near])
-        strips = read_strips(self.frames, points, normals, offsets)
-        return strips.reshape(len(strips), BINS, -1, len(offsets)).mean(2), offsets, jacobian
+        strips = read_strips(self.frames, points, normals, at.offsets)
+        return strips.reshape(len(strips), BINS, -1, len(at.offsets)).mean(2), jacobian
+
+
+def _depths(sphere: Sphere, at: Samples) -> Array:
+    """Return (K + 1,), how far inside the outline a ball is looked at, px."""
+    return sphere.radius_px * (1 - np.sqrt(1 - at.facing**2))
+
+
+def _binned(values: Values) -> Values:
+    """Return the mean (F, BINS, K) of neighbours among (N, K, F)."""
+    return np.ascontiguousarray(np.moveaxis(values.reshape(BINS, PER_BIN, *values.shape[1:]).mean(1), -1, 0))

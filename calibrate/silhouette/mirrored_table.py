@@ -22,7 +22,7 @@ from scipy.special import ndtr
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX, blurred_ramp
 from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
-from calibrate.silhouette.mirrored_surroundings import Shown, Surroundings
+from calibrate.silhouette.mirrored_surroundings import Samples, Shown, Surroundings, samples
 from calibrate.silhouette.outline import SECTOR, moved
 from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
 from scene.camera import Camera
@@ -42,12 +42,13 @@ TURNS, ROUGH_TURNS, LEAST_TURNS = 40, 8, 2
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 USUAL = 0.6  # the same of chromium, before it is known
-SETTLED_PX, UNSETTLED_PX = 1e-3, 0.05  # step of the outline from which on no more is taken, and that none is left
+AT_REST = 1e-4  # relative fall of the sum from which on no more is taken
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
-SLIP, FIRST_DAMPING, MOST_DAMPING = 2e-3, 1e-2, 1e4  # share explained that a step may lose, and what follows if it does
+ANEW = 0.2  # relative change of the blur from which on the profiles are sampled anew
+FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 OUTLINE, PLANE, BLUR = slice(0, 3), slice(3, 6), 6
 """Places of the unknowns; the eighth is the reflectance, which is solved for in `_explain`."""
 
@@ -72,25 +73,26 @@ def fit_mirrored_table(
     *,
     blur_px: float,
     plane: TablePlane | None = None,
+    start: Array | None = None,
     laws: Sequence[Law] = LAWS,
     rough: bool = False,
 ) -> MirroredTable | None:
     """Fit a chrome ball's outline from a start, and a rough blur; None where no table is seen to be mirrored.
 
-    `plane`: what other balls show of the table; `laws`: those that their metal may have. `rough`: a few turns only,
-    enough to tell a mirror's outline from another circle.
+    `plane`: what other balls show of the table; `start` (3,): the plane to begin with, where one is known; `laws`:
+    those that the metal may have. `rough`: a few turns only, enough to tell a mirror's outline from another circle.
     """
     surroundings, best = Surroundings(frames.some(FRAMES), camera, sphere), None
     known, left = ANY_PLANE if plane is None else plane, dict[Law, float]()
     for law in laws[:1] if rough else laws:
         if best:
             starts = [(best.sphere, best.plane.values, best.blur_px)]
-        elif plane is None:
+        elif start is None and plane is None:
             starts = _starts(surroundings, sphere, law, blur_px, rough=rough)
         else:
-            starts = [(sphere, plane.values, blur_px)]
-        for start in starts:
-            one = _settle(surroundings, start, known, law, rough=rough)
+            starts = [(sphere, known.values if start is None else start, blur_px)]
+        for begun in starts:
+            one = _settle(surroundings, begun, known, law, rough=rough)
             if one:
                 left[law] = min(left.get(law, 1.0), 1 - one.explained)
                 best = one if best is None or one.explained > best.explained else best
@@ -115,11 +117,11 @@ def share_explained(
     table: Surroundings, sphere: Sphere, planes: Iterable[Array], blur_px: float, law: Law = LAWS[0]
 ) -> Array:
     """Return (P,), the share of the profiles' variance that each plane (3,), mirrored, explains; 0 of what is none."""
-    profiles, offsets, _ = table.profiles(sphere, blur_px)
-    shares = []
+    at, shares = samples(sphere.radius_px, blur_px), []
+    profiles, _ = table.profiles(sphere, at)
     for plane in planes:
-        shown = table.mirrored_by(sphere, plane, blur_px)
-        explained = _explain(profiles, shown, law(shown.facing, USUAL), offsets, blur_px)
+        shown = table.mirrored_by(sphere, plane, at)
+        explained = _explain(profiles, shown, law(at.middle, USUAL), at.offsets, blur_px)
         shares.append(explained.share if explained and explained.hopeful else 0.0)
     return np.array(shares)
 
@@ -142,19 +144,25 @@ def _settle(
     """Move outline, plane (3,) and blur until what the mirror shows is what the picture shows beside it."""
     sphere, plane, blur_px = start
     blur, damping, mirror = blur_px, 0.0, USUAL
+    at = samples(sphere.radius_px, blur_px)
     kept: _Turn | None = None
-    # From a circle that is none yet the way leads through worse ones.
-    turns, slip = (ROUGH_TURNS, np.inf) if rough else (TURNS, SLIP)
+    noise: Values | None = None
+    turns = ROUGH_TURNS if rough else TURNS
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
     for turn in range(turns):
-        profiles, offsets, jacobian = table.profiles(sphere, blur)
-        shown = table.mirrored_by(sphere, plane, blur)
-        explained = _explain(profiles, shown, law(shown.facing, mirror), offsets, blur)
-        if explained and explained.hopeful and (kept is None or explained.share > kept.explained.share - slip):
-            at = sphere, plane, blur
-            slopes = _slopes(table, at, (shown, law), (profiles, offsets, jacobian), explained)
+        if abs(np.log(blur / at.blur_px)) > ANEW:
+            # Other samples, another sum: what it was before does not count.
+            at, kept = samples(sphere.radius_px, blur), None
+        profiles, jacobian = table.profiles(sphere, at)
+        shown = table.mirrored_by(sphere, plane, at)
+        explained = _explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise)
+        fallen = 1 - explained.cost / kept.explained.cost if explained and kept and noise is not None else np.inf
+        if explained and explained.hopeful and fallen >= 0:
+            slopes = _slopes(
+                _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
+            )
             scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
             rows = slopes.reshape(8, -1).astype(np.float64)
             normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
@@ -164,8 +172,15 @@ def _settle(
             before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
             gradient = scores.sum(1) - prior * before
             kept, damping = _Turn(explained, (sphere, plane, blur), normal, scores, gradient), damping / 10
-        elif kept is None or damping > MOST_DAMPING:
+            if turn == LEAST_TURNS and not rough:
+                # From here on one sum falls: with noise estimated in each turn there would be none.
+                noise = explained.noise
+            if fallen < AT_REST:
+                break
+        elif kept is None:
             return None
+        elif damping > MOST_DAMPING:
+            break
         else:
             damping = max(10 * damping, FIRST_DAMPING)
         sphere, plane, blur = kept.at
@@ -175,13 +190,12 @@ def _settle(
         sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
         blur = float(max(blur + step[BLUR], SHARPEST_PX))
-        if turn > LEAST_TURNS and damping < FIRST_DAMPING and np.abs(step[OUTLINE]).max() < SETTLED_PX:
-            break
-    if kept is None or (not rough and np.abs(step[OUTLINE]).max() > UNSETTLED_PX):
+    if kept is None or (not rough and turn == turns - 1):
         return None
     sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
     covariance = inverse @ (sums.T @ sums + np.diag(prior)) @ inverse
-    best, found = kept.explained, TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
+    (sphere, plane, blur), best = kept.at, kept.explained
+    found = TablePlane(plane, np.sqrt(np.diag(covariance)[PLANE]))
     return MirroredTable(sphere, covariance[OUTLINE, OUTLINE], found, blur, best.mirror, law, best.share)
 
 
@@ -195,6 +209,16 @@ class _Turn(NamedTuple):
     gradient: Array  # (8,)
 
 
+class _Seen(NamedTuple):
+    """What the photographs show in one turn."""
+
+    profiles: Values  # (F, BINS, M)
+    at: Samples
+    jacobian: Array  # (BINS, 3)
+    shown: Shown
+    moves: Values  # (6, F, BINS, K)
+
+
 class _Explained(NamedTuple):
     """What the mirrored table explains of profiles (F, BINS, M)."""
 
@@ -203,74 +227,64 @@ class _Explained(NamedTuple):
     residual: Values  # (F, BINS, M) in noises
     weight: Values  # (F, BINS, M)
     noise: Values  # (F, 1, 1)
+    cost: float  # mean of Cauchy's function of the residuals
 
     @property
     def hopeful(self) -> bool:
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
 
 
-def _explain(profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float) -> _Explained | None:
+def _explain(
+    profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float, noise: Values | None = None
+) -> _Explained | None:
     """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
 
-    grazing: g of the law at the cosines where the mirror is looked at.
+    grazing: g of the law at the cosines where the mirror is looked at; noise (F, 1, 1): by the residuals if None.
     """
+    is_known = noise is not None
     basis = _outside(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
     known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
     if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
         return None
     profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
-    weight, noise, mirror = known, np.ones((len(known), 1, 1), np.float32), 0.0
+    weight, mirror = known, 0.0
+    noise = np.ones((len(known), 1, 1), np.float32) if noise is None else noise
     for _ in range(3):
         whole, y, x = (_free(values, basis, weight) for values in (profiles, profiles - given, mirrored))
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
-        level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
-        noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
+        if not is_known:
+            level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
+            noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
     left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
-    return _Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise)
+    cost = float((known * np.log1p((residual / CAUCHY) ** 2)).sum() / known.sum())
+    return _Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise, cost)
 
 
-def _slopes(
-    table: Surroundings,
-    at: tuple[Sphere, Array, float],
-    mirror: tuple[Shown, Law],
-    seen: tuple[Values, Array, Array],
-    explained: _Explained,
-) -> Values:
-    """Return (8, F, BINS, M), the model's derivatives `at` (sphere, plane, blur), in noises, free of d and e."""
-    (sphere, plane, blur), (profiles, offsets, jacobian), (shown, law) = at, seen, mirror
-    k = explained.mirror
-    grazing = law(shown.facing, k)
+def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> Values:
+    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e."""
+    shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
+    grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
     basis, mirrored = _outside(offsets, blur), shown.blurred(offsets, blur, reflects)
-    beyond = _coefficients(np.nan_to_num(profiles - mirrored), basis, explained.weight)
+    beyond = _coefficients(np.nan_to_num(seen.profiles - mirrored), basis, explained.weight)
 
-    def moved_by(shift: float, blur_px: float) -> Values:
-        return shown.blurred(offsets - shift, blur_px, reflects) + beyond @ _outside(offsets - shift, blur_px).T
-
-    def seen_in(sphere: Sphere, plane: Array) -> Values:
-        # One direction a profile is enough for a difference.
-        one = table.mirrored_by(sphere, plane, blur, 1)._replace(radius_px=shown.radius_px)
-        return one.blurred(offsets, blur, k + (1 - k) * law(one.facing, k))
-
-    here = seen_in(sphere, plane)
-
-    def looked_up(sphere: Sphere, plane: Array, step: float) -> Values:
-        return (seen_in(sphere, plane) - here) / np.float32(step)
+    def moved_by(shift: float, blur_px: float, grown: float = 1.0) -> Values:
+        larger = shown._replace(depths=grown * shown.depths)
+        return larger.blurred(offsets - shift, blur_px, reflects) + beyond @ _outside(offsets - shift, blur_px).T
 
     by_shift = (moved_by(0.1, blur) - moved_by(-0.1, blur)) / 0.2
-    by_plane = [looked_up(sphere, plane + e, 0.05) for e in 0.05 * np.eye(3)]
-    by_outline = [
-        by_shift * jacobian[:, j, None].astype(np.float32) + looked_up(moved(sphere, e), plane, 0.1)
-        for j, e in enumerate(0.1 * np.eye(3))
-    ]
+    by_size = (moved_by(0, blur, 1.01) - moved_by(0, blur, 0.99)) / (0.02 * shown.radius_px)
     by_blur = (moved_by(0, blur + 0.05) - moved_by(0, blur - 0.05)) / 0.1
+    looked_up = [shown._replace(values=move).blurred(offsets, blur, reflects) for move in seen.moves]
+    by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
+    by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    slopes = np.nan_to_num(np.stack([*by_outline, *by_plane, by_blur, by_facing]))
+    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
     return _free(slopes, basis, explained.weight) / explained.noise
 
 

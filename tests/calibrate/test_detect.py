@@ -56,7 +56,8 @@ def test_order_of_frames_does_not_matter(table):
     one, _ = detect(frames, world.camera, shrink(frames, world.camera), wanted={"chrome": 2})
     two, _ = detect(shuffled, world.camera, shrink(shuffled, world.camera), wanted={"chrome": 2})
     for a, b in zip(one, two, strict=True):
-        np.testing.assert_allclose(a.sphere.center_px, b.sphere.center_px, atol=1e-3)
+        # Sums in another order: the fit may stop a step earlier.
+        np.testing.assert_allclose(a.sphere.center_px, b.sphere.center_px, atol=3e-3)
 
 
 @pytest.mark.full

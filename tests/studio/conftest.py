@@ -15,7 +15,7 @@ PATIENCE_S, PRESS_AGAIN_S = 240, 10
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
-VIEW = {"width": 1060, "height": 560}
+VIEW, SMALL = {"width": 1060, "height": 560}, {"width": 400, "height": 120}
 
 
 @pytest.fixture(scope="session")
@@ -190,9 +190,19 @@ class Visitor:
         return self.page.get_by_role("button", name=name, exact=True)
 
     def press(self, name):
-        """Press a button. By force: a software renderer may take seconds for the frames that show it to stand still."""
+        """Press a button, once it stands where it stood: a press on a page that is still being laid out is lost.
+
+        By force: a software renderer may take seconds for two frames that show it.
+        """
         self.interactions += 1
-        self.button(name).click(force=True)
+        button, before = self.button(name), None
+        for _ in range(PATIENCE_S * 20):
+            here = button.bounding_box()
+            if here is not None and here == before:
+                break
+            before = here
+            self.page.wait_for_timeout(50)
+        button.click(force=True)
 
     def tab(self, name):
         """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
@@ -250,6 +260,13 @@ class Visitor:
                 return
             self.page.wait_for_timeout(50)
         pytest.fail(f"{what}: not within {PATIENCE_S} s")
+
+    @contextlib.contextmanager
+    def small(self):
+        """Make the window small for a while: a software renderer draws it all the time, and takes a core for it."""
+        self.page.set_viewport_size(SMALL)
+        yield
+        self.page.set_viewport_size(VIEW)
 
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""
