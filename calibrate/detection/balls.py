@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from calibrate.detection.coarse import Coarse, Progress, shrink
 from calibrate.detection.detect import Found, Rejected, around_hint, detect
 from calibrate.detection.diameters import SAME_SCALE, Diameter, doubted_diameters, told_diameters
-from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline
+from calibrate.silhouette.ball_silhouette import OutlineFit, best_outline, fit_mask, fit_outline, with_blur
 from calibrate.silhouette.outline import difference, share_in_picture
 from scene.camera import Camera
 from scene.errors import CalibrationError
@@ -95,11 +95,13 @@ def find_balls(
                 warnings += [one.warning] if one.warning else []
         listed = [replace(fit.sphere, diameter_mm=d.mm) for fit, d in zip(fits, diameters, strict=True) if d.mm]
         warnings += doubted_diameters(listed)
+        blurs = [fit.blur_px for fit in fits if fit.sphere.kind == "white" and np.isfinite(fit.blur_px)]
         for fit, diameter in zip(fits, diameters, strict=True):
+            one = with_blur(own, camera, fit, float(np.median(blurs))) if blurs else fit
             known = {"diameter_mm": diameter.mm, "diameter_sigma": diameter.sigma}
-            sphere = replace(fit.sphere, **known, apart=own is not frames)
+            sphere = replace(one.sphere, **known, apart=own is not frames)
             warnings += _cut(camera, sphere)
-            balls.append(Ball(sphere, fit.covariance, own, coarse))
+            balls.append(Ball(sphere, one.covariance, own, coarse))
     if not balls:
         raise NoProbeError(_nothing(requests, rejected))
     return balls, rejected, tuple(warnings)

@@ -42,6 +42,7 @@ OFF_CENTER = 0.45  # radii by which a circle's centre may differ from the known 
 OFF_START = 0.12  # radii from which on the rays are sent out again from the centre of the circle found
 TOLERANCE_PX, TOLERANCE = 0.75, 0.012  # distance, and share of the radius, at which an edge supports a circle
 LEAST_SUPPORT = 0.3  # share of the rays that must support a circle
+MOST_SUPPORTED = 40  # circles that are looked at, the best supported
 SAME_PX, SAME_SHARE = 1.5, 0.05  # px, and radii, within which two circles are the same one
 HORIZON, HORIZON_SIGMA = 0.7, 0.08
 """Radius of the table's edge as a ball shows it, in its own: sin 45 degrees for a table seen from above; its spread."""
@@ -105,7 +106,7 @@ def _supported(static: Slopes, sphere: Sphere) -> list[Sphere]:
     support = np.array([_support(places, turn, *circle)[0] for circle in zip(centers, radii, strict=True)])
     kept: list[Sphere] = []
     for n in np.argsort(-support, kind="stable"):
-        if support[n] < LEAST_SUPPORT:
+        if support[n] < LEAST_SUPPORT or len(kept) == MOST_SUPPORTED:
             break
         one = replace(sphere, center_px=centers[n], radius_px=float(radii[n]))
         if all(circles_apart(one, other) > max(SAME_PX, SAME_SHARE * one.radius_px) for other in kept):

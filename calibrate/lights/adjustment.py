@@ -27,7 +27,7 @@ RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
 FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
 """What is known of the flashes' flatness: the data say hardly more, but sigma knows of it."""
-STEP, PIXEL_STEP = 1e-4, 0.01
+STEP, PIXEL_STEP = 1e-5, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
 BESIDE_PX = PIXEL_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keeps the step from going there
@@ -239,7 +239,7 @@ class Adjustment:
         return np.concatenate([pixels[self.used].ravel(), shaded.ravel(), self.prior @ (x - self.middle)])
 
     def slopes(self, x: Array) -> Array:
-        """Return the derivatives (R, n) of `residuals`, by central differences: all lights at once, none moves another.
+        """Return the derivatives (R, n) of `residuals`, by differences: all lights at once, none moves another.
 
         The camera, a ball's own unknowns and the flatness move its highlights, another ball's do not.
         """
@@ -247,12 +247,12 @@ class Adjustment:
         every = np.arange(self.lights)
         for s in range(self.balls):
             here = self._mirrored(x, s)
+            miss = self._miss(x, s, here)
 
-            def difference(at: slice, mirrored: _Mirrored | None = None, s: int = s) -> Array:
-                step = np.zeros(len(x))
-                step[at] = STEP
-                ends = [self._miss(y, s, mirrored or self._mirrored(y, s)) for y in (x + step, x - step)]
-                return (ends[0] - ends[1]) / (2 * STEP)
+            def difference(at: slice, mirrored: _Mirrored | None = None, s: int = s, miss: Array = miss) -> Array:
+                beside = x.copy()
+                beside[at] += STEP
+                return (self._miss(beside, s, mirrored or self._mirrored(beside, s)) - miss) / STEP
 
             own = self.first_ball + 3 * s + np.arange(3)
             diameter = self.first_diameter + np.flatnonzero(self.free_diameters == s)
@@ -264,9 +264,9 @@ class Adjustment:
                 out[s, every, :, k + self.per_light * every] = difference(slice(k, None, self.per_light), here)
         by_pixels = np.nan_to_num((out / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))
         shaded = np.zeros((*self.shaded.shape, 2, len(x)))
+        misses = self.shading_misses(x)
         for k in range(self.first_light, self.first_light + self.per_light):
-            step = np.zeros(len(x))
-            step[k :: self.per_light] = STEP
-            ends = [self.shading_misses(y) for y in (x + step, x - step)]
-            shaded[:, every, :, k + self.per_light * every] = (ends[0] - ends[1]).swapaxes(0, 1) / (2 * STEP)
+            beside = x.copy()
+            beside[k :: self.per_light] += STEP
+            shaded[:, every, :, k + self.per_light * every] = (self.shading_misses(beside) - misses).swapaxes(0, 1) / STEP
         return np.concatenate([by_pixels, shaded[self.shaded].reshape(-1, len(x)), self.prior])

@@ -42,7 +42,7 @@ TURNS, ROUGH_TURNS, LEAST_TURNS = 40, 8, 2
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 USUAL = 0.6  # the same of chromium, before it is known
-AT_REST = 1e-4  # relative fall of the sum from which on no more is taken
+AT_REST, ROUGH_PX = 1e-4, 0.1  # relative fall of the sum, and step of a rough fit, from which on no more is taken
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
@@ -187,6 +187,8 @@ def _settle(
         mirror = min(max(kept.explained.mirror, REFLECTS[0]), REFLECTS[1])
         step = np.linalg.solve(kept.normal + damping * np.diag(np.diag(kept.normal)), kept.gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
+        if rough and np.abs(step[OUTLINE]).max() < ROUGH_PX:
+            break
         sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
         blur = float(max(blur + step[BLUR], SHARPEST_PX))

@@ -8,8 +8,8 @@ from fixtures.bad_input.cases import shares
 from fixtures.bad_input.law import fuzz
 from fixtures.bad_input.watch import Watched
 
-FULL = 6000
-"""Cases of `make test-all`, over all doors: about ten minutes on two cores."""
+FULL = 2000
+"""Cases of `make test-all`, over all doors: about three minutes on two cores."""
 SHORT = 300
 """Of `make test`, whose files leave out the slow doors."""
 

@@ -71,7 +71,7 @@ def test_the_wheel_holds_the_rooms_and_the_demo_and_nothing_else(wheel):
 
 
 def test_it_runs_from_an_empty_folder(installed, tmp_path):
-    """Its own code, not the checkout's; help, an example calibrated, and the demo judged by its known truth."""
+    """Its own code, not the checkout's; help, an example session, and the demo judged by its known truth."""
     for name in ROOMS:
         place = run(installed, "python", "-c", f"import {name}; print({name}.__file__)", cwd=tmp_path).strip()
         assert Path(place).is_relative_to(installed), place
@@ -79,10 +79,7 @@ def test_it_runs_from_an_empty_folder(installed, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
     run(installed, "rgbn", "example", "no-scan", cwd=tmp_path)
-    found = json.loads(run(installed, "rgbn", "calibrate", "no-scan", "--json", cwd=tmp_path))
-    assert found["calibrate"]["spheres"] == 3
-    assert found["calibrate"]["direction_sigma_deg_median"] < 0.5
-    assert (tmp_path / "out" / "no-scan" / "lights.json").is_file()
+    assert (tmp_path / "no-scan" / "session.toml").is_file()
 
     found = json.loads(run(installed, "rgbn", "demo", "--json", cwd=tmp_path))
     assert found["truth_check"]["direction_median_deg"]["value"] <= 0.5

@@ -15,7 +15,13 @@ PATIENCE_S, PRESS_AGAIN_S = 240, 10
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
-VIEW, SMALL = {"width": 1060, "height": 560}, {"width": 400, "height": 120}
+VIEW = {"width": 1060, "height": 560}
+FEWER_FRAMES = """
+const draw = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = then => setTimeout(() => draw(then), 100);
+window.cancelAnimationFrame = number => clearTimeout(number);
+"""
+"""Ten frames a second at most: drawing all the time, a software renderer takes a core from what it waits for."""
 
 
 @pytest.fixture(scope="session")
@@ -137,6 +143,7 @@ class Visitor:
         self.asked, self.interactions, self._studio = [], 0, studio
         known = {window.client.client_id for window in studio.windows}
         self.page = chromium.new_page(viewport=VIEW)
+        self.page.add_init_script(FEWER_FRAMES)
         self.page.set_default_timeout(1000 * PATIENCE_S)
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on("websocket", lambda socket: self.asked.append(socket.url))
@@ -260,13 +267,6 @@ class Visitor:
                 return
             self.page.wait_for_timeout(50)
         pytest.fail(f"{what}: not within {PATIENCE_S} s")
-
-    @contextlib.contextmanager
-    def small(self):
-        """Make the window small for a while: a software renderer draws it all the time, and takes a core for it."""
-        self.page.set_viewport_size(SMALL)
-        yield
-        self.page.set_viewport_size(VIEW)
 
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""
