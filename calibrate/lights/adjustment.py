@@ -27,7 +27,7 @@ RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
 FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
 """What is known of the flashes' flatness: the data say hardly more, but sigma knows of it."""
-STEP, PIXEL_STEP = 1e-5, 0.01
+STEP, PIXEL_STEP = 1e-4, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
 BESIDE_PX = PIXEL_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
 OFF_BALL = 1e3  # sigmas: off the ball there is no mirror; a large constant keeps the step from going there
@@ -268,5 +268,6 @@ class Adjustment:
         for k in range(self.first_light, self.first_light + self.per_light):
             beside = x.copy()
             beside[k :: self.per_light] += STEP
-            shaded[:, every, :, k + self.per_light * every] = (self.shading_misses(beside) - misses).swapaxes(0, 1) / STEP
+            moved = (self.shading_misses(beside) - misses) / STEP
+            shaded[:, every, :, k + self.per_light * every] = moved.swapaxes(0, 1)
         return np.concatenate([by_pixels, shaded[self.shaded].reshape(-1, len(x)), self.prior])

@@ -228,7 +228,7 @@ def test_derivatives(scene, near, exact):
     x = x + 0.01 * rng.normal(size=len(x))
     steps = 1e-4 * np.eye(len(x))
     difference = np.stack([(problem.residuals(x + s) - problem.residuals(x - s)) / 2e-4 for s in steps], 1)
-    np.testing.assert_allclose(problem.slopes(x), difference, rtol=1e-4, atol=1e-5 * np.abs(difference).max())
+    np.testing.assert_allclose(problem.slopes(x), difference, rtol=1e-3, atol=1e-5 * np.abs(difference).max())
 
 
 @pytest.mark.parametrize(("near", "bend"), [(True, 2.0), (True, np.inf), (False, np.inf)])
