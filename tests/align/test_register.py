@@ -3,13 +3,11 @@
 import pickle
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from align.pose.motion import nudge
-from align.pose.photographed import Photographs
 from align.pose.register import register
 from align.pose.scan_view import View
 from align.truth import ground_truth
@@ -140,55 +138,6 @@ def test_input_that_cannot_work_is_refused_before_the_search(world):
         run(world, mask=cut[:-1])
     with pytest.raises(AlignError, match="normals are known at"):
         run(world, normals=np.full((*cut.shape, 3), np.nan))
-
-
-@pytest.mark.slow
-@pytest.mark.full
-def test_the_bunny_of_another_program(tmp_path):
-    """The shared session: registered from its RAW frames under its true lights; truth only judges."""
-    folder = Path(__file__).parents[2] / ".." / "shared" / "sessions" / "bunny"
-    if not folder.exists():
-        pytest.skip("../shared/sessions/bunny is absent")
-    import json
-
-    import rawpy
-
-    from align.scan.mended_scan import load_scan
-    from scene.frames import Frames
-
-    def develop(path):
-        with rawpy.imread(str(path)) as raw:
-            image = raw.postprocess(
-                gamma=(1, 1), no_auto_bright=True, output_bps=16, adjust_maximum_thr=0, user_flip=0,
-                output_color=rawpy.ColorSpace.raw, user_wb=[1, 1, 1, 1],
-                demosaic_algorithm=rawpy.DemosaicAlgorithm.LINEAR,
-            )  # fmt: skip
-        return image.astype(np.float32) / 65535
-
-    truth = json.loads((folder / "truth.json").read_text())
-    with np.load(folder / "truth.npz") as data:
-        normals, mask, positions = data["normals"].astype(float), data["mask"], data["light_positions_mm"]
-    camera = Camera(truth["width"], truth["height"], truth["fx"], truth["fx"], truth["cx"], truth["cy"])
-    flash = [develop(path) for path in sorted((folder / "raw").glob("flash_*.dng"))]
-    names = tuple(f"flash_{i:03d}" for i in range(len(flash)))
-    frames = Frames.from_linear(names, np.stack(flash), ambient=develop(folder / "raw" / "ambient_000.dng"))
-    center = np.array(truth["object_centre_mm"])
-    lights = Lights(
-        names, np.array(truth["directions_at_object"]), np.array(truth["relative_intensity_rgb_at_object"]),
-        positions, center,
-    ).normalised()  # fmt: skip
-    gray = (frames.read() / lights.intensities[:, None, None, :]).mean(-1)[:, mask]
-    rough = np.full((*mask.shape, 3), np.nan)
-    rough[mask] = np.linalg.lstsq(lights.directions, gray, rcond=None)[0].T
-    rough /= np.linalg.norm(rough, axis=-1, keepdims=True)
-    mesh = load_scan(folder / "scan" / "object.ply", "mm")
-    found = register(mesh, Photographs(camera, frames, lights, mask), rough)
-    pose = Pose(np.array(truth["camera_from_scan"]))
-    gap = camera.project(found.pose.apply(mesh.vertices)) - camera.project(pose.apply(mesh.vertices))
-    assert np.sqrt(np.mean((gap**2).sum(1))) < 0.3
-    error = angular_error_deg(ground_truth(mesh, found.pose, camera).normals, normals)[mask]
-    # 0.68 degrees of it is the decimated scan's own error, at the true pose.
-    assert np.nanmedian(error) < 0.8
 
 
 @pytest.mark.full

@@ -46,15 +46,14 @@ def test_a_unit_that_kills_its_workers_ends_with_a_message(session, cluster, sam
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_is_killed_ends_the_run_with_one_message(
-    session, cluster, same, refused, finish, wait_for, tmp_path, how
+    session, cluster, same, refused, finish, wait_for, tmp_path
 ):
     cluster.start_scheduler()
     cluster.start_worker(habit=SLOW)
     run = cluster.solve(session[0], tmp_path / "out")
     wait_for((cluster.folder / "worker-0" / "works").exists, run)
-    cluster.scheduler.send_signal(how)
+    cluster.scheduler.send_signal(signal.SIGKILL)
     start = time.monotonic()
     refused(finish(run), "the scheduler was lost", "What is done is kept: run the same command again")
     assert time.monotonic() - start < 30
