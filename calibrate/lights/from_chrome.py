@@ -31,6 +31,9 @@ AGREE_DEG, USUAL_TIMES = 2.0, 4
 """Miss between balls under which a frame's brightest points are the flash, and in that of the median frame."""
 BETTER, RANK_DEG = 0.4, 0.5  # share of the miss that other points may leave, and what each rank of brightness costs
 TRIED_BALLS, TRIED_SPOTS = 4, 3
+ODD = 0.6
+"""Of the usual height and size: a point that is less than so much of both is a reflection of the flash in something
+else. A flash that is farther away is smaller, and as bright."""
 
 
 def lights_from_chrome(
@@ -52,6 +55,11 @@ def lights_from_chrome(
         spot = measure_spot(balls[s].frames, f, camera, spheres[s], chosen[s, f])
         if spot is not None:
             chosen[s, f], sigma[s, f], extents[s, f], glare[s, f] = spot
+    strength = np.stack([spot.strength[np.arange(len(names)), pick] for spot, pick in zip(spots, picks, strict=True)])
+    usual = np.array([np.median(row[row > 0]) if row.any() else 0.0 for row in extents])[:, None]
+    odd = (strength < ODD) & (extents < ODD * usual)
+    sigma = np.where(odd, np.array([[sphere.radius_px] for sphere in spheres]), sigma)
+    _name_odd(names, odd, np.isfinite(chosen[..., 0]) & ~odd, notes)
     for s, f in zip(*np.nonzero(glare), strict=True):
         notes.flags[f].append(f"glare beside the highlight on chrome ball {s + 1}: the middle of its core is taken")
     _leave_out_strays(camera, spheres, chosen, shading.rough, notes)
@@ -72,6 +80,20 @@ def lights_from_chrome(
     for s, f in zip(*np.nonzero(np.isfinite(chosen[..., 0]) & ~fit.used), strict=True):
         notes.flags[f].append(f"highlight on chrome ball {s + 1} disagrees and is left out")
     return _with_contradictions(fit, chosen, np.array(names), notes), chosen
+
+
+def _name_odd(names: tuple[str, ...], odd: NDArray[np.bool_], sound: NDArray[np.bool_], notes: Notes) -> None:
+    """Flag points (S, F) that are small and dark for a flash, and warn where no other ball (S, F) shows it."""
+    for s, f in zip(*np.nonzero(odd), strict=True):
+        notes.flags[f].append(f"the brightest point on chrome ball {s + 1} is small and dark: another reflection?")
+    alone = odd.any(0) & ~sound.any(0)
+    if alone.any():
+        listed = ", ".join(names[f] for f in np.flatnonzero(alone))
+        notes.warnings.append(
+            f"{listed}: the brightest point on the chrome ball is less than {ODD:g} as large and as bright as in the "
+            "other frames. The ball may not see the flash, and show another reflection of it: the direction is not "
+            "known. Look at the photograph; list it under frames.skip if so."
+        )
 
 
 def _name_unseen(names: tuple[str, ...], seen: NDArray[np.bool_], shading: Shading, notes: Notes) -> None:

@@ -47,6 +47,7 @@ class Spots(NamedTuple):
     sigma_px: Array  # (F, K)
     extent_px: Array  # (F, K)
     glare: NDArray[np.bool_]  # (F, K)
+    strength: Array  # (F, K) height, in that of the ball's usual brightest point
 
 
 def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -> Spots:
@@ -70,7 +71,7 @@ def find_spots(frames: Frames, camera: Camera, coarse: Coarse, sphere: Sphere) -
                 spot = measure_spot(frames, f, camera, sphere, near, factor=coarse.factor, fitted=k == 0)
                 if spot is not None:
                     pixels[f, k], sigma[f, k], extent[f, k], glare[f, k] = spot
-    return Spots(pixels, sigma, extent, glare)
+    return Spots(pixels, sigma, extent, glare, strength / usual)
 
 
 def _rough(frames: Frames, coarse: Coarse, sphere: Sphere) -> tuple[Array, Array]:

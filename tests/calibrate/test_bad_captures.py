@@ -254,6 +254,21 @@ def test_a_chrome_ball_in_shadow(shot):
 
 
 @pytest.mark.full
+def test_a_reflection_of_the_flash_in_something_else_is_named(shot):
+    """The one chrome ball stands in shadow, and shows a small dark point elsewhere: that was the light, to 0.1 deg."""
+    world, images, _ = shot
+    images = _flagged(world, images, 0, 1, half_mm=60)
+    ball = world.spheres()[0]
+    v, u = np.indices(images.shape[1:3])
+    place = ball.center_px + ball.radius_px * np.array([-0.3, 0.35])
+    images[1] += 0.4 * np.exp(-((u - place[0]) ** 2 + (v - place[1]) ** 2) / (2 * 0.5**2))[..., None]
+    found = calibrate(_exposed(images), world.camera, [_asked(world, kinds=["chrome"])[0]])
+    _said(found, "flash_001", "show another reflection of it", "frames.skip")
+    sigma = found.lights.direction_sigma_deg
+    assert sigma[1] > 20 > 10 * np.delete(sigma, 1).max()
+
+
+@pytest.mark.full
 def test_a_white_ball_in_shadow(shot):
     world, images, _ = shot
     with pytest.raises(CalibrationError, match=r"flash_001 \(.*white ball stood in shadow"):
