@@ -89,6 +89,10 @@ KINDS = (
         reason="the other balls see the flash elsewhere, and agree: nothing is lost",
     ),
     Kind(
+        r"the brightest point on chrome ball .* is small and dark: another reflection\?",
+        reason="calibrate.lights.from_chrome warns of it where no other ball shows the flash",
+    ),
+    Kind(
         r"no highlight seen: direction from the white ball's shading",
         reason="calibrate.lights.from_chrome warns of it, with the frames' names",
     ),

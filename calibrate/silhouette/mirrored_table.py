@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtr
 
-from calibrate.silhouette.cone_fit import SHARPEST_PX, blurred_ramp
+from calibrate.silhouette.cone_fit import SHARPEST_PX
 from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
 from calibrate.silhouette.mirrored_surroundings import Samples, Shown, Surroundings, samples
 from calibrate.silhouette.outline import SECTOR, moved
+from calibrate.silhouette.outside_profile import coefficients, outside, without
 from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
@@ -244,7 +244,7 @@ def _explain(
     grazing: g of the law at the cosines where the mirror is looked at; noise (F, 1, 1): by the residuals if None.
     """
     is_known = noise is not None
-    basis = _outside(offsets, blur_px)
+    basis = outside(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
     known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
     if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
@@ -253,7 +253,7 @@ def _explain(
     weight, mirror = known, 0.0
     noise = np.ones((len(known), 1, 1), np.float32) if noise is None else noise
     for _ in range(3):
-        whole, y, x = (_free(values, basis, weight) for values in (profiles, profiles - given, mirrored))
+        whole, y, x = (without(values, basis, weight) for values in (profiles, profiles - given, mirrored))
         scale = weight / noise**2
         mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
         residual = y - np.float32(mirror) * x
@@ -272,12 +272,12 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> Values
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
     grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
-    basis, mirrored = _outside(offsets, blur), shown.blurred(offsets, blur, reflects)
-    beyond = _coefficients(np.nan_to_num(seen.profiles - mirrored), basis, explained.weight)
+    basis, mirrored = outside(offsets, blur), shown.blurred(offsets, blur, reflects)
+    beyond = coefficients(np.nan_to_num(seen.profiles - mirrored), basis, explained.weight)
 
     def moved_by(shift: float, blur_px: float, grown: float = 1.0) -> Values:
         larger = shown._replace(depths=grown * shown.depths)
-        return larger.blurred(offsets - shift, blur_px, reflects) + beyond @ _outside(offsets - shift, blur_px).T
+        return larger.blurred(offsets - shift, blur_px, reflects) + beyond @ outside(offsets - shift, blur_px).T
 
     by_shift = (moved_by(0.1, blur) - moved_by(-0.1, blur)) / 0.2
     by_size = (moved_by(0, blur, 1.01) - moved_by(0, blur, 0.99)) / (0.02 * shown.radius_px)
@@ -287,26 +287,4 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> Values
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
     slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
-    return _free(slopes, basis, explained.weight) / explained.noise
-
-
-def _outside(offsets: Array, blur_px: float) -> Values:
-    """Return (M, 2), the blurred profiles of what lies outside: its value at the outline, and its slope."""
-    return np.stack([ndtr(offsets / blur_px), blurred_ramp(offsets, blur_px)], -1).astype(np.float32)
-
-
-def _coefficients(values: Values, basis: Values, weight: Values) -> Values:
-    """Return (..., F, BINS, 2): what of the basis (M, 2) each profile holds, by weighted least squares."""
-    products = np.stack([basis[:, 0] ** 2, basis[:, 0] * basis[:, 1], basis[:, 1] ** 2], -1)
-    # In 64 bits: where a profile shows little, first * second and both^2 are almost the same number.
-    first, both, second = np.moveaxis((weight @ products).astype(np.float64), -1, 0)
-    first, second = first + 1e-6, second + 1e-6
-    x, y = np.moveaxis((weight * values) @ basis, -1, 0)
-    inverse = 1 / (first * second - both * both)
-    found = np.stack([(second * x - both * y) * inverse, (first * y - both * x) * inverse], -1)
-    return found.astype(np.float32)
-
-
-def _free(values: Values, basis: Values, weight: Values) -> Values:
-    """Return the profiles without what the basis explains of them."""
-    return np.asarray(values - _coefficients(values, basis, weight) @ basis.T, np.float32)
+    return without(slopes, basis, explained.weight) / explained.noise
