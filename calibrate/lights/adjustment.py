@@ -25,8 +25,6 @@ LOG_INVERSE_RANGE = np.log(1e-5), 3.0  # bounds, of 1 / mm: 100 m, farther is di
 NEAREST_MM = 100.0  # to the lights where no two rays meet: else they are taken to be as far as the camera
 RANGE_PRIOR = 0.7
 """Loose relative prior of the range about the other lights': what one ball alone sees has no range of its own."""
-FLATNESS, FLATNESS_SIGMA = 0.3, 0.3
-"""What is known of the flashes' flatness: the data say hardly more, but sigma knows of it."""
 STEP, PIXEL_STEP = 1e-4, 0.01
 """Of the differences by the unknowns, in sigmas' order of magnitude, and by the pixel: the mirror's law is smooth."""
 BESIDE_PX = PIXEL_STEP * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -43,7 +41,6 @@ class Observed:
     highlights: Array  # (S, F, 2) pixels, NaN where unseen; each frame needs one ball, chrome or white, at least
     sigma_px: Array  # (S, F)
     reference: Array  # (3,) where the directions hold, mm
-    extents_px: Array | None = None  # (S, F) half the size at which each ball shows the flash; None: points
     diameter_sigma: Array | None = None  # (S,) relative, of the diameters; 0 or None: exact
     shading: Shading | None = None
 
@@ -54,24 +51,17 @@ class _Mirrored(NamedTuple):
     arm: Array  # (F, 3) from the mirroring points to the reference, mm
     seen: Array  # (F, 3) mirrored directions
     inverted: Array  # (F, 2, 3) pixels by direction: the inverse of d(direction) / d(pixel)
-    square: Array  # (F,) angular half size of the flash, squared
 
 
 class Adjustment:
     """Unknowns: the camera's log focal length and centre; per ball (u, v, radius) and the log of its diameter; per
-    light two tangent components, and the log of the inverse range if near; and the flashes' flatness. What is known
-    exactly is left out.
+    light two tangent components, and the log of the inverse range if near. What is known exactly is left out.
 
     Notes
     -----
     A highlight's residual is, to first order, its distance in the picture from where the light would be mirrored: the
     angle between the mirrored ray and the direction to the light, through the inverse of d(direction) / d(pixel).
     Minimising it in the picture weights small and slanted mirrors rightly [Ackermann2013].
-
-    A glowing ball is mirrored about its centre. The near half of a flat head that faces the reference point looks
-    larger: at angle t between its axis and the ball, its picture of angular half size a lies k a^2 sin t cos t beside
-    its centre, k = 0 for a glowing ball, 1/3 for a flat one's centroid, 1 for its outline. Small, but the same on all
-    balls: it would pass for another distance.
     """
 
     def __init__(self, seen: Observed, *, near: bool) -> None:
@@ -87,14 +77,11 @@ class Adjustment:
         camera_sigma = np.zeros(3) if camera.is_orthographic else known
         diameter_sigma = np.zeros(self.balls) if seen.diameter_sigma is None else seen.diameter_sigma
         self.shifts = [outline_shift(camera, s) if camera_sigma.any() else np.zeros((3, 3)) for s in seen.spheres]
-        # Columns of x: camera, balls, diameters, flatness, then the lights.
+        # Columns of x: camera, balls, diameters, then the lights.
         self.free_camera, self.free_diameters = np.flatnonzero(camera_sigma), np.flatnonzero(diameter_sigma)
         self.first_ball = len(self.free_camera)
         self.first_diameter = self.first_ball + 3 * self.balls
-        # With one ball, or distant lights, flatness and a turn look alike.
-        self.extents = np.zeros((self.balls, self.lights)) if seen.extents_px is None else seen.extents_px
-        self.flat = bool(near and self.balls > 1 and self.extents.any())
-        self.first_light = self.first_diameter + len(self.free_diameters) + self.flat
+        self.first_light = self.first_diameter + len(self.free_diameters)
         self.per_light = 3 if near else 2
         typical = self._start_lights()
         # What is small beside the highlights: prior @ (x - middle). |L^-1 d|^2 = d^T C^-1 d whitens the outlines'.
@@ -102,12 +89,10 @@ class Adjustment:
             np.diag(1 / camera_sigma[self.free_camera]),
             *(np.linalg.inv(np.linalg.cholesky(c)) for c in seen.covariances),
             np.diag(1 / diameter_sigma[self.free_diameters]),
-            np.eye(int(self.flat)) / FLATNESS_SIGMA,
             *([[[0, 0, 1 / RANGE_PRIOR]]] * self.lights if near else [np.zeros((0, 2 * self.lights))]),
         )
         self.prior = np.asarray(prior, np.float64)
         self.middle = np.zeros(self.first_light + self.per_light * self.lights)
-        self.middle[self.first_light - self.flat : self.first_light] = FLATNESS
         self.middle[self.first_light + 2 :: 3] = np.log(typical) if near else 0
 
     def _start_lights(self) -> float:
@@ -212,17 +197,13 @@ class Adjustment:
         aa, ab, bb = np.sum(a * a, 1), np.sum(a * b, 1), np.sum(b * b, 1)
         inverted = np.stack([bb[:, None] * a - ab[:, None] * b, aa[:, None] * b - ab[:, None] * a], 1)
         inverted /= (aa * bb - ab * ab)[:, None, None]
-        return _Mirrored(self.reference_at(camera) - points[0], seen, inverted, self.extents[ball] ** 2 * (aa + bb) / 2)
+        return _Mirrored(self.reference_at(camera) - points[0], seen, inverted)
 
     def _miss(self, x: Array, ball: int, mirrored: _Mirrored) -> Array:
         """Return one ball's residuals (F, 2), px."""
         directions, inverse = self.lights_at(x)
         # d + w (ref - x) points from the ball to the light.
         target = unit(directions + inverse[:, None] * mirrored.arm)
-        if self.flat:
-            cosine = np.sum(directions * target, 1)
-            beside = (mirrored.square * cosine)[:, None] * (directions - cosine[:, None] * target)
-            target = target + x[self.first_light - 1] * beside
         # Stereographic: the residual grows all the way to the opposite direction, where that of the sine is 0 again.
         half = np.maximum(1 + np.sum(mirrored.seen * target, 1), 1e-6)[:, None] / 2
         return np.einsum("fki,fi->fk", mirrored.inverted, mirrored.seen - target) / half
@@ -241,7 +222,7 @@ class Adjustment:
     def slopes(self, x: Array) -> Array:
         """Return the derivatives (R, n) of `residuals`, by differences: all lights at once, none moves another.
 
-        The camera, a ball's own unknowns and the flatness move its highlights, another ball's do not.
+        The camera and a ball's own unknowns move its highlights, another ball's do not.
         """
         out = np.zeros((self.balls, self.lights, 2, len(x)))
         every = np.arange(self.lights)
@@ -258,8 +239,6 @@ class Adjustment:
             diameter = self.first_diameter + np.flatnonzero(self.free_diameters == s)
             for i in [*range(self.first_ball), *own, *diameter]:
                 out[s, ..., i] = difference(slice(i, i + 1))
-            for i in range(self.first_light - self.flat, self.first_light):
-                out[s, ..., i] = difference(slice(i, i + 1), here)
             for k in range(self.first_light, self.first_light + self.per_light):
                 out[s, every, :, k + self.per_light * every] = difference(slice(k, None, self.per_light), here)
         by_pixels = np.nan_to_num((out / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))

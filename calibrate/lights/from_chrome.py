@@ -68,9 +68,7 @@ def lights_from_chrome(
         raise CalibrationError("spheres: no highlight of the flash was found on any chrome ball, in any frame.")
     _name_unseen(names, seen, shading, notes)
     covariances = [ball.covariance + (ROUND * ball.sphere.radius_px) ** 2 * np.eye(3) for ball in balls]
-    fit = choose_model(
-        Observed(camera, spheres, covariances, chosen, sigma, reference, extents, shading=shading), notes
-    )
+    fit = choose_model(Observed(camera, spheres, covariances, chosen, sigma, reference, shading=shading), notes)
     if len(balls) == 1 and not camera.is_orthographic and not spheres[0].apart and fit.positions_mm is None:
         notes.warnings.append(
             "one chrome ball: the directions hold where it mirrors each flash. An object 100 mm beside it, under "
