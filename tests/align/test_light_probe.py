@@ -177,11 +177,10 @@ def _box(height):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize(("height", "tilt"), [(20.0, 0.3), (12.0, 0.1)])
-def test_a_flat_thing_does_not_tell_lights(build, height, tilt):
+def test_a_flat_thing_does_not_tell_lights(build):
     """Seen from the front it has one normal: either no sample is left that speaks, or the sigmas say how little."""
     with pytest.raises(AlignError, match=r"too flat.*lights\.file"):
-        _found(build(_box(height), Rotation.from_rotvec([tilt, tilt, 0.0]).as_matrix()))
+        _found(build(_box(20.0), Rotation.from_rotvec([0.3, 0.3, 0.0]).as_matrix()))
 
 
 @pytest.mark.full

@@ -64,7 +64,7 @@ def test_a_disk_of_any_size(tmp_path):
     if probe.returncode:
         pytest.skip("mounting a small file system is not allowed here")
     subprocess.run(["umount", str(disk)], check=True)
-    sizes = [*range(4, 136, 8), 4096]
+    sizes = [*range(4, 136, 16), 4096]
     command = [sys.executable, "-c", RUNS, str(tmp_path / "session"), str(disk), json.dumps(sizes)]
     done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.returncode == 0, done.stderr
@@ -81,7 +81,7 @@ def test_a_disk_of_any_size(tmp_path):
             assert "Traceback" not in said
             assert "the disk is full" in said or "No space left on device" in said, f"{size} KB: {said}"
         assert same(files) == same(whole), size
-    assert refused > 10
+    assert refused > 5
 
 
 def same(files):

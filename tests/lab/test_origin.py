@@ -203,7 +203,7 @@ def test_a_setting_that_is_refused_changes_nothing(quick):
         assert (results(out), read_record(out).notes) == before
 
 
-SEEDS = [*range(15), *(pytest.param(seed, marks=pytest.mark.full) for seed in range(15, 300))]
+SEEDS = [*range(15), *(pytest.param(seed, marks=pytest.mark.full) for seed in range(15, 100))]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
