@@ -52,8 +52,7 @@ def test_from_a_folder_to_the_report(visit, studio, tmp_path):
     visitor.button("Run everything").wait_for()
     visitor.press("Run everything")
     report = visitor.page.frame_locator("#studio-report")
-    with visitor.small():
-        report.get_by_text("iterative").first.wait_for(timeout=600_000, state="attached")
+    report.get_by_text("iterative").first.wait_for(timeout=600_000)
     assert visitor.interactions <= MOST_INTERACTIONS
     visitor.settle()
     visitor.keep("verdict")
