@@ -23,6 +23,9 @@ from benchmarks.virtual_pairs import (
     against_the_lab,
     in_order,
     in_shadow,
+    process_capture,
+    reference_balls,
+    write_rendering,
 )
 from scene.errors import SceneError
 from scene.frames import Frames
@@ -158,6 +161,45 @@ def test_no_two_materials_look_alike_and_each_counterpart_has_its_own():
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
             assert np.sqrt(np.mean((looks[a] - looks[b]) ** 2)) > 0.01, (a, b)
+
+
+@pytest.mark.full
+@pytest.mark.render
+@pytest.mark.slow
+def test_a_pair_is_photographed_and_processed(tmp_path):
+    """One easy level, all the way: the lights are found as they were held, and the two sides err alike."""
+    setup, capture, rendering = Setup(frames=12, seed=10001), tmp_path / "capture", tmp_path / "rendering"
+    process_capture(tmp_path / "session", capture, setup, ("ls",))
+    write_rendering(rendering, setup, ("ls",))
+    held, found = lab_scene(setup).lights, Store(capture).load_lights()
+    kept = [held.names.index(name) for name in found.names]
+    assert len(kept) >= 9
+    # Seen from one place: the session's own reference point lies amid the balls.
+    directions, expected = (unit(one.toward(CENTRE_MM[None])[:, 0]) for one in (found, held))
+    off_deg = angular_error_deg(directions, expected[kept])
+    # Mirrors of 25 px: a tenth of a pixel on one is half a degree.
+    assert np.median(off_deg) < 1.0
+    assert (off_deg < 4 * np.sqrt(2) * found.direction_sigma_deg).all()
+    for ball, (kind, radius, center) in zip(reference_balls(), BALLS, strict=True):
+        u = CAMERA.cx + CAMERA.fx * center[0] / -center[2]
+        v = CAMERA.cy - CAMERA.fy * center[1] / -center[2]
+        assert ball.kind == kind
+        # A mirror of 25 px beside a white card.
+        assert ball.center_px == pytest.approx([u, v], abs=0.8)
+        assert ball.radius_px == pytest.approx(CAMERA.fx * radius / -center[2], abs=0.8)
+    mask, truth = object_maps(setup)
+    assert np.array_equal(Store(capture).load_mask(), mask)
+    assert np.nanmax(angular_error_deg(Store(capture).load_normals("truth")[mask], truth[mask])) < 0.1
+    exact = Store(rendering).load_lights()
+    assert np.max(angular_error_deg(exact.directions, object_scene(setup).lights.directions)) < 0.01
+    sides = {place: Store(place).load_normals("ls")[mask] for place in (capture, rendering)}
+    real, twin = (float(np.nanmedian(angular_error_deg(normals, truth[mask]))) for normals in sides.values())
+    lights_off_deg, told_deg = against_the_lab(setup, Store(capture))
+    assert lights_off_deg == pytest.approx(np.median(off_deg))
+    # Without a scan the object is taken to stand amid the balls, further away than it is.
+    assert told_deg < real < 4.0
+    assert twin < 2.0
+    assert told_deg == pytest.approx(twin, abs=1.0)
 
 
 def test_every_experiment_goes_from_easy_to_hard_in_four_steps_or_more():

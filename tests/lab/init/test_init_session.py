@@ -202,5 +202,7 @@ def test_somebody_elses_session_without_its_session_toml(tmp_path, monkeypatch):
     answers = Answers({"chrome": (76.0,), "white": (70.0,)}, lens=Lens(focal_mm=50.0, sensor_mm=36.0))
     init_sessions(folder, answers, silent=True)
     ours, theirs = load_session(folder), load_session(source)
-    assert sorted(ball.kind for ball in ours.spheres) == sorted(ball.kind for ball in theirs.spheres)
+    assert sorted((b.kind, b.diameter_mm) for b in ours.spheres) == sorted(
+        (b.kind, b.diameter_mm) for b in theirs.spheres
+    )
     assert (ours.scan_unit, len(ours.flash), len(ours.ambient)) == ("mm", 12, 1)
