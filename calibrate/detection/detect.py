@@ -120,8 +120,8 @@ def detect(
     planes = [shared_plane([t.plane for m, t in enumerate(shown) if t and m != n]) for n in range(len(shown))]
     law = law_of([table.is_fresnels for table in shown if table])
     with ThreadPoolExecutor(THREADS) as threads:
-        fit = partial(_outline, frames, camera, search_px=coarse.search_px, law=law)
-        fits = list(threads.map(fit, starts, shown, planes))
+        outline = partial(_outline, frames, camera, search_px=coarse.search_px, law=law)
+        fits = list(threads.map(outline, starts, shown, planes))
     for one, circles, fit in zip(chosen, starts, fits, strict=True):
         if fit is None:
             rejected.append(_rejected(coarse, one, "its outline cannot be followed at full size"))

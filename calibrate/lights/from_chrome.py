@@ -59,7 +59,8 @@ def lights_from_chrome(
     usual = np.array([np.median(row[row > 0]) if row.any() else 0.0 for row in extents])[:, None]
     odd = (strength < ODD) & (extents < ODD * usual)
     sigma = np.where(odd, np.array([[sphere.radius_px] for sphere in spheres]), sigma)
-    _name_odd(names, odd, np.isfinite(chosen[..., 0]) & ~odd, notes)
+    sound = np.concatenate([np.isfinite(chosen[..., 0]) & ~odd, shading.clear])
+    _name_odd(names, odd, sound, notes)
     for s, f in zip(*np.nonzero(glare), strict=True):
         notes.flags[f].append(f"glare beside the highlight on chrome ball {s + 1}: the middle of its core is taken")
     _leave_out_strays(camera, spheres, chosen, shading.rough, notes)
@@ -81,7 +82,10 @@ def lights_from_chrome(
 
 
 def _name_odd(names: tuple[str, ...], odd: NDArray[np.bool_], sound: NDArray[np.bool_], notes: Notes) -> None:
-    """Flag points (S, F) that are small and dark for a flash, and warn where no other ball (S, F) shows it."""
+    """Flag points (S, F) that are small and dark for a flash, and warn where no other ball, chrome or white, shows it.
+
+    `sound` (S + W, F): which balls show it.
+    """
     for s, f in zip(*np.nonzero(odd), strict=True):
         notes.flags[f].append(f"the brightest point on chrome ball {s + 1} is small and dark: another reflection?")
     alone = odd.any(0) & ~sound.any(0)

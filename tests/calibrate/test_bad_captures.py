@@ -222,6 +222,13 @@ def test_values_taken_otherwise_than_coded_are_named(shot, power, words):
 
 
 @pytest.mark.full
+def test_a_rooms_light_that_its_frame_takes_off_is_no_fault(shot):
+    world, images, _ = shot
+    room = 0.2 * images.mean(0)
+    assert not calibrate(_exposed(images + room, ambient=room), world.camera, _asked(world)).warnings
+
+
+@pytest.mark.full
 def test_an_ambient_frame_at_half_the_exposure_is_named(shot):
     """Half of the room's light was left in all frames, without a word."""
     world, images, _ = shot
@@ -266,6 +273,12 @@ def test_a_reflection_of_the_flash_in_something_else_is_named(shot):
     _said(found, "flash_001", "show another reflection of it", "frames.skip")
     sigma = found.lights.direction_sigma_deg
     assert sigma[1] > 20 > 10 * np.delete(sigma, 1).max()
+    # A white ball that sees the flash tells its direction.
+    requests = _asked(world)
+    found = calibrate(_exposed(images), world.camera, [requests[0], requests[-1]])
+    assert requests[-1].kind == "white"
+    assert not [text for text in found.warnings if "another reflection" in text]
+    assert _errors(world, found)[0][1] < 10
 
 
 @pytest.mark.full
