@@ -10,7 +10,7 @@ from studio.new_session.found_capture import Looking
 State = TypeVar("State")
 LONGEST = 200
 TOGETHER_S = 1.0
-"""Changes by one input that follow each other faster are undone together: digits typed, a slider or a knob drawn."""
+"""Changes by one input that follow each other faster are undone together: digits typed, a slider drawn."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,8 @@ class History(Generic[State]):
     def did(self, label: str, state: State, now_s: float, control: Any = None) -> "History[State]":
         """Return the history after a change.
 
-        control: The input that made it; None: none did, and it is undone alone.
+        now_s: When it was made; of a drag, when that began.
+        control: The input or the drag that made it; None: none did, and it is undone alone.
         """
         was = self.last if control is not None else None
         goes_on = was is not None and was[:2] == (label, control) and now_s - was[2] < TOGETHER_S and self.past

@@ -1,5 +1,6 @@
 """Balls outlined on the photograph with their names; knobs on the chosen one to drag; the ball itself, enlarged."""
 
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -91,12 +92,12 @@ class OutlineMarks:
         if index is None or camera is None:
             return []
 
-        def to_center(pixel: tuple[float, float]) -> None:
-            window.correct(moved(window.outlines, index, pixel, plane), f"move ball {index + 1}", "knob")
+        def to_center(pixel: tuple[float, float], held_s: float) -> None:
+            window.correct(moved(window.outlines, index, pixel, plane), f"move ball {index + 1}", held_s)
 
-        def to_rim(pixel: tuple[float, float]) -> None:
+        def to_rim(pixel: tuple[float, float], held_s: float) -> None:
             reach = float(np.hypot(*np.subtract(pixel, window.outlines[index].center_px)))
-            window.correct(resized(window.outlines, index, reach, plane), f"resize ball {index + 1}", "knob")
+            window.correct(resized(window.outlines, index, reach, plane), f"resize ball {index + 1}", held_s)
 
         look = {"radius": 0.05 * window.outlines[index].radius_px * plane.per_px, "color": KNOB, **NO_SHADOW}
         for name, at, use in zip(("center", "rim"), self._knob_places(plane, index), (to_center, to_rim), strict=True):
@@ -104,11 +105,15 @@ class OutlineMarks:
             self._on_drag(self._knobs[-1], plane, use)
         return list(self._knobs)
 
-    def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float]], None]) -> None:
+    def _on_drag(self, knob: Any, plane: Plane, use: Callable[[tuple[float, float], float], None]) -> None:
+        held_s = time.monotonic()
+
         def dragged(phase: str, eye: Array, end: Array) -> None:
-            pixel = plane.pixel(eye, end - eye)
-            if pixel is not None and phase != "start":
-                use(pixel)
+            nonlocal held_s
+            if phase == "start":
+                held_s = time.monotonic()
+            elif (pixel := plane.pixel(eye, end - eye)) is not None:
+                use(pixel, held_s)
 
         def said(event: Any) -> tuple[Any, ...]:
             return event.phase, np.array(event.client.camera.position), np.array(event.end_position)

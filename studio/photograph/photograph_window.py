@@ -64,16 +64,16 @@ class PhotographWindow(BrowserWindow):
         """Look at a ball on the photograph; None: at all of it."""
         self.choose(ball=ball)
 
-    def alter(self, label: str, *, control: Any = None, **changes: Any) -> None:
-        """Correct something; `control`: what is drawn or typed into, whose changes are undone together."""
+    def alter(self, label: str, *, held_s: float | None = None, **changes: Any) -> None:
+        """Correct something. held_s: When the hand took what it drags; all of a drag is undone together."""
         if self.history is not None:
-            state = replace(self.history.state, **changes)
-            self.keep(self.history.did(label, state, time.monotonic(), self._input or control))
+            state, now_s = replace(self.history.state, **changes), time.monotonic() if held_s is None else held_s
+            self.keep(self.history.did(label, state, now_s, self._input or held_s))
         self.refresh()
 
-    def correct(self, outlines: Outlines, label: str = "correct a ball", control: Any = None) -> None:
-        """Take other balls."""
-        self.alter(label, control=control, outlines=outlines)
+    def correct(self, outlines: Outlines, label: str = "correct a ball", held_s: float | None = None) -> None:
+        """Take other balls; held_s: as of `alter`."""
+        self.alter(label, held_s=held_s, outlines=outlines)
 
     def restore(self, history: History[Any]) -> None:
         """Take a state of the past or of the future."""

@@ -22,6 +22,12 @@ window.requestAnimationFrame = then => setTimeout(() => draw(then), 100);
 window.cancelAnimationFrame = number => clearTimeout(number);
 """
 """Ten frames a second at most: drawing all the time, a software renderer takes a core from what it waits for."""
+HEARD = """
+window.heard = [];
+const hear = event => window.heard.push(event.target.closest('button')?.textContent.trim() ?? '');
+document.addEventListener('click', hear, true);
+"""
+"""The words of the buttons that were pressed: a press between two layouts of a page arrives at none."""
 
 
 @pytest.fixture(scope="session")
@@ -143,7 +149,7 @@ class Visitor:
         self.asked, self.interactions, self._studio = [], 0, studio
         known = {window.client.client_id for window in studio.windows}
         self.page = chromium.new_page(viewport=VIEW)
-        self.page.add_init_script(FEWER_FRAMES)
+        self.page.add_init_script(FEWER_FRAMES + HEARD)
         self.page.set_default_timeout(1000 * PATIENCE_S)
         self.page.on("request", lambda request: self.asked.append(request.url))
         self.page.on("websocket", lambda socket: self.asked.append(socket.url))
@@ -165,6 +171,7 @@ class Visitor:
         self.page.reload()
         self.button(ready).wait_for()
         self._came(known)
+        self.settle()
 
     def settle(self):
         """Wait until the window has done what it was told, and that is drawn."""
@@ -197,19 +204,18 @@ class Visitor:
         return self.page.get_by_role("button", name=name, exact=True)
 
     def press(self, name):
-        """Press a button, once it stands where it stood: a press on a page that is still being laid out is lost.
+        """Press a button until the page heard it: a press on a page that is still being laid out is lost.
 
         By force: a software renderer may take seconds for two frames that show it.
         """
         self.interactions += 1
-        button, before = self.button(name), None
-        for _ in range(PATIENCE_S * 20):
-            here = button.bounding_box()
-            if here is not None and here == before:
-                break
-            before = here
-            self.page.wait_for_timeout(50)
-        button.click(force=True)
+        before = self.page.evaluate("heard.length")
+        for _ in range(PATIENCE_S):
+            self.button(name).click(force=True)
+            if name in self.page.evaluate("before => heard.slice(before)", before):
+                return
+            self.page.wait_for_timeout(1000)
+        pytest.fail(f"{name}: not pressed within {PATIENCE_S} s; pressed: {self.page.evaluate('heard')[before:]}")
 
     def tab(self, name):
         """Turn to a tab. Pressed again where the page was still being laid out under the first press."""
@@ -266,7 +272,9 @@ class Visitor:
             if condition():
                 return
             self.page.wait_for_timeout(50)
-        pytest.fail(f"{what}: not within {PATIENCE_S} s")
+        windows = [one.client.client_id for one in self._studio.windows]
+        told = f"pressed: {self.page.evaluate('heard')}; window {self._client} of {windows}"
+        pytest.fail(f"{what}: not within {PATIENCE_S} s; {told}")
 
     def on_screen(self, point):
         """Return where on the page a point (3,) of the 3-D view is seen, px."""

@@ -1,7 +1,10 @@
 """The steps run from a session: as they were run before, with what was corrected, and what stops them."""
 
+from itertools import count
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from capture.session.session import load_session
@@ -10,7 +13,10 @@ from lab.settings import Settings
 from scene.output_folder import open_record
 from studio import background_process
 from studio.background_process import BackgroundProcess
+from studio.photograph import outline_marks, photograph_window
+from studio.photograph.outline_marks import KNOB, OutlineMarks
 from studio.photograph.outlines import moved
+from studio.photograph.plane import ROOT, Plane
 from studio.review import review_window
 from studio.review.review_window import ReviewWindow
 from studio.review.run_panel import RunPanel
@@ -125,3 +131,25 @@ def test_what_another_window_kept_is_not_written_over_unseen(opened, made, settl
     other.write_kept()
     assert load_session(kept.parent).spheres[1].center_px == (90.0, 40.0)
     one.close()
+
+
+def test_a_drag_is_undone_as_one_however_slow_it_is(opened, settle, monkeypatch):
+    """A machine that is busy, or a hand that rests, sends the next place seconds later."""
+    clock = SimpleNamespace(monotonic=count(0, 10).__next__)
+    monkeypatch.setattr(outline_marks, "time", clock)
+    monkeypatch.setattr(photograph_window, "time", clock)
+    window, plane = opened(), Plane(160, 120)
+    window.choose_ball(0)
+    OutlineMarks(window, lambda ball: KNOB).refresh(plane)
+    found = window.outlines[0]
+    window.client.camera.position = (0.0, 0.0, 5.0)
+    for reach in (1.05, 1.1):
+        places = plane.place(np.add(found.center_px, [[part * found.radius_px, 0] for part in (1, 1.02, reach)]))
+        window.client.drags(window.client.seen(f"{ROOT}/rim"), *places)
+    settle(window)
+    assert [label for label, *_ in window.history.past] == ["resize ball 1"] * 2
+    assert window.outlines[0].radius_px == pytest.approx(1.1 * found.radius_px, rel=0.01)
+    window.undo()
+    assert window.outlines[0].radius_px == pytest.approx(1.05 * found.radius_px, rel=0.01)
+    window.undo()
+    assert window.outlines[0] == found
