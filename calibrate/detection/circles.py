@@ -18,7 +18,6 @@ from calibrate.silhouette.outline import (
     across,
     circles_apart,
     moved,
-    offset_jacobian,
     outline_with_normals,
     sampled,
 )
@@ -42,6 +41,7 @@ THREADS = 2
 WINDOWS, LEAST_WINDOW_PX = (0.045, 0.04, 0.03, 0.0, 0.0), 1.5
 """Radii, and pixels, to both sides in which a circle's edge is looked for, turn by turn. Narrow: a mirror's outline and
 the rim of the table that it mirrors lie a tenth of the radius apart."""
+OUTLINE_POINTS = 120  # at which a circle is looked at
 EDGE, FULL_EDGE = 0.1, 0.3  # evidence from which on a point lies on an edge, and wholly does
 LOST = 0.25  # radii by which a circle may move in a turn
 LEAST_SCORE = 0.5  # a circle that less of its outline supports is not looked into
@@ -224,9 +224,10 @@ def refine_on_edges(edges: Picture, camera: Camera, sphere: Sphere) -> Sphere:
     `edges` (h, w, 2) is `static_edges` of the coarse stack, real and imaginary part: one map in place
     of all frames, so that dozens of candidates are cheap.
     """
-    points, normals = outline_with_normals(camera, sphere, 120)
-    jacobian = offset_jacobian(camera, sphere, points, normals)
-    shape = (points - sphere.center_px) / sphere.radius_px  # hardly changes within a few pixels, nor does the Jacobian
+    outline, normals = outline_with_normals(camera, sphere, OUTLINE_POINTS)
+    # Within a few pixels the outline moves with its centre, and grows with its radius.
+    shape = (outline - sphere.center_px) / sphere.radius_px
+    jacobian = np.column_stack([normals, np.sum(shape * normals, 1)])
     for window in np.maximum(LEAST_WINDOW_PX, np.array(WINDOWS) * sphere.radius_px):
         points = sphere.center_px + sphere.radius_px * shape
         offsets = np.arange(-window - 0.5, window + 0.75, 0.5)
@@ -240,7 +241,7 @@ def refine_on_edges(edges: Picture, camera: Camera, sphere: Sphere) -> Sphere:
         if shift is None or np.abs(shift).max() > LOST * sphere.radius_px:
             return replace(sphere, score=0.0)
         sphere = moved(sphere, shift)
-    points, normals = outline_with_normals(camera, sphere, 240)
+    points = sphere.center_px + sphere.radius_px * shape
     evidence = _along_outline(edges, points, normals, np.arange(-1.0, 1.1, 0.5)).max(1)
     inside = np.all((points > 1) & (points < [camera.width - 2, camera.height - 2]), axis=1)
     return replace(sphere, score=float(np.mean(np.clip(evidence / FULL_EDGE, 0, 1) * inside)))

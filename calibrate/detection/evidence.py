@@ -215,7 +215,8 @@ def _shading(values: Array, normals: Array, lit: Mask) -> tuple[float, Array]:
         cosine = b[:, :3] @ normals.T
         residual = values - (np.maximum(cosine, 0) + b[:, 3:])
         size = np.abs(residual)
-        limit = 3 * MAD * np.nanmedian(np.where(use, size, np.nan)[enough], axis=1, keepdims=True) + 1e-6
+        sizes = np.sort(np.where(use, size, np.inf)[enough], axis=1)
+        limit = 3 * MAD * np.take_along_axis(sizes, use[enough].sum(1, keepdims=True) // 2, 1) + 1e-6
         strength = np.linalg.norm(b[enough, :3], axis=1, keepdims=True)
         use[enough] = ~clipped[enough] & (cosine[enough] > TERMINATOR * strength) & (size[enough] < limit)
     seen = (~clipped).sum(1)

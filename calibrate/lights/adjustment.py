@@ -5,7 +5,6 @@ two models are one code and nested. Each ball may move within what its outline a
 within what is known of them.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -183,11 +182,6 @@ class Adjustment:
         """Return (S, F, 2) px; NaN where unseen."""
         return np.stack([self._miss(x, s, self._mirrored(x, s)) for s in range(self.balls)])
 
-    def misses_of_lights(self, x: Array) -> Callable[[Array], Array]:
-        """Return `residual_pixels` for unknowns of which only the lights' differ from those of `x`."""
-        mirrored = [self._mirrored(x, s) for s in range(self.balls)]
-        return lambda y: np.stack([self._miss(y, *one) for one in enumerate(mirrored)])
-
     def _mirrored(self, x: Array, ball: int) -> _Mirrored:
         """Return what of a ball's residuals does not hang on the lights."""
         camera, sphere = self.camera_at(x), self._ball_at(x, ball)
@@ -219,32 +213,41 @@ class Adjustment:
         shaded = self.shading_misses(x)[self.shaded]
         return np.concatenate([pixels[self.used].ravel(), shaded.ravel(), self.prior @ (x - self.middle)])
 
+    def slopes_of_lights(self, x: Array, ball: int, mirrored: _Mirrored | None = None) -> Array:
+        """Return the derivatives (F, 2, k) of a ball's `residual_pixels` by each light's own unknowns.
+
+        All lights are moved at once: none moves another's highlight.
+        """
+        mirrored = mirrored or self._mirrored(x, ball)
+        miss, slopes = self._miss(x, ball, mirrored), []
+        for k in range(self.first_light, self.first_light + self.per_light):
+            beside = x.copy()
+            beside[k :: self.per_light] += STEP
+            slopes.append((self._miss(beside, ball, mirrored) - miss) / STEP)
+        return np.stack(slopes, -1)
+
     def slopes(self, x: Array) -> Array:
-        """Return the derivatives (R, n) of `residuals`, by differences: all lights at once, none moves another.
+        """Return the derivatives (R, n) of `residuals`, by differences.
 
         The camera and a ball's own unknowns move its highlights, another ball's do not.
         """
         out = np.zeros((self.balls, self.lights, 2, len(x)))
-        every = np.arange(self.lights)
+        every, light = np.arange(self.lights), self.first_light + np.arange(self.per_light)
         for s in range(self.balls):
             here = self._mirrored(x, s)
             miss = self._miss(x, s, here)
-
-            def difference(at: slice, mirrored: _Mirrored | None = None, s: int = s, miss: Array = miss) -> Array:
-                beside = x.copy()
-                beside[at] += STEP
-                return (self._miss(beside, s, mirrored or self._mirrored(beside, s)) - miss) / STEP
-
             own = self.first_ball + 3 * s + np.arange(3)
             diameter = self.first_diameter + np.flatnonzero(self.free_diameters == s)
             for i in [*range(self.first_ball), *own, *diameter]:
-                out[s, ..., i] = difference(slice(i, i + 1))
-            for k in range(self.first_light, self.first_light + self.per_light):
-                out[s, every, :, k + self.per_light * every] = difference(slice(k, None, self.per_light), here)
+                beside = x.copy()
+                beside[i] += STEP
+                out[s, ..., i] = (self._miss(beside, s, self._mirrored(beside, s)) - miss) / STEP
+            at = light + self.per_light * every[:, None]
+            out[s, every[:, None], :, at] = self.slopes_of_lights(x, s, here).swapaxes(1, 2)
         by_pixels = np.nan_to_num((out / self.sigma[..., None, None])[self.used]).reshape(-1, len(x))
         shaded = np.zeros((*self.shaded.shape, 2, len(x)))
         misses = self.shading_misses(x)
-        for k in range(self.first_light, self.first_light + self.per_light):
+        for k in light:
             beside = x.copy()
             beside[k :: self.per_light] += STEP
             moved = (self.shading_misses(beside) - misses) / STEP

@@ -4,7 +4,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from calibrate.lights.adjustment import STEP, Adjustment, Observed
 from calibrate.lights.least_squares import minimum
@@ -111,19 +110,15 @@ def _agreeing(problem: Adjustment, x: Array, f: int, balls: NDArray[np.intp]) ->
     if len(balls) < 3:
         keep[balls[problem.seen.sigma_px[balls, f].argmin()]] = True
         return keep
-    column = problem.first_light + problem.per_light * f + np.arange(problem.per_light)
-    misses, residual = [], problem.misses_of_lights(x)
-    for left_out in balls:
-        others = balls[balls != left_out]
-
-        def miss(light: Array, others: NDArray[np.intp] = others) -> Array:
-            moved = x.copy()
-            moved[column] = light
-            return np.nan_to_num(residual(moved)[others, f].ravel(), nan=1e3)
-
-        misses.append(float(least_squares(miss, x[column], loss="soft_l1").cost))
+    miss = problem.residual_pixels(x)[:, f]
+    slopes = np.stack([problem.slopes_of_lights(x, int(s))[f] for s in balls])
+    left = []
+    for out in balls:
+        rows, others = slopes[balls != out].reshape(-1, problem.per_light), miss[balls[balls != out]].ravel()
+        # A light moves its highlights in proportion, over the few pixels that are asked for.
+        left.append(np.sum((others - rows @ np.linalg.lstsq(rows, others)[0]) ** 2))
     keep[balls] = True
-    keep[balls[int(np.argmin(misses))]] = False
+    keep[balls[int(np.argmin(left))]] = False
     return keep
 
 
