@@ -17,7 +17,6 @@ from calibrate.detection.mirror_outline import (
     by_mirrored_table,
     by_points,
     circles_about,
-    on_known_table,
     static_slopes,
 )
 from calibrate.silhouette.ball_silhouette import TABLE_FROM_PX, OutlineFit, fit_outline
@@ -219,10 +218,8 @@ def _mirrors(
         about = circles_about(static, seed) or [seed]
         full = [coarse.sphere_to_full(circle) for circle in about]
         plane, table = shared_plane(planes), None
-        if plane is not None:
-            table = on_known_table(frames, camera, full, plane, blur_px=coarse.factor)
-        if table is None and len(planes) < KNOWN_BY:
-            table = by_mirrored_table(frames, camera, full, blur_px=coarse.factor)
+        for known in ([] if plane is None else [plane]) + ([None] if len(planes) < KNOWN_BY else []):
+            table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, plane=known)
         some = [c for c in about[: 1 + OTHERS] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[:ALIKE]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))

@@ -11,6 +11,7 @@ some of the frames leaves no trace, an edge of reflectance stays.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -173,53 +174,40 @@ def _worth(one: Sphere, circles: list[Sphere]) -> float:
     return one.score + max(horizon(other) for other in circles)
 
 
-def on_known_table(
-    frames: Frames, camera: Camera, circles: list[Sphere], plane: TablePlane, *, blur_px: float
+def by_mirrored_table(
+    frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float, plane: TablePlane | None = None
 ) -> MirroredTable | None:
-    """Return the outline in which a ball mirrors a table that other balls have shown, or None.
-
-    `circles` as in `by_mirrored_table`.
-    """
-    some = frames.some(FRAMES)
-    starts = [*circles[:TRIED], *_about_horizons(some, camera, circles, blur_px, plane.values)]
-    fits = [fit_mirrored_table(some, camera, one, blur_px=blur_px, plane=plane, rough=True) for one in starts]
-    best = max((fit for fit in fits if fit), key=lambda fit: fit.explained, default=None)
-    table = fit_mirrored_table(some, camera, best.sphere, blur_px=blur_px, plane=plane) if best else None
-    return _scored(table, camera) if table and _located(table) and table.explained > CLEAR else None
-
-
-def by_mirrored_table(frames: Frames, camera: Camera, circles: list[Sphere], *, blur_px: float) -> MirroredTable | None:
     """Return the outline in which a ball mirrors the table beside it best, or None.
 
     Its score is the share explained of what the picture's border leaves of it.
 
     `circles` are those about its highlights, the likeliest first. Each is tried as the outline; and where none is it
-    clearly, as the table's edge in outlines of usual sizes about it.
+    clearly, as the table's edge in outlines of usual sizes about it. `plane`: what other balls have shown of the
+    table; such a one must be mirrored clearly.
     """
     some = frames.some(FRAMES)
+    fit = partial(fit_mirrored_table, some, camera, blur_px=blur_px, plane=plane)
     tables: list[MirroredTable] = []
     for circle in circles[:TRIED]:
-        table = fit_mirrored_table(some, camera, circle, blur_px=blur_px, rough=True)
+        table = fit(circle, rough=True)
         if table and circles_apart(table.sphere, circle) < FARTHEST_MOVED * circle.radius_px:
             tables.append(table)
             if table.explained > SURE and _located(table):
                 break
-    settled: dict[int, MirroredTable | None] = {}
-    clear = max(range(len(tables)), key=lambda n: tables[n].explained, default=None)
-    if clear is not None and tables[clear].explained > CLEAR:
-        table = settled[clear] = fit_mirrored_table(some, camera, tables[clear].sphere, blur_px=blur_px)
-        if table and _located(table) and table.explained > CLEAR:
-            return _scored(table, camera)
-    for circle in _about_horizons(some, camera, circles, blur_px):
-        table = fit_mirrored_table(some, camera, circle, blur_px=blur_px, rough=True)
-        tables += [table] if table else []
     best: MirroredTable | None = None
-    for n in sorted(range(len(tables)), key=lambda n: -tables[n].explained)[:SETTLED]:
-        table = settled[n] if n in settled else fit_mirrored_table(some, camera, tables[n].sphere, blur_px=blur_px)
-        if table and _located(table) and table.explained > (best.explained if best else EXPLAINS):
-            best = table
-        if best and best.explained > SURE:
-            break
+    enough = EXPLAINS if plane is None else CLEAR
+    for are_all in (False, True):
+        if are_all:
+            known = None if plane is None else plane.values
+            around = (fit(circle, rough=True) for circle in _about_horizons(some, camera, circles, blur_px, known))
+            tables += [table for table in around if table]
+        tables.sort(key=lambda one: -one.explained)
+        for one in tables[:SETTLED] if are_all else [one for one in tables[:1] if one.explained > CLEAR]:
+            table = fit(one.sphere)
+            if table and _located(table) and table.explained > (best.explained if best else enough):
+                best = table
+            if best and best.explained > (SURE if are_all else CLEAR):
+                return _scored(best, camera)
     return None if best is None else _scored(best, camera)
 
 

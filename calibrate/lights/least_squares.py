@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from calibrate.lights.adjustment import Adjustment
 
 Array = NDArray[np.float64]
-ENOUGH, ROUNDED = 1e-7, 1e-13
+ENOUGH, ROUNDED, BEGUN = 1e-7, 1e-13, 1e-2
 """Fall of the sum of squares, of residuals in sigmas, at which a fit is at rest, and what of it is rounding: what
-still moves, moves by less than a thousandth of a sigma."""
+still moves, moves by less than a thousandth of a sigma; and fall at which a bent one has served as a start."""
 MOST_STEPS, FIRST_DAMPING, MOST_DAMPING = 40, 1e-4, 1e6
 RIDGE = 1e-9  # keeps a light that no ball shows where it is
 
@@ -16,7 +16,8 @@ RIDGE = 1e-9  # keeps a light that no ball shows where it is
 def minimum(problem: Adjustment, x: Array, *, bend: float = np.inf) -> Array:
     """Return the unknowns at which the sum of squares is least, by Levenberg's and Marquardt's steps.
 
-    From about `bend` on a residual counts in proportion, not squared (soft L1); inf: all are squared.
+    From about `bend` on a residual counts in proportion, not squared (soft L1), and the minimum is one to start from;
+    inf: all are squared.
     """
 
     def cost(residual: Array) -> tuple[float, Array]:
@@ -40,6 +41,6 @@ def minimum(problem: Adjustment, x: Array, *, bend: float = np.inf) -> Array:
             return x
         fallen = before - after
         x, residual, before, weight, damping = moved, left, after, lighter, damping / 10
-        if fallen <= ENOUGH + ROUNDED * before:
+        if fallen <= (ENOUGH + ROUNDED * before if np.isinf(bend) else BEGUN):
             break
     return x

@@ -52,6 +52,7 @@ left: the table is no plane, things stand on it, or a wall throws light. The fir
 cos^2 of the angle: it shines, and the ball sees it from where the camera does not."""
 FLOOR_PX = 0.01  # what shifts an outline that is fitted by its profiles, beyond their residuals' scatter;
 EDGE_FLOOR_PX, EDGE_FLOOR_SHARE = 0.05, 0.35  # the same by the steepest places alone: for softness 1, of their spread
+SAME_PX = 0.3  # under which two places to start from are the same one
 PROFILE_SHARE = 0.5  # share of what another profile would change of a mirror's outline
 BLUR_DOUBT_PX, BLUR_DOUBT = 1.3, 0.01
 """Relative error of the blur: read at a mirror's edge of radius r, the first over r; read on a matte ball."""
@@ -221,7 +222,7 @@ def _fit_matte(
     """
     tried: list[ConeFit] = []
     for sphere in [*(fit.sphere for fit in edges), start]:
-        if all(_apart(sphere, other.sphere) > 0.3 for other in tried):
+        if all(_apart(sphere, other.sphere) > SAME_PX for other in tried):
             fit = fit_cone(read, camera, sphere, EdgeModel(MATTE, start.radius_px, softness), free_blur=True)
             tried += [fit] if fit else []
     if not tried:
@@ -244,9 +245,8 @@ def _fit_chrome(
     sphere, (shown, plane, laws) = edge.sphere, others
     farthest = softness + SEARCH * sphere.radius_px
     # A small mirror's rims draw the edge away from where the search began.
-    tries = [
-        (near, known, None, softness) for known in ([plane, None] if plane else [None]) for near in (sphere, start)
-    ]
+    places = [sphere, *([start] if _apart(sphere, start) > SAME_PX else [])]
+    tries = [(near, known, None, softness) for known in ([plane, None] if plane else [None]) for near in places]
     if shown:
         tries = [(shown.sphere, plane, shown.plane.values, shown.blur_px), *tries]
     for near, known, seen, blur_px in tries if sphere.radius_px > TABLE_FROM_PX else ():
