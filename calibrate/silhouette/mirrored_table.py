@@ -147,18 +147,17 @@ def _settle(
     at = samples(sphere.radius_px, blur_px)
     kept: _Turn | None = None
     noise: Values | None = None
-    turns = ROUGH_TURNS if rough else TURNS
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
-    for turn in range(turns):
+    for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             # Other samples, another sum: what it was before does not count.
             at, kept = samples(sphere.radius_px, blur), None
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
         explained = _explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise)
-        fallen = 1 - explained.cost / kept.explained.cost if explained and kept and noise is not None else np.inf
+        fallen = explained.fallen(kept.explained) if explained and kept and noise is not None else np.inf
         if explained and explained.hopeful and fallen >= 0:
             slopes = _slopes(
                 _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
@@ -192,9 +191,6 @@ def _settle(
         sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
         blur = float(max(blur + step[BLUR], SHARPEST_PX))
-    else:
-        if not rough:
-            return None
     if kept is None:
         return None
     sums, inverse = cluster_sums(kept.scores.T, SECTOR), np.linalg.inv(kept.normal)
@@ -232,11 +228,16 @@ class _Explained(NamedTuple):
     residual: Values  # (F, BINS, M) in noises
     weight: Values  # (F, BINS, M)
     noise: Values  # (F, 1, 1)
-    cost: float  # mean of Cauchy's function of the residuals
+    cost: Values  # (F, BINS, M) Cauchy's function of the residuals; NaN where nothing is known
 
     @property
     def hopeful(self) -> bool:
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
+
+    def fallen(self, before: "_Explained") -> float:
+        """Return by how much the cost fell, relative, of what both know: what comes into view would be no fall."""
+        now, then = (np.nansum(one.cost + 0 * other.cost) for one, other in ((self, before), (before, self)))
+        return float(1 - now / max(float(then), 1e-12))
 
 
 def _explain(
@@ -266,7 +267,7 @@ def _explain(
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
     left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
-    cost = float((known * np.log1p((residual / CAUCHY) ** 2)).sum() / known.sum())
+    cost = np.where(known > 0, np.log1p((residual / CAUCHY) ** 2), np.nan)
     return _Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise, cost)
 
 
