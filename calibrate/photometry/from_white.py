@@ -114,7 +114,7 @@ def _wrong_coding(surface: Surface, read: Photometry, meter: Meter, name: str, r
         # The room's light was taken off what the files hold: the curve is of both together.
         room = surface.ambient
         both, room = (np.maximum(v, 0) ** np.float32(power) for v in (surface.values + room, room))
-        trials.append(measure(replace(surface, values=both - room), meter).residual)
+        trials.append(measure(replace(surface, values=both - room), meter, misfit_alone=True).residual)
     if min(trials) > min(CODED_BETTER * residual, CODED_LEFT, rival):
         return None
     power, fault = "2.2", ("gamma-encoded. Set frames.linear = false (sRGB) or gamma = 2.2, or give the RAW files.")
@@ -141,7 +141,7 @@ def _other_diameter(surface: Surface, read: Photometry, meter: Meter) -> tuple[f
         return 0.0, np.inf
 
     def residual(log: float) -> float:
-        return measure(_scaled(surface, log), meter).residual
+        return measure(_scaled(surface, log), meter, misfit_alone=True).residual
 
     if min(residual(-NOTABLE), residual(NOTABLE)) > LESS * read.residual:
         return 0.0, np.inf

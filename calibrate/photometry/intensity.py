@@ -32,8 +32,8 @@ class Photometry(NamedTuple):
         return float(np.nanmedian(self.misfit)) if np.isfinite(self.misfit).any() else 0.0
 
 
-def measure(surface: Surface, meter: Meter) -> Photometry:
-    """Read each light's intensity from the ball's shading.
+def measure(surface: Surface, meter: Meter, *, misfit_alone: bool = False) -> Photometry:
+    """Read each light's intensity from the ball's shading; `misfit_alone`: nothing of it but `misfit`.
 
     The model is `shading_model`'s, each channel has its own numbers. Ambient light and the table's albedo are shared
     by all frames: a free intercept in each frame would trade against its intensity, 1 % of error where this leaves
@@ -54,13 +54,15 @@ def measure(surface: Surface, meter: Meter) -> Photometry:
     kept = np.flatnonzero(read)[sound]
     model = ShadingModel(ball.only(np.isin(np.arange(count), kept)))
     fit, ambient = model.fit(model.ball.values.mean(-1)), np.zeros(3)
-    for c in range(3):
+    for c in range(0 if misfit_alone else 3):
         own = model.fit(model.ball.values[..., c])
         intensities[read, c] = every.energies(every.shape(own.table), own.ambient, every.ball.values[..., c])[0]
         ambient[c] = own.ambient
     _, residual = every.energies(every.shape(fit.table), fit.ambient, gray)
     misfit = np.full(count, np.nan)
     misfit[read] = every.misfit(residual)
+    if misfit_alone:
+        return Photometry(intensities, sigma, np.full(3, np.nan), misfit, clipped, "")
     # Half of the ball's sides agree by chance.
     sigma[read] = misfit[read] / np.sqrt(SIDES / 2)
     sigma[kept] = _sigma(model, fit, None if covariance is None else covariance[kept])
