@@ -49,6 +49,7 @@ class Shown(NamedTuple):
     depths: Array
     values: Values
     radius_px: float
+    reach_px: float  # of the blur; the same throughout a fit, as the samples are
 
     def blurred(self, offsets: Array, blur_px: float, reflectance: Array) -> Values:
         """Return (F, BINS, M) at offsets (M,) outward of the outline, NaN where what is unknown reaches.
@@ -60,7 +61,7 @@ class Shown(NamedTuple):
         known = np.isfinite(self.values)
         out = np.where(known, self.values, 0) @ kernel.T.astype(np.float32)
         until = np.where(known.all(0), self.depths[-1], self.depths[:-1]).min(-1)
-        out[:, 3 * blur_px - offsets > until[:, None]] = np.nan
+        out[:, self.reach_px - offsets > until[:, None]] = np.nan
         return out
 
 
@@ -139,7 +140,7 @@ class Surroundings:
     def mirrored_by(self, sphere: Sphere, plane: Array, at: Samples) -> Shown:
         """Return what a chrome ball shows of the table: `plane` as in `TablePlane.values`."""
         values, _ = self._look_up(self._pixels(self._looking(sphere, at), plane, at))
-        return Shown(_depths(sphere, at), _binned(values), sphere.radius_px)
+        return Shown(_depths(sphere, at), _binned(values), sphere.radius_px, 3 * at.blur_px)
 
     def slopes(self, sphere: Sphere, plane: Array, at: Samples) -> Values:
         """Return (6, F, BINS, K), what `mirrored_by` shows more by (u, v, radius) and the plane's three numbers."""

@@ -38,11 +38,12 @@ HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
 LEAST_SEEN = 0.25  # share of the profiles to go on with a plane
-TURNS, ROUGH_TURNS, LEAST_TURNS = 40, 8, 2
+TURNS, ROUGH_TURNS, LEAST_TURNS, LAST_TURNS = 40, 8, 2, 8
 HOPELESS = 0.8  # share explained under which a start leads nowhere
 REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 USUAL = 0.6  # the same of chromium, before it is known
-AT_REST, ROUGH_PX = 1e-4, 0.1  # relative fall of the sum, and step of a rough fit, from which on no more is taken
+AT_REST, ROUGH_PX, FINE_PX = 1e-3, 0.1, 0.005
+"""Relative fall of the sum, step of a rough fit, and one at last, from which on no more is taken."""
 CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
@@ -147,22 +148,29 @@ def _settle(
     at = samples(sphere.radius_px, blur_px)
     kept: _Turn | None = None
     noise: Values | None = None
+    seen: NDArray[np.bool_] | None = None
+    is_last = False
     prior = np.zeros(8)
     prior[BLUR], prior[PLANE] = 1 / (BLUR_DOUBT * blur_px) ** 2, 1 / known.sigma**2
     farthest = np.append(FARTHEST * [1, 1, 1, 1, 1, 1, blur_px], np.inf)
     for turn in range(ROUGH_TURNS if rough else TURNS):
         if abs(np.log(blur / at.blur_px)) > ANEW:
             # Other samples, another sum: what it was before does not count.
-            at, kept = samples(sphere.radius_px, blur), None
+            at, kept, seen = samples(sphere.radius_px, blur), None, None
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
-        explained = _explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise)
-        fallen = explained.fallen(kept.explained) if explained and kept and noise is not None else np.inf
-        if explained and explained.hopeful and fallen >= 0:
-            slopes = _slopes(
+        explained = _explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise, seen)
+        fallen = explained.fallen(kept.explained) if explained and kept and seen is not None else np.inf
+        if explained and explained.hopeful and (fallen >= 0 or is_last):
+            slopes, steeper = _slopes(
                 _Seen(profiles, at, jacobian, shown, table.slopes(sphere, plane, at)), blur, law, explained
             )
-            scores = np.einsum("pfnm,fnm->pn", slopes, explained.weight * explained.residual).astype(np.float64)
+            pull = explained.weight * explained.residual
+            scores = np.einsum("pfnm,fnm->pn", slopes, pull).astype(np.float64)
+            if not is_last:
+                # Downhill in what the photographs show. At last by the model's own slopes, which have no noise: the sum
+                # is least where interpolation smooths the noise most.
+                scores[OUTLINE] -= jacobian.T * np.sum(pull * steeper, (0, 2))
             rows = slopes.reshape(8, -1).astype(np.float64)
             normal = (rows * explained.weight.reshape(-1)) @ rows.T + np.diag(prior)
             size = np.sqrt(np.diag(normal))
@@ -171,22 +179,25 @@ def _settle(
             before = np.concatenate([np.zeros(3), plane - known.values, [blur - blur_px, 0.0]])
             gradient = scores.sum(1) - prior * before
             kept, damping = _Turn(explained, (sphere, plane, blur), normal, scores, gradient), damping / 10
-            if turn == LEAST_TURNS and not rough:
-                # From here on one sum falls: with noise estimated in each turn there would be none.
-                noise = explained.noise
-            if fallen < AT_REST:
-                break
+            if turn >= LEAST_TURNS and not (rough or is_last):
+                # From here on one sum falls: there would be none with noise estimated in each turn, and what comes
+                # into view would be a rise.
+                noise, seen = explained.noise, explained.weight > 0
+            is_at_rest = fallen < AT_REST
         elif kept is None:
             return None
-        elif damping > MOST_DAMPING:
+        elif is_last:
             break
         else:
-            damping = max(10 * damping, FIRST_DAMPING)
+            is_at_rest, damping = damping > MOST_DAMPING, max(10 * damping, FIRST_DAMPING)
         sphere, plane, blur = kept.at
+        if is_at_rest or turn == TURNS - LAST_TURNS:
+            kept, noise, seen, damping, is_last = None, None, None, 0.0, True
+            continue
         mirror = min(max(kept.explained.mirror, REFLECTS[0]), REFLECTS[1])
         step = np.linalg.solve(kept.normal + damping * np.diag(np.diag(kept.normal)), kept.gradient)
         step *= min(1.0, float(np.min(farthest / np.maximum(np.abs(step), 1e-12))))
-        if rough and np.abs(step[OUTLINE]).max() < ROUGH_PX:
+        if (rough or is_last) and np.abs(step[OUTLINE]).max() < (ROUGH_PX if rough else FINE_PX):
             break
         sphere, plane = moved(sphere, np.asarray(step[OUTLINE], np.float64)), plane + step[PLANE]
         plane[2] = max(plane[2], LOWEST)
@@ -228,29 +239,30 @@ class _Explained(NamedTuple):
     residual: Values  # (F, BINS, M) in noises
     weight: Values  # (F, BINS, M)
     noise: Values  # (F, 1, 1)
-    cost: Values  # (F, BINS, M) Cauchy's function of the residuals; NaN where nothing is known
+    cost: Values  # (F, BINS, M) Cauchy's function of the residuals; 0 where nothing is known
 
     @property
     def hopeful(self) -> bool:
         return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
 
     def fallen(self, before: "_Explained") -> float:
-        """Return by how much the cost fell, relative, of what both know: what comes into view would be no fall."""
-        now, then = (np.nansum(one.cost + 0 * other.cost) for one, other in ((self, before), (before, self)))
-        return float(1 - now / max(float(then), 1e-12))
+        """Return by how much the cost fell, relative, of what is still known."""
+        return float(1 - self.cost.sum() / max(float(before.cost[self.weight > 0].sum()), 1e-12))
 
 
 def _explain(
-    profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float, noise: Values | None = None
-) -> _Explained | None:
+    profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float,
+    noise: Values | None = None, seen: NDArray[np.bool_] | None = None,
+) -> _Explained | None:  # fmt: skip
     """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
 
-    grazing: g of the law at the cosines where the mirror is looked at; noise (F, 1, 1): by the residuals if None.
+    grazing: g of the law at the cosines where the mirror is looked at; noise (F, 1, 1): by the residuals if None;
+    seen (F, BINS, M): what else is left out.
     """
     is_known = noise is not None
     basis = outside(offsets, blur_px)
     mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
-    known = (np.isfinite(profiles) & np.isfinite(mirrored)).astype(np.float32)
+    known = (np.isfinite(profiles) & np.isfinite(mirrored) & (True if seen is None else seen)).astype(np.float32)
     if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
         return None
     profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
@@ -267,12 +279,14 @@ def _explain(
         residual = residual / noise
         weight = known / (1 + (residual / CAUCHY) ** 2)
     left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
-    cost = np.where(known > 0, np.log1p((residual / CAUCHY) ** 2), np.nan)
+    cost = known * np.log1p((residual / CAUCHY) ** 2)
     return _Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise, cost)
 
 
-def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> Values:
-    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e."""
+def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> tuple[Values, Values]:
+    """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e; and how much steeper the profiles
+    (F, BINS, M) are than the model, by the offset.
+    """
     shown, offsets, k = seen.shown, seen.at.offsets, explained.mirror
     grazing = law(seen.at.middle, k)
     reflects = k + (1 - k) * grazing
@@ -290,5 +304,7 @@ def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> Values
     by_outline = [by_shift * seen.jacobian[:, j, None].astype(np.float32) + looked_up[j] for j in range(3)]
     by_outline[2] += by_size
     by_facing = shown.blurred(offsets, blur, 1 - grazing)
-    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing]))
-    return without(slopes, basis, explained.weight) / explained.noise
+    steeper = np.gradient(seen.profiles, offsets, axis=-1) + by_shift
+    slopes = np.nan_to_num(np.stack([*by_outline, *looked_up[3:], by_blur, by_facing, steeper]))
+    slopes = without(slopes, basis, explained.weight) / explained.noise
+    return slopes[:8], slopes[8]
