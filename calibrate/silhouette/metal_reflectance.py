@@ -34,8 +34,11 @@ def schlick(cosine: Array, facing: float) -> Array:
 
 
 def law_of(balls: Sequence[float]) -> Law:
-    """Return the law that balls of one session have, by what each says for Fresnel's, a log ratio of misfits."""
-    return fresnel if sum(balls) >= 0 else schlick
+    """Return the law that balls of one session have, by what each says for Fresnel's, a log ratio of misfits.
+
+    Fresnel's is that of metals: the other must explain more beyond doubt.
+    """
+    return fresnel if sum(balls) > -1 else schlick
 
 
 def index_of(facing: float) -> complex:
