@@ -37,5 +37,6 @@ def test_the_law_of_renderers_is_above_it():
 
 def test_all_balls_of_a_session_are_of_one_metal():
     assert law_of([0.5, -0.1, 0.0]) is fresnel
-    assert law_of([0.05, -0.1]) is schlick
+    assert law_of([0.05, -0.9]) is fresnel, "a metal's, unless the other explains more beyond doubt"
+    assert law_of([-0.5, -0.6]) is schlick
     assert law_of([]) is fresnel
