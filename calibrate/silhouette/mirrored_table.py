@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibrate.silhouette.cone_fit import SHARPEST_PX
+from calibrate.silhouette.explained_profiles import REFLECTS, Explained, explain
 from calibrate.silhouette.metal_reflectance import LAWS, Law, fresnel, schlick
 from calibrate.silhouette.mirrored_surroundings import Samples, Shown, Surroundings, samples
 from calibrate.silhouette.outline import SECTOR, moved
@@ -27,7 +28,7 @@ from calibrate.silhouette.outside_profile import coefficients, outside, without
 from calibrate.silhouette.table_plane import ANY_PLANE, TablePlane
 from scene.camera import Camera
 from scene.frames import Frames
-from scene.robust import MAD, cluster_sums
+from scene.robust import cluster_sums
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
@@ -37,21 +38,17 @@ TILTS, AZIMUTHS = np.tan(np.deg2rad([30, 55])), np.deg2rad(np.arange(0, 360, 60)
 HEIGHTS, SURE = (1.0, 1.6), 0.985
 """Radii from the ball's centre to the planes that are tried, at these tilts, until one explains so much."""
 LOWEST = 0.85  # a plane nearer than this, in radii, would cut the ball (a ring lets it in a little)
-LEAST_SEEN = 0.25  # share of the profiles to go on with a plane
 TURNS, ROUGH_TURNS, LEAST_TURNS, LAST_TURNS = 40, 8, 2, 8
-HOPELESS = 0.8  # share explained under which a start leads nowhere
-REFLECTS = 0.2, 0.93  # reflectance of a mirror: what shows the table as bright as it is may be the table itself
 USUAL = 0.6  # the same of chromium, before it is known
 AT_REST, ROUGH_PX, FINE_PX = 1e-3, 0.1, 0.005
 """Relative fall of the sum, step of a rough fit, and one at last, from which on no more is taken."""
-CAUCHY = 3.0  # noises at which a sample counts half: a highlight or another ball may be mirrored, too
 BLUR_DOUBT = 0.5  # relative, of the blur that edges alone suggest
 FARTHEST = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.1])  # a step's (u, v, radius) px, plane, and blur in blurs
 SINGULAR = 1e10
 ANEW = 0.2  # relative change of the blur from which on the profiles are sampled anew
 FIRST_DAMPING, MOST_DAMPING = 1e-2, 1e1  # of a step that does not lead down
 OUTLINE, PLANE, BLUR = slice(0, 3), slice(3, 6), 6
-"""Places of the unknowns; the eighth is the reflectance, which is solved for in `_explain`."""
+"""Places of the unknowns; the eighth is the reflectance, which is solved for in `explain`."""
 
 
 class MirroredTable(NamedTuple):
@@ -122,7 +119,7 @@ def share_explained(
     profiles, _ = table.profiles(sphere, at)
     for plane in planes:
         shown = table.mirrored_by(sphere, plane, at)
-        explained = _explain(profiles, shown, law(at.middle, USUAL), at.offsets, blur_px)
+        explained = explain(profiles, shown, law(at.middle, USUAL), at.offsets, blur_px)
         shares.append(explained.share if explained and explained.hopeful else 0.0)
     return np.array(shares)
 
@@ -159,7 +156,7 @@ def _settle(
             at, kept, seen = samples(sphere.radius_px, blur), None, None
         profiles, jacobian = table.profiles(sphere, at)
         shown = table.mirrored_by(sphere, plane, at)
-        explained = _explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise, seen)
+        explained = explain(profiles, shown, law(at.middle, mirror), at.offsets, blur, noise, seen)
         fallen = explained.fallen(kept.explained) if explained and kept and seen is not None else np.inf
         if explained and explained.hopeful and (fallen >= 0 or is_last):
             slopes, steeper = _slopes(
@@ -214,7 +211,7 @@ def _settle(
 class _Turn(NamedTuple):
     """Where the fit stood in its last good turn."""
 
-    explained: "_Explained"
+    explained: Explained
     at: tuple[Sphere, Array, float]  # outline, plane, blur
     normal: Array  # (8, 8)
     scores: Array  # (8, BINS)
@@ -231,59 +228,7 @@ class _Seen(NamedTuple):
     moves: Values  # (6, F, BINS, K)
 
 
-class _Explained(NamedTuple):
-    """What the mirrored table explains of profiles (F, BINS, M)."""
-
-    share: float  # of the variance
-    mirror: float  # the reflectance where it faces the camera
-    residual: Values  # (F, BINS, M) in noises
-    weight: Values  # (F, BINS, M)
-    noise: Values  # (F, 1, 1)
-    cost: Values  # (F, BINS, M) Cauchy's function of the residuals; 0 where nothing is known
-
-    @property
-    def hopeful(self) -> bool:
-        return self.share > HOPELESS and REFLECTS[0] < self.mirror < REFLECTS[1]
-
-    def fallen(self, before: "_Explained") -> float:
-        """Return by how much the cost fell, relative, of what is still known."""
-        return float(1 - self.cost.sum() / max(float(before.cost[self.weight > 0].sum()), 1e-12))
-
-
-def _explain(
-    profiles: Values, shown: Shown, grazing: Array, offsets: Array, blur_px: float,
-    noise: Values | None = None, seen: NDArray[np.bool_] | None = None,
-) -> _Explained | None:  # fmt: skip
-    """Fit d, e of each profile and the common reflectance, robustly; None where too little is seen.
-
-    grazing: g of the law at the cosines where the mirror is looked at; noise (F, 1, 1): by the residuals if None;
-    seen (F, BINS, M): what else is left out.
-    """
-    is_known = noise is not None
-    basis = outside(offsets, blur_px)
-    mirrored, given = (shown.blurred(offsets, blur_px, part) for part in (1 - grazing, grazing))
-    known = (np.isfinite(profiles) & np.isfinite(mirrored) & (True if seen is None else seen)).astype(np.float32)
-    if np.mean(known.sum(-1) > 8) < LEAST_SEEN:
-        return None
-    profiles, mirrored, given = map(np.nan_to_num, (profiles, mirrored, given))
-    weight, mirror = known, 0.0
-    noise = np.ones((len(known), 1, 1), np.float32) if noise is None else noise
-    for _ in range(3):
-        whole, y, x = (without(values, basis, weight) for values in (profiles, profiles - given, mirrored))
-        scale = weight / noise**2
-        mirror = float((scale * x * y).sum() / max(float((scale * x * x).sum()), 1e-12))
-        residual = y - np.float32(mirror) * x
-        if not is_known:
-            level = [np.median(np.abs(r[k])) if k.any() else 0.0 for r, k in zip(residual, known > 0, strict=True)]
-            noise = (MAD * np.array(level) + 1e-5).astype(np.float32)[:, None, None]
-        residual = residual / noise
-        weight = known / (1 + (residual / CAUCHY) ** 2)
-    left, total = (weight * residual**2).sum(), (weight * (whole / noise) ** 2).sum()
-    cost = known * np.log1p((residual / CAUCHY) ** 2)
-    return _Explained(float(1 - left / max(float(total), 1e-12)), mirror, residual, weight, noise, cost)
-
-
-def _slopes(seen: _Seen, blur: float, law: Law, explained: _Explained) -> tuple[Values, Values]:
+def _slopes(seen: _Seen, blur: float, law: Law, explained: Explained) -> tuple[Values, Values]:
     """Return (8, F, BINS, M), the model's derivatives, in noises, free of d and e; and how much steeper the profiles
     (F, BINS, M) are than the model, by the offset.
     """
