@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 READY := .venv/.ready
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check
-TEST = $(BIN)/python -m pytest -n 2 --dist loadfile -q
+TEST = $(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder -q
 
 .PHONY: setup lock demo gallery docs gates gates-compare test test-all test-full test-latest lint check clean
 

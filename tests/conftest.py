@@ -86,3 +86,9 @@ def chromium():
         browser = playwright.chromium.launch(executable_path=path, args=ARGUMENTS)
         yield browser
         browser.close()
+
+
+def pytest_collection_modifyitems(items):
+    """Take the files of long tests first: in the end both workers have short ones left."""
+    long = {item.path for item in items if item.get_closest_marker("full") or item.get_closest_marker("slow")}
+    items.sort(key=lambda item: item.path not in long)
