@@ -69,6 +69,7 @@ def test_outline_plane_and_reflectance_of_a_ball_on_a_textured_table(texture: st
     assert found.plane.values == pytest.approx([n[0] / n[2], n[1] / n[2], 1.0], abs=0.03)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("off", [(0.0, 0.0, 0.0), (-1.0, 2.0, 1.5)])
 def test_on_a_table_seen_aslant_the_fit_goes_to_its_end(off: tuple[float, float, float]) -> None:
     """Outline and tilt make up for each other there: a fit that stops on its way ends half a pixel off."""
