@@ -218,8 +218,11 @@ def _mirrors(
         about = circles_about(static, seed) or [seed]
         full = [coarse.sphere_to_full(circle) for circle in about]
         plane, table = shared_plane(planes), None
-        for known in ([] if plane is None else [plane]) + ([None] if len(planes) < KNOWN_BY else []):
-            table = table or by_mirrored_table(frames, camera, full, blur_px=coarse.factor, plane=known)
+        search = partial(by_mirrored_table, frames, camera, full, blur_px=coarse.factor)
+        if plane is not None:
+            table = search(plane=plane)
+        if table is None and len(planes) < KNOWN_BY:
+            table = search()
         some = [c for c in about[: 1 + OTHERS] if c.score >= LEAST_SUPPORT] + [c for c, _ in group[:ALIKE]]
         if table is not None:
             tables.append(coarse.from_full(table.sphere))

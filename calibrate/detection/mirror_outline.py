@@ -195,6 +195,7 @@ def by_mirrored_table(
             if table.explained > SURE and _located(table):
                 break
     best: MirroredTable | None = None
+    settled: dict[int, MirroredTable | None] = {}
     enough = EXPLAINS if plane is None else CLEAR
     for are_all in (False, True):
         if are_all:
@@ -203,7 +204,9 @@ def by_mirrored_table(
             tables += [table for table in around if table]
         tables.sort(key=lambda one: -one.explained)
         for one in tables[:SETTLED] if are_all else [one for one in tables[:1] if one.explained > CLEAR]:
-            table = fit(one.sphere)
+            if id(one) not in settled:
+                settled[id(one)] = fit(one.sphere)
+            table = settled[id(one)]
             if table and _located(table) and table.explained > (best.explained if best else enough):
                 best = table
             if best and best.explained > (SURE if are_all else CLEAR):

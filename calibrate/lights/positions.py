@@ -78,8 +78,12 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE
         least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)
         good = size < np.maximum(INLIER_SIGMAS * max(1.0, float(np.sqrt(square))) * seen.sigma_px, least)
-        for f in np.flatnonzero((shown & ~good).any(0)):
-            good[:, f] = _agreeing(problem, x, int(f), np.flatnonzero(shown[:, f]))
+        contradicted = np.flatnonzero((shown & ~good).any(0))
+        if len(contradicted):
+            misses = problem.residual_pixels(x)
+            slopes = np.stack([problem.slopes_of_lights(x, s) for s in range(problem.balls)])
+        for f in contradicted:
+            good[:, f] = _agreeing(misses[:, f], slopes[:, f], seen.sigma_px[:, f], np.flatnonzero(shown[:, f]))
         problem.used = good & shown
         problem.shaded = _agreeing_shading(problem, x)
         problem.scale = _scale(problem, x)
@@ -101,22 +105,22 @@ def _scale(problem: Adjustment, x: Array) -> float:
     return max(LEAST_SCALE, float(np.sqrt((chi2 + STATED) / (max(rows - taken, 0.0) + STATED))))
 
 
-def _agreeing(problem: Adjustment, x: Array, f: int, balls: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _agreeing(miss: Array, slopes: Array, sigma_px: Array, balls: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Return (S,) which balls of a frame to believe: all but the one without which the others agree best.
 
-    Of two that contradict each other nobody knows which is right: the surer one is kept.
+    miss (S, 2), slopes (S, 2, k): what the highlights miss by, px, and its derivatives by the light's unknowns. Of two
+    that contradict each other nobody knows which is right: the surer one is kept.
     """
-    keep = np.zeros(problem.balls, bool)
+    keep = np.zeros(len(miss), bool)
     if len(balls) < 3:
-        keep[balls[problem.seen.sigma_px[balls, f].argmin()]] = True
+        keep[balls[sigma_px[balls].argmin()]] = True
         return keep
-    miss = problem.residual_pixels(x)[:, f]
-    slopes = np.stack([problem.slopes_of_lights(x, int(s))[f] for s in balls])
     left = []
     for out in balls:
-        rows, others = slopes[balls != out].reshape(-1, problem.per_light), miss[balls[balls != out]].ravel()
+        others = balls[balls != out]
+        rows, values = slopes[others].reshape(-1, slopes.shape[-1]), miss[others].ravel()
         # A light moves its highlights in proportion, over the few pixels that are asked for.
-        left.append(np.sum((others - rows @ np.linalg.lstsq(rows, others)[0]) ** 2))
+        left.append(np.sum((values - rows @ np.linalg.lstsq(rows, values)[0]) ** 2))
     keep[balls] = True
     keep[balls[int(np.argmin(left))]] = False
     return keep

@@ -11,7 +11,7 @@ import pytest
 
 from studio.editor.placement import rotation_of
 
-PATIENCE_S, PRESS_AGAIN_S = 240, 10
+PATIENCE_S = 240
 """For what comes in the end, however busy the machine is."""
 SHOTS = Path(__file__).parents[2] / "out" / "studio"
 """Where screenshots are left to be looked at."""
@@ -254,17 +254,10 @@ class Visitor:
         return drawn
 
     def send(self, button, path):
-        """Send a file by a button. Pressed again where the page was still being laid out under the first press."""
-        choosers = []
-        self.page.once("filechooser", lambda chooser: choosers.append(chooser))
-        for _ in range(PATIENCE_S // PRESS_AGAIN_S):
+        """Send a file by a button."""
+        with self.page.expect_file_chooser() as chooser:
             self.press(button)
-            for _ in range(20 * PRESS_AGAIN_S):
-                if choosers:
-                    choosers[0].set_files(path)
-                    return
-                self.page.wait_for_timeout(50)
-        pytest.fail(f"{button}: no file chooser within {PATIENCE_S} s")
+        chooser.value.set_files(path)
 
     def until(self, condition, what):
         """Wait until something is so; the browser goes on meanwhile."""
