@@ -10,10 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.appearance import trust
 from align.pose.photographed import Photographs
 from align.pose.refine import robust_sigma
 from align.pose.scan_view import View
-from align.pose.shading import Samples, choose, cosines, find_shadows, take_samples, trust
+from align.pose.shading import Samples, choose, cosines, find_shadows, take_samples
 from scene.lights import Lights
 from scene.normals import unit
 
@@ -69,7 +70,7 @@ def ask_scan(view: View, photographs: Photographs) -> Witness:
     covariance is the jackknife's over sectors [Efron1981]: gloss and bounced light err over whole regions.
     """
     lights = photographs.lights
-    samples = take_samples(photographs, count=PIXELS)
+    samples = take_samples(photographs.frames, lights, photographs.mask, count=PIXELS)
     surface = view.surface(*photographs.camera.rays(samples.pixels))
     # Which pixels are lit hangs on the lights' directions: they are chosen again under the turned ones.
     first = _Shaded.of(view, lights, samples, *surface).change()

@@ -114,7 +114,7 @@ def lights_from_scan(
         )
     tell = progress or (lambda done, total: None)
     total = STARTS + FINALISTS + 1
-    samples = take_samples(photographs, count=FEW)
+    samples = take_samples(photographs.frames, photographs.lights, photographs.mask, count=FEW)
     rated = candidates(
         caster, photographs, samples, start=start, executor=executor, tell=lambda done: tell(done, total)
     )

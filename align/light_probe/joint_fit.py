@@ -8,12 +8,13 @@ from numpy.typing import NDArray
 
 from align.light_probe.joint_equations import SECTORS, JointEquations
 from align.light_probe.light_step import changed, nearness_of
+from align.pose.appearance import trust
 from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, Observed
 from align.pose.motion import apart_px, nudge
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
-from align.pose.shading import cosines, trust
+from align.pose.shading import cosines
 from scene.lights import Lights
 from scene.normals import angular_error_deg
 from scene.pose import Pose
@@ -74,7 +75,7 @@ class Joint(NamedTuple):
 
 def begin(caster: RayCaster, photographs: Photographs, pose: Pose, *, count: int, cells: int) -> FinalEvidence:
     """Return the evidence of about `count` pixels at a pose; the outline is searched on `cells` across the scan."""
-    seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=count, cells=cells)
+    seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=count, cells=cells, lights_known=False)
     return FinalEvidence.about(seen, pose, reach_px=REACH_PX)
 
 

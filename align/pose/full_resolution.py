@@ -6,13 +6,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.appearance import Appearance, Lit, free_normals
 from align.pose.motion import apart_px, small_steps
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, longer_side
 from align.pose.refine import Term, descend, disagreement, robust_sigma, settle
 from align.pose.scan_outline import Outline, find_outline, outline_jacobian, sample, signed_distance
 from align.pose.scan_view import Probes, View
-from align.pose.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, free_normals, take_samples
+from align.pose.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, take_samples
 from scene.camera import Camera
 from scene.lights import Lights
 from scene.normals import angular_error_deg
@@ -26,6 +27,8 @@ EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
 UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
+ASKED = 1500
+"""Pixels, about, whose best normals are looked for."""
 MASK_PX = 1.0
 """What a mask's border may be off by."""
 SETTLED_PX = 0.01
@@ -70,29 +73,49 @@ class Observed:
     camera: Camera
     lights: Lights
     mask: NDArray[np.bool_]
+    """(H, W): the object's, as it was found."""
     distance: NDArray[np.float32]
-    """(H, W), see `signed_distance`."""
-    pictures: EdgePictures
+    """(H, W), to its border; see `signed_distance`."""
+    near: NDArray[np.float32]
+    """(H, W), to where the outline is: the same, or to the border of the scan's silhouette at a pose that is known."""
+    pictures: EdgePictures | None
+    """None: the mask's border is the edge."""
     samples: Samples
     probes: Probes
     """At the samples' pixels."""
     cells: int
     """Of the raster on which the outline is searched, across the scan."""
+    lights_known: bool = True
+    """Else the object is taken for matte, and what its surroundings send back for the lights' own."""
 
     @classmethod
     def of(
-        cls, caster: RayCaster, photographs: Photographs, pictures: EdgePictures, *, count: int, cells: int
+        cls,
+        caster: RayCaster,
+        photographs: Photographs,
+        pictures: EdgePictures | None,
+        *,
+        count: int,
+        cells: int,
+        silhouette: NDArray[np.bool_] | None = None,
+        lights_known: bool = True,
     ) -> "Observed":
-        """Read about `count` pixels of the object from all frames."""
+        """Read about `count` pixels of the object, or of the scan's `silhouette` (H, W), from all frames."""
         camera, mask = photographs.camera, photographs.mask
-        samples = take_samples(photographs, count=count)
-        probes = Probes.of(camera, samples.pixels, step_px=1.0)
         distance = signed_distance(mask)
-        return cls(caster, camera, photographs.lights, mask, distance, pictures, samples, probes, cells)
+        near = distance if silhouette is None else signed_distance(silhouette)
+        samples = take_samples(photographs.frames, photographs.lights, near < 0, count=count)
+        probes = Probes.of(camera, samples.pixels, step_px=1.0)
+        known = caster, camera, photographs.lights, mask, distance, near, pictures
+        return cls(*known, samples, probes, cells, lights_known)
 
     def toward(self, points: Array) -> Array:
         """Return the light vectors (N, P, 3) at points (P, 3), of intensity 1; anything where the scan is missed."""
         return self.lights.toward(np.where(np.isfinite(points), points, self.lights.reference_point_mm))
+
+    def lit(self, points: Array, scale: float = 1.0) -> Lit:
+        """Return the lights at points (P, 3) of a scan `scale` times as large and as far."""
+        return Lit.of(self.toward(scale * points), -self.probes.directions[0])
 
     def patches(self, pixels: NDArray) -> NDArray[np.int64]:
         """Return the number (K,) of the patch that holds each pixel (K, 2), 16 patches across the object."""
@@ -119,6 +142,7 @@ class FinalEvidence:
     """Points and normals (P, 3) that the samples' pixels see; see `View.surface`."""
     used: NDArray[np.bool_]
     """(N, P): samples lit."""
+    look: Appearance
     outline: Outline
     on_scan: Array
     """(K, 3), mm, scan frame: the outline's points that have an edge in the picture."""
@@ -141,16 +165,22 @@ class FinalEvidence:
         """Take the evidence about `pose`; the outline's edges are looked for within `reach_px`."""
         view = View(seen.caster, seen.camera, pose)
         outline = find_outline(view, cells=seen.cells)
-        offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)
-        offset -= seen.pictures.expect(view, seen.lights, outline, offset)
+        if seen.pictures is None:
+            offset = -sample(seen.distance, outline.pixels)
+        else:
+            offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)
+            offset -= seen.pictures.expect(view, seen.lights, outline, offset)
         at = outline.pixels + np.nan_to_num(offset)[:, None] * outline.outward
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
-        found = np.isfinite(offset) & (np.abs(sample(seen.distance, at)) < max(4.0, 0.7 * reach_px))
+        found = np.isfinite(offset) & (np.abs(sample(seen.near, at)) < max(4.0, 0.7 * reach_px))
         points, normals = seen.probes.surface(seen.caster, pose)
         shadows = find_shadows(view, seen.lights, points, normals)
-        used = choose(seen.samples, normals, seen.toward(points), shadows)
+        lit = seen.lit(points)
+        used, look = choose(seen.samples, normals, lit.vectors, shadows), Appearance.matte()
+        if seen.lights_known:
+            look = Appearance.of(np.where(used, seen.samples.values, 0) / seen.samples.scale, used, normals, lit)
         on_scan = pose.inverse().apply(outline.points[found])
-        here = cls(seen, pose, (points, normals), used, outline, on_scan, at[found], outline.outward[found])
+        here = cls(seen, pose, (points, normals), used, look, outline, on_scan, at[found], outline.outward[found])
         return here._weighed(-offset[found])
 
     def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
@@ -205,17 +235,16 @@ class FinalEvidence:
             common, along = np.atleast_1d(pull @ offset / pull.sum()), (pull @ jacobian / pull.sum())[None]
             jacobian, offset = jacobian - along, offset - common
         outline = Term(offset / unit, jacobian / unit, self.seen.patches(self.edges), self.weights[0])
-        doubt = 3 * EDGE_DOUBT_PX
+        doubt = 3 * (MASK_PX if self.seen.pictures is None else EDGE_DOUBT_PX)
         bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64), self.weights[2])
         return [outline, self.shading(pose), bias]
 
-    def shading(self, pose: Pose, vectors: Array | None = None) -> Term:
-        """Return the shading's term at a pose; under light vectors (N, P, 3) other than the lights' where given."""
+    def shading(self, pose: Pose, scale: float = 1.0) -> Term:
+        """Return the shading's term at a pose, of a scan `scale` times as large and as far."""
         seen = self.seen
         points, normals = self.surface if pose is self.pose else seen.probes.surface(seen.caster, pose)
         slopes = seen.probes.slopes(seen.caster, pose, points, normals)
-        vectors = seen.toward(points) if vectors is None else vectors
-        residuals, jacobian = explain(seen.samples, self.used, normals, vectors, slopes)
+        residuals, _, jacobian = explain(seen.samples, self.used, normals, seen.lit(points, scale), self.look, slopes)
         assert jacobian is not None
         unit = 3 * self.shading_sigma
         blocks = np.broadcast_to(seen.patches(seen.samples.pixels), self.used.shape)[self.used]
@@ -224,18 +253,30 @@ class FinalEvidence:
     @cached_property
     def fit(self) -> Fit:
         """How well the evidence's pose fits; every comparison asks for it."""
-        (points, normals), seen, outline = self.surface, self.seen, self.outline
-        error = angular_error_deg(free_normals(seen.samples, self.used, seen.toward(points)), normals)
+        seen, outline = self.seen, self.outline
         size = float(longer_side(seen.mask))
         near = max(1.0, 0.005 * size)
-        offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * size))
-        on_edge = np.abs(offset + self.bias_px) < near
-        on_edge |= np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX
+        on_edge = np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX
+        if seen.pictures is not None:
+            offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * size))
+            on_edge |= np.abs(offset + self.bias_px) < near
         return Fit(
             outline.overlap(seen.mask),
-            float(np.nanmedian(error)) if np.isfinite(error).any() else 90.0,
+            self._normals_off(),
             float(np.mean(on_edge)) if len(on_edge) else 0.0,
         )
+
+    def _normals_off(self) -> float:
+        """Return the median angle, degrees, between the scan's normals and those that fit the photographs best."""
+        (points, normals), samples = self.surface, self.seen.samples
+        asked = np.flatnonzero(self.used.sum(0) > FEWEST)
+        if not len(asked):
+            return 90.0
+        asked = asked[:: max(1, len(asked) // ASKED)]
+        used, own = self.used[:, asked], normals[asked]
+        values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
+        best = free_normals(values, used, own, self.seen.lit(points).only(asked), self.look)
+        return float(np.median(angular_error_deg(best, own)))
 
     def pixel_costs(self, sigma: float) -> Array:
         """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
@@ -244,10 +285,11 @@ class FinalEvidence:
         through the holes of a scan.
         """
         (points, normals), samples = self.surface, self.seen.samples
-        vectors = self.seen.toward(points)
-        residuals = explain(samples, self.used, normals, vectors)[0]
-        dark = (cosines(vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
-        relative = np.where(dark, samples.values / samples.scale, residuals) / (3 * sigma)
+        lit = self.seen.lit(points)
+        residuals, albedo, _ = explain(samples, self.used, normals, lit, self.look)
+        dark = (cosines(lit.vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
+        beside = samples.values / samples.scale - np.maximum(albedo * self.look.sent_back(normals), 0)
+        relative = np.where(dark, beside, residuals) / (3 * sigma)
         counted = self.used | dark
         cost = (counted * relative**2 / (1 + relative**2)).sum(0) / np.maximum(counted.sum(0), 1)
         cost[self.used.sum(0) < FEWEST] = np.nan
@@ -260,7 +302,7 @@ class FinalEvidence:
         bias = float(np.median(found)) if len(found) else 0.0
         sigma = max(robust_sigma(found - bias), 0.05)
         inliers = found[np.abs(found - bias) < 3 * sigma]
-        residuals = explain(seen.samples, self.used, normals, seen.toward(points))[0]
+        residuals = explain(seen.samples, self.used, normals, seen.lit(points), self.look).residuals
         here = replace(
             self,
             outline_sigma=sigma,

@@ -1,9 +1,6 @@
 """What mask and photometric normals say about a pose: a wide basin, a rough answer."""
 
-from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -90,22 +87,3 @@ class RoughEvidence:
             if all(apart_px(mesh, camera, pose, other) > apart_steps * self.step_px for other, _ in kept):
                 kept.append((pose, cost))
         return kept
-
-
-def refine_roughly(
-    caster: RayCaster, target: Target, starts: list[Pose], *, most: int, executor: Executor | None, tell: Callable
-) -> list[tuple[Pose, float]]:
-    """Refine starts by silhouette and normals in two rounds; return distinct poses and costs, lowest cost first.
-
-    The `most` best of the first round see the second; `tell` is called with the number of starts that are done.
-    """
-    coarse = RoughEvidence.of(caster, target, cells=40, count=500)
-    fine = RoughEvidence.of(caster, target, cells=90, count=2000)
-    run_all = executor.map if executor else map
-    found = []
-    for done, item in enumerate(run_all(partial(coarse.descend, 6), starts)):
-        found.append(item)
-        tell(done + 1)
-    found = coarse.distinct(found, apart_steps=3)
-    found = list(run_all(partial(fine.descend, 8), [pose for pose, _ in found[:most]]))
-    return fine.distinct(found, apart_steps=6)

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,32 +12,38 @@ from align.pose.full_resolution import FinalEvidence, Observed, patches
 from align.pose.motion import apart_px
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, Target, longer_side
-from align.pose.rough import refine_roughly
+from align.pose.scan_view import View
 from align.pose.start import find_starts
 from scene.pose import Pose
 from scene.rays import RayCaster
 
-STARTS = 24
-"""Orientations that are refined at low resolution; the right one is nearly always among the first five, but of a gear
-with eight teeth sixteen are nearly right."""
-CLOSE = 1.8
-"""A pose whose rough cost is more times the best one's must win by `CLEAR`; right ones are mostly within 1.4."""
-CLEAR = 4.0
-"""Standard deviations."""
+STARTS, REFINED = 60, 12
+"""Orientations that are rated by the shading as they are, and of these the ones that are refined at low resolution."""
+FEW = 600
+"""Pixels that the first two look at."""
+REACH = 0.1
+"""Of the object's size: how far off the first pose may be."""
+CLEAR = 8.0
+"""Standard deviations by which a pose must win at low resolution for the other not to be refined on the frames."""
+ROUNDS, STAYED_PX = 3, 1.0
+"""Of the last refinement, each with the silhouette of the one before, until the scan's image moves by less."""
 SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
 FINALISTS = 3
-"""Of these, how many are refined on the frames; more, up to three times as many, where others' costs are as close."""
+"""Of a mirrored scan, how many are refined on the frames; of others three times as many, at most."""
 SURE = 4.0
 """A second pose that explains the photographs worse by fewer standard deviations cannot be told from the best."""
 APART_PX = 5.0
 """Poses that differ by less are one."""
-STEPS = STARTS + 3 * FINALISTS + 2
+STEPS = REFINED + 3 * FINALISTS + 2
 """What `progress` counts to."""
 BLOCKS = 14
 """Patches across the object: residuals in one patch err together."""
 CHANCE = 0.002
 """Difference of the mean cost that the mask's own errors make."""
+USUAL_SIGMA = 0.05
+"""Of the shading, relative, by which poses are rated at first."""
+ROUGH_ROUNDS = 4
 HIDDEN = 0.05
 """What a pixel that looks into a hole of the scan is charged."""
 OUTLINE_CHANCE = 0.05
@@ -78,38 +85,87 @@ def search(
     `most`: how many poses are refined on the frames, at most.
     """
     tell = progress or (lambda done, total: None)
-    small = Target(photographs.camera, photographs.mask, normals).shrunken()
-    starts = find_starts(caster, small, count=STARTS) if start is None else [start]
-    tell(1, STEPS)
-    rough = refine_roughly(
-        caster, small, starts, most=3 * FINALISTS, executor=executor, tell=lambda done: tell(1 + done, STEPS)
-    )
+    camera, mask = photographs.camera, photographs.mask
+    size = longer_side(mask)
+    coarse = Observed.of(caster, photographs, None, count=FEW, cells=40)
+    if start is None:
+        starts = find_starts(caster, Target(camera, mask, normals).shrunken(), count=STARTS)
+        tell(1, STEPS)
+        reach = REACH * size
+        rated = sorted((FinalEvidence.about(coarse, pose, reach_px=reach) for pose in starts), key=unexplained)
+        run_all = executor.map if executor else map
+        rough = []
+        for done, one in enumerate(run_all(partial(_roughly, reach_px=reach), rated[:REFINED])):
+            rough.append(one)
+            tell(2 + done, STEPS)
+        rough = _distinct(rough, least_px=REACH * size / 2)
+    else:
+        rough = [FinalEvidence.about(coarse, start, reach_px=REACH * size)]
 
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(photographs.frames), 3000, 15_000))
-    # The rough pose may be a pixel of the shrunken picture off.
-    reach = max(6.0, 0.01 * (longer_side(photographs.mask) - 1))
+    reach = max(6.0, 0.01 * (size - 1))
     pictures = EdgePictures.of(photographs)
-    finalists: list[FinalEvidence] = []
-    eligible = sum(cost < CLOSE * rough[0][1] for _, cost in rough)
     few = Observed.of(caster, photographs, pictures, count=count // 6, cells=160)
-    for done, (pose, _) in enumerate(rough[: min(max(FINALISTS, eligible), most)]):
-        finalists.append(FinalEvidence.about(few, pose, reach_px=reach).refined(rounds=3, reach_px=reach))
-        tell(2 + STARTS + done, STEPS)
+    finalists: list[FinalEvidence] = []
+    open_ones = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
+    for done, one in enumerate(open_ones):
+        finalists.append(FinalEvidence.about(few, one.pose, reach_px=reach).refined(rounds=3, reach_px=reach))
+        tell(2 + REFINED + done, STEPS)
     best = finalists[0]
-    for index, challenger in enumerate(finalists[1:], 1):
-        if compare_poses(best, challenger).deviations < -(0.0 if index < eligible else CLEAR):
+    for challenger in finalists[1:]:
+        if compare_poses(best, challenger).deviations < 0:
             best = challenger
+    compared = finalists if len(finalists) > 1 else [rough[0], *rough[1:2]]
+    first = best if len(finalists) > 1 else rough[0]
     rivals = [
-        (other.pose, compare_poses(best, other))
-        for other in finalists
-        if other is not best and apart_px(caster.mesh, photographs.camera, best.pose, other.pose) > APART_PX
+        (other.pose, compare_poses(first, other))
+        for other in compared
+        if other is not first and apart_px(caster.mesh, camera, first.pose, other.pose) > APART_PX
     ]
     rivals.sort(key=lambda rival: rival[1].deviations)
-    many = Observed.of(caster, photographs, pictures, count=count, cells=400)
-    evidence = FinalEvidence.about(many, best.pose, reach_px=reach).refined(rounds=8, reach_px=reach)
+    # The mask was where the object was looked for; now the scan tells where its outline is.
+    evidence = best
+    for _ in range(ROUNDS):
+        silhouette = _silhouette(View(caster, camera, evidence.pose))
+        many = Observed.of(caster, photographs, pictures, count=count, cells=400, silhouette=silhouette)
+        before = evidence.pose
+        evidence = FinalEvidence.about(many, before, reach_px=reach).refined(rounds=8, reach_px=reach)
+        if apart_px(caster.mesh, camera, before, evidence.pose) < STAYED_PX:
+            break
     tell(STEPS, STEPS)
     return Found(evidence, *(rivals[0] if rivals else (None, None)))
+
+
+def unexplained(one: FinalEvidence) -> float:
+    """Return the mean cost of the object's pixels and of the silhouette beyond them: 0 explained, 1 not at all."""
+    cost = one.pixel_costs(USUAL_SIGMA)
+    return float(np.nan_to_num(cost, nan=HIDDEN).mean()) + one.outline.beyond(one.seen.mask)
+
+
+def _roughly(one: FinalEvidence, *, reach_px: float) -> FinalEvidence:
+    return one.refined(rounds=ROUGH_ROUNDS, reach_px=reach_px)
+
+
+def _distinct(found: list[FinalEvidence], *, least_px: float) -> list[FinalEvidence]:
+    """Return the poses, the best first, without those that lie so near to a better one."""
+    kept: list[FinalEvidence] = []
+    for one in sorted(found, key=unexplained):
+        mesh, camera = one.seen.caster.mesh, one.seen.camera
+        if all(apart_px(mesh, camera, one.pose, other.pose) > least_px for other in kept):
+            kept.append(one)
+    return kept
+
+
+def _silhouette(view: View) -> NDArray[np.bool_]:
+    """Return the pixels (H, W) that see the scan."""
+    camera = view.camera
+    out = np.zeros((camera.height, camera.width), bool)
+    for first in range(0, camera.height, 256):
+        rows = slice(first, min(first + 256, camera.height))
+        pixels = camera.grid(rows)
+        out[rows] = view.hits(pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
+    return out
 
 
 def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:

@@ -1,16 +1,17 @@
 """The shading: how well the scan's normals, under the calibrated lights, explain the photographs."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.photographed import Photographs
+from align.pose.appearance import Appearance, Lit, albedo_of, freed_of_surroundings
 from align.pose.scan_view import View
 from scene.camera import Camera
+from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
-from scene.normals import unit
 from scene.pose import Pose
 from scene.rays import RayCaster
 
@@ -44,9 +45,8 @@ class Samples:
         return samples_of(self.pixels, self.colours, self.clipped, lights)
 
 
-def take_samples(photographs: Photographs, *, count: int) -> Samples:
-    """Read about `count` pixels of the mask, evenly spread, from all frames."""
-    frames, lights, mask = photographs.frames, photographs.lights, photographs.mask
+def take_samples(frames: Frames, lights: Lights, mask: NDArray[np.bool_], *, count: int) -> Samples:
+    """Read about `count` pixels of the mask (H, W), evenly spread, from all frames."""
     inside = np.flatnonzero(mask)
     # Every k-th in scan order lies in slanted rows: even, and without a grid's blind frequencies.
     pick = np.unique(np.linspace(0, len(inside) - 1, min(count, len(inside))).astype(int))
@@ -96,58 +96,49 @@ def choose(samples: Samples, normals: NDArray, vectors: Array, shadows: NDArray[
     return used & (used.sum(0) >= FEWEST)
 
 
+class Explained(NamedTuple):
+    """Samples as a scan explains them."""
+
+    residuals: Array
+    """(N, P): (measured - albedo * predicted) / the pixel's scale, 0 where not used."""
+    albedo: Array
+    """(P,), over the pixel's scale."""
+    jacobian: Array | None
+    """(N, P, 6) of the residuals by `nudge`."""
+
+
 def explain(
-    samples: Samples, used: NDArray[np.bool_], normals: NDArray, vectors: Array, slopes: Array | None = None
-) -> tuple[Array, Array | None]:
+    samples: Samples,
+    used: NDArray[np.bool_],
+    normals: NDArray,
+    lit: Lit,
+    look: Appearance,
+    slopes: Array | None = None,
+) -> Explained:
     """Explain samples by normals (P, 3), NaN where the scan is missed, with the best albedo for each pixel.
 
-    `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump; `vectors` (N, P, 3): the
-    lights at the pixels' points; `slopes` (P, 3, 6): the normals', see `Probes.slopes`. Return residuals (N, P),
-    (measured - albedo * light . normal) / the pixel's scale, 0 where not used, and given slopes their Jacobian
-    (N, P, 6) for `nudge`; the albedo follows the pose.
+    `used` (N, P), of `choose`, is held while the pose moves, so that the cost does not jump, and so is the appearance;
+    `slopes` (P, 3, 6): the normals', see `Probes.slopes`. With them there is a Jacobian; residuals and Jacobian are
+    then freed of what the frames' surroundings would make of them: these follow the pose, as the albedo does.
 
-    With b = light . normal and weights w: albedo = sum w b E / sum w b^2 (variable projection
-    [Golub1973]); w falls off for samples that the rest of their pixel contradicts
-    (highlights, bounced light). The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.
+    With b = predicted and weights w: albedo = sum w b E / sum w b^2 (variable projection [Golub1973]); w falls off for
+    samples that the rest of their pixel contradicts. The albedo's slope: sum w (E - 2 albedo b) db / sum w b^2.
     """
     values = np.where(used, samples.values, 0) / samples.scale
-    weight = used.astype(np.float64)
-    b = cosines(vectors, normals)
-    square = albedo = np.zeros(b.shape[1])
-    for turn in range(4):
-        square = np.maximum((weight * b * b).sum(0), 1e-12)
-        albedo = (weight * b * values).sum(0) / square
-        if turn < 3:
-            weight = trust(used, values - albedo * b)
-    residuals = np.where(used, values - albedo * b, 0.0)
+    shown = look.predict(lit, normals)
+    albedo, weight = albedo_of(values, used, shown, look.loss)
+    residuals = np.where(used, values - albedo * shown, 0.0)
     if slopes is None:
-        return residuals, None
-    along = np.matmul(vectors.transpose(1, 0, 2), slopes)
-    drift = np.einsum("np,pnt->pt", weight * (values - 2 * albedo * b), along) / square[:, None]
-    jacobian = -(albedo[:, None, None] * along + b.T[:, :, None] * drift[:, None, :])
-    return residuals, np.where(used.T[:, :, None], jacobian, 0.0).transpose(1, 0, 2)
-
-
-def trust(used: NDArray[np.bool_], residuals: Array) -> Array:
-    """Return weights (N, P) of the used samples, by Geman and McClure's loss with a scale of a tenth."""
-    return used / (1 + (residuals / 0.1) ** 2) ** 2
-
-
-def free_normals(samples: Samples, used: NDArray[np.bool_], vectors: Array) -> Array:
-    """Return (P, 3) unit normals that fit the used samples best, whatever the scan says; NaN under 5 samples.
-
-    Reweighted like `explain`, so that a highlight spoils both alike.
-    """
-    values = np.where(used, samples.values, 0) / samples.scale
-    weight = used.astype(np.float64)
-    out = np.zeros((values.shape[1], 3))
-    for _ in range(4):
-        matrix = np.einsum("np,npi,npj->pij", weight, vectors, vectors) + 1e-9 * np.eye(3)
-        out = np.linalg.solve(matrix, np.einsum("np,npi,np->pi", weight, vectors, values)[..., None])[..., 0]
-        residuals = values - np.einsum("npi,pi->np", vectors, out)
-        weight = trust(used, residuals)
-    out[used.sum(0) < FEWEST + 1] = np.nan
-    return unit(out)
+        return Explained(residuals, albedo, None)
+    along = np.matmul(look.slopes(lit, normals).transpose(1, 0, 2), slopes)
+    square = np.maximum((weight * shown * shown).sum(0), 1e-12)
+    drift = np.einsum("np,pnt->pt", weight * (values - 2 * albedo * shown), along) / square[:, None]
+    jacobian = -(albedo[:, None, None] * along + shown.T[:, :, None] * drift[:, None, :]).transpose(1, 0, 2)
+    if look.around is not None:
+        changes = np.concatenate([residuals[..., None], jacobian], -1)
+        changes = freed_of_surroundings(changes, weight, albedo, shown, normals)
+        residuals, jacobian = np.where(used, changes[..., 0], 0.0), changes[..., 1:]
+    return Explained(residuals, albedo, np.where(used[..., None], jacobian, 0.0))
 
 
 def cosines(vectors: Array, normals: NDArray) -> Array:

@@ -125,12 +125,10 @@ def free_scale(evidence: FinalEvidence) -> FreeScale | None:
     lights, pose = evidence.seen.lights, evidence.pose
     if lights.positions_mm is None or evidence.seen.camera.is_orthographic:
         return None
-    points = evidence.surface[0]
-    known = np.where(np.isfinite(points), points, lights.reference_point_mm)
     units = np.append(evidence.steps(1.0), 0.01)
     log, matrix = 0.0, np.zeros((7, 7))
     for _ in range(SCALE_ROUNDS):
-        around = [evidence.shading(pose, lights.toward(np.exp(log + side) * known)) for side in (-STEP, 0.0, STEP)]
+        around = [evidence.shading(pose, float(np.exp(log + side))) for side in (-STEP, 0.0, STEP)]
         slope = (around[2].residuals - around[0].residuals) / (2 * STEP)
         shading = _with_column(around[1], slope)
         outline, _, bias = evidence.terms(pose)

@@ -1,0 +1,216 @@
+"""How an object looks under known lights, whatever it is made of and wherever it stands: told by its photographs.
+
+A sample is E = a (k n.v + |v| g(n.h) + c.n + d): albedo a, the scan's normal n, the light's vector v at the point, h the
+direction midway between light and camera. k and g are the material's, from matte (g = 0) to metal (k = 0): an isotropic
+microfacet material is a function of n.h before all [Cook1982]. c and d are the frame's: what its surroundings send
+back, by spherical harmonics of the first order [Basri2003], and what the light is other than it was calibrated to be.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from align.pose.refine import robust_sigma
+from scene.normals import unit
+
+Array = NDArray[np.float64]
+
+LOBE_DEG = 0.0, 4.0, 8.0, 12.0, 17.0, 23.0, 30.0, 40.0, 55.0, 90.0
+"""Angles between n and h at which g is known; linear in n.h between them."""
+NODES = 1 - np.cos(np.radians(LOBE_DEG))
+ROUNDS = 6
+"""Albedo and appearance in turns."""
+REWEIGHTED = 3
+LEAST_LOSS, SIGMAS, FIRST_LOSS = 0.1, 3.0, 1.0
+"""Where Geman and McClure's loss bends, of the pixel's scale: at so much or so many sigmas; and while little is known."""
+RIDGE = 1e-4
+"""Of the mean diagonal of the equations: what the samples do not tell stays small."""
+TURNED_DEG, AROUND = (5.0, 10.0, 18.0, 30.0), 8
+"""By how much, and in how many directions, a normal is turned away in search of the one that fits best."""
+
+
+class Lit(NamedTuple):
+    """N lights at P points."""
+
+    vectors: Array
+    """(N, P, 3), their fall-off in them, of intensity 1."""
+    halfway: Array
+    """(N, P, 3) unit, midway between light and camera."""
+    strength: Array
+    """(N, P), the vectors' lengths."""
+
+    @classmethod
+    def of(cls, vectors: Array, toward_camera: Array) -> "Lit":
+        """Take the light vectors (N, P, 3) at points seen from unit directions (P, 3)."""
+        strength = np.linalg.norm(vectors, axis=-1)
+        return cls(vectors, unit(vectors / strength[..., None] + toward_camera), strength)
+
+    def only(self, pixels: NDArray) -> "Lit":
+        """Return some of the points."""
+        return Lit(self.vectors[:, pixels], self.halfway[:, pixels], self.strength[:, pixels])
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """The material's k and g, and each frame's surroundings."""
+
+    material: Array
+    """(1 + len(NODES),): k, and g at `NODES`."""
+    around: Array | None
+    """(N, 4): c and d of each frame; None where there is the light alone."""
+    loss: float = LEAST_LOSS
+    """Where the loss bends."""
+
+    @classmethod
+    def matte(cls) -> "Appearance":
+        """Return Lambert's law under the light alone."""
+        return cls(np.eye(1 + len(NODES))[0], None)
+
+    @classmethod
+    def of(cls, values: Array, used: NDArray[np.bool_], normals: Array, lit: Lit) -> "Appearance":
+        """Fit the appearance to values (N, P) that are used, of pixels with these normals (P, 3).
+
+        Robust least squares in turns with the pixels' albedos; the material is found with the surroundings, of which
+        each frame's are eliminated first (Schur complement [Triggs2000]).
+        """
+        from scipy.optimize import nnls
+
+        beside = np.column_stack([np.nan_to_num(normals), np.ones(len(normals))])
+        shown = _material_basis(lit, normals)
+        here = cls(cls.matte().material, np.zeros((len(values), 4)), FIRST_LOSS)
+        for _ in range(ROUNDS):
+            predicted = here.predict(lit, normals)
+            albedo, weight = albedo_of(values, used, predicted, here.loss)
+            sigma = robust_sigma((values - albedo * predicted)[used])
+            weighted = weight * albedo
+            square, pull = np.zeros((shown.shape[2],) * 2), np.zeros(shown.shape[2])
+            frames = []
+            for own, basis, value in zip(weighted, shown, values, strict=True):
+                left, right = basis * own[:, None], beside * own[:, None]
+                scaled, around = basis * albedo[:, None], beside * albedo[:, None]
+                inner = right.T @ around
+                inner += RIDGE * max(np.trace(inner) / 4, 1e-9) * np.eye(4)
+                # What of the material and of the values the frame's surroundings take up.
+                taken = np.linalg.solve(inner, np.column_stack([right.T @ scaled, right.T @ value]))
+                square += left.T @ scaled - (left.T @ around) @ taken[:, :-1]
+                pull += left.T @ value - (left.T @ around) @ taken[:, -1]
+                frames.append(taken)
+            square += RIDGE * np.trace(square) / len(square) * np.eye(len(square))
+            root = np.linalg.cholesky(square)
+            material = nnls(root.T, np.linalg.solve(root, pull))[0]
+            around = np.stack([taken[:, -1] - taken[:, :-1] @ material for taken in frames])
+            here = cls(material, around, float(np.clip(SIGMAS * sigma, LEAST_LOSS, here.loss)))
+        return here
+
+    def predict(self, lit: Lit, normals: Array) -> Array:
+        """Return what pixels (P,) of albedo one show in each frame (N, P)."""
+        known = np.nan_to_num(normals)
+        out = self.material[0] * np.einsum("npk,pk->np", lit.vectors, known)
+        if self.around is None:
+            return out
+        away = 1 - np.einsum("npk,pk->np", lit.halfway, known)
+        out += lit.strength * np.interp(away, NODES, self.material[1:])
+        return out + self.sent_back(known)
+
+    def sent_back(self, normals: Array) -> Array:
+        """Return what the surroundings alone show in each frame (N, P), of albedo one."""
+        if self.around is None:
+            return np.zeros((1, len(normals)))
+        return self.around[:, :3] @ np.nan_to_num(normals).T + self.around[:, 3:]
+
+    def slopes(self, lit: Lit, normals: Array) -> Array:
+        """Return d(predict)/d(normal) (N, P, 3)."""
+        out = self.material[0] * lit.vectors
+        if self.around is None:
+            return out
+        away = 1 - np.einsum("npk,pk->np", lit.halfway, np.nan_to_num(normals))
+        segment = np.clip(np.searchsorted(NODES, away) - 1, 0, len(NODES) - 2)
+        slope = (np.diff(self.material[1:]) / np.diff(NODES))[segment]
+        return out - (lit.strength * slope)[..., None] * lit.halfway + self.around[:, None, :3]
+
+
+def albedo_of(values: Array, used: NDArray[np.bool_], shown: Array, loss: float) -> tuple[Array, Array]:
+    """Return each pixel's best albedo (P,) and the weights (N, P) of the samples that its rest does not contradict."""
+    weight, albedo = used.astype(np.float64), np.zeros(values.shape[1])
+    for turn in range(REWEIGHTED + 1):
+        albedo = (weight * shown * values).sum(0) / np.maximum((weight * shown * shown).sum(0), 1e-12)
+        if turn < REWEIGHTED:
+            weight = trust(used, values - albedo * shown, loss)
+    return albedo, weight
+
+
+def trust(used: NDArray[np.bool_], residuals: Array, loss: float = LEAST_LOSS) -> Array:
+    """Return weights (N, P) of the used samples, by Geman and McClure's loss."""
+    return used / (1 + (residuals / loss) ** 2) ** 2
+
+
+def freed_of_surroundings(changes: Array, weight: Array, albedo: Array, shown: Array, normals: Array) -> Array:
+    """Return changes (N, P, K) of the samples less what surroundings and albedos would make of them.
+
+    Weighted projection. The albedos (P,), of samples that show `shown` (N, P) at albedo one, are eliminated pixel by
+    pixel; what is left of the frames' four unknowns each is one system of equations.
+    """
+    count, total, _ = changes.shape
+    beside = albedo[:, None] * np.column_stack([np.nan_to_num(normals), np.ones(total)])
+    leaned = weight * shown / np.sqrt(np.maximum((weight * shown * shown).sum(0), 1e-12))
+    square = np.zeros((count, 4, count, 4))
+    for i in range(4):
+        for j in range(4):
+            both = beside[:, i] * beside[:, j]
+            square[:, i, :, j] = np.diag(weight @ both) - (leaned * both) @ leaned.T
+    square = square.reshape(4 * count, 4 * count)
+    square += RIDGE * np.trace(square) / len(square) * np.eye(len(square))
+    pull = np.einsum("np,pi,npk->nik", weight, beside, changes, optimize=True).reshape(4 * count, -1)
+    step = np.linalg.solve(square, pull).reshape(count, 4, -1)
+    taken = np.einsum("pi,nik->npk", beside, step, optimize=True)
+    share = (weight * shown)[..., None] * taken
+    taken -= shown[..., None] * share.sum(0) / np.maximum((weight * shown * shown).sum(0), 1e-12)[:, None]
+    return changes - taken
+
+
+def free_normals(values: Array, used: NDArray[np.bool_], normals: Array, lit: Lit, look: Appearance) -> Array:
+    """Return the normals (P, 3) near the scan's that fit the used samples best under this appearance.
+
+    The best of some turned by up to `TURNED_DEG`, and from there two steps of Gauss and Newton.
+    """
+    across = np.where(np.abs(normals[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    first = unit(np.cross(normals, across))
+    second = np.cross(normals, first)
+    best, lowest = normals, np.full(len(normals), np.inf)
+    azimuths = 2 * np.pi * np.arange(AROUND) / AROUND
+    for tilt, azimuth in [(0.0, 0.0), *((t, a) for t in np.radians(TURNED_DEG) for a in azimuths)]:
+        turned = np.cos(tilt) * normals + np.sin(tilt) * (np.cos(azimuth) * first + np.sin(azimuth) * second)
+        shown = look.predict(lit, turned)
+        albedo, weight = albedo_of(values, used, shown, look.loss)
+        relative = (values - albedo * shown) / look.loss
+        cost = (used * relative**2 / (1 + relative**2)).sum(0)
+        best, lowest = np.where((cost < lowest)[:, None], turned, best), np.minimum(cost, lowest)
+    for _ in range(2):
+        shown = look.predict(lit, best)
+        albedo, weight = albedo_of(values, used, shown, look.loss)
+        unknown = np.stack([unit(np.cross(best, first)), first], -1)
+        unknown[..., 1] = np.cross(best, unknown[..., 0])
+        slopes = albedo[:, None] * np.einsum("npk,pki->npi", look.slopes(lit, best), unknown)
+        slopes = np.concatenate([slopes, shown[..., None]], -1) * np.sqrt(weight)[..., None]
+        square = np.einsum("npi,npj->pij", slopes, slopes)
+        square += RIDGE * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3)
+        pull = np.einsum("npi,np->pi", slopes, np.sqrt(weight) * (values - albedo * shown))
+        step = np.linalg.solve(square, pull[..., None])[:, :2, 0]
+        step *= np.minimum(1, 0.1 / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12))
+        best = unit(best + np.einsum("pki,pi->pk", unknown, step))
+    return best
+
+
+def _material_basis(lit: Lit, normals: Array) -> Array:
+    """Return (N, P, 1 + len(NODES)): what each number of `Appearance.material` adds to a sample."""
+    known = np.nan_to_num(normals)
+    away = np.clip(1 - np.einsum("npk,pk->np", lit.halfway, known), 0, NODES[-1])
+    segment = np.clip(np.searchsorted(NODES, away) - 1, 0, len(NODES) - 2)
+    share = (away - NODES[segment]) / np.diff(NODES)[segment]
+    out = np.zeros((*away.shape, 1 + len(NODES)))
+    out[..., 0] = np.einsum("npk,pk->np", lit.vectors, known)
+    np.put_along_axis(out, segment[..., None] + 1, (lit.strength * (1 - share))[..., None], -1)
+    np.put_along_axis(out, segment[..., None] + 2, (lit.strength * share)[..., None], -1)
+    return out
