@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from align.light_probe.by_silhouette import BySilhouette
 from align.pose.photographed import Photographs, Target
-from align.pose.rough import UNKNOWN, RoughEvidence
 from align.pose.scan_view import View
 from align.pose.shading import Samples
 from align.pose.start import find_starts
@@ -23,6 +23,8 @@ STARTS = 80
 ROUNDS = 8
 LEAST_SEEN = 0.3
 """Share of the object's pixels that must show the scan's outside: a scan of one side says nothing from behind."""
+UNKNOWN = 0.15
+"""Residual, in units of the loss, of a pixel that looks into a hole of the scan: little more than of one explained."""
 LOOSE = 0.15
 """Residual, relative to the pixel, of a sample that is half explained: gloss and shadows are not modelled yet."""
 
@@ -58,7 +60,7 @@ def candidates(
     camera, mask = photographs.camera, photographs.mask
     target = Target(camera, mask, np.full((*mask.shape, 3), np.nan)).shrunken()
     starts = find_starts(caster, target, count=STARTS) if start is None else [start]
-    outline = RoughEvidence.of(caster, target, cells=60, count=1)
+    outline = BySilhouette.of(caster, target.camera, target.mask, cells=60)
     found = []
     for done, item in enumerate((executor.map if executor else map)(partial(outline.descend, 8), starts)):
         found.append(item)

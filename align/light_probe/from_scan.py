@@ -107,6 +107,8 @@ def lights_from_scan(
     check_count(len(photographs.frames))
     photographs = replace(photographs, lights=Lights.unknown(photographs.frames.names))
     photographs.check_mask()
+    if photographs.cut_words:
+        raise AlignError(f"mask: its outline is all that tells where the scan is.{photographs.cut_words}")
     if len(photographs.frames) < FEWEST_LIGHTS:
         raise AlignError(
             f"scan: {len(photographs.frames)} frames are too few for the scan to tell the lights, expected at least "

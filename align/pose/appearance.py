@@ -1,12 +1,13 @@
 """How an object looks under known lights, whatever it is made of and wherever it stands: told by its photographs.
 
-A sample is E = a (k n.v + |v| g(n.h) + c.n + d): albedo a, the scan's normal n, the light's vector v at the point, h the
-direction midway between light and camera. k and g are the material's, from matte (g = 0) to metal (k = 0): an isotropic
-microfacet material is a function of n.h before all [Cook1982]. c and d are the frame's: what its surroundings send
-back, by spherical harmonics of the first order [Basri2003], and what the light is other than it was calibrated to be.
+A sample is E = a (k n.v + |v| g(n.h) + c.n + d): albedo a, the scan's normal n, the light's vector v at the point, h
+the direction midway between light and camera. k and g, neither negative, are the material's, from matte (g = 0) to
+metal (k = 0): an isotropic microfacet material is a function of n.h before all [Cook1982]. c and d are the frame's:
+what its surroundings send back, by spherical harmonics of the first order [Basri2003], and what the light is other than
+it was calibrated to be.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,11 +21,11 @@ Array = NDArray[np.float64]
 LOBE_DEG = 0.0, 4.0, 8.0, 12.0, 17.0, 23.0, 30.0, 40.0, 55.0, 90.0
 """Angles between n and h at which g is known; linear in n.h between them."""
 NODES = 1 - np.cos(np.radians(LOBE_DEG))
-ROUNDS = 6
-"""Albedo and appearance in turns."""
+ROUNDS = 5
+"""Of Gauss and Newton."""
 REWEIGHTED = 3
 LEAST_LOSS, SIGMAS, FIRST_LOSS = 0.1, 3.0, 1.0
-"""Where Geman and McClure's loss bends, of the pixel's scale: at so much or so many sigmas; and while little is known."""
+"""Of the pixel's scale: where Geman and McClure's loss [Geman1987] bends, at least, in sigmas, and at first."""
 RIDGE = 1e-4
 """Of the mean diagonal of the equations: what the samples do not tell stays small."""
 TURNED_DEG, AROUND = (5.0, 10.0, 18.0, 30.0), 8
@@ -72,36 +73,27 @@ class Appearance:
     def of(cls, values: Array, used: NDArray[np.bool_], normals: Array, lit: Lit) -> "Appearance":
         """Fit the appearance to values (N, P) that are used, of pixels with these normals (P, 3).
 
-        Robust least squares in turns with the pixels' albedos; the material is found with the surroundings, of which
-        each frame's are eliminated first (Schur complement [Triggs2000]).
+        Robust Gauss-Newton with the pixels' albedos eliminated (variable projection [Golub1973]); of each step, the
+        surroundings are eliminated first (Schur complement [Triggs2000]), and the material is held at what can be.
         """
         from scipy.optimize import nnls
 
-        beside = np.column_stack([np.nan_to_num(normals), np.ones(len(normals))])
-        shown = _material_basis(lit, normals)
-        here = cls(cls.matte().material, np.zeros((len(values), 4)), FIRST_LOSS)
+        count, basis = len(values), _material_basis(lit, normals)
+        here, own = cls(cls.matte().material, np.zeros((count, 4)), FIRST_LOSS), basis.shape[2]
         for _ in range(ROUNDS):
-            predicted = here.predict(lit, normals)
-            albedo, weight = albedo_of(values, used, predicted, here.loss)
-            sigma = robust_sigma((values - albedo * predicted)[used])
-            weighted = weight * albedo
-            square, pull = np.zeros((shown.shape[2],) * 2), np.zeros(shown.shape[2])
-            frames = []
-            for own, basis, value in zip(weighted, shown, values, strict=True):
-                left, right = basis * own[:, None], beside * own[:, None]
-                scaled, around = basis * albedo[:, None], beside * albedo[:, None]
-                inner = right.T @ around
-                inner += RIDGE * max(np.trace(inner) / 4, 1e-9) * np.eye(4)
-                # What of the material and of the values the frame's surroundings take up.
-                taken = np.linalg.solve(inner, np.column_stack([right.T @ scaled, right.T @ value]))
-                square += left.T @ scaled - (left.T @ around) @ taken[:, :-1]
-                pull += left.T @ value - (left.T @ around) @ taken[:, -1]
-                frames.append(taken)
-            square += RIDGE * np.trace(square) / len(square) * np.eye(len(square))
-            root = np.linalg.cholesky(square)
-            material = nnls(root.T, np.linalg.solve(root, pull))[0]
-            around = np.stack([taken[:, -1] - taken[:, :-1] @ material for taken in frames])
-            here = cls(material, around, float(np.clip(SIGMAS * sigma, LEAST_LOSS, here.loss)))
+            shown = here.predict(lit, normals)
+            albedo, weight = albedo_of(values, used, shown, here.loss)
+            left = np.where(used, values - albedo * shown, 0.0)
+            square = _squares(basis, _beside(normals), weight, albedo, shown)
+            pulled = weight * albedo * left
+            pull = np.concatenate([np.einsum("np,npi->i", pulled, basis), (pulled @ _beside(normals)).ravel()])
+            taken = np.linalg.solve(square[own:, own:], np.column_stack([square[own:, :own], pull[own:]]))
+            root = np.linalg.cholesky(square[:own, :own] - square[:own, own:] @ taken[:, :own])
+            wanted = np.linalg.solve(root, pull[:own] - square[:own, own:] @ taken[:, own])
+            material = nnls(root.T, root.T @ here.material + wanted)[0]
+            step = taken[:, own] - taken[:, :own] @ (material - here.material)
+            loss = SIGMAS * robust_sigma(left[used])
+            here = cls(material, here.around + step.reshape(count, 4), float(np.clip(loss, LEAST_LOSS, here.loss)))
         return here
 
     def predict(self, lit: Lit, normals: Array) -> Array:
@@ -113,6 +105,10 @@ class Appearance:
         away = 1 - np.einsum("npk,pk->np", lit.halfway, known)
         out += lit.strength * np.interp(away, NODES, self.material[1:])
         return out + self.sent_back(known)
+
+    def only(self, frames: NDArray) -> "Appearance":
+        """Return the appearance in some of the frames."""
+        return self if self.around is None else replace(self, around=self.around[frames])
 
     def sent_back(self, normals: Array) -> Array:
         """Return what the surroundings alone show in each frame (N, P), of albedo one."""
@@ -127,7 +123,7 @@ class Appearance:
             return out
         away = 1 - np.einsum("npk,pk->np", lit.halfway, np.nan_to_num(normals))
         segment = np.clip(np.searchsorted(NODES, away) - 1, 0, len(NODES) - 2)
-        slope = (np.diff(self.material[1:]) / np.diff(NODES))[segment]
+        slope = np.where(away < NODES[-1], (np.diff(self.material[1:]) / np.diff(NODES))[segment], 0.0)
         return out - (lit.strength * slope)[..., None] * lit.halfway + self.around[:, None, :3]
 
 
@@ -152,22 +148,45 @@ def freed_of_surroundings(changes: Array, weight: Array, albedo: Array, shown: A
     Weighted projection. The albedos (P,), of samples that show `shown` (N, P) at albedo one, are eliminated pixel by
     pixel; what is left of the frames' four unknowns each is one system of equations.
     """
-    count, total, _ = changes.shape
-    beside = albedo[:, None] * np.column_stack([np.nan_to_num(normals), np.ones(total)])
-    leaned = weight * shown / np.sqrt(np.maximum((weight * shown * shown).sum(0), 1e-12))
-    square = np.zeros((count, 4, count, 4))
-    for i in range(4):
-        for j in range(4):
-            both = beside[:, i] * beside[:, j]
-            square[:, i, :, j] = np.diag(weight @ both) - (leaned * both) @ leaned.T
-    square = square.reshape(4 * count, 4 * count)
-    square += RIDGE * np.trace(square) / len(square) * np.eye(len(square))
-    pull = np.einsum("np,pi,npk->nik", weight, beside, changes, optimize=True).reshape(4 * count, -1)
+    count = len(changes)
+    beside = _beside(normals)
+    none = np.zeros((*weight.shape, 0))
+    square = _squares(none, beside, weight, albedo, shown)
+    pull = np.einsum("np,pi,npk->nik", weight * albedo, beside, changes, optimize=True).reshape(4 * count, -1)
     step = np.linalg.solve(square, pull).reshape(count, 4, -1)
-    taken = np.einsum("pi,nik->npk", beside, step, optimize=True)
-    share = (weight * shown)[..., None] * taken
-    taken -= shown[..., None] * share.sum(0) / np.maximum((weight * shown * shown).sum(0), 1e-12)[:, None]
+    taken = np.einsum("p,pi,nik->npk", albedo, beside, step, optimize=True)
+    share = ((weight * shown)[..., None] * taken).sum(0)
+    taken -= shown[..., None] * share / np.maximum((weight * shown * shown).sum(0), 1e-12)[:, None]
     return changes - taken
+
+
+def _squares(basis: Array, beside: Array, weight: Array, albedo: Array, shown: Array) -> Array:
+    """Return the normal equations' matrix of J numbers of the material and 4 N of the surroundings, albedos eliminated.
+
+    Of columns albedo * (basis (N, P, J), and for each frame beside (P, 4)), weighted (N, P): what changes of the
+    pixels' albedos can make of them, times `shown` (N, P), is taken out.
+    """
+    count, total, own = basis.shape
+    square = np.zeros((own + 4 * count,) * 2)
+    rest = square[own:, own:].reshape(count, 4, count, 4)
+    weighted = weight * albedo**2
+    for n in range(count):
+        left = weighted[n, :, None] * basis[n]
+        square[:own, :own] += left.T @ basis[n]
+        square[:own, own + 4 * n : own + 4 * n + 4] = left.T @ beside
+        rest[n, :, n] = (beside * weighted[n, :, None]).T @ beside
+    square[own:, :own] = square[:own, own:].T
+    lean = weight * albedo * shown / np.sqrt(np.maximum((weight * shown * shown).sum(0), 1e-12))
+    both = np.concatenate(
+        [np.einsum("np,npj->pj", lean, basis), (lean.T[:, :, None] * beside[:, None]).reshape(total, -1)], 1
+    )
+    square -= both.T @ both
+    return square + RIDGE * np.trace(square) / max(len(square), 1) * np.eye(len(square))
+
+
+def _beside(normals: Array) -> Array:
+    """Return (P, 4): what each number of a frame's surroundings adds to a pixel."""
+    return np.column_stack([np.nan_to_num(normals), np.ones(len(normals))])
 
 
 def free_normals(values: Array, used: NDArray[np.bool_], normals: Array, lit: Lit, look: Appearance) -> Array:

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.appearance import Appearance, Lit, free_normals
+from align.pose.appearance import Appearance, Lit
 from align.pose.motion import apart_px, small_steps
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, longer_side
@@ -16,7 +16,6 @@ from align.pose.scan_view import Probes, View
 from align.pose.shading import FEWEST, Samples, choose, cosines, explain, find_shadows, take_samples
 from scene.camera import Camera
 from scene.lights import Lights
-from scene.normals import angular_error_deg
 from scene.pose import Pose
 from scene.rays import RayCaster
 
@@ -27,42 +26,12 @@ EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
 UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
-ASKED = 1500
-"""Pixels, about, whose best normals are looked for."""
 MASK_PX = 1.0
 """What a mask's border may be off by."""
 SETTLED_PX = 0.01
 """A round of the refinement that moves the scan's image by less is the last."""
 NEAREST_PX = 2.5
 """The outline's edges are looked for ever closer by, down to this."""
-
-
-@dataclass(frozen=True)
-class Fit:
-    """How well a pose explains the photographs, in terms that a wrong scan cannot meet."""
-
-    overlap: float
-    """Intersection over union of the scan's silhouette and the mask."""
-    normals_deg: float
-    """Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under the same
-    lights and with the same samples."""
-    outline_share: float
-    """Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs or, where object
-    and backdrop are alike and there is none, of the mask's border."""
-
-    @property
-    def misfit(self) -> float:
-        """One number: 10 degrees off everywhere, or a quarter of the outline without its edge, is 1."""
-        return self.normals_deg / 10 + (1 - self.outline_share) / 0.25
-
-    @property
-    def words(self) -> str:
-        return (
-            f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} %, "
-            f"{100 * self.outline_share:.0f} % of the scan's outline lie on an edge in the photographs (expected above "
-            f"90 %), and its normals are {self.normals_deg:.1f} degrees (median) from what the photographs show "
-            "(expected below 4)"
-        )
 
 
 @dataclass(frozen=True)
@@ -153,6 +122,8 @@ class FinalEvidence:
     outline_sigma: float = 1.0
     shading_sigma: float = 0.1
     residual_px: float = np.inf
+    apart_px: float = np.inf
+    """Median distance from the scan's outline to the picture's edges."""
     bias_px: float = 0.0
     """How far outside the picture's edges the scan's outline lies on the whole."""
     weights: tuple[float, ...] = (1.0, 1.0, 1.0)
@@ -164,21 +135,21 @@ class FinalEvidence:
     def about(cls, seen: Observed, pose: Pose, *, reach_px: float) -> "FinalEvidence":
         """Take the evidence about `pose`; the outline's edges are looked for within `reach_px`."""
         view = View(seen.caster, seen.camera, pose)
+        points, normals = seen.probes.surface(seen.caster, pose)
+        lit = seen.lit(points)
+        used = choose(seen.samples, normals, lit.vectors, find_shadows(view, seen.lights, points, normals))
+        look = Appearance.matte()
+        if seen.lights_known:
+            look = Appearance.of(np.where(used, seen.samples.values, 0) / seen.samples.scale, used, normals, lit)
         outline = find_outline(view, cells=seen.cells)
         if seen.pictures is None:
             offset = -sample(seen.distance, outline.pixels)
         else:
             offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=reach_px)
-            offset -= seen.pictures.expect(view, seen.lights, outline, offset)
+            offset -= seen.pictures.expect(view, seen.lights, look, outline, offset)
         at = outline.pixels + np.nan_to_num(offset)[:, None] * outline.outward
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
         found = np.isfinite(offset) & (np.abs(sample(seen.near, at)) < max(4.0, 0.7 * reach_px))
-        points, normals = seen.probes.surface(seen.caster, pose)
-        shadows = find_shadows(view, seen.lights, points, normals)
-        lit = seen.lit(points)
-        used, look = choose(seen.samples, normals, lit.vectors, shadows), Appearance.matte()
-        if seen.lights_known:
-            look = Appearance.of(np.where(used, seen.samples.values, 0) / seen.samples.scale, used, normals, lit)
         on_scan = pose.inverse().apply(outline.points[found])
         here = cls(seen, pose, (points, normals), used, look, outline, on_scan, at[found], outline.outward[found])
         return here._weighed(-offset[found])
@@ -251,8 +222,11 @@ class FinalEvidence:
         return Term(residuals[self.used] / unit, jacobian[self.used] / unit, blocks, self.weights[1])
 
     @cached_property
-    def fit(self) -> Fit:
-        """How well the evidence's pose fits; every comparison asks for it."""
+    def outline_share(self) -> float:
+        """Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs.
+
+        Or, where object and backdrop are alike and there is none, of the mask's border.
+        """
         seen, outline = self.seen, self.outline
         size = float(longer_side(seen.mask))
         near = max(1.0, 0.005 * size)
@@ -260,23 +234,7 @@ class FinalEvidence:
         if seen.pictures is not None:
             offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * size))
             on_edge |= np.abs(offset + self.bias_px) < near
-        return Fit(
-            outline.overlap(seen.mask),
-            self._normals_off(),
-            float(np.mean(on_edge)) if len(on_edge) else 0.0,
-        )
-
-    def _normals_off(self) -> float:
-        """Return the median angle, degrees, between the scan's normals and those that fit the photographs best."""
-        (points, normals), samples = self.surface, self.seen.samples
-        asked = np.flatnonzero(self.used.sum(0) > FEWEST)
-        if not len(asked):
-            return 90.0
-        asked = asked[:: max(1, len(asked) // ASKED)]
-        used, own = self.used[:, asked], normals[asked]
-        values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
-        best = free_normals(values, used, own, self.seen.lit(points).only(asked), self.look)
-        return float(np.median(angular_error_deg(best, own)))
+        return float(np.mean(on_edge)) if len(on_edge) else 0.0
 
     def pixel_costs(self, sigma: float) -> Array:
         """Return (P,) how badly the pose explains each pixel's samples, 0 to 1; NaN where it says nothing.
@@ -307,17 +265,20 @@ class FinalEvidence:
             self,
             outline_sigma=sigma,
             bias_px=bias,
+            apart_px=float(np.median(np.abs(found))) if len(found) else np.inf,
             residual_px=float(np.sqrt(np.mean((inliers - bias) ** 2))) if len(inliers) else np.inf,
             shading_sigma=max(robust_sigma(residuals[self.used]), 0.005),
         )
         terms = here.terms(self.pose)
         matrices, slopes, effects = zip(*(term.information(self.steps(1.0)) for term in terms), strict=True)
         weights = [9 * len(term.residuals) / effect for term, effect in zip(terms, effects, strict=True)]
-        total = max(sum(weights), 1e-12)
+        # Where outline and shading contradict each other the shading's model is at fault: lights, bounced light, metal.
         contradiction = disagreement(matrices[:2], slopes[:2])
+        weights[1] /= contradiction
+        total = max(sum(weights), 1e-12)
         return replace(
             here,
             weights=tuple(weight / total for weight in weights),
-            information=sum(matrices) / contradiction,
+            information=matrices[0] + matrices[1] / contradiction + matrices[2],
             disagreement=contradiction,
         )

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.appearance import Appearance, Lit
 from align.pose.photographed import Photographs, box_of
 from align.pose.scan_outline import Outline, sample
 from align.pose.scan_view import View
@@ -84,13 +85,13 @@ class EdgePictures:
         along = SPACING_PX * np.arange(-half, half + 1)
         return _steepest(along, self._profiles(pixels, outward, along), reach_px)
 
-    def expect(self, view: View, lights: Lights, outline: Outline, located: NDArray) -> Array:
+    def expect(self, view: View, lights: Lights, look: Appearance, outline: Outline, located: NDArray) -> Array:
         """Return where `locate` would find the edge of the viewed scan (K,), px.
 
-        The brightness to both sides is read where the edge was `located` (K,). Inside, the sector's mean of
-        max(0, light . normal), times the albedo that fits the photographs near the edge; outside, what they show there;
-        the step blurred. Where the scan does not tell (a hole, a part too thin), what is expected of the others in the
-        middle.
+        The brightness to both sides is read where the edge was `located` (K,). Inside, the sector's mean of what the
+        scan shows by its appearance, times the albedo that fits the photographs near the edge; outside, what they show
+        there; the step blurred. Where the scan does not tell (a hole, a part too thin), what is expected of the others
+        in the middle.
         """
         from scipy.ndimage import gaussian_filter1d
 
@@ -101,7 +102,7 @@ class EdgePictures:
         inside, lit = along < 0, (along > INSIDE_PX[0]) & (along < INSIDE_PX[1])
         outside = (along > OUTSIDE_PX[0]) & (along < OUTSIDE_PX[1])
         seen = self._profiles(edge, outline.outward, along)
-        shading = self._shading(view, lights, outline, along[inside])
+        shading = self._shading(view, lights, look, outline, along[inside])
         model, measured = shading[:, lit[inside]], seen[:, lit]
         albedo = (model * measured).sum(1) / np.maximum((model * model).sum(1), 1e-12)
         beyond = np.broadcast_to(np.median(seen[:, outside], axis=1)[:, None], (len(edge), int((~inside).sum())))
@@ -112,16 +113,17 @@ class EdgePictures:
         told = np.isfinite(expected)
         return np.where(told, expected, np.median(expected[told]) if told.any() else 0.0)
 
-    def _shading(self, view: View, lights: Lights, outline: Outline, along: NDArray) -> Array:
+    def _shading(self, view: View, lights: Lights, look: Appearance, outline: Outline, along: NDArray) -> Array:
         """Return (K, M), the scan's shading in each outline point's sector at places `along` its normal."""
         pixels = outline.pixels[:, None] + along[:, None] * outline.outward[:, None]
-        points, normals = view.surface(*view.camera.rays(pixels.reshape(-1, 2)))
+        origins, directions = view.camera.rays(pixels.reshape(-1, 2))
+        points, normals = view.surface(origins, directions)
         known, sector = np.isfinite(normals[:, 0]), np.repeat(_sector_of(outline.outward), len(along))
         out = np.full(len(points), np.nan)
         for index, members in enumerate(self.members):
             here = known & (sector == index)
-            cosine = np.einsum("npk,pk->np", lights.toward(points[here])[members], normals[here])
-            out[here] = np.maximum(cosine, 0).mean(0)
+            lit = Lit.of(lights.toward(points[here])[members], -directions[here])
+            out[here] = look.only(members).predict(lit, normals[here]).clip(0).mean(0)
         return out.reshape(len(pixels), len(along))
 
     def _profiles(self, pixels: NDArray, outward: NDArray, along: NDArray) -> Array:

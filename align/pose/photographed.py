@@ -50,18 +50,24 @@ class Photographs:
         self.check_mask()
 
     def check_mask(self) -> None:
-        """Raise AlignError unless the mask (H, W) shows a whole object."""
+        """Raise AlignError unless the mask (H, W) shows an object."""
+        if self.mask.sum() < 200:
+            raise AlignError(f"mask: {self.mask.sum()} pixels are too few to place a scan; expected some thousand.")
+
+    @property
+    def cut_words(self) -> str:
+        """What to say of a mask that the image's border cuts, where the scan finds no place; empty where it does not.
+
+        A nibble at the border may be a fault of the mask; a stretch of it is the object leaving the picture.
+        """
         mask = self.mask
-        if mask.sum() < 200:
-            raise AlignError(f"mask: {mask.sum()} pixels are too few to place a scan; expected some thousand.")
         border = np.concatenate([mask[0], mask[-1], mask[1:-1, 0], mask[1:-1, -1]])
-        # A nibble at the border may be a fault of the mask; a stretch of it is the object leaving the picture.
-        if border.sum() > max(4, 0.15 * math.sqrt(mask.sum())):
-            raise AlignError(
-                f"mask: {border.sum()} of its pixels lie on the image's border: the object leaves the frame, and its "
-                "outline cannot be matched with the scan's. Reshoot with the whole object in view; a mask of your own "
-                "has the object white and the rest black."
-            )
+        if border.sum() <= max(4, 0.15 * math.sqrt(mask.sum())):
+            return ""
+        return (
+            f" {border.sum()} of the mask's pixels lie on the image's border. If the object leaves the frame, reshoot "
+            "with the whole of it in view; if it does not, give the mask: mask under [object], the object white."
+        )
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.fit import normals_off_deg
 from align.pose.full_resolution import FinalEvidence, Observed
 from align.pose.motion import apart_px, nudge
 from align.pose.outline_edges import EdgePictures
@@ -130,4 +131,4 @@ def _beside(evidence: FinalEvidence, generator: np.random.Generator) -> Pose:
 
 
 def _residuals(evidence: FinalEvidence) -> Residuals:
-    return Residuals(evidence.residual_px, evidence.bias_px, evidence.shading_sigma, evidence.fit.normals_deg)
+    return Residuals(evidence.residual_px, evidence.bias_px, evidence.shading_sigma, normals_off_deg(evidence))

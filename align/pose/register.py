@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import Fit
+from align.pose.fit import Fit, fit_of
 from align.pose.photographed import Photographs
 from align.pose.search import FINALISTS, SURE, Found, search
 from align.pose.unknown_lengths import LongerFocal, free_scale, register_longer
@@ -19,12 +19,14 @@ from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
-WORST_MISFIT = 0.9
-"""Above it the scan is refused. Right scans stay under 0.4 here, wrong and mirrored ones of like shape over 0.9."""
-MIRROR_MISFIT = 0.45
+WORST_MISFIT = 1.0
+"""Above it the scan is refused."""
+MIRROR_MISFIT = 0.6
 """Above it the mirrored scan is tried."""
-POOR_MISFIT = 0.7
-"""Above it the pose is doubted. Gloss and folds alone turned a real cat's normals to 0.6."""
+MIRRORED = 0.75
+"""Of its normals' angle, what a mirrored scan must fit better by to be the right one."""
+POOR_MISFIT = 0.95
+"""Above it the pose is doubted."""
 DOUBTED = 1.5
 """Ratio of the scan's distance to the balls' from which lengths are doubted where the scan does not fit."""
 UNITS = {10.0: "cm and mm", 25.4: "inch and mm", 1000.0: "m and mm", 100.0: "m and cm", 2.54: "inch and cm"}
@@ -52,11 +54,12 @@ class Registration:
     """(3,): the scan's middle, camera frame."""
     evidence: dict[str, float]
     """overlap (intersection over union of silhouette and mask), normals_deg (median angle to the normals that fit the
-    photographs best), outline_share (of the outline within a pixel of an edge), misfit (the two as one number, see
-    `Fit`), shading (relative residual), rim_points, edge_bias_px, disagreement (of outline and shading: the variance is
-    inflated by it); under near lights scale, scale_sigma (see `free_scale`); of the best pose and the next, where there
-    is one: cost, second_cost, second_deviations (see `compare_poses`), second_angle_deg; where the focal length is not
-    known: focal_sigma (relative), focal_turn_deg and focal_shift_mm (of the pose, over one sigma of it)."""
+    photographs best), beside_deg (the same of the scan turned a little), outline_share (of the outline within a pixel
+    of an edge), misfit (these as one number, see `Fit`), shading (relative residual), rim_points, edge_bias_px,
+    disagreement (of outline and shading: the variance is inflated by it); under near lights scale, scale_sigma (see
+    `free_scale`); of the best pose and the next, where there is one: cost, second_cost, second_deviations (see
+    `compare_poses`), second_angle_deg; where the focal length is not known: focal_sigma (relative), focal_turn_deg and
+    focal_shift_mm (of the pose, over one sigma of it)."""
     warnings: tuple[str, ...] = ()
     ambiguous: bool = False
     """Another pose explains the photographs as well, within chance: a symmetric object."""
@@ -82,9 +85,10 @@ def register(
 ) -> Registration:
     """Find the pose of a scan, from any orientation, and refine it on all frames.
 
-    Every orientation is tried on silhouette and normals (`align.pose.start`); the best are refined on the same at
-    growing resolution (`align.pose.rough`), the last few on the outline in the photographs and on the shading of all
-    frames (`align.pose.full_resolution`); a hypothesis test chooses (`align.pose.search.compare_poses`).
+    Every orientation is tried on silhouette and normals (`align.pose.start`); the best are rated and refined by mask
+    and shading at low resolution (`align.pose.search`), the last few on the outline in the photographs and on the
+    shading of all frames (`align.pose.full_resolution`), whatever the material (`align.pose.appearance`). A hypothesis
+    test chooses (`align.pose.search.compare_poses`).
 
     Parameters
     ----------
@@ -106,8 +110,7 @@ def register(
     Raises
     ------
     AlignError
-        The mask is empty or cut by the image's border, or the scan does not fit: another object, a mirrored
-        scan, a wrong unit.
+        The mask is empty, or the scan does not fit: another object, a mirrored scan, a wrong unit.
     """
     photographs.check(normals)
     caster = RayCaster(mesh, smooth_normals(mesh)[0] if at_vertices is None else at_vertices)
@@ -115,10 +118,11 @@ def register(
     evidence, pose = found.evidence, found.evidence.pose
     distance = -float(pose.apply(mesh.center_mm)[2])
     _check_distance(photographs, distance)
-    fit = evidence.fit
+    fit = fit_of(evidence)
     facts = {
         "overlap": fit.overlap,
         "normals_deg": fit.normals_deg,
+        "beside_deg": fit.beside_deg,
         "outline_share": fit.outline_share,
         "misfit": fit.misfit,
         "shading": evidence.shading_sigma,
@@ -133,6 +137,7 @@ def register(
         raise AlignError(
             f"scan: it does not fit the photographs: {fit.words}. Is it the scan of this object, whole on the "
             f"side that the camera sees, and is the mask on the object?{_doubted_lengths(photographs, distance)}"
+            f"{photographs.cut_words}"
         )
     if fit.misfit > POOR_MISFIT:
         warnings.append(f"scan: it fits poorly: {fit.words}. Check the silhouette in the report.")
@@ -205,9 +210,9 @@ def _doubted_lengths(photographs: Photographs, distance: float) -> str:
 def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaster], Found]) -> None:
     mesh, mirror = caster.mesh, np.array([-1.0, 1.0, 1.0])
     flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
-    mirrored = search_for(RayCaster(flipped, caster.normals * mirror)).evidence.fit
+    mirrored = fit_of(search_for(RayCaster(flipped, caster.normals * mirror)).evidence)
     # A scan that is its own mirror image may have stopped beside its best pose: its normals fit as well as mirrored.
-    if mirrored.misfit < 0.5 * fit.misfit and mirrored.normals_deg < 0.9 * fit.normals_deg:
+    if mirrored.normals_deg < MIRRORED * fit.normals_deg and mirrored.misfit < fit.misfit:
         raise AlignError(
             f"scan: it fits mirrored only: {fit.words}; of its mirror image, {mirrored.words}. One axis of the scan "
             "is reversed: export it again from the scanner's program, or negate one coordinate."

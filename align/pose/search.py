@@ -116,11 +116,11 @@ def search(
     for challenger in finalists[1:]:
         if compare_poses(best, challenger).deviations < 0:
             best = challenger
-    compared = finalists if len(finalists) > 1 else [rough[0], *rough[1:2]]
-    first = best if len(finalists) > 1 else rough[0]
+    # Where one pose was left, the next is known at low resolution alone.
+    first, others = (best, finalists) if len(finalists) > 1 else (rough[0], rough[1:2])
     rivals = [
         (other.pose, compare_poses(first, other))
-        for other in compared
+        for other in others
         if other is not first and apart_px(caster.mesh, camera, first.pose, other.pose) > APART_PX
     ]
     rivals.sort(key=lambda rival: rival[1].deviations)
@@ -191,7 +191,7 @@ def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:
     sums = np.bincount(block, difference)
     spread = 1.4826 * float(np.median(np.abs(sums - np.median(sums)))) * np.sqrt(len(sums)) / len(difference)
     better = (float(difference.mean()) + outside[1] - outside[0]) / float(np.hypot(spread, CHANCE))
-    better += (one.fit.outline_share - two.fit.outline_share) / OUTLINE_CHANCE
+    better += (one.outline_share - two.outline_share) / OUTLINE_CHANCE
     # Of a scan seen from its open side alone, nothing is explained.
     seen = (cost[~hole] if not hole.all() else np.ones(1) for cost, hole in zip((first, second), holes, strict=True))
     costs = [float(cost.mean()) + beyond for cost, beyond in zip(seen, outside, strict=True)]

@@ -11,6 +11,7 @@ from scene.camera import Camera
 from scene.frames import Frames
 from scene.lights import Lights
 from scene.mesh import Mesh
+from scene.normals import unit
 from scene.pose import Pose
 from scene.rays import RayCaster
 
@@ -77,8 +78,14 @@ def make_world(
     noise: float = 0.002,
     table: float = 0.0,
     away: float = 1.0,
+    metal: float = 0.0,
+    bounce: float = 0.0,
 ) -> World:
-    """Photograph a mesh at a rotation, some 600 mm away, by flashes 0.6 to 0.9 m times `away` off."""
+    """Photograph a mesh at a rotation, some 600 mm away, by flashes 0.6 to 0.9 m times `away` off.
+
+    `metal`: share of a broad lobe about the mirror direction in place of Lambert's law. `bounce`: what comes back from
+    behind and below, relative to the light.
+    """
     camera = camera or Camera(160, 120, 300.0, 300.0, 83.0, 57.0)
     depth = -2.2 * mesh.radius_mm if camera.is_orthographic else -600.0
     target = np.array([6.0, -4.0, depth])
@@ -92,7 +99,7 @@ def make_world(
     cover = np.zeros((camera.height, camera.width))
     for dv in step:
         for du in step:
-            image, hit = _shade(caster, camera, pose, lights, camera.grid() + [du, dv], gloss, table)
+            image, hit = _shade(caster, camera, pose, lights, camera.grid() + [du, dv], gloss, table, metal, bounce)
             total += image / oversampling**2
             cover += hit / oversampling**2
     generator = np.random.default_rng(11)
@@ -106,7 +113,7 @@ def make_world(
     return World(mesh, camera, frames, lights, mask, normals, pose)
 
 
-def _shade(caster, camera, pose, lights, pixels, gloss, table):
+def _shade(caster, camera, pose, lights, pixels, gloss, table, metal, bounce):
     mesh = caster.mesh
     shape = pixels.shape[:2]
     hits = View(caster, camera, pose).hits(pixels.reshape(-1, 2))
@@ -130,8 +137,13 @@ def _shade(caster, camera, pose, lights, pixels, gloss, table):
         cosine = np.maximum(np.einsum("pck,pk->pc", vectors[index], normals), 0)
         half = vectors[index][:, 1] / np.linalg.norm(vectors[index][:, 1], axis=1, keepdims=True) - rays
         half /= np.linalg.norm(half, axis=1, keepdims=True)
-        shine = gloss * np.maximum(np.einsum("pk,pk->p", half, normals), 0) ** 60 * hits.hit
-        out[index] = lit[:, None] * (albedo * cosine + shine[:, None] * (cosine > 0))
+        mirrored = np.maximum(np.einsum("pk,pk->p", half, normals), 0)
+        strength = np.linalg.norm(vectors[index], axis=-1)
+        broad = (strength * mirrored[:, None] ** 12) * (cosine > 0)
+        surface = (1 - metal) * cosine + metal * np.where(hits.hit[:, None], broad, cosine)
+        shine = gloss * mirrored**60 * hits.hit
+        around = bounce * strength * (1 - normals @ unit(np.array([0.3, 0.9, 0.5])))[:, None] * hits.hit[:, None]
+        out[index] = lit[:, None] * (albedo * surface + shine[:, None] * (cosine > 0)) + albedo * around
     return out.reshape(len(lights), *shape, 3), hits.hit.reshape(shape)
 
 

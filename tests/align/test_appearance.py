@@ -1,51 +1,99 @@
-"""How the scan would look: its outline is where it ends, its shading is what the albedo leaves of a photograph."""
+"""The law of how an object looks: its slopes, what it leaves free, and what it finds again."""
 
 import numpy as np
 import pytest
 
-from align.pose.scan_outline import outline_strokes
-from align.pose.scan_view import View
-from align.pose.shading import scan_shading
-from scene.camera import Camera
-from scene.pose import Pose
-from scene.rays import RayCaster
+from align.pose.appearance import (
+    NODES,
+    Appearance,
+    Lit,
+    albedo_of,
+    free_normals,
+    freed_of_surroundings,
+)
+from scene.normals import angular_error_deg, unit
 
-CURVED = Camera(320, 240, 600.0, 590.0, 166.0, 114.0, (-0.3, 0.1, 0.002, -0.003, 0.0))
-
-
-@pytest.mark.parametrize("camera", [CURVED, Camera(320, 240, 2.0, 2.0, 166.0, 114.0, projection="orthographic")])
-def test_a_hundredth_of_a_pixel_inside_the_outline_is_the_scan_and_outside_is_not(bumpy, rotations, camera):
-    target = np.array([6.0, -4.0, -600.0])
-    pose = Pose.from_rotation_translation(rotations[1], target - rotations[1] @ bumpy.center_mm)
-    strokes = outline_strokes(bumpy, pose, camera)
-    middles, along = strokes.mean(1), strokes[:, 1] - strokes[:, 0]
-    across = np.stack([along[:, 1], -along[:, 0]], -1) / np.linalg.norm(along, axis=1, keepdims=True)
-    caster = RayCaster(bumpy)
-    inside, outside = (View(caster, camera, pose).hits(middles + sign * 0.02 * across).hit for sign in (-1, 1))
-    assert (inside != outside).mean() > 0.99
-    # They join: from the end of each it is less than half a stroke to another's middle.
-    gap = np.linalg.norm(strokes[:, None, 1] - middles[None], axis=-1)
-    np.fill_diagonal(gap, np.inf)
-    assert np.quantile(gap.min(1), 0.99) < 1
+COUNT, PIXELS = 9, 400
 
 
-def test_a_photograph_divided_by_the_shading_is_the_same_under_every_light(world):
-    """It is the albedo; a wrong fall-off, light, shadow or normal would differ from frame to frame."""
-    pixels = world.camera.grid()
-    shaded = np.stack(
-        [
-            scan_shading(world.mesh, world.pose, world.camera, world.lights, index, pixels)
-            for index in range(len(world.lights))
-        ]
-    )
-    assert (np.isfinite(shaded[0]) == world.mask).mean() > 0.995
-    photographs = world.frames.read()[..., 1] / world.lights.intensities[:, None, None, 1]
-    inner = (
-        View(RayCaster(world.mesh), world.camera, world.pose).hits(pixels.reshape(-1, 2)).hit.reshape(world.mask.shape)
-    )
-    lit = (shaded > 0.3) & inner
-    albedo = np.where(lit, photographs / np.where(lit, shaded, 1), np.nan)[:, lit.sum(0) >= 4]
-    spread = np.nanstd(albedo, 0) / np.nanmean(albedo, 0)
-    assert np.median(spread) < 0.02
-    # Cast shadows are in it: some of them fall where the surface faces the light.
-    assert np.median(photographs[(shaded == 0) & inner]) < 0.01
+@pytest.fixture(scope="module")
+def scene():
+    """Nine lights all around, 400 pixels of a ball, each sample that is lit."""
+    generator = np.random.default_rng(0)
+    normals = unit(generator.standard_normal((PIXELS, 3)) + [0, 0, 1.5])
+    normals = normals * np.sign(normals[:, 2:])
+    directions = unit(generator.standard_normal((COUNT, 3)) + [0, 0, 2.0])
+    vectors = directions[:, None] * generator.uniform(0.8, 1.2, (COUNT, PIXELS, 1))
+    lit = Lit.of(vectors, np.broadcast_to([0.0, 0.0, 1.0], (PIXELS, 3)))
+    return normals, lit, np.einsum("npk,pk->np", vectors, normals) > 0.1
+
+
+def truth(metal):
+    """Return a look that is partly metal, in surroundings that differ from frame to frame."""
+    generator = np.random.default_rng(1)
+    lobe = (1 - NODES) ** 12 * metal
+    return Appearance(np.concatenate([[1 - metal], lobe]), 0.1 * generator.uniform(0, 1, (COUNT, 4)))
+
+
+@pytest.mark.parametrize("metal", [0.0, 0.5, 1.0])
+def test_a_law_is_found_again_and_explains_all(scene, metal):
+    normals, lit, used = scene
+    albedo = np.random.default_rng(2).uniform(0.3, 1.0, PIXELS)
+    values = np.where(used, albedo * truth(metal).predict(lit, normals), 0)
+    found = Appearance.of(values, used, normals, lit)
+    assert (found.material >= 0).all()
+    shown = found.predict(lit, normals)
+    own, _ = albedo_of(values, used, shown, found.loss)
+    assert np.abs((values - own * shown)[used]).mean() < 0.01 * values[used].mean()
+
+
+def test_a_matte_look_is_lambert_s_law(scene):
+    normals, lit, _ = scene
+    np.testing.assert_allclose(Appearance.matte().predict(lit, normals), np.einsum("npk,pk->np", lit.vectors, normals))
+    np.testing.assert_array_equal(Appearance.matte().slopes(lit, normals), lit.vectors)
+    assert not Appearance.matte().sent_back(normals).any()
+
+
+def test_the_slope_by_the_normal_is_the_difference(scene):
+    normals, lit, _ = scene
+    look, step = truth(0.7), 1e-6
+    for axis in np.eye(3):
+        moved = (look.predict(lit, normals + step * axis) - look.predict(lit, normals - step * axis)) / (2 * step)
+        # But where a step crosses a node.
+        off = np.abs(look.slopes(lit, normals) @ axis - moved) > 1e-5
+        assert off.mean() < 0.01
+
+
+def test_what_surroundings_and_albedo_can_make_is_taken_away(scene):
+    """A projection: their own changes vanish, and what is left is left as it is."""
+    normals, lit, used = scene
+    generator = np.random.default_rng(3)
+    shown, albedo = truth(0.3).predict(lit, normals), generator.uniform(0.3, 1.0, PIXELS)
+    weight = used * generator.uniform(0.2, 1.0, used.shape)
+    around = generator.standard_normal((COUNT, 4))
+    theirs = albedo * (around[:, :3] @ normals.T + around[:, 3:]) + generator.standard_normal(PIXELS) * shown
+    other = generator.standard_normal(used.shape)
+
+    def freed(changes):
+        return freed_of_surroundings(changes[..., None], weight, albedo, shown, normals)[..., 0]
+
+    size = np.abs(theirs[used]).mean()
+    # Albedos are free before: what they alone can make is no change.
+    without = theirs - shown * (weight * shown * theirs).sum(0) / (weight * shown * shown).sum(0)
+    assert np.abs(freed(without)[used]).mean() < 2e-3 * size
+    mean = (weight * shown * other).sum(0) / (weight * shown * shown).sum(0)
+    once = freed(other - shown * mean)
+    assert np.abs(freed(once) - once)[used].mean() < 2e-3 * np.abs(once[used]).mean()
+    assert np.abs(once[used]).mean() > 0.5 * np.abs(other[used]).mean()
+
+
+@pytest.mark.parametrize("metal", [0.0, 1.0])
+def test_normals_that_were_turned_are_turned_back(scene, metal):
+    normals, lit, used = scene
+    look = truth(metal)
+    values = np.where(used, look.predict(lit, normals), 0)
+    turned = unit(normals + 0.15 * unit(np.cross(normals, [0.2, 0.9, 0.1])))
+    seen = used.sum(0) > 5
+    found = free_normals(values[:, seen], used[:, seen], turned[seen], lit.only(seen), look)
+    assert np.median(angular_error_deg(turned[seen], normals[seen])) > 7
+    assert np.median(angular_error_deg(found, normals[seen])) < 1

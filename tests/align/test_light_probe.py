@@ -145,7 +145,7 @@ def test_a_spoilt_light_and_a_moved_scan_come_back_together(world):
 
 
 def test_the_right_normals_need_the_least_misfit(world):
-    samples = take_samples(replace(world.photographs, lights=Lights.unknown(world.frames.names)), count=600)
+    samples = take_samples(world.frames, Lights.unknown(world.frames.names), world.mask, count=600)
     caster = RayCaster(world.mesh)
     _, normals = View(caster, world.camera, world.pose).surface(*world.camera.rays(samples.pixels))
     vectors, right = rough_lights(samples, normals)

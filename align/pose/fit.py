@@ -1,0 +1,89 @@
+"""Whether a scan is the object's: its normals against those that the photographs ask for, here and beside the pose."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from align.pose.appearance import free_normals
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence
+from align.pose.motion import nudge
+from align.pose.photographed import longer_side
+from align.pose.shading import FEWEST
+from scene.normals import angular_error_deg
+
+ASKED = 1500
+"""Pixels, about, whose best normals are looked for."""
+NORMALS_DEG, OF_BESIDE, APART, OUTSIDE = 5.0, 0.55, 0.75, 0.35
+"""The most that a right scan's normals are off, or as a share of what they are when it is turned; that its outline is
+beside the edges; and what of its silhouette and the mask together may not be common to both: a mask may have taken in
+the object's shadow."""
+BESIDE_DEG = 8.0
+"""By how much the scan is turned about each axis, to see what a wrong normal looks like on this material."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a pose explains the photographs, in terms that a wrong scan cannot meet."""
+
+    overlap: float
+    """Intersection over union of the scan's silhouette and the mask."""
+    normals_deg: float
+    """Median angle between the scan's normals and those that fit the photographs best, pixel by pixel, under the same
+    lights, for the same material, and with the same samples."""
+    beside_deg: float
+    """The same, median, of the scan turned by `BESIDE_DEG` about each of the camera's axes, either way."""
+    outline_share: float
+    """See `FinalEvidence.outline_share`."""
+    apart: float
+    """Median distance from the outline to the edges in the photographs, in units of 1 px or 0.5 % of the object."""
+
+    @property
+    def misfit(self) -> float:
+        """One number: a scan is refused above 1.
+
+        A metal shows the table and itself, and its normals look wrong where they are right. So they do, then, and more
+        so, where they are wrong by `BESIDE_DEG`: the angle is judged as a share of that one. A ball looks the same
+        turned; an angle that is small is enough, then.
+        """
+        shading = min(self.normals_deg / NORMALS_DEG, self.normals_deg / self.beside_deg / OF_BESIDE)
+        return max(shading, self.apart / APART, (1 - self.overlap) / OUTSIDE)
+
+    @property
+    def words(self) -> str:
+        return (
+            f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} % (expected above "
+            f"{100 * (1 - OUTSIDE):.0f} %), {100 * self.outline_share:.0f} % of the scan's outline lie on an edge in "
+            f"the photographs, its middle {self.apart:.2g} times a pixel's or 0.5 % of the object's width beside it "
+            f"(expected below {APART:g}), and its normals are {self.normals_deg:.1f} degrees (median) from what the "
+            f"photographs show (expected below {NORMALS_DEG:g}, or below {100 * OF_BESIDE:.0f} % of the "
+            f"{self.beside_deg:.1f} that they are when it is turned by {BESIDE_DEG:g} degrees)"
+        )
+
+
+def fit_of(evidence: FinalEvidence) -> Fit:
+    """Return how well the evidence's pose fits."""
+    pivot = evidence.pose.apply(evidence.seen.caster.mesh.center_mm)
+    beside = []
+    for turn in np.radians(BESIDE_DEG) * np.concatenate([np.eye(3), -np.eye(3)]):
+        pose = nudge(evidence.pose, np.concatenate([turn, np.zeros(3)]), pivot)
+        beside.append(normals_off_deg(evidence.renewed(pose, reach_px=NEAREST_PX)))
+    return Fit(
+        evidence.outline.overlap(evidence.seen.mask),
+        normals_off_deg(evidence),
+        float(np.median(beside)),
+        evidence.outline_share,
+        evidence.apart_px / max(1.0, 0.005 * longer_side(evidence.seen.mask)),
+    )
+
+
+def normals_off_deg(evidence: FinalEvidence) -> float:
+    """Return the median angle, degrees, between the scan's normals and those that fit the photographs best."""
+    (points, normals), samples = evidence.surface, evidence.seen.samples
+    asked = np.flatnonzero(evidence.used.sum(0) > FEWEST)
+    if not len(asked):
+        return 90.0
+    asked = asked[:: max(1, len(asked) // ASKED)]
+    used, own = evidence.used[:, asked], normals[asked]
+    values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
+    best = free_normals(values, used, own, evidence.seen.lit(points).only(asked), evidence.look)
+    return float(np.median(angular_error_deg(best, own)))
