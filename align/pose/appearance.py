@@ -142,19 +142,22 @@ def trust(used: NDArray[np.bool_], residuals: Array, loss: float = LEAST_LOSS) -
     return used / (1 + (residuals / loss) ** 2) ** 2
 
 
-def freed_of_surroundings(changes: Array, weight: Array, albedo: Array, shown: Array, normals: Array) -> Array:
-    """Return changes (N, P, K) of the samples less what surroundings and albedos would make of them.
+def freed_of_appearance(
+    changes: Array, weight: Array, albedo: Array, look: Appearance, lit: Lit, normals: Array
+) -> Array:
+    """Return changes (N, P, K) of weighted samples less what another appearance and other albedos would make of them.
 
-    Weighted projection. The albedos (P,), of samples that show `shown` (N, P) at albedo one, are eliminated pixel by
-    pixel; what is left of the frames' four unknowns each is one system of equations.
+    Weighted projection: albedos are eliminated pixel by pixel; what is left of material and surroundings is one system
+    of equations.
     """
-    count = len(changes)
-    beside = _beside(normals)
-    none = np.zeros((*weight.shape, 0))
-    square = _squares(none, beside, weight, albedo, shown)
-    pull = np.einsum("np,pi,npk->nik", weight * albedo, beside, changes, optimize=True).reshape(4 * count, -1)
-    step = np.linalg.solve(square, pull).reshape(count, 4, -1)
-    taken = np.einsum("p,pi,nik->npk", albedo, beside, step, optimize=True)
+    count, shown = len(changes), look.predict(lit, normals)
+    basis, beside = _material_basis(lit, normals), _beside(normals)
+    square = _squares(basis, beside, weight, albedo, shown)
+    pulled = (weight * albedo)[..., None] * changes
+    pull = [np.tensordot(basis, pulled, ((0, 1), (0, 1))), (beside.T @ pulled).reshape(4 * count, -1)]
+    step = np.linalg.solve(square, np.concatenate(pull))
+    own = basis.shape[2]
+    taken = albedo[:, None] * (basis @ step[:own] + beside @ step[own:].reshape(count, 4, -1))
     share = ((weight * shown)[..., None] * taken).sum(0)
     taken -= shown[..., None] * share / np.maximum((weight * shown * shown).sum(0), 1e-12)[:, None]
     return changes - taken
