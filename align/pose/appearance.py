@@ -26,7 +26,7 @@ ROUNDS = 5
 REWEIGHTED = 3
 LEAST_LOSS, SIGMAS, FIRST_LOSS = 0.1, 3.0, 1.0
 """Of the pixel's scale: where Geman and McClure's loss [Geman1987] bends, at least, in sigmas, and at first."""
-RIDGE = 1e-4
+RIDGE, TINY = 1e-4, 1e-12
 """Of the mean diagonal of the equations: what the samples do not tell stays small."""
 TURNED_DEG, AROUND = (5.0, 10.0, 18.0, 30.0), 8
 """By how much, and in how many directions, a normal is turned away in search of the one that fits best."""
@@ -184,7 +184,7 @@ def _squares(basis: Array, beside: Array, weight: Array, albedo: Array, shown: A
         [np.einsum("np,npj->pj", lean, basis), (lean.T[:, :, None] * beside[:, None]).reshape(total, -1)], 1
     )
     square -= both.T @ both
-    return square + RIDGE * np.trace(square) / max(len(square), 1) * np.eye(len(square))
+    return square + (RIDGE * np.trace(square) / len(square) + TINY) * np.eye(len(square))
 
 
 def _beside(normals: Array) -> Array:

@@ -11,7 +11,7 @@ from align.pose.photographed import longer_side
 from align.pose.shading import FEWEST
 from scene.normals import angular_error_deg
 
-ASKED = 1500
+ASKED = 500
 """Pixels, about, whose best normals are looked for."""
 NORMALS_DEG, OF_BESIDE, APART, OUTSIDE = 5.0, 0.55, 0.75, 0.35
 """The most that a right scan's normals are off, or as a share of what they are when it is turned; that its outline is

@@ -26,6 +26,8 @@ EDGE_BIAS_PX, EDGE_DOUBT_PX = 0.05, 0.1
 UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
+LOOKED = 2000
+"""Pixels, about, that tell the appearance: its numbers are few."""
 MASK_PX = 1.0
 """What a mask's border may be off by."""
 SETTLED_PX = 0.01
@@ -140,7 +142,9 @@ class FinalEvidence:
         used = choose(seen.samples, normals, lit.vectors, find_shadows(view, seen.lights, points, normals))
         look = Appearance.matte()
         if seen.lights_known:
-            look = Appearance.of(np.where(used, seen.samples.values, 0) / seen.samples.scale, used, normals, lit)
+            some = np.arange(0, len(points), max(1, len(points) // LOOKED))
+            values = np.where(used, seen.samples.values, 0) / seen.samples.scale
+            look = Appearance.of(values[:, some], used[:, some], normals[some], lit.only(some))
         outline = find_outline(view, cells=seen.cells)
         if seen.pictures is None:
             offset = -sample(seen.distance, outline.pixels)

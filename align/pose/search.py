@@ -8,6 +8,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.fit import NORMALS_DEG, normals_off_deg
 from align.pose.full_resolution import FinalEvidence, Observed, patches
 from align.pose.motion import apart_px, nudge
 from align.pose.outline_edges import EdgePictures
@@ -45,7 +46,7 @@ USUAL_SIGMA = 0.05
 """Of the shading, relative, by which poses are rated at first."""
 ROUGH_ROUNDS = 4
 HOPS_DEG = 6.0, 4.0, 2.0, 1.0
-"""Turns that are tried about a pose that has settled, one after the other."""
+"""How far a pose that has settled is moved for a trial, one after the other: as a turn moves the object's border."""
 HIDDEN = 0.05
 """What a pixel that looks into a hole of the scan is charged."""
 OUTLINE_CHANCE = 0.05
@@ -112,22 +113,21 @@ def search(
     def observed(pixels: int, cells: int, silhouette: NDArray[np.bool_] | None = None) -> Observed:
         return Observed.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=silhouette)
 
-    few = observed(count // 6, 160)
-    finalists: list[FinalEvidence] = []
-    open_ones = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
-    for done, one in enumerate(open_ones):
-        finalists.append(FinalEvidence.about(few, one.pose, reach_px=reach).refined(rounds=3, reach_px=reach))
-        tell(2 + REFINED + done, STEPS)
+    finalists = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
+    if len(finalists) > 1:
+        few = observed(count // 6, 160)
+        for done, one in enumerate(finalists):
+            finalists[done] = FinalEvidence.about(few, one.pose, reach_px=reach).refined(rounds=3, reach_px=reach)
+            tell(2 + REFINED + done, STEPS)
     best = finalists[0]
     for challenger in finalists[1:]:
         if compare_poses(best, challenger).deviations < 0:
             best = challenger
-    # Where one pose was left, the next is known at low resolution alone.
-    first, others = (best, finalists) if len(finalists) > 1 else (rough[0], rough[1:2])
+    # Where one pose was left, it and the next are known at low resolution alone.
     rivals = [
-        (other.pose, compare_poses(first, other))
-        for other in others
-        if other is not first and apart_px(caster.mesh, camera, first.pose, other.pose) > APART_PX
+        (other.pose, compare_poses(best, other))
+        for other in (finalists if len(finalists) > 1 else rough[1:2])
+        if other is not best and apart_px(caster.mesh, camera, best.pose, other.pose) > APART_PX
     ]
     rivals.sort(key=lambda rival: rival[1].deviations)
     # The mask was where the object was looked for; now the scan tells where its outline is.
@@ -155,21 +155,26 @@ def _roughly(one: FinalEvidence, *, reach_px: float) -> FinalEvidence:
 
 
 def _hopped(one: FinalEvidence, *, reach_px: float) -> FinalEvidence:
-    """Return the evidence at the best of the poses about it, turned little by little, and refined from there.
+    """Return the evidence at the best of the poses about it, and refined from there, where its normals are off.
 
-    Under a metal's narrow lobe the shading's slope leads home from a degree or so; its cost from farther.
+    Under a metal's narrow lobe the shading's slope leads home from a degree or so; its cost from farther. The poses lie
+    along the axes of what the outline knows, since a turn alone would move it.
     """
-    middle_mm, best = one.seen.caster.mesh.center_mm, one
+    if normals_off_deg(one) < NORMALS_DEG:
+        return one
+    middle_mm, best, steps = one.seen.caster.mesh.center_mm, one, one.steps(1.0)
+    axes = np.linalg.eigh(one.terms(one.pose)[0].information(steps)[0])[1].T
     for degrees in HOPS_DEG:
-        for turn in np.radians(degrees) * np.concatenate([np.eye(3), -np.eye(3)]):
-            pose = nudge(best.pose, np.concatenate([turn, np.zeros(3)]), best.pose.apply(middle_mm))
+        far_px = np.radians(degrees) * longer_side(one.seen.mask) / 2
+        for axis in np.concatenate([axes, -axes]):
+            pose = nudge(best.pose, far_px * axis * steps, best.pose.apply(middle_mm))
             other = best.renewed(pose, reach_px=reach_px)
             if compare_poses(best, other).deviations < 0:
                 best = other
     if best is one:
         return one
     refined = best.refined(rounds=3, reach_px=reach_px)
-    return refined if compare_poses(one, refined).deviations < 0 else one
+    return refined if compare_poses(best, refined).deviations < 0 else best
 
 
 def _distinct(found: list[FinalEvidence], *, least_px: float) -> list[FinalEvidence]:

@@ -33,7 +33,7 @@ def test_a_right_scan_is_as_large_as_the_lights_have_it(world):
 def test_a_scan_a_tenth_too_large_or_small_is_named(world, factor, scan, balls):
     """It put the pose 100 mm off without a word: in one picture, a larger thing farther away looks the same."""
     found = registered(world, factor)
-    assert found.evidence["scale"] * factor == pytest.approx(1, abs=0.03)
+    assert found.evidence["scale"] * factor == pytest.approx(1, abs=0.06)
     (text,) = told(found)
     assert f"the scan is {scan} (scan_unit)" in text
     assert f"diameter_mm of all the balls is {balls}" in text

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import Fit
+from align.pose.fit import Fit
 from align.pose.register import _refuse_mirrored
 from scene.errors import AlignError
 from scene.mesh import Mesh
@@ -13,23 +13,23 @@ from scene.rays import RayCaster
 
 
 @pytest.fixture
-def ask():
+def ask(monkeypatch):
     """Return a question: a scan that fits so, its mirror image so."""
     caster = RayCaster(Mesh(np.eye(3), np.array([[0, 1, 2]])))
 
     def refuse(fit, mirrored):
-        found = SimpleNamespace(evidence=SimpleNamespace(fit=mirrored))
-        _refuse_mirrored(caster, fit, lambda other: found)
+        monkeypatch.setattr("align.pose.register.fit_of", lambda evidence: evidence)
+        _refuse_mirrored(caster, fit, lambda other: SimpleNamespace(evidence=mirrored))
 
     return refuse
 
 
 def test_a_ball_is_not_called_mirrored(ask):
     """Real figures, DiLiGenT's ball: it rolled until its open side showed; its mirror image rolled less."""
-    ask(Fit(0.957, 1.2, 0.86), Fit(0.961, 1.2, 0.98))
+    ask(Fit(0.957, 1.2, 1.3, 0.86, 0.9), Fit(0.961, 1.2, 1.3, 0.98, 0.2))
 
 
 def test_normals_tell_the_mirror_image(ask):
     """Real figures, DiLiGenT's cat: a surface of its front, mirrored, has the cat's outline from behind."""
     with pytest.raises(AlignError, match="mirrored only"):
-        ask(Fit(0.984, 90.0, 0.97), Fit(0.997, 5.7, 1.0))
+        ask(Fit(0.984, 90.0, 90.0, 0.97, 0.3), Fit(0.997, 5.7, 14.0, 1.0, 0.2))

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from align.pose.appearance import Appearance
 from align.pose.motion import nudge
 from align.pose.outline_edges import EdgePictures
 from align.pose.scan_outline import find_outline
@@ -19,7 +20,7 @@ def offsets(world, pictures, pose):
     view = View(RayCaster(world.mesh), world.camera, pose)
     outline = find_outline(view, cells=200)
     located = pictures.locate(outline.pixels, outline.outward, reach_px=4.0)
-    return outline, located, pictures.expect(view, world.lights, outline, located)
+    return outline, located, pictures.expect(view, world.lights, Appearance.matte(), outline, located)
 
 
 def test_an_object_darkens_toward_its_outline_and_the_scan_says_how_much(world, pictures):

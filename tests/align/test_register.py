@@ -65,6 +65,7 @@ def bronze(bumpy, rotations, build):
     return build(bumpy, rotations[1], metal=1.0, bounce=0.15, table=0.1)
 
 
+@pytest.mark.full
 def test_a_metal_is_registered(bronze):
     """Lambert's law refused it: its normals were 40 degrees from what the photographs seemed to show."""
     truth = ground_truth(bronze.mesh, bronze.pose, bronze.camera)
