@@ -8,9 +8,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.fit import NORMALS_DEG, normals_off_deg
 from align.pose.full_resolution import FinalEvidence, Observed, patches
-from align.pose.motion import apart_px, nudge
+from align.pose.motion import apart_px
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, Target, longer_side
 from align.pose.scan_view import View
@@ -26,7 +25,7 @@ REACH = 0.1
 """Of the object's size: how far off the first pose may be."""
 CLEAR = 8.0
 """Standard deviations by which a pose must win at low resolution for the other not to be refined on the frames."""
-ROUNDS, STAYED_PX = 5, 1.0
+ROUNDS, STAYED_PX = 3, 1.0
 """Of the refinement with the scan's own silhouette for a mask, until the scan's image moves by less."""
 SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
@@ -45,8 +44,6 @@ CHANCE = 0.002
 USUAL_SIGMA = 0.05
 """Of the shading, relative, by which poses are rated at first."""
 ROUGH_ROUNDS = 4
-HOPS_DEG = 6.0, 4.0, 2.0, 1.0
-"""How far a pose that has settled is moved for a trial, one after the other: as a turn moves the object's border."""
 HIDDEN = 0.05
 """What a pixel that looks into a hole of the scan is charged."""
 OUTLINE_CHANCE = 0.05
@@ -134,8 +131,7 @@ def search(
     pose = best.pose
     for _ in range(ROUNDS):
         before, seen = pose, observed(count // 6, 160, _silhouette(View(caster, camera, pose)))
-        settled = FinalEvidence.about(seen, pose, reach_px=reach).refined(rounds=3, reach_px=reach)
-        pose = _hopped(settled, reach_px=reach).pose
+        pose = FinalEvidence.about(seen, pose, reach_px=reach).refined(rounds=3, reach_px=reach).pose
         if apart_px(caster.mesh, camera, before, pose) < STAYED_PX:
             break
     many = observed(count, 400, _silhouette(View(caster, camera, pose)))
@@ -152,29 +148,6 @@ def unexplained(one: FinalEvidence) -> float:
 
 def _roughly(one: FinalEvidence, *, reach_px: float) -> FinalEvidence:
     return one.refined(rounds=ROUGH_ROUNDS, reach_px=reach_px)
-
-
-def _hopped(one: FinalEvidence, *, reach_px: float) -> FinalEvidence:
-    """Return the evidence at the best of the poses about it, and refined from there, where its normals are off.
-
-    Under a metal's narrow lobe the shading's slope leads home from a degree or so; its cost from farther. The poses lie
-    along the axes of what the outline knows, since a turn alone would move it.
-    """
-    if normals_off_deg(one) < NORMALS_DEG:
-        return one
-    middle_mm, best, steps = one.seen.caster.mesh.center_mm, one, one.steps(1.0)
-    axes = np.linalg.eigh(one.terms(one.pose)[0].information(steps)[0])[1].T
-    for degrees in HOPS_DEG:
-        far_px = np.radians(degrees) * longer_side(one.seen.mask) / 2
-        for axis in np.concatenate([axes, -axes]):
-            pose = nudge(best.pose, far_px * axis * steps, best.pose.apply(middle_mm))
-            other = best.renewed(pose, reach_px=reach_px)
-            if compare_poses(best, other).deviations < 0:
-                best = other
-    if best is one:
-        return one
-    refined = best.refined(rounds=3, reach_px=reach_px)
-    return refined if compare_poses(best, refined).deviations < 0 else best
 
 
 def _distinct(found: list[FinalEvidence], *, least_px: float) -> list[FinalEvidence]:
