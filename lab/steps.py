@@ -156,10 +156,9 @@ def align(job: Job) -> Outcome:
         try:
             result, more = register_scan(job, frames, camera, lights, found)
         except AlignError as error:
-            # Under wrong lights no scan fits: what was said of them comes first.
-            doubts = [
-                text for text in [*job.done["calibrate"]["warnings"], *warnings] if text.startswith("lights.file")
-            ]
+            # Under wrong lights or a wrong mask no scan fits: what was said of them comes first.
+            said = [*job.done["calibrate"]["warnings"], *warnings]
+            doubts = [text for text in said if text.startswith(("lights.file", "mask:"))]
             raise AlignError("\n".join([*doubts, str(error)])) from error
         warnings += more
     else:
