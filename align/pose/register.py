@@ -162,8 +162,11 @@ def register(
     free = free_scale(evidence)
     if free is not None:
         facts["scale"], facts["scale_sigma"] = free.scale, free.sigma
-        # A scan that fits poorly tells nothing of its size.
-        warnings += [free.warning] if free.warning and fit.misfit <= WORST_MISFIT else []
+        doubted = _doubted_lengths(photographs, distance)
+        # What surroundings may send back can make up for lights that are far off, but not for both.
+        if free.warning and doubted:
+            raise AlignError(free.warning + doubted)
+        warnings += [free.warning] if free.warning else []
     longer = register_longer(evidence)
     if longer is not None:
         facts["focal_sigma"] = photographs.camera.focal_sigma
@@ -197,7 +200,7 @@ def _check_distance(photographs: Photographs, distance: float) -> None:
 
 
 def _doubted_lengths(photographs: Photographs, distance: float) -> str:
-    """Say where a scan that does not fit stands much nearer or farther than the balls."""
+    """Say where a scan that does not fit, or not by its size, stands much nearer or farther than the balls."""
     expected = -float(photographs.lights.reference_point_mm[2])
     if photographs.camera.is_orthographic or expected <= 0 or 1 / DOUBTED < distance / expected < DOUBTED:
         return ""
