@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.motion import apart_px, small_steps
+from align.pose.motion import distinct, small_steps
 from align.pose.photographed import longer_side
 from align.pose.refine import Term, descend
 from align.pose.scan_outline import find_outline, outline_jacobian, sample, signed_distance
@@ -58,9 +58,7 @@ class BySilhouette:
 
     def distinct(self, found: list[tuple[Pose, float]], *, apart_steps: float) -> list[tuple[Pose, float]]:
         """Return the poses, lowest cost first, without those that lie so near to a better one."""
-        kept: list[tuple[Pose, float]] = []
-        for pose, cost in sorted(found, key=lambda item: item[1]):
-            apart = (apart_px(self.caster.mesh, self.camera, pose, other) for other, _ in kept)
-            if all(far > apart_steps * self.step_px for far in apart):
-                kept.append((pose, cost))
-        return kept
+        rated = sorted(found, key=lambda item: item[1])
+        far = apart_steps * self.step_px
+        kept = distinct(self.caster.mesh, self.camera, [pose for pose, _ in rated], least_px=far)
+        return [rated[number] for number in kept]

@@ -142,15 +142,13 @@ def trust(used: NDArray[np.bool_], residuals: Array, loss: float = LEAST_LOSS) -
     return used / (1 + (residuals / loss) ** 2) ** 2
 
 
-def freed_of_appearance(
-    changes: Array, weight: Array, albedo: Array, look: Appearance, lit: Lit, normals: Array
-) -> Array:
+def freed_of_appearance(changes: Array, weight: Array, albedo: Array, shown: Array, lit: Lit, normals: Array) -> Array:
     """Return changes (N, P, K) of weighted samples less what another appearance and other albedos would make of them.
 
-    Weighted projection: albedos are eliminated pixel by pixel; what is left of material and surroundings is one system
-    of equations.
+    `shown` (N, P): the samples as they are predicted at albedo one. Weighted projection: albedos are eliminated pixel
+    by pixel; what is left of material and surroundings is one system of equations.
     """
-    count, shown = len(changes), look.predict(lit, normals)
+    count = len(changes)
     basis, beside = _material_basis(lit, normals), _beside(normals)
     square = _squares(basis, beside, weight, albedo, shown)
     pulled = (weight * albedo)[..., None] * changes

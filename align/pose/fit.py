@@ -7,7 +7,6 @@ import numpy as np
 from align.pose.appearance import free_normals
 from align.pose.full_resolution import NEAREST_PX, FinalEvidence
 from align.pose.motion import nudge
-from align.pose.photographed import longer_side
 from align.pose.shading import FEWEST
 from scene.normals import angular_error_deg
 
@@ -35,7 +34,7 @@ class Fit:
     outline_share: float
     """See `FinalEvidence.outline_share`."""
     apart: float
-    """Median distance from the outline to the edges in the photographs, in units of 1 px or 0.5 % of the object."""
+    """Median distance from the outline to the edges in the photographs, in units of `Observed.near_px`."""
 
     @property
     def misfit(self) -> float:
@@ -45,7 +44,7 @@ class Fit:
         so, where they are wrong by `BESIDE_DEG`: the angle is judged as a share of that one. A ball looks the same
         turned; an angle that is small is enough, then.
         """
-        shading = min(self.normals_deg / NORMALS_DEG, self.normals_deg / self.beside_deg / OF_BESIDE)
+        shading = min(self.normals_deg / NORMALS_DEG, self.normals_deg / max(self.beside_deg, 1e-9) / OF_BESIDE)
         return max(shading, self.apart / APART, (1 - self.overlap) / OUTSIDE)
 
     @property
@@ -53,10 +52,11 @@ class Fit:
         return (
             f"at the best pose the silhouette overlaps the mask by {100 * self.overlap:.1f} % (expected above "
             f"{100 * (1 - OUTSIDE):.0f} %), {100 * self.outline_share:.0f} % of the scan's outline lie on an edge in "
-            f"the photographs, its middle {self.apart:.2g} times a pixel's or 0.5 % of the object's width beside it "
-            f"(expected below {APART:g}), and its normals are {self.normals_deg:.1f} degrees (median) from what the "
-            f"photographs show (expected below {NORMALS_DEG:g}, or below {100 * OF_BESIDE:.0f} % of the "
-            f"{self.beside_deg:.1f} that they are when it is turned by {BESIDE_DEG:g} degrees)"
+            f"the photographs, it is {self.apart:.2g} (median) of a pixel, or in a large picture of 0.5 % of the "
+            f"object, from the edges (expected below {APART:g}), and its normals are {self.normals_deg:.1f} degrees "
+            f"(median) from what the photographs show (expected below {NORMALS_DEG:g}, or below "
+            f"{100 * OF_BESIDE:.0f} % of the {self.beside_deg:.1f} that they are when it is turned by "
+            f"{BESIDE_DEG:g} degrees)"
         )
 
 
@@ -72,18 +72,18 @@ def fit_of(evidence: FinalEvidence) -> Fit:
         normals_off_deg(evidence),
         float(np.median(beside)),
         evidence.outline_share,
-        evidence.apart_px / max(1.0, 0.005 * longer_side(evidence.seen.mask)),
+        evidence.apart_px / evidence.seen.near_px,
     )
 
 
 def normals_off_deg(evidence: FinalEvidence) -> float:
     """Return the median angle, degrees, between the scan's normals and those that fit the photographs best."""
-    (points, normals), samples = evidence.surface, evidence.seen.samples
+    normals, samples = evidence.surface[1], evidence.seen.samples
     asked = np.flatnonzero(evidence.used.sum(0) > FEWEST)
     if not len(asked):
         return 90.0
     asked = asked[:: max(1, len(asked) // ASKED)]
     used, own = evidence.used[:, asked], normals[asked]
     values = np.where(used, samples.values[:, asked], 0) / samples.scale[asked]
-    best = free_normals(values, used, own, evidence.seen.lit(points).only(asked), evidence.look)
+    best = free_normals(values, used, own, evidence.lit.only(asked), evidence.look)
     return float(np.median(angular_error_deg(best, own)))

@@ -73,7 +73,7 @@ class Observed:
     ) -> "Observed":
         """Read about `count` pixels of the object, or of the scan's `silhouette` (H, W), from all frames."""
         camera, mask = photographs.camera, photographs.mask
-        distance = signed_distance(mask)
+        distance = photographs.distance
         near = distance if silhouette is None else signed_distance(silhouette)
         samples = take_samples(photographs.frames, photographs.lights, near < 0, count=count)
         probes = Probes.of(camera, samples.pixels, step_px=1.0)
@@ -87,6 +87,11 @@ class Observed:
     def lit(self, points: Array, scale: float = 1.0) -> Lit:
         """Return the lights at points (P, 3) of a scan `scale` times as large and as far."""
         return Lit.of(self.toward(scale * points), -self.probes.directions[0])
+
+    @property
+    def near_px(self) -> float:
+        """How far beside an edge an outline is still on it: 1 px, or 0.5 % of the object's size."""
+        return max(1.0, 0.005 * longer_side(self.mask))
 
     def patches(self, pixels: NDArray) -> NDArray[np.int64]:
         """Return the number (K,) of the patch that holds each pixel (K, 2), 16 patches across the object."""
@@ -111,6 +116,8 @@ class FinalEvidence:
     pose: Pose
     surface: tuple[Array, Array]
     """Points and normals (P, 3) that the samples' pixels see; see `View.surface`."""
+    lit: Lit
+    """The lights at these points."""
     used: NDArray[np.bool_]
     """(N, P): samples lit."""
     look: Appearance
@@ -155,7 +162,7 @@ class FinalEvidence:
         # An edge far from the mask's border is one inside the object, or of a cast shadow.
         found = np.isfinite(offset) & (np.abs(sample(seen.near, at)) < max(4.0, 0.7 * reach_px))
         on_scan = pose.inverse().apply(outline.points[found])
-        here = cls(seen, pose, (points, normals), used, look, outline, on_scan, at[found], outline.outward[found])
+        here = cls(seen, pose, (points, normals), lit, used, look, outline, on_scan, at[found], outline.outward[found])
         return here._weighed(-offset[found])
 
     def renewed(self, pose: Pose, *, reach_px: float) -> "FinalEvidence":
@@ -217,9 +224,11 @@ class FinalEvidence:
     def shading(self, pose: Pose, scale: float = 1.0) -> Term:
         """Return the shading's term at a pose, of a scan `scale` times as large and as far."""
         seen = self.seen
-        points, normals = self.surface if pose is self.pose else seen.probes.surface(seen.caster, pose)
+        is_here = pose is self.pose
+        points, normals = self.surface if is_here else seen.probes.surface(seen.caster, pose)
         slopes = seen.probes.slopes(seen.caster, pose, points, normals)
-        residuals, _, jacobian = explain(seen.samples, self.used, normals, seen.lit(points, scale), self.look, slopes)
+        lit = self.lit if is_here and scale == 1 else seen.lit(points, scale)
+        residuals, _, jacobian = explain(seen.samples, self.used, normals, lit, self.look, slopes)
         assert jacobian is not None
         unit = 3 * self.shading_sigma
         blocks = np.broadcast_to(seen.patches(seen.samples.pixels), self.used.shape)[self.used]
@@ -227,16 +236,17 @@ class FinalEvidence:
 
     @cached_property
     def outline_share(self) -> float:
-        """Share of the outline within max(1 px, 0.5 % of the object's size) of an edge in the photographs.
+        """Share of the outline within `Observed.near_px` of an edge in the photographs.
 
         Or, where object and backdrop are alike and there is none, of the mask's border.
         """
         seen, outline = self.seen, self.outline
-        size = float(longer_side(seen.mask))
-        near = max(1.0, 0.005 * size)
+        near = seen.near_px
         on_edge = np.abs(sample(seen.distance, outline.pixels)) < near + MASK_PX
         if seen.pictures is not None:
-            offset = seen.pictures.locate(outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * size))
+            offset = seen.pictures.locate(
+                outline.pixels, outline.outward, reach_px=max(6.0, 0.05 * longer_side(seen.mask))
+            )
             on_edge |= np.abs(offset + self.bias_px) < near
         return float(np.mean(on_edge)) if len(on_edge) else 0.0
 
@@ -247,9 +257,8 @@ class FinalEvidence:
         through the holes of a scan.
         """
         (points, normals), samples = self.surface, self.seen.samples
-        lit = self.seen.lit(points)
-        residuals, albedo, _ = explain(samples, self.used, normals, lit, self.look)
-        dark = (cosines(lit.vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
+        residuals, albedo, _ = explain(samples, self.used, normals, self.lit, self.look)
+        dark = (cosines(self.lit.vectors, normals) < 0) & ~samples.clipped & np.isfinite(normals[:, 0])
         beside = samples.values / samples.scale - np.maximum(albedo * self.look.sent_back(normals), 0)
         relative = np.where(dark, beside, residuals) / (3 * sigma)
         counted = self.used | dark
@@ -260,11 +269,10 @@ class FinalEvidence:
 
     def _weighed(self, found: Array) -> "FinalEvidence":
         """Return the evidence with robust scales, weights and information; `found` (K,), px: outline minus edge."""
-        (points, normals), seen = self.surface, self.seen
         bias = float(np.median(found)) if len(found) else 0.0
         sigma = max(robust_sigma(found - bias), 0.05)
         inliers = found[np.abs(found - bias) < 3 * sigma]
-        residuals = explain(seen.samples, self.used, normals, seen.lit(points), self.look).residuals
+        residuals = explain(self.seen.samples, self.used, self.surface[1], self.lit, self.look).residuals
         here = replace(
             self,
             outline_sigma=sigma,

@@ -1,5 +1,7 @@
 """Small motions of a pose and what they do in the image; even samples of all directions."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -55,6 +57,15 @@ def apart_px(mesh: Mesh, camera: Camera, a: Pose, b: Pose) -> float:
     apart = np.linalg.norm(a.apply(points) - b.apply(points), axis=1)
     scale = 1.0 if camera.is_orthographic else max(-float(a.apply(mesh.center_mm)[2]), 1e-9)
     return float(np.sqrt(np.mean(apart**2)) * camera.fx / scale)
+
+
+def distinct(mesh: Mesh, camera: Camera, poses: Sequence[Pose], *, least_px: float) -> list[int]:
+    """Return the numbers of the poses that move the scan's image by more than so much from every earlier one kept."""
+    kept: list[int] = []
+    for number, pose in enumerate(poses):
+        if all(apart_px(mesh, camera, pose, poses[other]) > least_px for other in kept):
+            kept.append(number)
+    return kept
 
 
 def even_directions(count: int) -> Array:

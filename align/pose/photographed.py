@@ -3,11 +3,12 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 from numpy.typing import NDArray
 
+from align.pose.scan_outline import signed_distance
 from scene.camera import Camera
 from scene.errors import AlignError
 from scene.frames import Frames
@@ -30,6 +31,11 @@ class Photographs:
     """One a frame; near lights are taken at each point."""
     mask: NDArray[np.bool_]
     """(H, W): the object."""
+
+    @cached_property
+    def distance(self) -> NDArray[np.float32]:
+        """(H, W), to the mask's border; see `signed_distance`."""
+        return signed_distance(self.mask)
 
     def check(self, normals: NDArray) -> None:
         """Raise AlignError unless all sizes agree, and mask and normals (H, W, 3) show a whole object."""

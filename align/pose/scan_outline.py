@@ -14,6 +14,8 @@ from scene.rays import RayCaster
 
 Array = NDArray[np.float64]
 
+ROWS = 256
+"""Of pixels that are cast at a time."""
 STROKES = 1500
 """An outline to be drawn is searched on a raster of at most so many cells across the scan; its points are exact."""
 
@@ -100,6 +102,19 @@ def find_outline(view: View, *, cells: int) -> Outline:
     good = (length[:, 0] > 1e-3) & np.isfinite(points[:, 0])
     good &= (inside > 1).all(1) & (inside[:, 0] < camera.width - 2) & (inside[:, 1] < camera.height - 2)
     return Outline(points[good], inside[good], -slope[good] / length[good], raster, corner, step)
+
+
+def silhouette(view: View) -> NDArray[np.bool_]:
+    """Return the pixels (H, W) that see the scan."""
+    (left, top), size = _frame(view)
+    right, bottom = left + int(size[0]), top + int(size[1])
+    out = np.zeros((view.camera.height, view.camera.width), bool)
+    u = np.arange(max(left, 0), min(right + 1, out.shape[1]))
+    for row in range(max(top, 0), min(bottom + 1, out.shape[0]), ROWS):
+        v = np.arange(row, min(row + ROWS, bottom + 1, out.shape[0]))
+        pixels = np.stack(np.meshgrid(u, v), -1).astype(np.float64)
+        out[v[0] : v[-1] + 1, u[0] : u[-1] + 1] = view.hits(pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
+    return out
 
 
 def outline_strokes(mesh: Mesh, pose: Pose, camera: Camera) -> NDArray[np.float64]:

@@ -8,10 +8,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import FinalEvidence, Observed, patches
-from align.pose.motion import apart_px
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence, Observed, patches
+from align.pose.motion import apart_px, distinct
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, Target, longer_side
+from align.pose.scan_outline import silhouette
 from align.pose.scan_view import View
 from align.pose.start import find_starts
 from scene.pose import Pose
@@ -94,11 +95,14 @@ def search(
         reach = REACH * size
         rated = sorted((FinalEvidence.about(coarse, pose, reach_px=reach) for pose in starts), key=unexplained)
         run_all = executor.map if executor else map
-        rough = []
-        for done, one in enumerate(run_all(partial(_roughly, reach_px=reach), rated[:REFINED])):
-            rough.append(one)
+        poses = []
+        for done, pose in enumerate(run_all(partial(_roughly, reach_px=reach), rated[:REFINED])):
+            poses.append(pose)
             tell(2 + done, STEPS)
-        rough = _distinct(rough, least_px=REACH * size / 2)
+        least = max(NEAREST_PX, reach / 2**ROUGH_ROUNDS)
+        rough = sorted((FinalEvidence.about(coarse, pose, reach_px=least) for pose in poses), key=unexplained)
+        kept = distinct(caster.mesh, camera, [one.pose for one in rough], least_px=reach / 2)
+        rough = [rough[number] for number in kept]
     else:
         rough = [FinalEvidence.about(coarse, start, reach_px=REACH * size)]
 
@@ -107,8 +111,9 @@ def search(
     reach = max(6.0, 0.01 * (size - 1))
     pictures = EdgePictures.of(photographs)
 
-    def observed(pixels: int, cells: int, silhouette: NDArray[np.bool_] | None = None) -> Observed:
-        return Observed.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=silhouette)
+    def observed(pixels: int, cells: int, pose: Pose | None = None) -> Observed:
+        seen = None if pose is None else silhouette(View(caster, camera, pose))
+        return Observed.of(caster, photographs, pictures, count=pixels, cells=cells, silhouette=seen)
 
     finalists = [one for one in rough if compare_poses(rough[0], one).deviations < CLEAR][:most]
     if len(finalists) > 1:
@@ -130,11 +135,11 @@ def search(
     # The mask was where the object was looked for; now the scan tells where its outline is.
     pose = best.pose
     for _ in range(ROUNDS):
-        before, seen = pose, observed(count // 6, 160, _silhouette(View(caster, camera, pose)))
+        before, seen = pose, observed(count // 6, 160, pose)
         pose = FinalEvidence.about(seen, pose, reach_px=reach).refined(rounds=3, reach_px=reach).pose
         if apart_px(caster.mesh, camera, before, pose) < STAYED_PX:
             break
-    many = observed(count, 400, _silhouette(View(caster, camera, pose)))
+    many = observed(count, 400, pose)
     evidence = FinalEvidence.about(many, pose, reach_px=reach).refined(rounds=8, reach_px=reach)
     tell(STEPS, STEPS)
     return Found(evidence, *(rivals[0] if rivals else (None, None)))
@@ -146,29 +151,8 @@ def unexplained(one: FinalEvidence) -> float:
     return float(np.nan_to_num(cost, nan=HIDDEN).mean()) + one.outline.beyond(one.seen.mask)
 
 
-def _roughly(one: FinalEvidence, *, reach_px: float) -> FinalEvidence:
-    return one.refined(rounds=ROUGH_ROUNDS, reach_px=reach_px)
-
-
-def _distinct(found: list[FinalEvidence], *, least_px: float) -> list[FinalEvidence]:
-    """Return the poses, the best first, without those that lie so near to a better one."""
-    kept: list[FinalEvidence] = []
-    for one in sorted(found, key=unexplained):
-        mesh, camera = one.seen.caster.mesh, one.seen.camera
-        if all(apart_px(mesh, camera, one.pose, other.pose) > least_px for other in kept):
-            kept.append(one)
-    return kept
-
-
-def _silhouette(view: View) -> NDArray[np.bool_]:
-    """Return the pixels (H, W) that see the scan."""
-    camera = view.camera
-    out = np.zeros((camera.height, camera.width), bool)
-    for first in range(0, camera.height, 256):
-        rows = slice(first, min(first + 256, camera.height))
-        pixels = camera.grid(rows)
-        out[rows] = view.hits(pixels.reshape(-1, 2)).hit.reshape(pixels.shape[:2])
-    return out
+def _roughly(one: FinalEvidence, *, reach_px: float) -> Pose:
+    return one.refined(rounds=ROUGH_ROUNDS, reach_px=reach_px).pose
 
 
 def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:

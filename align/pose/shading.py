@@ -136,7 +136,7 @@ def explain(
     jacobian = -(albedo[:, None, None] * along + shown.T[:, :, None] * drift[:, None, :]).transpose(1, 0, 2)
     if look.around is not None:
         changes = np.concatenate([residuals[..., None], jacobian], -1)
-        changes = freed_of_appearance(changes, weight, albedo, look, lit, normals)
+        changes = freed_of_appearance(changes, weight, albedo, shown, lit, normals)
         residuals, jacobian = np.where(used, changes[..., 0], 0.0), changes[..., 1:]
     return Explained(residuals, albedo, np.where(used[..., None], jacobian, 0.0))
 

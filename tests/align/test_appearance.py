@@ -77,7 +77,7 @@ def test_what_material_surroundings_and_albedo_can_make_is_taken_away(scene):
     other = generator.standard_normal(used.shape)
 
     def freed(changes):
-        return freed_of_appearance(changes[..., None], weight, albedo, look, lit, normals)[..., 0]
+        return freed_of_appearance(changes[..., None], weight, albedo, shown, lit, normals)[..., 0]
 
     size = np.abs(theirs[used]).mean()
     # Albedos are free before: what they alone can make is no change.
