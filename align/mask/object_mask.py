@@ -111,7 +111,11 @@ def scan_mask(silhouette: NDArray[np.bool_], found: ObjectMask, *, tolerance_px:
     warnings = list(found.warnings)
     share = (in_holes | beyond).sum() / max(mask.sum(), 1)
     if share > 0.02:
-        warnings.append(f"mask: {100 * share:.0f} % of the object was not scanned: no ground truth there.")
+        warnings.append(
+            f"mask: {100 * share:.0f} % of it lies beside the registered scan: what was not scanned, or table in the "
+            "object's shadow. There is no ground truth there. Look at mask and outline in the report; if it is "
+            "shadow, give the mask: mask under [object]."
+        )
     missing = (silhouette & ~np.asarray(binary_dilation(rough, disc), bool)).sum() / max(silhouette.sum(), 1)
     if missing > 0.02:
         warnings.append(
