@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from align.light_probe.joint_equations import SECTORS, JointEquations
 from align.light_probe.light_step import changed, nearness_of
 from align.pose.appearance import trust
-from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence, Observed
+from align.pose.full_resolution import NEAREST_PX, SETTLED_PX, UNMODELLED, FinalEvidence
 from align.pose.motion import apart_px, nudge
+from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs
 from align.pose.scan_view import View
@@ -76,7 +77,7 @@ class Joint(NamedTuple):
 def begin(caster: RayCaster, photographs: Photographs, pose: Pose, *, count: int, cells: int) -> FinalEvidence:
     """Return the evidence of about `count` pixels at a pose; the outline is searched on `cells` across the scan."""
     seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=count, cells=cells, lights_known=False)
-    return FinalEvidence.about(seen, pose, reach_px=REACH_PX)
+    return FinalEvidence(seen, pose, REACH_PX)
 
 
 def settled(here: FinalEvidence, sigma_deg: Array, *, near: bool, rounds: int = ROUNDS) -> Joint:

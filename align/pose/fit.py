@@ -72,7 +72,7 @@ def fit_of(evidence: FinalEvidence) -> Fit:
         normals_off_deg(evidence),
         float(np.median(beside)),
         evidence.outline_share,
-        evidence.apart_px / evidence.seen.near_px,
+        evidence.edges.apart_px / evidence.seen.near_px,
     )
 
 

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from align.pose.fit import normals_off_deg
-from align.pose.full_resolution import FinalEvidence, Observed
+from align.pose.full_resolution import FinalEvidence
 from align.pose.motion import apart_px, nudge
+from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, longer_side
 from align.scan.smooth_normals import smooth_normals
@@ -78,14 +79,14 @@ def check_pose(mesh: Mesh, pose: Pose, photographs: Photographs) -> PoseCheck:
     reach = max(6.0, 0.01 * (longer_side(photographs.mask) - 1))
     caster = RayCaster(mesh, smooth_normals(mesh)[0])
     seen = Observed.of(caster, photographs, EdgePictures.of(photographs), count=SAMPLES, cells=CELLS)
-    evidence = FinalEvidence.about(seen, pose, reach_px=reach)
+    evidence = FinalEvidence(seen, pose, reach)
     along = _around(evidence, evidence.steps(1.0))
     generator = np.random.default_rng(0)
     before, after, started, returned = [], [], [], []
     for _ in range(STARTS):
         there = evidence.renewed(_beside(evidence, generator), reach_px=4 * reach)
         before.append(_residuals(there))
-        last = there.refined(rounds=8, reach_px=4 * reach)
+        last = there.refined(rounds=8)
         after.append(_residuals(last))
         started.append(apart_px(mesh, camera, pose, there.pose))
         returned.append(apart_px(mesh, camera, pose, last.pose))
@@ -131,4 +132,5 @@ def _beside(evidence: FinalEvidence, generator: np.random.Generator) -> Pose:
 
 
 def _residuals(evidence: FinalEvidence) -> Residuals:
-    return Residuals(evidence.residual_px, evidence.bias_px, evidence.shading_sigma, normals_off_deg(evidence))
+    edges = evidence.edges
+    return Residuals(edges.residual_px, edges.bias_px, evidence.shading_sigma, normals_off_deg(evidence))

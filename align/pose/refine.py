@@ -126,15 +126,15 @@ def _equations(terms: Sequence[Term], scales: NDArray) -> tuple[Array, Array]:
     return hessian * scales * scales[:, None], slope * scales
 
 
-def disagreement(hessians: Sequence[Array], slopes: Sequence[Array]) -> float:
-    """Return by how many times their own variance two terms contradict each other, at least 1.
+def disagreement(one: tuple[Array, Array], two: tuple[Array, Array]) -> float:
+    """Return by how many times their own variance two pieces of evidence contradict each other, at least 1.
 
-    Each term alone would step by -H^-1 slope. Where the two steps differ by more than their covariances allow,
+    Each, information and pull (see `Term.information`), would alone step by -H^-1 slope. Where the two steps differ by more than their covariances allow,
     something is in neither model (bounced light, a light's error), and the covariance is inflated by the excess
     (Birge's ratio [Birge1932]).
     """
-    covariances = [np.linalg.pinv(h, rcond=1e-9, hermitian=True) for h in hessians]
-    gap = covariances[0] @ slopes[0] - covariances[1] @ slopes[1]
+    covariances = [np.linalg.pinv(hessian, rcond=1e-9, hermitian=True) for hessian, _ in (one, two)]
+    gap = covariances[0] @ one[1] - covariances[1] @ two[1]
     inverse = np.linalg.pinv(covariances[0] + covariances[1], rcond=1e-9, hermitian=True)
     return float(max(1.0, gap @ inverse @ gap / max(np.linalg.matrix_rank(inverse), 1)))
 

@@ -126,9 +126,9 @@ def register(
         "outline_share": fit.outline_share,
         "misfit": fit.misfit,
         "shading": evidence.shading_sigma,
-        "rim_points": float(len(evidence.edges)),
-        "edge_bias_px": evidence.bias_px,
-        "disagreement": evidence.disagreement,
+        "rim_points": float(len(evidence.edges.pixels)),
+        "edge_bias_px": evidence.edges.bias_px,
+        "disagreement": evidence.weighed.disagreement,
     }
     warnings = []
     if fit.misfit > MIRROR_MISFIT:
@@ -153,9 +153,10 @@ def register(
             f"{facts['second_deviations']:.1f} standard deviations), {facts['second_angle_deg']:.0f} degrees apart: "
             "the object looks nearly symmetric. Check the silhouette and the shading in the report."
         )
-    if abs(evidence.bias_px) > 1:
+    bias_px = evidence.edges.bias_px
+    if abs(bias_px) > 1:
         warnings.append(
-            f"scan: its outline lies {abs(evidence.bias_px):.1f} px {'outside' if evidence.bias_px > 0 else 'inside'} "
+            f"scan: its outline lies {abs(bias_px):.1f} px {'outside' if bias_px > 0 else 'inside'} "
             "the edges in the photographs all round; expected a fraction of a pixel. Is the scan's unit, or the "
             "camera's focal length, a little off?"
         )
@@ -174,7 +175,7 @@ def register(
         facts["focal_shift_mm"] = float(np.linalg.norm(longer.twist[3:]))
     return Registration(
         pose,
-        evidence.residual_px,
+        evidence.edges.residual_px,
         0.0,
         0.0,
         np.zeros((6, 6)),

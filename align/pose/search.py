@@ -3,13 +3,13 @@
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from align.pose.full_resolution import NEAREST_PX, FinalEvidence, Observed, patches
+from align.pose.full_resolution import NEAREST_PX, FinalEvidence
 from align.pose.motion import apart_px, distinct
+from align.pose.observed import Observed, patches
 from align.pose.outline_edges import EdgePictures
 from align.pose.photographed import Photographs, Target, longer_side
 from align.pose.scan_outline import silhouette
@@ -93,18 +93,18 @@ def search(
         starts = find_starts(caster, Target(camera, mask, normals).shrunken(), count=STARTS)
         tell(1, STEPS)
         reach = REACH * size
-        rated = sorted((FinalEvidence.about(coarse, pose, reach_px=reach) for pose in starts), key=unexplained)
+        rated = sorted((FinalEvidence(coarse, pose, reach) for pose in starts), key=unexplained)
         run_all = executor.map if executor else map
         poses = []
-        for done, pose in enumerate(run_all(partial(_roughly, reach_px=reach), rated[:REFINED])):
+        for done, pose in enumerate(run_all(_roughly, rated[:REFINED])):
             poses.append(pose)
             tell(2 + done, STEPS)
         least = max(NEAREST_PX, reach / 2**ROUGH_ROUNDS)
-        rough = sorted((FinalEvidence.about(coarse, pose, reach_px=least) for pose in poses), key=unexplained)
+        rough = sorted((FinalEvidence(coarse, pose, least) for pose in poses), key=unexplained)
         kept = distinct(caster.mesh, camera, [one.pose for one in rough], least_px=reach / 2)
         rough = [rough[number] for number in kept]
     else:
-        rough = [FinalEvidence.about(coarse, start, reach_px=REACH * size)]
+        rough = [FinalEvidence(coarse, start, REACH * size)]
 
     # The more frames, the fewer pixels tell as much; neighbours err together, so that more of them tell little more.
     count = int(np.clip(SAMPLES / len(photographs.frames), 3000, 15_000))
@@ -119,7 +119,7 @@ def search(
     if len(finalists) > 1:
         few = observed(count // 6, 160)
         for done, one in enumerate(finalists):
-            finalists[done] = FinalEvidence.about(few, one.pose, reach_px=reach).refined(rounds=3, reach_px=reach)
+            finalists[done] = FinalEvidence(few, one.pose, reach).refined(rounds=3)
             tell(2 + REFINED + done, STEPS)
     best = finalists[0]
     for challenger in finalists[1:]:
@@ -136,11 +136,11 @@ def search(
     pose = best.pose
     for _ in range(ROUNDS):
         before, seen = pose, observed(count // 6, 160, pose)
-        pose = FinalEvidence.about(seen, pose, reach_px=reach).refined(rounds=3, reach_px=reach).pose
+        pose = FinalEvidence(seen, pose, reach).refined(rounds=3).pose
         if apart_px(caster.mesh, camera, before, pose) < STAYED_PX:
             break
     many = observed(count, 400, pose)
-    evidence = FinalEvidence.about(many, pose, reach_px=reach).refined(rounds=8, reach_px=reach)
+    evidence = FinalEvidence(many, pose, reach).refined(rounds=8)
     tell(STEPS, STEPS)
     return Found(evidence, *(rivals[0] if rivals else (None, None)))
 
@@ -151,8 +151,8 @@ def unexplained(one: FinalEvidence) -> float:
     return float(np.nan_to_num(cost, nan=HIDDEN).mean()) + one.outline.beyond(one.seen.mask)
 
 
-def _roughly(one: FinalEvidence, *, reach_px: float) -> Pose:
-    return one.refined(rounds=ROUGH_ROUNDS, reach_px=reach_px).pose
+def _roughly(one: FinalEvidence) -> Pose:
+    return one.refined(rounds=ROUGH_ROUNDS).pose
 
 
 def compare_poses(one: FinalEvidence, two: FinalEvidence) -> PoseTest:

@@ -72,7 +72,7 @@ def register_longer(evidence: FinalEvidence) -> LongerFocal | None:
     probes = Probes.of(camera, seen.samples.pixels, step_px=seen.probes.step_px)
     there = replace(seen, camera=camera, lights=receded_lights(seen.lights, ratio), probes=probes)
     for _ in range(FOCAL_ROUNDS):
-        pose = FinalEvidence.about(there, pose, reach_px=NEAREST_PX).settled()
+        pose = FinalEvidence(there, pose, NEAREST_PX).settled()
     turn = Rotation.from_matrix((pose @ evidence.pose.inverse()).rotation).as_rotvec()
     shift = pose.apply(middle_mm) - pivot
     return LongerFocal(camera, pose, np.concatenate([turn, shift]))

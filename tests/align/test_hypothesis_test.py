@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import FinalEvidence, Observed
+from align.pose.full_resolution import FinalEvidence
 from align.pose.motion import nudge
+from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
 from align.pose.search import compare_poses
 from scene.rays import RayCaster
@@ -18,7 +19,7 @@ def evidence_at(world):
 
     def at(pose, mesh=world.mesh):
         seen = Observed.of(RayCaster(mesh), world.photographs, pictures, count=1500, cells=100)
-        return FinalEvidence.about(seen, pose, reach_px=6.0)
+        return FinalEvidence(seen, pose, 6.0)
 
     return at
 
