@@ -20,13 +20,19 @@ BORDER = 0.15
 """Share of the image, at each side, where the backdrop is looked for at first."""
 DEGREES = 2, 2, 3, 4, 4, 4, 4
 """Of the polynomials of the pixel, turn by turn: few terms reach from the border into the middle without swinging."""
-FITTED = 20_000
+FITTED = 5000
 """Pixels, at least, to which a frame's light is fitted, where there are so many."""
 SHADOW = np.log(4.0)
 """A frame that shows less than a quarter of the pixel's upper quartile is in shadow, and has no vote."""
-FEWEST_VOTES = 3
-LEAST_AGREEING = 0.55
-"""Share of the other lit frames that agree with one's albedo, at least, where the backdrop is seen."""
+FEWEST_VOTES = 2
+ABOVE = 2.0
+"""A frame that shows more than the print speaks twice against the backdrop; one that shows less may be in penumbra."""
+DARKEST = 0.01
+"""Share of the print that is darker still. A frame that shows less than a quarter of the darkest print is in shadow."""
+SPECK = 5
+"""Pixels across: what is smaller does not contradict the backdrop."""
+LEAST_AGREEING = 0.5
+"""Share of the other votes that agree with one's albedo, at least, where the backdrop is seen."""
 SLACK, LEAST_SLACK = 3.0, 0.05
 """Spreads of the backdrop's frames, and relative brightness at least, to which two frames agree."""
 TEXTURE, STANDS_OUT, NINETY = 0.12, 4.0, 1.64
@@ -51,6 +57,8 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
     The light of each frame is a polynomial of the pixel, fitted robustly, at first to the image's border, then to all
     that agreed. Where the backdrop is even, what is much brighter or darker than it contradicts it, too.
     """
+    import cv2
+
     count, height, width = stack.shape
     v, u = np.mgrid[-1 : 1 : height * 1j, -1 : 1 : width * 1j]
     edge = (np.abs(u) > 1 - 2 * BORDER) | (np.abs(v) > 1 - 2 * BORDER)
@@ -60,7 +68,7 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
     logs = np.log(np.maximum(stack.reshape(count, -1), 0) + floor).astype(np.float32)
     light, albedo = np.zeros_like(logs), np.median(logs, 0)
     even = np.zeros(height * width, np.float32)
-    likely, noise = np.zeros(height * width, bool), 1.0
+    likely, noise, darkest = np.zeros(height * width, bool), 1.0, -np.inf
     for degree in DEGREES:
         basis = np.stack([u**i * v**j for i in range(degree + 1) for j in range(degree + 1 - i)], -1)
         basis = basis.reshape(-1, basis.shape[-1])
@@ -70,15 +78,18 @@ def contradict_backdrop(stack: NDArray[np.float32], ignore: NDArray[np.bool_]) -
         chosen = chosen[:: max(1, len(chosen) // FITTED)]
         fitted = [_smooth(basis, chosen, frame - albedo) for frame in logs]
         light = np.stack(fitted) - np.mean(fitted, 0)
-        albedo, agreeing, voting = _albedo(logs - light, max(SLACK * noise, LEAST_SLACK))
-        seen = member & (voting >= FEWEST_VOTES)
+        albedo, agreeing, against = _albedo(logs - light, darkest, max(SLACK * noise, LEAST_SLACK))
+        voted = agreeing + against >= FEWEST_VOTES
+        seen = member & voted
         noise = float(np.median(np.abs((logs - light - albedo)[:, seen])) * MAD) if seen.any() else 1.0
         even = _smooth(basis, chosen, albedo)
         unlike = np.abs(albedo - even)
         texture = max(TEXTURE, float(np.quantile(unlike[chosen], 0.9)) / NINETY)
-        likely = (voting >= FEWEST_VOTES) & (agreeing < LEAST_AGREEING * (voting - 1))
+        likely = voted & (agreeing - 1 < LEAST_AGREEING * (agreeing - 1 + against))
         likely |= unlike > STANDS_OUT * texture
+        likely = cv2.medianBlur(likely.reshape(height, width).astype(np.uint8), SPECK).ravel() > 0
         member = ~likely & ~ignore.ravel()
+        darkest = float(np.quantile(albedo[member & voted], DARKEST)) if (member & voted).any() else -np.inf
     mean = np.exp(even + np.log(np.exp(light).mean(0)))
     return Contradiction(likely.reshape(height, width) & ~ignore, mean.reshape(height, width).astype(np.float32), noise)
 
@@ -96,12 +107,15 @@ def _smooth(basis: Array, chosen: NDArray[np.intp], values: NDArray) -> NDArray[
     return (basis @ solution).astype(np.float32)
 
 
-def _albedo(levels: NDArray[np.float32], slack: float) -> tuple[NDArray[np.float32], Array, NDArray[np.intp]]:
-    """Return each pixel's log albedo (N,), how many other frames agree with it, and how many have a vote.
+def _albedo(
+    levels: NDArray[np.float32], darkest: float, slack: float
+) -> tuple[NDArray[np.float32], NDArray[np.intp], Array]:
+    """Return each pixel's log albedo (N,), how many frames agree with it, and the weight of those that do not.
 
     The albedo is the one that most of the lit frames (F, N) agree with.
     """
-    lit = levels > np.partition(levels, (3 * len(levels)) // 4, axis=0)[(3 * len(levels)) // 4] - SHADOW
+    quartile = np.partition(levels, (3 * len(levels)) // 4, axis=0)[(3 * len(levels)) // 4]
+    lit = levels > np.maximum(quartile, darkest) - SHADOW
     voted = np.where(lit, levels, np.inf)
 
     def votes(one: NDArray[np.float32]) -> NDArray[np.intp]:
@@ -113,4 +127,5 @@ def _albedo(levels: NDArray[np.float32], slack: float) -> tuple[NDArray[np.float
     mine = np.take_along_axis(levels, best[None], 0)[0]
     near = np.abs(voted - mine) <= slack
     mean = np.where(near, levels, 0).sum(0) / np.maximum(near.sum(0), 1)
-    return mean.astype(np.float32), agreeing - 1.0, lit.sum(0)
+    brighter, darker = (lit & (levels > mine + slack)).sum(0), (lit & (levels < mine - slack)).sum(0)
+    return mean.astype(np.float32), agreeing, ABOVE * brighter + darker

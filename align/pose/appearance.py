@@ -28,6 +28,9 @@ LEAST_LOSS, SIGMAS, FIRST_LOSS = 0.1, 3.0, 1.0
 """Of the pixel's scale: where Geman and McClure's loss [Geman1987] bends, at least, in sigmas, and at first."""
 RIDGE, TINY = 1e-4, 1e-12
 """Of the mean diagonal of the equations: what the samples do not tell stays small."""
+LIGHT_ALONE = 1e-3
+"""The same, of the fit: what the samples do not tell of the surroundings is drawn to none. Under distant lights a
+constant lobe and constant surroundings look alike, and would grow against each other."""
 TURNED_DEG, AROUND = (5.0, 10.0, 18.0, 30.0), 8
 """By how much, and in how many directions, a normal is turned away in search of the one that fits best."""
 
@@ -74,7 +77,8 @@ class Appearance:
         """Fit the appearance to values (N, P) that are used, of pixels with these normals (P, 3).
 
         Robust Gauss-Newton with the pixels' albedos eliminated (variable projection [Golub1973]); of each step, the
-        surroundings are eliminated first (Schur complement [Triggs2000]), and the material is held at what can be.
+        surroundings are eliminated first (Schur complement [Triggs2000]), and the material is held at what can be. The
+        albedos' common factor is the material's: their median is held at one.
         """
         from scipy.optimize import nnls
 
@@ -87,13 +91,17 @@ class Appearance:
             square = _squares(basis, _beside(normals), weight, albedo, shown)
             pulled = weight * albedo * left
             pull = np.concatenate([np.einsum("np,npi->i", pulled, basis), (pulled @ _beside(normals)).ravel()])
+            drawn = LIGHT_ALONE * np.trace(square) / len(square)
+            square[own:, own:] += drawn * np.eye(4 * count)
+            pull[own:] -= drawn * here.around.ravel()
             taken = np.linalg.solve(square[own:, own:], np.column_stack([square[own:, :own], pull[own:]]))
             root = np.linalg.cholesky(square[:own, :own] - square[:own, own:] @ taken[:, :own])
             wanted = np.linalg.solve(root, pull[:own] - square[:own, own:] @ taken[:, own])
             material = nnls(root.T, root.T @ here.material + wanted)[0]
             step = taken[:, own] - taken[:, :own] @ (material - here.material)
             loss = SIGMAS * robust_sigma(left[used])
-            here = cls(material, here.around + step.reshape(count, 4), float(np.clip(loss, LEAST_LOSS, here.loss)))
+            around, factor = here.around + step.reshape(count, 4), max(float(np.median(albedo)), LEAST_LOSS)
+            here = cls(factor * material, factor * around, float(np.clip(loss, LEAST_LOSS, here.loss)))
         return here
 
     def predict(self, lit: Lit, normals: Array) -> Array:

@@ -31,6 +31,9 @@ SMOOTHING_PX = 0.8
 INSIDE_PX, OUTSIDE_PX = (-5.0, -1.5), (1.5, 5.0)
 """Where, beside an edge, the object's and the backdrop's brightness are read."""
 CONTRAST = 0.2
+STILL_PX, STILL = 0.75, 0.5
+"""An outline's edge stands still: at least in this share of the other directions' pictures that show one, it lies as
+near to where it was found. A shadow's border does not."""
 FARTHEST_PX = 2.5
 """An edge expected farther inside is the border of the object's own shadow, not its outline."""
 
@@ -79,19 +82,27 @@ class EdgePictures:
         """Return how far outside each of K pixels an edge lies (K,), px along `outward`; NaN where there is none.
 
         The edge is where the profile is steepest, to a fraction of a pixel by a parabola through the slope's peak. Not
-        where it crosses half of the contrast: shading slopes inside the outline, and would bend that level.
+        where it crosses half of the contrast: shading slopes inside the outline, and would bend that level. What does
+        not stand still (`STILL`) is none.
         """
         half = int(np.ceil((reach_px + 2) / SPACING_PX))
         along = SPACING_PX * np.arange(-half, half + 1)
-        return _steepest(along, self._profiles(pixels, outward, along), reach_px)
+        own = _sector_of(outward)
+        found = [
+            _steepest(along, self._profiles(pixels, outward, along, (own + turn) % SECTORS), reach_px)
+            for turn in range(SECTORS)
+        ]
+        others = np.stack(found[1:])
+        near = (np.abs(others - found[0]) < STILL_PX).sum(0)
+        return np.where(near >= STILL * np.isfinite(others).sum(0), found[0], np.nan)
 
     def expect(self, view: View, lights: Lights, look: Appearance, outline: Outline, located: NDArray) -> Array:
         """Return where `locate` would find the edge of the viewed scan (K,), px.
 
         The brightness to both sides is read where the edge was `located` (K,). Inside, the sector's mean of what the
         scan shows by its appearance, times the albedo that fits the photographs near the edge; outside, what they show
-        there; the step blurred. Where the scan does not tell (a hole, a part too thin), what is expected of the others
-        in the middle.
+        there; the step blurred. Where the scan does not tell (a hole, a part too thin), what is expected in the middle,
+        where those that tell nothing count as zero.
         """
         from scipy.ndimage import gaussian_filter1d
 
@@ -101,7 +112,7 @@ class EdgePictures:
         along = SPACING_PX * (np.arange(-half, half) + 0.5)
         inside, lit = along < 0, (along > INSIDE_PX[0]) & (along < INSIDE_PX[1])
         outside = (along > OUTSIDE_PX[0]) & (along < OUTSIDE_PX[1])
-        seen = self._profiles(edge, outline.outward, along)
+        seen = self._profiles(edge, outline.outward, along, _sector_of(outline.outward))
         shading = self._shading(view, lights, look, outline, along[inside])
         model, measured = shading[:, lit[inside]], seen[:, lit]
         albedo = (model * measured).sum(1) / np.maximum((model * model).sum(1), 1e-12)
@@ -110,8 +121,7 @@ class EdgePictures:
         known = np.isfinite(profile).all(1)
         blurred = gaussian_filter1d(np.nan_to_num(profile), BLUR_PX / SPACING_PX, axis=1, mode="nearest")
         expected = np.where(known, _steepest(along, blurred, FARTHEST_PX), np.nan)
-        told = np.isfinite(expected)
-        return np.where(told, expected, np.median(expected[told]) if told.any() else 0.0)
+        return np.where(np.isfinite(expected), expected, np.median(np.nan_to_num(expected)) if len(expected) else 0.0)
 
     def _shading(self, view: View, lights: Lights, look: Appearance, outline: Outline, along: NDArray) -> Array:
         """Return (K, M), the scan's shading in each outline point's sector at places `along` its normal."""
@@ -126,9 +136,10 @@ class EdgePictures:
             out[here] = look.only(members).predict(lit, normals[here]).clip(0).mean(0)
         return out.reshape(len(pixels), len(along))
 
-    def _profiles(self, pixels: NDArray, outward: NDArray, along: NDArray) -> Array:
+    def _profiles(self, pixels: NDArray, outward: NDArray, along: NDArray, sector: NDArray[np.int64]) -> Array:
+        """Return (K, M), what the pictures of each pixel's `sector` (K,) show at places `along` (M,) its normal."""
         at = pixels[:, None] + along[:, None] * outward[:, None] - self.corner
-        sector = np.broadcast_to(_sector_of(outward)[:, None, None], (*at.shape[:2], 1))
+        sector = np.broadcast_to(sector[:, None, None], (*at.shape[:2], 1))
         return sample(self.pictures, np.concatenate([at, sector], -1))
 
 

@@ -129,9 +129,9 @@ def _equations(terms: Sequence[Term], scales: NDArray) -> tuple[Array, Array]:
 def disagreement(one: tuple[Array, Array], two: tuple[Array, Array]) -> float:
     """Return by how many times their own variance two pieces of evidence contradict each other, at least 1.
 
-    Each, information and pull (see `Term.information`), would alone step by -H^-1 slope. Where the two steps differ by more than their covariances allow,
-    something is in neither model (bounced light, a light's error), and the covariance is inflated by the excess
-    (Birge's ratio [Birge1932]).
+    Each, information and pull (see `Term.information`), would alone step by -H^-1 slope. Where the two steps differ by
+    more than their covariances allow, something is in neither model (bounced light, a light's error), and the
+    covariance is inflated by the excess (Birge's ratio [Birge1932]).
     """
     covariances = [np.linalg.pinv(hessian, rcond=1e-9, hermitian=True) for hessian, _ in (one, two)]
     gap = covariances[0] @ one[1] - covariances[1] @ two[1]
