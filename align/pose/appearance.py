@@ -77,8 +77,8 @@ class Appearance:
         """Fit the appearance to values (N, P) that are used, of pixels with these normals (P, 3).
 
         Robust Gauss-Newton with the pixels' albedos eliminated (variable projection [Golub1973]); of each step, the
-        surroundings are eliminated first (Schur complement [Triggs2000]), and the material is held at what can be. The
-        albedos' common factor is the material's: their median is held at one.
+        surroundings are eliminated first (Schur complement [Triggs2000]), and the material is held at what can be. What
+        all samples have in common is the albedos': that factor is held.
         """
         from scipy.optimize import nnls
 
@@ -91,17 +91,18 @@ class Appearance:
             square = _squares(basis, _beside(normals), weight, albedo, shown)
             pulled = weight * albedo * left
             pull = np.concatenate([np.einsum("np,npi->i", pulled, basis), (pulled @ _beside(normals)).ravel()])
-            drawn = LIGHT_ALONE * np.trace(square) / len(square)
-            square[own:, own:] += drawn * np.eye(4 * count)
-            pull[own:] -= drawn * here.around.ravel()
+            typical, lean = np.trace(square) / len(square), weight * shown
+            square[own:, own:] += LIGHT_ALONE * typical * np.eye(4 * count)
+            pull[own:] -= LIGHT_ALONE * typical * here.around.ravel()
+            scale = np.concatenate([np.einsum("np,npi->i", lean, basis), (lean @ _beside(normals)).ravel()])
+            square += typical / max(scale @ scale, TINY) * np.outer(scale, scale)
             taken = np.linalg.solve(square[own:, own:], np.column_stack([square[own:, :own], pull[own:]]))
             root = np.linalg.cholesky(square[:own, :own] - square[:own, own:] @ taken[:, :own])
             wanted = np.linalg.solve(root, pull[:own] - square[:own, own:] @ taken[:, own])
             material = nnls(root.T, root.T @ here.material + wanted)[0]
             step = taken[:, own] - taken[:, :own] @ (material - here.material)
             loss = SIGMAS * robust_sigma(left[used])
-            around, factor = here.around + step.reshape(count, 4), max(float(np.median(albedo)), LEAST_LOSS)
-            here = cls(factor * material, factor * around, float(np.clip(loss, LEAST_LOSS, here.loss)))
+            here = cls(material, here.around + step.reshape(count, 4), float(np.clip(loss, LEAST_LOSS, here.loss)))
         return here
 
     def predict(self, lit: Lit, normals: Array) -> Array:
