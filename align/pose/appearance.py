@@ -83,27 +83,28 @@ class Appearance:
         from scipy.optimize import nnls
 
         count, basis = len(values), _material_basis(lit, normals)
-        here, own = cls(cls.matte().material, np.zeros((count, 4)), FIRST_LOSS), basis.shape[2]
+        beside, own = _beside(normals), basis.shape[2]
+        material, around, loss = cls.matte().material, np.zeros((count, 4)), FIRST_LOSS
         for _ in range(ROUNDS):
-            shown = here.predict(lit, normals)
-            albedo, weight = albedo_of(values, used, shown, here.loss)
+            shown = cls(material, around).predict(lit, normals)
+            albedo, weight = albedo_of(values, used, shown, loss)
             left = np.where(used, values - albedo * shown, 0.0)
-            square = _squares(basis, _beside(normals), weight, albedo, shown)
-            pulled = weight * albedo * left
-            pull = np.concatenate([np.einsum("np,npi->i", pulled, basis), (pulled @ _beside(normals)).ravel()])
-            typical, lean = np.trace(square) / len(square), weight * shown
+            square = _squares(basis, beside, weight, albedo, shown)
+            pull, common = (
+                np.concatenate([np.einsum("np,npi->i", pulled, basis), (pulled @ beside).ravel()])
+                for pulled in (weight * albedo * left, weight * shown)
+            )
+            typical = np.trace(square) / len(square)
             square[own:, own:] += LIGHT_ALONE * typical * np.eye(4 * count)
-            pull[own:] -= LIGHT_ALONE * typical * here.around.ravel()
-            scale = np.concatenate([np.einsum("np,npi->i", lean, basis), (lean @ _beside(normals)).ravel()])
-            square += typical / max(scale @ scale, TINY) * np.outer(scale, scale)
+            pull[own:] -= LIGHT_ALONE * typical * around.ravel()
+            square += typical / max(common @ common, TINY) * np.outer(common, common)
             taken = np.linalg.solve(square[own:, own:], np.column_stack([square[own:, :own], pull[own:]]))
             root = np.linalg.cholesky(square[:own, :own] - square[:own, own:] @ taken[:, :own])
             wanted = np.linalg.solve(root, pull[:own] - square[:own, own:] @ taken[:, own])
-            material = nnls(root.T, root.T @ here.material + wanted)[0]
-            step = taken[:, own] - taken[:, :own] @ (material - here.material)
-            loss = SIGMAS * robust_sigma(left[used])
-            here = cls(material, here.around + step.reshape(count, 4), float(np.clip(loss, LEAST_LOSS, here.loss)))
-        return here
+            before, material = material, nnls(root.T, root.T @ material + wanted)[0]
+            around = around + (taken[:, own] - taken[:, :own] @ (material - before)).reshape(count, 4)
+            loss = float(np.clip(SIGMAS * robust_sigma(left[used]), LEAST_LOSS, loss))
+        return cls(material, around, loss)
 
     def predict(self, lit: Lit, normals: Array) -> Array:
         """Return what pixels (P,) of albedo one show in each frame (N, P)."""

@@ -26,9 +26,9 @@ UNMODELLED = 8.0
 """The pose's variance is so many times what the residuals' scatter tells: what all patches share (the lights' errors,
 the smoothed normals' own) is not in it. Measured on virtual sessions of known pose."""
 CHECKED = 6.0
-"""The shading counts for at most so many times what the outline counts for: what is wrong with a material's law is wrong
-in all samples alike, their scatter does not tell it, and only the outline can. Without it bronzes on Blender's scenes
-were surer than they were right by ten times."""
+"""The shading counts for at most so many times what the outline does. What is wrong with a material's law is wrong in
+all samples alike: their scatter does not tell it, only the outline can. Without this bound the true poses of bronzes
+lay ten times as far off as was stated."""
 LOOKED = 2000
 """Pixels, about, that tell the appearance: its numbers are few."""
 MASK_PX = 1.0
@@ -156,11 +156,11 @@ class FinalEvidence:
         """How the terms count together, and what they know."""
         terms = self._terms(self.pose)
         matrices, slopes, effects = zip(*(term.information(self.steps(1.0)) for term in terms), strict=True)
-        weights = [9 * len(term.residuals) / effect for term, effect in zip(terms, effects, strict=True)]
+        weights = [len(term.residuals) / effect for term, effect in zip(terms, effects, strict=True)]
         # Where outline and shading contradict each other the shading's model is at fault: lights, bounced light, metal.
         outline = matrices[0] + matrices[2], slopes[0] + slopes[2]
         contradiction = disagreement(outline, (matrices[1], slopes[1]))
-        doubt = max(contradiction, weights[1] / max(CHECKED * weights[0], 1e-12))
+        doubt = max(contradiction, weights[1] / (CHECKED * max(weights[0], 1.0)))
         weights[1] /= doubt
         total = max(sum(weights), 1e-12)
         information = outline[0] + matrices[1] / doubt
