@@ -18,6 +18,8 @@ WORK_SIZE = 640
 BALL_MARGIN_PX = 4.0
 FAINT = 0.25
 """What stands out from the backdrop by less than this share of the object's median (in square roots) is not of it."""
+BLACK = 2.0
+"""How many times the backdrop (in square roots) an object before a black cloth stands out by, at least."""
 INVERTED = 0.5
 """Share of the picture's border that a given mask may hold without a word."""
 LEAST_SHARE = 0.001
@@ -210,8 +212,8 @@ def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDA
     excess = np.sqrt(np.maximum(picture, 0)) - np.sqrt(contradiction.backdrop)
     # The upper quartile: more of the piece may be folds than object.
     typical = float(np.percentile(excess[piece], 75))
-    # Brightness tells them apart only where the object is much brighter, as before a black cloth.
-    if typical <= float(np.median(np.sqrt(contradiction.backdrop[piece]))):
+    # Brightness tells them apart only where the object is much brighter, as before a black cloth; a metal has dark parts.
+    if typical <= BLACK * float(np.median(np.sqrt(contradiction.backdrop[piece]))):
         return piece
     strong = np.asarray(binary_opening(piece & (excess > FAINT * typical), np.ones((3, 3), bool)), bool)
     if not strong.any():
