@@ -212,7 +212,7 @@ def _trim(picture: NDArray[np.float32], contradiction: Contradiction, piece: NDA
     excess = np.sqrt(np.maximum(picture, 0)) - np.sqrt(contradiction.backdrop)
     # The upper quartile: more of the piece may be folds than object.
     typical = float(np.percentile(excess[piece], 75))
-    # Brightness tells them apart only where the object is much brighter, as before a black cloth; a metal has dark parts.
+    # Only before a black cloth does brightness tell them apart: elsewhere a metal has darker parts than the table.
     if typical <= BLACK * float(np.median(np.sqrt(contradiction.backdrop[piece]))):
         return piece
     strong = np.asarray(binary_opening(piece & (excess > FAINT * typical), np.ones((3, 3), bool)), bool)
