@@ -25,6 +25,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
     from align.pose.scan_outline import outline_strokes
     from align.pose.scan_view import View
     from align.pose.shading import scan_shading
+    from align.pose.unknown_lengths import on_table
     from align.scan.smooth_normals import smooth_normals
     from align.truth import ground_truth
     from compare.report.registration_pictures import write_pictures
@@ -49,6 +50,7 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         sigma_deg=found.sigma_deg,
         mm_per_unit=scale,
     )
+    table = on_table(mesh, found.pose, store.load_spheres(), camera)
     final_mask = scan_mask(truth.mask, rough_mask)
     store.save_mask(final_mask.mask)
     lights = lights.seen_from(found.pose.apply(mesh.center_mm))
@@ -82,11 +84,13 @@ def register_scan(job: Job, frames: Frames, camera: Camera, lights: Lights, roug
         "size_mm": np.ptp(mesh.vertices, axis=0),
         "mm_per_unit": scale or (None if job.session.scan_unit == "unknown" else UNITS_MM[job.session.scan_unit]),
         "distance_mm": None if camera.is_orthographic else np.linalg.norm(found.pose.apply(mesh.center_mm)),
+        "above_table_mm": table and table.lowest_mm,
         "truth_sigma_deg_median": median_or_none(truth.sigma_deg),
         "lights": witness,
         "light_probe": probe and probe.facts(),
     }
-    warnings = [*found.warnings, *final_mask.warnings, *doubts]
+    under = [table.warning] if table and table.warning else []
+    warnings = [*found.warnings, *under, *final_mask.warnings, *doubts]
     if picked is not None:
         away = apart_px(mesh, camera, scaled_pose(picked.pose, scale or 1.0), found.pose)
         result["picks"] = {"residual_px": picked.residual_px, "from_pose_px": away}

@@ -10,7 +10,8 @@ It is assumed that the lights were calibrated with the same camera on balls of k
 and the lights about them, stand farther away in the same proportion as the object, and light reaches it as before.
 
 Scale: the picture does not tell it, as a larger object farther away looks the same. But near lights reach it otherwise
-there, and where they stand is known in the millimetres of the balls' diameters.
+there, and where they stand is known in the millimetres of the balls' diameters. So is the table, where four balls
+stand on it: a scan that is too large reaches into it.
 """
 
 from dataclasses import dataclass, replace
@@ -23,7 +24,9 @@ from align.pose.refine import Term
 from align.pose.scan_view import Probes
 from scene.camera import Camera
 from scene.lights import Lights
+from scene.mesh import Mesh
 from scene.pose import Pose
+from scene.spheres import Sphere, table_under
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,8 @@ STEP = 0.02
 """Of log scale, for its slope."""
 SUSPICIOUS, DEVIATIONS = 0.04, 4.0
 """How far from 1 a scale must be, and by how many of its sigmas, for a word. Sound sessions stay within 0.02."""
+DEEP = 3.0
+"""Sigmas by which a scan must lie in the table for a word: what lies in sand does, too."""
 
 
 @dataclass(frozen=True)
@@ -148,3 +153,40 @@ def free_scale(evidence: FinalEvidence) -> FreeScale | None:
 def _with_column(term: Term, column: Array | None) -> Term:
     more = np.zeros(len(term.residuals)) if column is None else column
     return Term(term.residuals, np.column_stack([term.jacobian, more]), term.blocks, term.weight)
+
+
+@dataclass(frozen=True)
+class OnTable:
+    """Where a registered scan lies above the table on which four balls or more stand."""
+
+    lowest_mm: float
+    """Of its lowest point, above the table."""
+    sigma_mm: float
+    """Of the ball that is known worst, along the line of sight."""
+
+    @property
+    def warning(self) -> str | None:
+        """What to say of a scan that lies in the table; None where it may stand on it, or higher."""
+        if self.lowest_mm > -DEEP * self.sigma_mm:
+            return None
+        return (
+            f"scan: its lowest point lies {-self.lowest_mm:.1f} mm under the table that the balls stand on, which they "
+            f"tell to {self.sigma_mm:.1f} mm. The scan is too large (scan_unit), or diameter_mm of the balls is too "
+            "small, or the balls stand higher than the object does. Normals hardly depend on it; lengths do."
+        )
+
+
+def on_table(mesh: Mesh, pose: Pose, spheres: list[Sphere], camera: Camera) -> OnTable | None:
+    """Return where a scan at a pose (camera_from_scan) lies above the table; None where the balls do not tell it.
+
+    Three balls, on stands perhaps, touch some plane. That a fourth touches it, too, says that it is the table.
+    """
+    standing = [one for one in spheres if one.diameter_mm and not one.apart]
+    table = table_under(standing, camera)
+    if table is None or len(standing) < 4:
+        return None
+    normal, offset = table
+    sigma = max(-float(one.center_mm(camera)[2]) * one.sigma_px / one.radius_px for one in standing)
+    if any(abs(normal @ one.center_mm(camera) - offset - one.radius_mm) > DEEP * sigma for one in standing):
+        return None
+    return OnTable(float((pose.apply(mesh.vertices) @ normal).min()) - offset, sigma)
