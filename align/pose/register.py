@@ -216,7 +216,8 @@ def _refuse_mirrored(caster: RayCaster, fit: Fit, search_for: Callable[[RayCaste
     flipped = replace(mesh, vertices=mesh.vertices * mirror, faces=mesh.faces[:, [0, 2, 1]])
     mirrored = fit_of(search_for(RayCaster(flipped, caster.normals * mirror)).evidence)
     # A scan that is its own mirror image may have stopped beside its best pose: its normals fit as well as mirrored.
-    if mirrored.normals_deg < MIRRORED * fit.normals_deg and mirrored.misfit < fit.misfit:
+    # Half a scan, or another object's, may fit better mirrored, and still not fit.
+    if mirrored.normals_deg < MIRRORED * fit.normals_deg and mirrored.misfit < min(fit.misfit, WORST_MISFIT):
         raise AlignError(
             f"scan: it fits mirrored only: {fit.words}; of its mirror image, {mirrored.words}. One axis of the scan "
             "is reversed: export it again from the scanner's program, or negate one coordinate."

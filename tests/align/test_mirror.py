@@ -33,3 +33,8 @@ def test_normals_tell_the_mirror_image(ask):
     """Real figures, DiLiGenT's cat: a surface of its front, mirrored, has the cat's outline from behind."""
     with pytest.raises(AlignError, match="mirrored only"):
         ask(Fit(0.984, 90.0, 90.0, 0.97, 0.3), Fit(0.997, 5.7, 14.0, 1.0, 0.2))
+
+
+def test_what_fits_neither_way_is_not_called_mirrored(ask):
+    """Half of the scan of Blender's scene 2: neither it nor its mirror image fits, and "one axis is reversed" was said."""
+    ask(Fit(0.718, 28.8, 29.4, 0.30, 0.80), Fit(0.749, 11.9, 14.8, 0.41, 0.94))
