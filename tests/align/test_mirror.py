@@ -36,5 +36,5 @@ def test_normals_tell_the_mirror_image(ask):
 
 
 def test_what_fits_neither_way_is_not_called_mirrored(ask):
-    """Half of the scan of Blender's scene 2: neither it nor its mirror image fits, and "one axis is reversed" was said."""
+    """Half of the scan of Blender's scene 2: neither it nor its mirror image fits; "one axis is reversed" was said."""
     ask(Fit(0.718, 28.8, 29.4, 0.30, 0.80), Fit(0.749, 11.9, 14.8, 0.41, 0.94))
