@@ -197,10 +197,19 @@ class FinalEvidence:
         return small_steps(self.seen.caster.mesh, self.seen.camera, self.pose, step_px=step_px)
 
     def covariance(self) -> Array:
-        """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen."""
+        """Return (6, 6) of the twist about the scan's middle; zero along what cannot be seen.
+
+        Where the edges lie farther inside or outside than they may, it is not understood what they show, and the
+        covariance is inflated by the excess (Birge's ratio [Birge1932]).
+        """
         scales = self.steps(1.0)
         inverse = np.linalg.pinv(self.weighed.information, rcond=1e-12, hermitian=True)
-        return UNMODELLED * inverse * scales * scales[:, None]
+        excess = max(1.0, ((self.edges.bias_px - EDGE_BIAS_PX) / self._edge_doubt_px) ** 2)
+        return UNMODELLED * excess * inverse * scales * scales[:, None]
+
+    @property
+    def _edge_doubt_px(self) -> float:
+        return MASK_PX if self.seen.pictures is None else EDGE_DOUBT_PX
 
     def terms(self, pose: Pose) -> list[Term]:
         """Return outline, shading, and the outline's common offset, at a pose, in units of three sigma."""
@@ -222,7 +231,7 @@ class FinalEvidence:
             common, along = np.atleast_1d(pull @ offset / pull.sum()), (pull @ jacobian / pull.sum())[None]
             jacobian, offset = jacobian - along, offset - common
         outline = Term(offset / unit, jacobian / unit, self.seen.patches(edges.pixels))
-        doubt = 3 * (MASK_PX if self.seen.pictures is None else EDGE_DOUBT_PX)
+        doubt = 3 * self._edge_doubt_px
         bias = Term((common - EDGE_BIAS_PX) / doubt, along / doubt, np.zeros(len(common), np.int64))
         return [outline, self.shading(pose), bias]
 
