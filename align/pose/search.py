@@ -26,7 +26,7 @@ REACH = 0.1
 """Of the object's size: how far off the first pose may be."""
 CLEAR = 8.0
 """Standard deviations by which a pose must win at low resolution for the other not to be refined on the frames."""
-ROUNDS, STAYED_PX = 12, 0.2
+ROUNDS, STAYED_PX = 20, 0.2
 """Of the refinement with the scan's own silhouette for a mask, until the scan's image moves by less."""
 SAMPLES = 150_000
 """Pixels times frames that the last refinement looks at."""
