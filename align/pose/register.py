@@ -197,6 +197,7 @@ def _check_distance(photographs: Photographs, distance: float) -> None:
             f"scan: about {times:,.1f} times too {large}{meant}, or diameter_mm of the balls so much too {small}: "
             f"it would have to stand {distance:,.1f} mm from the camera to look as large as the object, but the lights "
             f"were calibrated about a point {expected:,.1f} mm away. Check scan_unit under [object], and [[spheres]]."
+            f"{photographs.cut_words}"
         )
 
 
