@@ -205,7 +205,7 @@ def test_an_inverted_mask_is_named():
 )
 def test_a_scan_in_another_unit(factor, words):
     lights = SimpleNamespace(reference_point_mm=np.array([0.0, 0.0, -1000.0]))
-    photographs: Any = SimpleNamespace(lights=lights, camera=Camera(64, 48, 90.0, 90.0, 32.0, 24.0))
+    photographs: Any = SimpleNamespace(lights=lights, camera=Camera(64, 48, 90.0, 90.0, 32.0, 24.0), cut_words="")
     with pytest.raises(AlignError, match="scan_unit under") as told:
         _check_distance(photographs, 1000 * factor)
     assert str(told.value).startswith(f"scan: about {words}")
