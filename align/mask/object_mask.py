@@ -70,8 +70,8 @@ def find_object(
     balls_small = _blocks(balls, factor, height, width)
     contradiction = contradict_backdrop(stack, balls_small)
     small, warnings = _choose(contradiction, balls_small)
-    small = _trim(bright_mean(stack), contradiction, small)
-    border = _sharpen(bright_mean(stack), small, balls_small, reach=3)
+    bright = bright_mean(stack)
+    border = _sharpen(bright, _trim(bright, contradiction, small), balls_small, reach=3)
     if factor > 1:
         big = np.zeros(size, bool)
         blown = np.kron(border, np.ones((factor, factor), bool))

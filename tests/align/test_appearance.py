@@ -49,6 +49,21 @@ def test_a_law_is_found_again_and_explains_all(scene, metal):
     assert np.abs((values - own * shown)[used]).mean() < 0.01 * values[used].mean()
 
 
+@pytest.mark.parametrize("metal", [0.0, 1.0])
+@pytest.mark.parametrize("turn_deg", [0.0, 40.0])
+def test_the_law_neither_grows_nor_vanishes(scene, metal, turn_deg):
+    """Drawn to no surroundings with its factor free, it shrank to nothing: albedos had to make up for it."""
+    normals, lit, used = scene
+    angle = np.radians(turn_deg)
+    turned = normals @ np.array([[np.cos(angle), 0, np.sin(angle)], [0, 1, 0], [-np.sin(angle), 0, np.cos(angle)]])
+    values = np.where(used, truth(metal).predict(lit, turned), 0)
+    values = values / np.sqrt((values**2).mean(0))
+    found = Appearance.of(values, used, normals, lit)
+    own, _ = albedo_of(values, used, found.predict(lit, normals), found.loss)
+    assert 0.2 < np.median(own) < 5
+    assert found.material.max() > 0.1
+
+
 def test_a_matte_look_is_lambert_s_law(scene):
     normals, lit, _ = scene
     np.testing.assert_allclose(Appearance.matte().predict(lit, normals), np.einsum("npk,pk->np", lit.vectors, normals))

@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from align.mask.backdrop import Contradiction
 from align.mask.bright_picture import block_means
-from align.mask.object_mask import ObjectMask, find_object, scan_mask
+from align.mask.object_mask import ObjectMask, _trim, find_object, scan_mask
 from align.pose.photographed import box_of, longer_side
 from fixtures.mesh_scene import Tracer, random_scene
 from fixtures.mesh_shapes import blob
@@ -140,6 +141,17 @@ def test_a_mask_too_thin_for_normals_is_refused(on_table):
     for corner in (slice(0, 3), slice(-3, None)):
         mask = thin(shape, corner, corner)
         assert (find_object(on_table.frames, on_table.camera, [], mask_given=mask).mask == mask).all()
+
+
+def test_a_metal_keeps_its_dark_parts_and_a_black_cloth_loses_its_folds():
+    """Blender's bronzes 201 and 202 kept their highlights alone: half and a quarter of them."""
+    piece = np.zeros((60, 80), bool)
+    piece[20:40, 20:60] = True
+    bright = np.arange(80) < 40
+    for backdrop, kept in ((0.1, piece), (0.01, piece & bright)):
+        picture = np.where(piece & bright, 0.6, 1.1 * backdrop).astype(np.float32)
+        even = np.full(piece.shape, backdrop, np.float32)
+        np.testing.assert_array_equal(_trim(picture, Contradiction(piece, even, 0.01), piece), kept)
 
 
 def test_the_final_mask_is_the_silhouette_and_what_was_not_scanned():

@@ -5,7 +5,7 @@ import pytest
 
 from align.pose.appearance import Appearance
 from align.pose.motion import nudge
-from align.pose.outline_edges import EdgePictures
+from align.pose.outline_edges import SECTORS, EdgePictures
 from align.pose.scan_outline import find_outline
 from align.pose.scan_view import View
 from scene.rays import RayCaster
@@ -51,3 +51,21 @@ def test_each_sector_is_lit_from_its_own_side(world, pictures):
         # Image v runs down, the camera's y up.
         toward = world.lights.directions[:, 0] * np.cos(angle) - world.lights.directions[:, 1] * np.sin(angle)
         assert toward[members].min() >= toward[~members].max()
+
+
+def test_a_border_that_one_direction_shows_alone_is_no_outline():
+    """A shadow's border, three pixels inside an outline that is fainter, was taken for it."""
+    shown = np.where(np.arange(60) < 30, 0.6, 0.4)
+    shadowed = np.where(np.arange(60) < 27, 1.5, shown)
+    rows = np.stack([shadowed, *[shown] * (SECTORS - 1)]).astype(np.float32)
+    stack = np.repeat(rows[:, None], 40, axis=1)
+    pixels, outward = np.array([[29.5, 20.0]]), np.array([[1.0, 0.0]])
+
+    def located(pictures):
+        members = np.ones((SECTORS, 4), bool)
+        return EdgePictures(pictures, np.zeros(2, np.int64), members).locate(pixels, outward, reach_px=5.0)[0]
+
+    assert located(np.repeat(stack[1:2], SECTORS, axis=0)) == pytest.approx(0, abs=0.1)
+    assert np.isnan(located(stack))
+    # What all directions show stands still, whatever it is.
+    assert located(np.repeat(stack[:1], SECTORS, axis=0)) == pytest.approx(-3, abs=0.1)

@@ -1,0 +1,35 @@
+"""How outline and shading count together, and what that says of the pose."""
+
+import numpy as np
+import pytest
+
+from align.pose.full_resolution import CHECKED, FinalEvidence
+from align.pose.motion import nudge
+from align.pose.observed import Observed
+from align.pose.outline_edges import EdgePictures
+from scene.rays import RayCaster
+
+
+@pytest.fixture(scope="module")
+def seen(world):
+    pictures = EdgePictures.of(world.photographs)
+    return Observed.of(RayCaster(world.mesh), world.photographs, pictures, count=1500, cells=100)
+
+
+def test_what_can_check_the_shading_bounds_what_it_counts_for(world, seen):
+    """By the number of its samples it counted for a hundred times the outline, and bronzes were ten times too sure."""
+    here = FinalEvidence(seen, world.pose, 6.0)
+    outline, shading, _ = here.weighed.weights
+    assert shading <= CHECKED * outline * (1 + 1e-9)
+    assert len(here.shading(world.pose).residuals) > 2 * CHECKED * len(here.edges.pixels)
+
+
+def test_edges_that_lie_where_they_may_not_widen_the_doubt(world, seen):
+    """Nearer by 2 %, the outline lies outside its edges all round."""
+    middle = world.pose.apply(world.mesh.center_mm)
+    right = FinalEvidence(seen, world.pose, 6.0)
+    near = FinalEvidence(seen, nudge(world.pose, [0, 0, 0, *(-0.02 * middle)], middle), 6.0)
+    assert near.edges.bias_px > right.edges.bias_px + 0.3
+    sideways = np.array([3, 4])
+    wider = near.covariance()[sideways, sideways] / right.covariance()[sideways, sideways]
+    assert (wider > 5).all()
