@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from align.pose.full_resolution import CHECKED, FinalEvidence
+from align.pose.full_resolution import CHECKED, EDGE_BIAS_PX, EDGE_DOUBT_PX, UNMODELLED, FinalEvidence
 from align.pose.motion import nudge
 from align.pose.observed import Observed
 from align.pose.outline_edges import EdgePictures
@@ -30,6 +30,9 @@ def test_edges_that_lie_where_they_may_not_widen_the_doubt(world, seen):
     right = FinalEvidence(seen, world.pose, 6.0)
     near = FinalEvidence(seen, nudge(world.pose, [0, 0, 0, *(-0.02 * middle)], middle), 6.0)
     assert near.edges.bias_px > right.edges.bias_px + 0.3
-    sideways = np.array([3, 4])
-    wider = near.covariance()[sideways, sideways] / right.covariance()[sideways, sideways]
-    assert (wider > 5).all()
+    for one in (right, near):
+        units = one.steps(1.0)
+        alone = UNMODELLED * np.linalg.inv(one.weighed.information) * units * units[:, None]
+        excess = max(1.0, ((one.edges.bias_px - EDGE_BIAS_PX) / EDGE_DOUBT_PX) ** 2)
+        np.testing.assert_allclose(one.covariance(), excess * alone, rtol=1e-6)
+    assert excess > 5
