@@ -22,8 +22,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from benchmarks.measured_code import code_of, files_of
 from scene.clock import now, since
-from scene.current import code_fingerprint, fingerprint, sources
+from scene.current import fingerprint
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT / ".." / "shared"
@@ -99,12 +100,12 @@ class Table:
     @property
     def files(self) -> tuple[Path, ...]:
         """The files of the house whose code it measures."""
-        return sources(*self.measures)
+        return files_of(*self.measures)
 
     @property
     def code(self) -> str:
         """The fingerprint of these files."""
-        return code_fingerprint(*self.measures)
+        return code_of(*self.measures)
 
     def data(self) -> Path:
         """Return where the rows of the page lie."""
@@ -129,7 +130,7 @@ def run(table: Table, scale: Scale, *, processes: int | None = None, is_new: boo
     processes: how many at a time, 0 for this one; default: one a core. is_new: all are measured again.
     """
     kept = KEPT / f"{table.page}-{table.name.replace(' ', '-')}.jsonl"
-    mark = fingerprint(code_fingerprint(table.measure.__module__), table.code)
+    mark = fingerprint(code_of(table.measure.__module__), table.code)
     known = {}
     if kept.is_file() and not is_new:
         lines = map(json.loads, kept.read_text().splitlines())

@@ -7,8 +7,8 @@ from scene.current import code_fingerprint, fingerprint, sources
 from twin.camera.virtual_camera import Sensor
 from twin.description.materials import Distribution
 
-RUNNER = "experiments.sweeps.cell"
-"""The module that makes a cell's rows: they depend on its code, and on what that imports."""
+ROOM = "experiments"
+"""A cell's rows depend on its code, and on that of the rooms below it."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Cell:
     @property
     def key(self) -> str:
         """The cell's name: a hash of all that goes into it, and of the code that makes it."""
-        return fingerprint(self, code=code_fingerprint(RUNNER))[:24]
+        return fingerprint(self, code=code_fingerprint(ROOM))[:24]
 
 
 @dataclass(frozen=True)
@@ -80,4 +80,4 @@ def code_times() -> tuple[int, ...]:
 
     A process reads a source when it first needs it: while these times stand still, all read what the key tells.
     """
-    return tuple(path.stat().st_mtime_ns for path in sources(RUNNER))
+    return tuple(path.stat().st_mtime_ns for path in sources(ROOM))

@@ -56,7 +56,7 @@ def render_description(
     out = out or own_folder(Path("out") / source.stem, origin)
     with open_record(out, origin=origin, inputs=[source]) as record, logged(record):
         folder = Store(record.folder)
-        mark = fingerprint(scene, bool(twin.layers), code=code_fingerprint(__name__))
+        mark = fingerprint(scene, bool(twin.layers), code=code_fingerprint("experiments"))
         if record.is_current(RENDERING, mark):
             say(f"{scene.name}: rendered already")
         else:

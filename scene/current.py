@@ -2,7 +2,7 @@
 
 import hashlib
 import os
-import re
+import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -17,21 +17,18 @@ ROOMS = (
     "scene", "formats", "capture", "calibrate", "align", "solve", "twin", "compare", "lab", "experiments", "studio",
     "rgbn",
 )  # fmt: skip
-"""The root folders that are import packages."""
+"""The root folders that are import packages, from the ground floor up."""
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARIES = (
     "numpy", "scipy", "opencv-contrib-python-headless", "rawpy", "scikit-image", "trimesh", "open3d", "mitsuba",
     "drjit", "numba", "llvmlite", "pillow", "plotly", "tifffile", "h5py", "pyarrow",
 )  # fmt: skip
 """Packages that a result may depend on."""
-CHUNK = 1 << 26
-"""Bytes; a longer file is hashed in chunks of this size, side by side."""
-
+TICK_NS, COARSE_NS = 10_000_000, 2_000_000_000
+"""A file that was changed so shortly before it was looked at may have been changed again within one tick of its clock;
+the second is for file systems that keep whole seconds."""
 BLOCK, BLOCKS = 1 << 13, 32
 """Bytes and number of the blocks of `blocks_digest`; a file of 256 KiB or less is read whole."""
-
-_IMPORT = re.compile(r"^[ \t]*(?:from[ \t]+([\w.]+)[ \t]+import[ \t]+(\([^)]*\)|[^\n]*)|import[ \t]+([\w.]+))", re.M)
-_BY_NAME = re.compile(r"import_module\(f?[\"']([\w.]+?)\.?[{\"']")
 
 
 def fingerprint(*values: Any, code: str = "", digest: Callable[[Path], str | None] | None = None) -> str:
@@ -100,31 +97,25 @@ def blocks_digest(path: Path) -> str | None:
 
 
 def file_digest(path: Path) -> str | None:
-    """Return a hash of a file's content; None where there is no file.
-
-    Up to `CHUNK` bytes it is SHA-256; of a longer file, SHA-256 of the SHA-256 of its chunks.
-    """
+    """Return the SHA-256 of a file's content; None where there is no file."""
     try:
-        size = path.stat().st_size
-        if path.is_dir():
-            return None
         with open(path, "rb") as file:
-            if size <= CHUNK:
-                return hashlib.file_digest(file, "sha256").hexdigest()
-    except (FileNotFoundError, NotADirectoryError):
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         return None
-    from concurrent.futures import ThreadPoolExecutor
 
-    def of_chunk(start: int) -> bytes:
-        found = hashlib.sha256()
-        with open(path, "rb") as file:
-            file.seek(start)
-            for offset in range(start, min(start + CHUNK, size), 1 << 20):
-                found.update(file.read(min(1 << 20, start + CHUNK - offset)))
-        return found.digest()
 
-    with ThreadPoolExecutor() as pool:
-        return hashlib.sha256(b"".join(pool.map(of_chunk, range(0, size, CHUNK)))).hexdigest()
+def look_of(path: Path) -> list[int]:
+    """Return a file's size, times of change and number."""
+    status = path.stat()
+    return [status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino]
+
+
+def is_settled(look: list[int]) -> bool:
+    """Whether a later change of a file would show in its times."""
+    _, modified, changed, _ = look
+    tick = TICK_NS if modified % 1_000_000_000 or changed % 1_000_000_000 else COARSE_NS
+    return max(modified, changed) + tick < time.time_ns()
 
 
 @cache
@@ -140,59 +131,16 @@ def libraries() -> dict[str, str]:
 
 
 @cache
-def code_fingerprint(*modules: str) -> str:
-    """Return a hash of the house's sources, as they were when it was first asked for.
-
-    Parameters
-    ----------
-    *modules : str
-        Only these, and the modules of the house that they import, directly or not. Default: all files of all rooms.
-    """
+def code_fingerprint(room: str = ROOMS[-1]) -> str:
+    """Return a hash of the sources of a room and of those below it, as they were when it was first asked for."""
     whole = hashlib.sha256()
-    for path in sources(*modules):
+    for path in sources(room):
         whole.update(f"{path.relative_to(ROOT).as_posix()} ".encode())
         whole.update(hashlib.sha256(path.read_bytes()).digest())
     return whole.hexdigest()
 
 
-def sources(*modules: str) -> tuple[Path, ...]:
-    """Return the files that `code_fingerprint` hashes, sorted."""
-    if not modules:
-        every = (path for room in ROOMS for path in (ROOT / room).rglob("*"))
-        return tuple(sorted(path for path in every if "__pycache__" not in path.parts and path.is_file()))
-    found: set[Path] = set()
-    waiting = [path for name in modules for path in _files_of(name)]
-    while waiting:
-        path = waiting.pop()
-        if path not in found:
-            found.add(path)
-            waiting += imported(path)
-    return tuple(sorted(found))
-
-
-@cache
-def imported(path: Path) -> tuple[Path, ...]:
-    """Return the files of the house that a module imports, at its top or inside of a function, or reads."""
-    if path.suffix != ".py":
-        return ()
-    text, found = path.read_text(encoding="utf-8"), []
-    for package, names, module in _IMPORT.findall(text):
-        found += _files_of(package or module)
-        for name in re.findall(r"\w+", re.sub(r" as \w+|#[^\n]*", "", names)):
-            found += _files_of(f"{package}.{name}")
-    # What it reads as data lies beside it.
-    found += [file for file in path.parent.iterdir() if file.suffix in (".csv", ".css", ".html") and file.name in text]
-    # Modules that are chosen by name at run time: all of that package.
-    for package in _BY_NAME.findall(text):
-        found += [file for file in ROOT.joinpath(*package.split(".")).rglob("*.py") if package.split(".")[0] in ROOMS]
-    return tuple(found)
-
-
-def _files_of(module: str) -> Iterator[Path]:
-    """Yield a module's file, if it is one of the house's, and the `__init__.py` of the packages around it."""
-    parts = module.split(".")
-    if parts[0] not in ROOMS:
-        return
-    for end in range(1, len(parts) + 1):
-        place = ROOT.joinpath(*parts[:end])
-        yield from (path for path in (place / "__init__.py", place.with_suffix(".py")) if path.is_file())
+def sources(room: str = ROOMS[-1]) -> tuple[Path, ...]:
+    """Return all files of a room and of those below it, sorted."""
+    every = (path for one in ROOMS[: ROOMS.index(room) + 1] for path in (ROOT / one).rglob("*"))
+    return tuple(sorted(path for path in every if "__pycache__" not in path.parts and path.is_file()))

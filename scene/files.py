@@ -97,7 +97,7 @@ def move_folder(source: Path, folder: Path) -> None:
     record = record_for(folder)
     if record is not None and not os.path.lexists(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        record.put_folder(source, folder)
+        record.put(source, folder)
         return
     for path in sorted(source.rglob("*")):
         if path.is_file():

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from scene.errors import SceneError
 from scene.origin import NOTE, Origin
-from scene.record import JOURNAL, PLACE, Record
+from scene.record import NAME, PLACE, Record
 
 UNUSED = {"lock", "record.new"}
 """What a run makes first."""
@@ -59,6 +59,8 @@ def open_record(
     _refuse_links(record.folder, folder)
     with _locked(record.folder, folder):
         record.load()
+        if not (record.folder / PLACE / NAME).exists():
+            record.save()
         record.refuse_inputs(inputs)
         if origin is not None:
             origin = Origin(origin, record.folder) if isinstance(origin, str) else origin
@@ -70,6 +72,9 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
+            # What files looked like spares the next run reading them; all else is saved already.
+            with suppress(SceneError):
+                record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:
@@ -94,7 +99,7 @@ def read_record(folder: Path) -> Record | None:
     if not (record.folder / PLACE).is_dir():
         return None
     with suppress(SceneError, OSError):
-        record.load(mend=False)
+        record.load()
     return record
 
 
@@ -125,7 +130,7 @@ def _check_place(folder: Path, said: Path, input_folders: list[Path]) -> None:
         there = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     except OSError as error:
         raise _unusable(said, error) from error
-    if there and not (folder / PLACE / JOURNAL).is_file() and not _is_unused(folder, there):
+    if there and not (folder / PLACE / NAME).is_file() and not _is_unused(folder, there):
         shown = ", ".join(there[:3]) + (" ..." if len(there) > 3 else "")
         raise SceneError(
             f"--out {said}: is not empty ({shown}), and rgbn did not make it: it has no record ({PLACE}). Choose a new "

@@ -1,7 +1,8 @@
 """The record of an output folder: what rgbn made there, each file with its checksum, and which work is done.
 
-It lies in the folder's `.rgbn`. rgbn writes over and removes only files that the record lists with the content that
-they have. `scene.output_folder` opens it.
+It lies in the folder's `.rgbn`, one file that is replaced whole: a killed run or a full disk leaves the last one. rgbn
+writes over and removes only files that the record lists with the content that they have. `scene.output_folder` opens
+it.
 """
 
 import json
@@ -14,15 +15,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from scene.current import file_digest, libraries
+from scene.current import TICK_NS, file_digest, is_settled, libraries, look_of
 from scene.errors import SceneError
-from scene.journal import Journal, Line
-from scene.owned_file import TICK_NS, OwnedFile, is_settled, look_of, own_digest
+from scene.reading import reading
 
 PLACE = ".rgbn"
 """Folder in the output folder: the record, the lock, and what is not finished."""
-JOURNAL = "record.jsonl"
-FORMAT = 1
+NAME = "record.json"
+FORMAT = 2
 
 
 @dataclass
@@ -45,14 +45,14 @@ class Record:
     folder: Path
     done: dict[str, dict[str, Any]] = field(default_factory=dict)
     notes: dict[str, Any] = field(default_factory=dict)
-    _files: dict[str, OwnedFile] = field(default_factory=dict)
-    _inputs: dict[str, tuple[list[int], str]] = field(default_factory=dict)
+    _files: dict[str, tuple[str, list[str]]] = field(default_factory=dict)
+    """Of each file that rgbn wrote the work that made it, empty: none that is ever forgotten; and the contents that it
+    may have: two, while nobody knows whether a killed run had put the second in place."""
+    _seen: dict[str, tuple[list[int], str]] = field(default_factory=dict)
+    """How a file looked when it had this digest: inputs, and files that rgbn wrote."""
     _work: str = ""
     process: int = field(default_factory=os.getpid)
     _guard: threading.RLock = field(default_factory=threading.RLock)
-
-    def __post_init__(self) -> None:
-        self._journal = Journal(self.folder / PLACE / JOURNAL)
 
     # What is done.
 
@@ -63,17 +63,22 @@ class Record:
 
     def files_of(self, work: str) -> list[Path]:
         """Return the files that a work made."""
-        return [self.folder / name for name, file in self._files.items() if file.of == work]
+        return [self.folder / name for name, (of, _) in self._files.items() if of == work]
 
     def is_intact(self, path: Path) -> bool:
         """Whether a file is there and has the content that rgbn gave it."""
-        known = self._files.get(self.name_of(path))
-        return known is not None and known.content(path) is not None
+        return bool(self._own_digest(path))
+
+    def _own_digest(self, path: Path) -> str:
+        """Return the digest of a file, if rgbn gave it that content; else nothing."""
+        _, digests = self._files.get(self.name_of(path), ("", []))
+        found = self.digest(path) if digests and path.is_file() and not path.is_symlink() else None
+        return found if found in digests else ""
 
     @property
     def is_bare(self) -> bool:
         """Whether no work has left a file."""
-        return not any(file.of for file in self._files.values())
+        return not any(of for of, _ in self._files.values())
 
     @contextmanager
     def making(self, work: str, mark: str, after: Iterable[str] = ()) -> Iterator[dict[str, Any]]:
@@ -96,7 +101,11 @@ class Record:
         entry: dict[str, Any] = {}
         with self.part_of(work):
             yield entry
-        self._finish(work, {"fingerprint": mark, **entry})
+        # A file's look tells of later changes only when the clock has moved on.
+        time.sleep(1.2e-9 * TICK_NS)
+        # What is kept in memory must be what a later run reads.
+        self.done[work] = json.loads(json.dumps({"fingerprint": mark, **entry}))
+        self.save()
 
     @contextmanager
     def part_of(self, work: str) -> Iterator[None]:
@@ -116,37 +125,25 @@ class Record:
             A file has changed since rgbn wrote it. Nothing is removed then.
         """
         works = set(works)
-        names = [name for name, file in self._files.items() if file.of in works]
-        for name in names:
-            self.check_free(self.folder / name)
-        for work in sorted(works & set(self.done)):
-            del self.done[work]
-            self._journal.append({"forgotten": work})
-        for name in names:
-            self._remove(self.folder / name)
+        paths = [path for work in works for path in self.files_of(work)]
+        for path in paths:
+            self.check_free(path)
+        if works & set(self.done):
+            self.done = {work: entry for work, entry in self.done.items() if work not in works}
+            self.save()
+        self._remove(paths)
 
     def remove(self, path: Path) -> None:
         """Remove a file that rgbn wrote, if it is there; raise SceneError where it is another's."""
         if self.check_free(path):
-            self._remove(path)
-
-    def _finish(self, work: str, entry: dict[str, Any]) -> None:
-        # A file's look tells of later changes only when the clock has moved on.
-        time.sleep(1.2e-9 * TICK_NS)
-        looks = {}
-        for path in self.files_of(work):
-            file = self._files[self.name_of(path)]
-            looks[self.name_of(path)] = file.look = file.look if is_settled(file.look) else None
-        self._journal.append({"done": work, "entry": entry, "looks": looks})
-        # What is kept in memory must be what a later run reads.
-        self.done[work] = json.loads(json.dumps(entry))
+            self._remove([path])
 
     def note(self, name: str, value: Any) -> None:
         """Note a fact of the whole folder, a plain value; it holds until another is noted."""
         value = json.loads(json.dumps(value))
         if self.notes.get(name) != value:
-            self._journal.append({"note": name, "value": value})
             self.notes[name] = value
+            self.save()
 
     # What rgbn may write.
 
@@ -162,7 +159,10 @@ class Record:
         return self.folder / PLACE / name
 
     def put(self, source: Path, path: Path) -> None:
-        """Move a finished file to its place; note it before, so that a killed run leaves no file without an owner.
+        """Move a finished file, or a folder where nothing is, to its place.
+
+        It is noted before, with the content that it has and the one that it gets: a killed run leaves no file without
+        an owner.
 
         Raises
         ------
@@ -170,68 +170,76 @@ class Record:
             Something stands there that rgbn did not write, or that was changed since.
         """
         with self._guard:
-            file = self._note(source, path)
+            within = sorted(source.rglob("*")) if source.is_dir() else [source]
+            places = {path / file.relative_to(source): file_digest(file) for file in within if file.is_file()}
+            for place, digest in places.items():
+                name, before = self.name_of(place), self.check_free(place)
+                of = self._files[name][0] if before else self._work
+                self._files[name] = of, [one for one in (before, digest) if one]
+            self.save()
             os.replace(source, path)
-            file.look = look_of(path)
-
-    def put_folder(self, source: Path, folder: Path) -> None:
-        """Move a finished folder to its place, where nothing is, at once; see `put`."""
-        with self._guard:
-            within = [path.relative_to(source) for path in sorted(source.rglob("*")) if path.is_file()]
-            files = {name: self._note(source / name, folder / name) for name in within}
-            os.replace(source, folder)
-            for name, file in files.items():
-                file.look = look_of(folder / name)
-
-    def _note(self, source: Path, path: Path) -> OwnedFile:
-        """Note that a path may have the content of a file from now on, beside the one that it has."""
-        name, digest = self.name_of(path), file_digest(source)
-        assert digest is not None
-        old, before = self._files.get(name), self.check_free(path)
-        file = OwnedFile(old.of if old and before else self._work, (before, digest) if before else (digest,))
-        self._journal.append({"file": name, "of": file.of, "digests": file.digests})
-        self._files[name] = file
-        return file
+            for place, digest in places.items():
+                self._seen[self.name_of(place)] = look_of(place), str(digest)
 
     def check_free(self, path: Path) -> str:
-        """Return the digest of the file that may be written over, empty where there is none; see `own_digest`."""
-        return own_digest(path, self._files.get(self.name_of(path)))
+        """Return the digest of the file that may be written over, empty where there is none.
 
-    def _remove(self, path: Path) -> None:
-        path.unlink(missing_ok=True)
-        name = self.name_of(path)
-        if name in self._files:
+        Raises
+        ------
+        SceneError
+            Something is there that rgbn did not write, or that was changed since.
+        """
+        if not os.path.lexists(path):
+            return ""
+        if self.name_of(path) not in self._files:
+            raise SceneError(
+                f"{path}: is there already, and rgbn did not write it; it is not written over. Move it away, or choose "
+                "another name or folder (--out)."
+            )
+        if not (digest := self._own_digest(path)):
+            raise SceneError(
+                f"{path}: was changed after rgbn wrote it; it is not written over or removed. Move it away and run "
+                "again, or choose another folder with --out."
+            )
+        return digest
+
+    def _remove(self, paths: list[Path]) -> None:
+        for path in paths:
+            path.unlink(missing_ok=True)
+            # Folders that were made for it; one with another's file stays.
+            for parent in path.parents:
+                if parent == self.folder or not self.is_inside(parent):
+                    break
+                with suppress(OSError):
+                    parent.rmdir()
+        names = [name for path in paths if (name := self.name_of(path)) in self._files]
+        for name in names:
             del self._files[name]
-            self._journal.append({"gone": name})
-        # Folders that were made for it; one with another's file stays.
-        for parent in path.parents:
-            if parent == self.folder or not self.is_inside(parent):
-                break
-            with suppress(OSError):
-                parent.rmdir()
+            self._seen.pop(name, None)
+        if names:
+            self.save()
 
     # Inputs.
 
     def digest(self, path: Path) -> str | None:
-        """Return `file_digest` of an input; from memory where the file looks as it did, to the tick of its clock."""
+        """Return `file_digest`; from memory where the file looks as it did, to the tick of its clock."""
+        name = self.name_of(path)
         try:
-            seen, name = look_of(path), str(path.resolve())
+            look = look_of(path)
         except OSError:
             return None
-        known = self._inputs.get(name)
-        if known and known[0] == seen:
+        known = self._seen.get(name)
+        if known and known[0] == look:
             return known[1]
         digest = file_digest(path)
-        if digest is not None and is_settled(seen):
-            self._inputs[name] = (seen, digest)
-            self._journal.append({"input": name, "look": seen, "digest": digest})
+        if digest is not None and is_settled(look):
+            self._seen[name] = look, digest
         return digest
 
     def refuse_inputs(self, paths: Iterable[Path]) -> None:
         """Raise SceneError where an input is a file that rgbn made here, and would make anew."""
         for path in paths:
-            known = self._files.get(self.name_of(path))
-            if known is not None and known.of:
+            if self._files.get(self.name_of(path), ("",))[0]:
                 raise SceneError(
                     f"{path}: is an input, and one of the results in {self.folder}, which this run would write over. "
                     "Choose another folder with --out."
@@ -250,49 +258,34 @@ class Record:
         """Whether a path lies below the folder."""
         return not self.name_of(path).startswith("/")
 
-    def load(self, *, mend: bool = True) -> None:
-        """Read the record; with `mend`, of a folder that is held, also begin it, or write it anew where it has grown.
-
-        Raises
-        ------
-        SceneError
-            It is damaged.
-        """
-        if not self._journal.path.exists():
-            if mend:
-                self._journal.rewrite(self._kept())
+    def load(self) -> None:
+        """Read the record, if there is one; raise SceneError where it is damaged."""
+        path = self.folder / PLACE / NAME
+        if not path.exists():
             return
-        torn, kept = self._journal.read(self._replay), len(self.done) + len(self._files) + len(self._inputs)
-        if mend and (torn or self._journal.count > 200 + 4 * kept):
-            self._journal.rewrite(self._kept())
+        do = "Without it rgbn cannot tell which files here are its own. Choose another folder with --out."
+        with reading(path, "cannot be read", do=do):
+            data = json.loads(path.read_bytes())
+            if data["format"] != FORMAT:
+                raise ValueError(f"format {data['format']}, expected {FORMAT}")
+            files = {name: (str(of), list(map(str, digests))) for name, (of, digests) in data["files"].items()}
+            seen = {name: (list(look), str(digest)) for name, (look, digest) in data["seen"].items()}
+            done = {work: {**entry, "fingerprint": entry["fingerprint"]} for work, entry in data["done"].items()}
+            self.notes, self.done, self._files, self._seen = dict(data["notes"]), done, files, seen
 
-    def _replay(self, line: dict[str, Any]) -> None:
-        if "file" in line:
-            self._files[line["file"]] = OwnedFile(line["of"], tuple(line["digests"]))
-        elif "gone" in line:
-            self._files.pop(line["gone"], None)
-        elif "done" in line:
-            self.done[line["done"]] = dict(line["entry"])
-            for name, look in line["looks"].items():
-                self._files[name].look = look
-        elif "forgotten" in line:
-            self.done.pop(line["forgotten"], None)
-        elif "note" in line:
-            self.notes[line["note"]] = line["value"]
-        elif "input" in line:
-            self._inputs[line["input"]] = (line["look"], line["digest"])
-        elif line["format"] != FORMAT:
-            raise ValueError(f"format {line['format']}, expected {FORMAT}")
-
-    def _kept(self) -> Iterator[Line]:
-        """Yield the lines that count."""
-        yield {"format": FORMAT, "made_by": libraries()["rgbn"]}
-        for name, value in self.notes.items():
-            yield {"note": name, "value": value}
-        for name, file in self._files.items():
-            yield {"file": name, "of": file.of, "digests": file.digests}
-        for work, entry in self.done.items():
-            looks = {name: file.look for name, file in self._files.items() if file.of == work and file.look}
-            yield {"done": work, "entry": entry, "looks": looks}
-        for name, (look, digest) in self._inputs.items():
-            yield {"input": name, "look": look, "digest": digest}
+    def save(self) -> None:
+        """Replace the record on disk; raise SceneError where the disk is full, or the file cannot be written."""
+        path = self.folder / PLACE / NAME
+        with self._guard:
+            # Other threads may see files meanwhile.
+            seen = {name: known for name, known in self._seen.copy().items() if is_settled(known[0])}
+            data = {"format": FORMAT, "made_by": libraries()["rgbn"], "notes": self.notes, "done": self.done,
+                    "files": self._files, "seen": seen}  # fmt: skip
+            try:
+                path.with_suffix(".new").write_text(json.dumps(data, allow_nan=False))
+                os.replace(path.with_suffix(".new"), path)
+            except OSError as error:
+                raise SceneError(
+                    f"{path}: cannot be written ({error.strerror}). Free some space or choose another folder with "
+                    "--out; what is done is kept."
+                ) from error

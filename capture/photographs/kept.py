@@ -36,8 +36,7 @@ class Kept:
 
     @property
     def _mark(self) -> str:
-        code = code_fingerprint("capture.photographs.raw", "capture.photographs.images")
-        return fingerprint(self.encoding, self.half, code=code)
+        return fingerprint(self.encoding, self.half, code=code_fingerprint("capture"))
 
     def keep(self, digest: str, photograph: Photograph) -> None:
         """Write a photograph, as it was read; `digest` is that of its file."""

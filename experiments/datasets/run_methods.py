@@ -35,7 +35,7 @@ def run(shelf: Path, patterns: Sequence[str], *, solving: Solving = BY_DEFAULT, 
     solving = replace(solving, profile=solving.profile or DEFAULT_PROFILE)
     programs = solving.programs()
     names = [*solving.methods(), *programs]
-    there, rows, code = _wanted(shelf, patterns), [], code_fingerprint(__name__)
+    there, rows, code = _wanted(shelf, patterns), [], code_fingerprint("experiments")
     with open_record(out, origin="table of datasets") as record, logged(record):
         for number, entry in enumerate(there, 1):
             digest, kept = contents_of(shelf, entry), {}

@@ -17,7 +17,7 @@ RECIPE = "recipe.json"
 
 def mark_of(dataset: Dataset) -> str:
     """Return a hash of a dataset's recipe and of the code that makes it: where it is the same, so are the bytes."""
-    return fingerprint(dataset, code=code_fingerprint(__name__))
+    return fingerprint(dataset, code=code_fingerprint("experiments"))
 
 
 def write_dataset(folder: Path, dataset: Dataset) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from compare.statistics.ambiguity import error_kinds
-from experiments.recipe import RUNNER, Cell
+from experiments.recipe import ROOM, Cell
 from experiments.sweeps.perturbation import PERTURBATIONS, breaking_point, is_told
 from experiments.tables import GAP_DEG, errors_of
 from scene.current import code_fingerprint
@@ -53,7 +53,7 @@ def run_cell(cell: Cell) -> dict[str, Any]:
             means = common_means(np.stack(found)) if found else []
             for row, mean in zip((row for row in rows if row["profile"] == profile), means, strict=True):
                 row["common_deg"] = mean
-        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_fingerprint(RUNNER)}
+        return {"rows": rows, "seconds": seconds, "picture": _picture(photographs), "code": code_fingerprint(ROOM)}
 
 
 def failed_rows(cell: Cell, why: str) -> list[dict[str, Any]]:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.recipe import RUNNER, Cell, code_times
+from experiments.recipe import ROOM, Cell, code_times
 from experiments.stagings import ONE_FACTOR, SOLVERS, experiments_of
 from experiments.sweeps.cell import failed_rows, run_cell
 from experiments.sweeps.perturbation import PERTURBATIONS, perturbation_cells
@@ -83,7 +83,7 @@ def run_cells(
     missing = [cell for cell in cells if not record.is_intact(cell_path(root, cell))]
     if not missing:
         return
-    start, failed, times, code = time.perf_counter(), 0, code_times(), code_fingerprint(RUNNER)
+    start, failed, times, code = time.perf_counter(), 0, code_times(), code_fingerprint(ROOM)
     with progress_bar("cells") as report:
         for done, (cell, found) in enumerate(run_all(missing, work, processes=processes, scheduler=scheduler), 1):
             if isinstance(found, WorkerDied):
@@ -103,7 +103,7 @@ def join_cells(
     record: Record, folder: Path, cells: Sequence[Cell], *, staging: Staging = "one-factor", quick: bool = False
 ) -> None:
     """Write the tables and the page of cells that are all there, unless they are of these very cells already."""
-    root, code = record.folder, code_fingerprint(__name__)
+    root, code = record.folder, code_fingerprint(ROOM)
     mark = fingerprint([cell.key for cell in cells], [cell_path(root, cell) for cell in cells], code=code)
     if record.is_current(folder.name, mark):
         return

@@ -264,7 +264,7 @@ def test_settings_come_back_as_they_were_kept(tmp_path):
 
 def test_links_are_never_written_through(tmp_path):
     """The lock, the record and the folder of both may be a link to a file or a folder of the user's."""
-    for name in ("lock", "record.jsonl", "tmp", ""):
+    for name in ("lock", "record.json", "tmp", ""):
         out, mine = tmp_path / f"out{name}", tmp_path / f"mine{name}"
         if name == "tmp" or not name:
             mine.mkdir()

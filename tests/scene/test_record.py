@@ -1,6 +1,5 @@
 """Laws of the output folder: nothing of others is written over or removed, and what is done is known by its content."""
 
-import hashlib
 import json
 import os
 import signal
@@ -11,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scene.current import CHUNK, file_digest, fingerprint
+from scene.current import fingerprint
 from scene.errors import SceneError
 from scene.files import create_array, move_folder, remove, write_text
 from scene.output_folder import open_record, read_record
@@ -192,20 +191,6 @@ def test_an_input_is_known_by_its_content_where_size_and_time_are_kept(tmp_path)
     assert mark() != before, "the two photographs have changed places"
 
 
-def test_a_long_file_has_a_digest_of_its_whole_content(tmp_path):
-    path = tmp_path / "long"
-    data = bytearray(CHUNK + 5)
-    path.write_bytes(data)
-    seen = {file_digest(path)}
-    for place in (0, CHUNK - 1, CHUNK, CHUNK + 4):
-        data[place] = 1
-        path.write_bytes(data)
-        seen.add(file_digest(path))
-    assert len(seen) == 5
-    path.write_bytes(data[:CHUNK])
-    assert file_digest(path) == hashlib.sha256(data[:CHUNK]).hexdigest()
-
-
 def test_what_is_forgotten_goes_with_what_was_made_from_it_and_no_more(tmp_path):
     with open_record(tmp_path / "out") as record:
         for name in ("first", "second", "third"):
@@ -224,29 +209,22 @@ def test_what_is_forgotten_goes_with_what_was_made_from_it_and_no_more(tmp_path)
 def test_a_damaged_record_is_told_and_nothing_is_touched(tmp_path):
     out = tmp_path / "out"
     work(out)
-    path = out / ".rgbn" / "record.jsonl"
-    lines = path.read_text().splitlines(keepends=True)
-    path.write_text("".join(lines) + '{"file": "a.t')
-    assert not work(out), "the line that a killed run was writing is no damage"
-    before = contents(out)
-    for text in ("{", "[1]", '{"format": 99}', '{"file": "x"}', '{"done": "x", "entry": 3, "looks": {}}', "[" * 9999):
-        path.write_text("".join([lines[0], text + "\n", *lines[1:]]))
-        with pytest.raises(SceneError, match=r"record.jsonl: line 2 cannot be read"):
+    path, before = out / ".rgbn" / "record.json", contents(out)
+    whole = json.loads(path.read_text())
+    path.with_suffix(".new").write_text('{"format": 2, "fi')
+    assert not work(out), "the record that a killed run was writing is no damage"
+    faults = ({"format": 99}, {"files": {"x": 3}}, {"done": {"x": 3}}, {"seen": {"x": []}}, {"notes": 1})
+    for text in ("{", "", "[1]", "[" * 9999, *(json.dumps(whole | fault) for fault in faults)):
+        path.write_text(text)
+        with pytest.raises(SceneError, match=r"record.json: cannot be read"):
             work(out, mark="2")
         assert contents(out) == before
 
 
 def test_a_record_that_cannot_be_opened_is_told(tmp_path):
-    (tmp_path / "out" / ".rgbn" / "record.jsonl").mkdir(parents=True)
+    (tmp_path / "out" / ".rgbn" / "record.json").mkdir(parents=True)
     with pytest.raises(SceneError, match=r"is not empty \(.rgbn\), and rgbn did not make it"):
         work(tmp_path / "out")
-
-
-def test_the_record_does_not_grow_for_ever(tmp_path):
-    for turn in range(120):
-        work(tmp_path / "out", mark=str(turn))
-    assert len((tmp_path / "out" / ".rgbn" / "record.jsonl").read_text().splitlines()) < 400
-    assert not work(tmp_path / "out", mark="119")
 
 
 KILLED = """
@@ -269,7 +247,7 @@ def around(function):
         return found
     return call
 record.os.replace = around(os.replace)
-record.Journal.append = around(record.Journal.append)
+record.Record.save = around(record.Record.save)
 Path.unlink = around(Path.unlink)
 
 def run(folder, killed_at):
@@ -338,4 +316,4 @@ def test_a_file_of_the_users_that_is_named_is_not_written_over(tmp_path):
         write_text(tmp_path / "mesh.ply", "second")
     assert (tmp_path / "scan.ply").read_text() == "mine"
     assert (tmp_path / "mesh.ply").read_text() == "second"
-    assert json.loads((tmp_path / "out" / ".rgbn" / "record.jsonl").read_text().splitlines()[0])["format"] == 1
+    assert json.loads((tmp_path / "out" / ".rgbn" / "record.json").read_text())["format"] == 2

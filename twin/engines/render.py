@@ -165,7 +165,7 @@ def render_scene(
 
 def rendering_mark(scene: TwinScene, apart: bool) -> str:
     """Return what tells a rendering from any other: the scene, the code and the libraries."""
-    return fingerprint(scene, apart, code=code_fingerprint("twin.engines.render"))
+    return fingerprint(scene, apart, code=code_fingerprint("twin"))
 
 
 def _elsewhere(executor: Executor | None, work: Callable[..., Any], *arguments: Any) -> Any:

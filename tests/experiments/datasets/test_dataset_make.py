@@ -15,7 +15,6 @@ from experiments.catalogue import catalogue
 from experiments.datasets.check import check_dataset
 from experiments.datasets.make import make, make_one
 from experiments.datasets.write import mark_of
-from scene.current import ROOMS, ROOT, sources
 from scene.errors import SceneError
 from scene.normals import angular_error_deg
 from scene.output_folder import open_record
@@ -169,30 +168,6 @@ def test_a_fault_of_ours_is_no_fault_of_the_input(tmp_path, monkeypatch):
     fault = TypeError("a slip")
     with pytest.raises(TypeError, match="a slip"):
         make_one(tmp_path, small("blob-ambient-0.00"))
-
-
-LOADED = """
-import sys
-from dataclasses import replace
-from pathlib import Path
-from experiments.catalogue import catalogue
-from experiments.datasets.write import write_dataset
-one = catalogue()["knot-camera-canon"].sized(16)
-write_dataset(Path(sys.argv[1]), replace(one, recipe=replace(one.recipe, count=3)))
-print(*(module.__file__ for module in sys.modules.values() if getattr(module, "__file__", None)), sep="\\n")
-"""
-
-
-@pytest.mark.full
-def test_all_code_that_makes_a_dataset_is_in_its_mark(tmp_path):
-    command = [sys.executable, "-c", LOADED, str(tmp_path / "made")]
-    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
-    files = {Path(line).resolve() for line in done.stdout.splitlines()}
-    house = {path for path in files if any(path.is_relative_to(ROOT / room) for room in ROOMS)}
-    marked = set(sources("experiments.datasets.write"))
-    # The catalogue and the stagings name recipes, which the mark holds themselves.
-    assert house - marked == {ROOT / "experiments/catalogue.py", ROOT / "experiments/stagings.py"}
-    assert ROOT / "experiments/datasets/describe.py" in house & marked
 
 
 def test_an_unknown_name_makes_nothing(tmp_path):

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from experiments import recipe
-from experiments.recipe import RUNNER
+from experiments.recipe import ROOM
 from experiments.stagings import ONE_FACTOR
 from experiments.sweeps import sweep
 from experiments.sweeps.cell import failed_rows
@@ -208,7 +208,7 @@ def test_no_cell_is_kept_that_was_made_while_the_code_changed(tmp_path, monkeypa
             if number == change:
                 source.write_text("one = 2")
                 source.write_text("one = 1")
-            yield cell, made | {"code": code_fingerprint(RUNNER) if number != stranger else "another machine's"}
+            yield cell, made | {"code": code_fingerprint(ROOM) if number != stranger else "another machine's"}
 
     monkeypatch.setattr(sweep, "run_all", results)
     for change, stranger, kept in ((3, None, 3), (None, 2, 2), (None, None, 6)):

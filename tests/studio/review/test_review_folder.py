@@ -90,7 +90,7 @@ def test_an_unfinished_step_is_said_to_be_unfinished(made):
     assert text.count("\n- ") == 1, "one line for all that waits"
 
 
-@pytest.mark.parametrize("name", [".rgbn/record.jsonl", "calibration.json", "summary.json"])
+@pytest.mark.parametrize("name", [".rgbn/record.json", "calibration.json", "summary.json"])
 def test_a_broken_list_breaks_nothing(made, name):
     (made.folder / name).write_text('{"check": [1, ')
     review = Review.read(made.folder, made.session)
