@@ -10,7 +10,7 @@ from lab.progress import alive, progress_bar
 from lab.registration import frame_files, median_or_none, register_scan
 from scene.camera import Camera
 from scene.errors import AlignError, CalibrationError, SessionError
-from scene.files import move_folder, write_json
+from scene.files import move, write_json
 from scene.frames import Frames
 from scene.lights import Lights, check_count
 from scene.spheres import Sphere
@@ -204,7 +204,7 @@ def solve_all(job: Job, store: Store, label: str, methods: Sequence[str]) -> tup
                 # Unfinished, and so nobody's, until it has ended well: the program writes there too.
                 folder = job.record.scratch("external") / label / method
                 estimate = solve_external(job.externals[method], frames, lights, camera, mask, folder, **how)
-                move_folder(folder, store.path("external", method))
+                move(folder, store.path("external", method))
             else:
                 estimate = run(method, frames, lights, camera, mask, profile=job.profile, **how)
         store.save_estimate(estimate)

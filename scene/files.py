@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from scene.errors import SceneError
 from scene.output_folder import record_for
-from scene.record import Record
 
 
 @contextlib.contextmanager
@@ -51,21 +50,20 @@ def create_array(path: Path, shape: tuple[int, ...], dtype: Any) -> Iterator[np.
 
 
 @contextlib.contextmanager
-def in_place(path: Path) -> Iterator[Path]:
+def in_place(path: Path, temporary: Path | None = None) -> Iterator[Path]:
     """Give the name to write under, of the same suffix; put it at `path` when the block ends well, else remove it.
 
     In an output folder that is held (`scene.record`) only files that rgbn wrote are written over.
     """
-    record, temporary = record_for(path), None
+    record = record_for(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        if record is None:
-            temporary = path.with_name(f".{os.getpid()}.tmp.{path.name}")
-        else:
+        if record is not None:
             record.check_free(path)
-            temporary = record.temporary(path)
+            temporary = temporary or record.temporary(path)
+        temporary = temporary or path.with_name(f".{os.getpid()}.tmp.{path.name}")
         yield temporary
-        _put(record, temporary, path)
+        (os.replace if record is None else record.put)(temporary, path)
     except OSError as error:
         message = _message(path, temporary, error)
         if message is None:
@@ -78,31 +76,23 @@ def in_place(path: Path) -> Iterator[Path]:
 
 
 def move(source: Path, path: Path) -> None:
-    """Move a finished file, of the same file system, to its place; it counts as written there.
+    """Move a finished file or folder, of the same file system, to its place; it counts as written there.
+
+    A folder is moved at once where nothing is, else file by file.
 
     Raises
     ------
     SceneError
         As `write_whole`; or there is a file that rgbn did not write.
     """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        _put(record_for(path), source, path)
-    except OSError as error:
-        raise SceneError(_message(path, source, error) or f"{path}: cannot be written ({error}).") from error
-
-
-def move_folder(source: Path, folder: Path) -> None:
-    """Move all files below a folder to their places below another; at once, where that is not there yet."""
-    record = record_for(folder)
-    if record is not None and not os.path.lexists(folder):
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        record.put(source, folder)
+    if source.is_dir() and os.path.lexists(path):
+        for file in sorted(source.rglob("*")):
+            if file.is_file():
+                move(file, path / file.relative_to(source))
+        shutil.rmtree(source)
         return
-    for path in sorted(source.rglob("*")):
-        if path.is_file():
-            move(path, folder / path.relative_to(source))
-    shutil.rmtree(source)
+    with in_place(path, source):
+        pass
 
 
 def remove(path: Path) -> None:
@@ -118,13 +108,6 @@ def remove(path: Path) -> None:
         path.unlink(missing_ok=True)
     else:
         record.remove(path)
-
-
-def _put(record: Record | None, source: Path, path: Path) -> None:
-    if record is None:
-        os.replace(source, path)
-    else:
-        record.put(source, path)
 
 
 def _message(path: Path, temporary: Path | None, error: OSError) -> str | None:

@@ -240,8 +240,8 @@ class Lights:
         Parameters
         ----------
         what : {"directions", "intensities", "sigmas", "positions"}
-            The hemisphere as the camera sees it; a bar a light of its relative intensity, or of the standard deviation
-            of its direction in degrees; the places of near lights in mm, from the camera and from above.
+            The hemisphere as the camera sees it; bars of each light's relative intensities, or of the standard
+            deviation of its direction in degrees; the places of near lights in mm.
 
         Raises
         ------
@@ -260,7 +260,7 @@ class Lights:
                 'lights.plot("positions"): the lights are distant: they have directions only. Positions come from '
                 "balls whose diameter_mm is given in session.toml."
             )
-        return getattr(figures, f"light_{what}")(self.facts())
+        return getattr(figures, f"light_{what}")(self)
 
     def __repr__(self) -> str:
         if self.is_unknown:

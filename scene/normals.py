@@ -38,3 +38,17 @@ def decode_normals(codes: NDArray) -> NDArray[np.float32]:
     normals = codes.astype(np.float64) / 65535 * 2 - 1
     normals[(codes == 0).all(-1)] = np.nan
     return unit(normals).astype(np.float32)
+
+
+def filled(image: NDArray, known: NDArray[np.bool_]) -> NDArray:
+    """Return a map (H, W, ...) whose pixels that are not `known` (H, W) have the nearest known one's value."""
+    from scipy.ndimage import distance_transform_edt
+
+    if known.all():
+        return image
+    nearest = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
+    out = image.copy()
+    # Row by row: numpy would make 16 bytes a pixel of the indices.
+    for row, unknown in enumerate(~known):
+        out[row, unknown] = image[nearest[0, row, unknown], nearest[1, row, unknown]]
+    return out

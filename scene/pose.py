@@ -34,7 +34,7 @@ class Pose:
     def exp(cls, twist: ArrayLike) -> "Pose":
         """Return the motion of a twist (6,): rotation vector (radians), then translation (mm).
 
-        Rotation by Rodrigues' formula; the translation is applied as it is (not the SE(3)
+        The translation is applied as it is (not the SE(3)
         exponential's V t), so that rotation and translation keep their plain meaning.
         """
         twist = np.asarray(twist, np.float64)
@@ -64,17 +64,13 @@ class Pose:
 
     def angle_deg(self) -> float:
         """Return the angle of the rotation, 0 to 180 degrees."""
-        # atan2 of sine and cosine is exact near 0 and near 180, where arccos of the trace is not.
-        skew = self.rotation - self.rotation.T
-        sine = np.linalg.norm([skew[2, 1], skew[0, 2], skew[1, 0]])
-        return float(np.degrees(np.arctan2(sine, np.trace(self.rotation) - 1)))
+        from scipy.spatial.transform import Rotation
+
+        return float(np.degrees(Rotation.from_matrix(self.rotation).magnitude()))
 
 
 def rotation_from_vector(vector: ArrayLike) -> Array:
-    """Return the (3, 3) rotation by |vector| radians about vector (Rodrigues)."""
-    vector = np.asarray(vector, np.float64)
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    # sin(a)/a and (1 - cos(a))/a^2 by numpy's sinc: no division by zero at rest.
-    return np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
+    """Return the (3, 3) rotation by |vector| radians about vector."""
+    from scipy.spatial.transform import Rotation
+
+    return Rotation.from_rotvec(np.asarray(vector, np.float64)).as_matrix()

@@ -11,7 +11,7 @@ from experiments.recipe import Dataset
 from experiments.workers import run_all
 from lab.progress import progress_bar, say
 from scene.errors import SceneError
-from scene.files import move_folder
+from scene.files import move
 from scene.output_folder import open_record
 from scene.record import Record
 
@@ -46,7 +46,7 @@ def _make(record: Record, missing: list[Dataset], processes: int | None) -> None
         for done, (one, why) in enumerate(run_all(missing, partial(make_one, unfinished), processes=processes), 1):
             if why is None:
                 with record.making(one.name, mark_of(one)):
-                    move_folder(unfinished / one.name, record.folder / one.name)
+                    move(unfinished / one.name, record.folder / one.name)
             else:
                 failed.append(f"{one.name}: {why}")
             report(done, len(missing))

@@ -12,7 +12,7 @@ from experiments.datasets.checksums import FILE, checksums_of, differences
 from experiments.datasets.write import mark_of
 from scene.current import fingerprint
 from scene.errors import SceneError
-from scene.files import move_folder, write_json
+from scene.files import move, write_json
 from scene.output_folder import open_record, read_record
 from scene.reading import json_of, listed, told
 from scene.record import Record
@@ -102,7 +102,7 @@ def add(shelf: Path, folder: Path, *, name: str | None = None, text: str = "", l
                     target = unfinished / line.split("  ", 1)[1]
                     target.parent.mkdir(parents=True, exist_ok=True)
                     shutil.copyfile(folder / line.split("  ", 1)[1], target)
-                move_folder(unfinished, place)
+                move(unfinished, place)
             # Last: a dataset without a note is a name that is free.
             write_json(note, {**asdict(entry), "linked": link, "checksums": sums, "facts": verdict.facts})
     return entry

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from scene.camera import Camera
 from scene.fan_out import fan_out
+from scene.normals import filled
 from solve.surface.integration import integrate
 
 CHUNK = 256
@@ -85,9 +85,8 @@ class Relief:
 
     def _corners(self, inside: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
         """Return the patches about each pixel and their shares, bilinear; beside the outline, the nearest serve."""
-        nearest = np.asarray(distance_transform_edt(~inside, return_distances=False, return_indices=True))
-        patch = np.cumsum(inside).reshape(inside.shape) - 1
-        patch = np.pad(patch[tuple(nearest)], ((0, 1), (0, 1)), mode="edge")
+        patch = filled(np.cumsum(inside).reshape(inside.shape) - 1, inside)
+        patch = np.pad(patch, ((0, 1), (0, 1)), mode="edge")
         row, column = np.nonzero(self._mask)
         (row, y), (column, x) = np.divmod(row, self._step), np.divmod(column, self._step)
         y, x = y / self._step, x / self._step

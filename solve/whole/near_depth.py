@@ -5,10 +5,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from scene.fan_out import fan_out
-from scene.normals import unit
+from scene.normals import filled, unit
 from solve.pixelwise import iterative
 from solve.problem import Problem
 from solve.samples import band_of, bands, samples_of, scale_of
@@ -73,7 +72,7 @@ def find_depth(problem: Problem, settings: Settings) -> Problem:
     if not np.isfinite(normals[mask]).all(-1).any():
         return replace(problem, z_mm=level)
     surface = integrate(normals, mask, camera, z_mm=reference)
-    z_mm, sigma = task.placed(_filled(surface.z_mm, mask))
+    z_mm, sigma = task.placed(np.where(mask, filled(surface.z_mm, np.isfinite(surface.z_mm)), np.nan))
     is_known = sigma < _UNKNOWN
     if not is_known:
         problem = problem.warned(
@@ -90,7 +89,7 @@ def find_depth(problem: Problem, settings: Settings) -> Problem:
             surface = integrate(normals, mask, camera, z_mm=middle, start=z_mm, hint=(hint, weight))
         else:
             surface = integrate(normals, mask, camera, z_mm=reference, start=z_mm)
-        before, z_mm = z_mm, _filled(surface.z_mm, mask)
+        before, z_mm = z_mm, np.where(mask, filled(surface.z_mm, np.isfinite(surface.z_mm)), np.nan)
         moved = float(np.percentile(np.abs(z_mm - before)[mask], 90)) / task.distance
         if moved < settings.depth_tolerance:
             break
@@ -117,13 +116,6 @@ def _cautions(surface: Surface, moved: float, tolerance: float) -> list[str]:
             "or wrong positions of the lights."
         )
     return cautions
-
-
-def _filled(z_mm: Array, mask: NDArray[np.bool_]) -> Array:
-    """Give pixels of the mask without a depth that of the nearest one with; NaN outside the mask."""
-    known = np.isfinite(z_mm)
-    nearest = np.asarray(distance_transform_edt(~known, return_distances=False, return_indices=True))
-    return np.where(mask, z_mm[tuple(nearest)], np.nan)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ import pytest
 
 from compare.report import pictures
 from compare.report.pictures import Box, Exposure
-from scene import figures
 from scene.frames import Frames
 from scene.map_pictures import data_uri
 
@@ -147,17 +146,3 @@ def test_a_crop_without_contrast_or_without_light_still_has_a_picture():
     for value in (0.0, 0.3):
         flat = np.full((9, 9, 3), value)
         assert pictures.mirror_picture(flat, flat).shape == (9, 9, 3)
-
-
-def test_the_scale_of_the_lights_stands_where_no_light_is():
-    rng = np.random.default_rng(3)
-    zenith, azimuth = rng.uniform(10, 80, 12), rng.uniform(-180, 180, 12)
-    rows = [{"zenith_deg": z, "azimuth_deg": a} for z, a in zip(zenith, azimuth, strict=True)]
-    angle = np.radians(figures._clear_angle_deg(rows, 90.0))
-    ticks = np.array([30, 60, 90]) * np.exp(1j * angle)
-    lights = zenith * np.exp(1j * np.radians(azimuth))
-    words = 99 * np.exp(1j * np.radians([0, 90, 180, 270]))
-    # A label is about 14 by 8 degrees on the page; numbers stand above their lights: +y, the imaginary part.
-    for taken in (lights, lights + 9j, words):
-        apart = ticks[:, None] - taken
-        assert ((np.abs(apart.real) > 11) | (np.abs(apart.imag) > 8)).all()

@@ -12,7 +12,7 @@ import pytest
 
 from scene.current import fingerprint
 from scene.errors import SceneError
-from scene.files import create_array, move_folder, remove, write_text
+from scene.files import create_array, move, remove, write_text
 from scene.output_folder import open_record, read_record
 
 ROOT = Path(__file__).parents[2]
@@ -296,7 +296,7 @@ def test_a_folder_takes_its_place_at_once(tmp_path):
         for name in ("a.txt", "b/c.txt"):
             write_text(source / name, name)
         with record.making("work", "1"):
-            move_folder(source, record.folder / "made")
+            move(source, record.folder / "made")
         assert record.is_current("work", "1")
         remove(record.folder / "made" / "a.txt")
         assert not record.files_of("work")[1:]

@@ -9,7 +9,7 @@ from compare.report.twin_section import material_words
 from scene.camera import Camera
 from scene.frames import Frames
 from scene.mesh import Mesh
-from scene.normals import unit
+from scene.normals import filled, unit
 from scene.pose import Pose
 from tests.twin.test_fit_material import SIDE, WHITE, dome, made
 from twin.description.description import Sampling, TwinObject, TwinScene
@@ -23,7 +23,6 @@ from twin.material.material_light import material_scene
 from twin.material.material_places import Places, material_places
 from twin.material.material_regions import TURN, Neighbours
 from twin.material.material_samples import Samples, inner_pixels
-from twin.material.measured_albedo import filled
 from twin.material.reflection_models import coat, reflected
 from twin.material.scan_material import albedo_of, scan_material
 from twin.visibility import Sight

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from scene.lights import Lights
+from scene.normals import filled
 from twin.material.coat_search import TRIED
 from twin.material.fit_material import MaterialFit, fit_material, robust
 from twin.material.material_kernels import reduced
 from twin.material.material_noise import Noise, deviances, inflation, noise_of, student_weights
 from twin.material.material_regions import Neighbours
 from twin.material.material_samples import FEWEST, Samples
-from twin.material.measured_albedo import filled
 
 Array = NDArray[np.float64]
 Labels = NDArray[np.intp]

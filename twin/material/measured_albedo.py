@@ -1,7 +1,6 @@
 """The measured albedo on the scan: the photographs' own pixels as a texture, at their full resolution."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from scene.camera import Camera
 from scene.errors import RenderError
 from scene.mesh import Mesh
+from scene.normals import filled
 from scene.spheres import WHITE_BALL_ALBEDO
 from twin.description.materials import Texture
 from twin.description.object_mesh import ObjectMesh
@@ -154,18 +154,4 @@ def albedo_at_the_surface(
         # A pixel that no light lights has no albedo to be corrected.
         factor = np.divide(square, both, out=np.ones_like(both), where=both > 0)
         out[band, columns][seen] *= factor[:, None].astype(np.float32)
-    return out
-
-
-def filled(image: NDArray, known: NDArray[np.bool_]) -> NDArray:
-    """Return an image (H, W, ...) whose pixels that are not `known` (H, W) have the nearest known one's value."""
-    from scipy.ndimage import distance_transform_edt
-
-    if known.all():
-        return image
-    nearest: Any = distance_transform_edt(~known, return_distances=False, return_indices=True)
-    out = image.copy()
-    # Row by row: numpy would make 16 bytes a pixel of the indices.
-    for row, unknown in enumerate(~known):
-        out[row, unknown] = image[nearest[0, row, unknown], nearest[1, row, unknown]]
     return out
