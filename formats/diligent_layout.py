@@ -179,10 +179,6 @@ def _check_directions(found: Layout) -> None:
     if table is None:
         return
     length = np.linalg.norm(table, axis=1)
-    if length.min() < 1e-6:
-        found.faults.append(f"{name}: row {listed(np.flatnonzero(length < 1e-6) + 1)} is zero. Give a direction.")
-        found.directions = None
-        return
     off = np.flatnonzero(np.abs(length - 1) > _UNIT) + 1
     if len(off):
         places = " They look like positions: this layout holds directions." if np.median(length) > 3 else ""
@@ -191,13 +187,14 @@ def _check_directions(found: Layout) -> None:
             f"{' (the first)' if len(off) > 1 else ''}, expected 1: unit vectors toward the lights.{places} Divide "
             "each row by its length."
         )
+    if not length.all():
+        found.directions = None
+        return
     table = found.directions = table / length[:, None]
-    singular = np.linalg.svd(table, compute_uv=False)
-    if len(table) < 3 or singular[2] < 0.02 * singular[0]:
-        found.faults.append(
-            f"{name}: {len(table)} lights whose directions span no space (smallest to largest singular value "
-            f"{singular[-1] / singular[0]:.4f}, expected above 0.02). Three that are not in one plane are the least."
-        )
+    try:
+        Lights(("",) * len(table), table, np.ones_like(table)).check()
+    except SceneError as error:
+        found.faults.append(f"{name}: {error}")
 
 
 def _check_intensities(found: Layout) -> None:
@@ -236,7 +233,6 @@ def _read_normals(found: Layout) -> None:
     height, width = found.mask.shape
     values = found.read(read_normal_map, name, height, width)
     if values is None:
-        found.faults[-1] += _is_turned(found, name, height, width)
         return
     values = values.astype(np.float64)
     bad = np.asarray(~np.isfinite(values).all(-1))
@@ -256,17 +252,6 @@ def _read_normals(found: Layout) -> None:
     if holes and not name.endswith(".png"):
         found.notes.append(f"{name}: {holes} pixels under the mask are NaN or infinite: no normal.")
     found.normals = np.where(known[..., None], values / np.maximum(length, 1e-9)[..., None], np.nan)
-
-
-def _is_turned(found: Layout, name: str, height: int, width: int) -> str:
-    """Return a hint where a map has the size of one that is transposed."""
-    if height == width or name == "normal.txt":
-        return ""
-    try:
-        read_normal_map(found.folder / name, width, height)
-    except SceneError:
-        return ""
-    return f" It has the size of a transposed map: store {height} rows of {width} pixels."
 
 
 def _are(things) -> str:

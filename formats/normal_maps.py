@@ -40,9 +40,10 @@ def read_normal_map(path: Path, height: int, width: int) -> NDArray:
     with reading(path, "cannot be read as a normal map", do="Save it again."):
         values = readers[suffix](path, height, width)
     if values.shape != (height, width, 3):
+        turned = values.shape == (width, height, 3)
         raise SceneError(
-            f"{path}: found an array of {' x '.join(map(str, values.shape))}, expected {height} x {width} x 3, "
-            "the size of the frames."
+            f"{path}: found an array of {' x '.join(map(str, values.shape))}, expected {height} x {width} x 3, the "
+            f"size of the frames.{' It is transposed: store rows as the photographs lie.' if turned else ''}"
         )
     return values
 

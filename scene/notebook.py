@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     import pandas
 
 MOST_ROWS = 12
-"""Of a longer table the first rows are shown."""
+"""Of a longer table the first and the last rows are shown."""
 
 
 def data_frame(rows: Sequence[dict[str, Any]]) -> "pandas.DataFrame":
@@ -22,14 +22,6 @@ def data_frame(rows: Sequence[dict[str, Any]]) -> "pandas.DataFrame":
 
 def table_html(rows: Sequence[dict[str, Any]], caption: str) -> str:
     """Return rows as a small HTML table; numbers with four digits, None as a dash."""
-    heads = "".join(f"<th>{escape(name)}</th>" for name in (rows[0] if rows else ()))
-    lines = ("".join(f"<td>{escape(_cell(value))}</td>" for value in row.values()) for row in rows[:MOST_ROWS])
-    body = "".join(f"<tr>{line}</tr>" for line in lines)
-    more = f"<p>and {len(rows) - MOST_ROWS} more</p>" if len(rows) > MOST_ROWS else ""
-    return f"<p>{escape(caption)}</p><table><thead><tr>{heads}</tr></thead><tbody>{body}</tbody></table>{more}"
-
-
-def _cell(value: Any) -> str:
-    if value is None or value != value:
-        return "–"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    how = {"index": False, "border": 0, "max_rows": MOST_ROWS, "show_dimensions": True}
+    frame = data_frame(rows).fillna(float("nan"))
+    return f"<p>{escape(caption)}</p>{frame.to_html(**how, na_rep='–', float_format='{:.4g}'.format)}"
