@@ -3,7 +3,7 @@
 import hashlib
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib import metadata
@@ -71,15 +71,11 @@ def _feed(value: Any, update: Callable[[Any], Any], digest: Callable[[Path], str
         update(f"{value!r} ".encode())
 
 
-def paths_in(value: Any) -> Iterator[Path]:
-    """Yield the paths in a value, as `fingerprint` meets them."""
-    if isinstance(value, Path):
-        yield value
-    elif is_dataclass(value) and not isinstance(value, type):
-        yield from paths_in([getattr(value, field.name) for field in fields(value)])
-    elif isinstance(value, tuple | list):
-        for part in value:
-            yield from paths_in(part)
+def paths_in(value: Any) -> list[Path]:
+    """Return the paths in a value, as `fingerprint` meets them."""
+    found: list[Path] = []
+    fingerprint(value, digest=found.append)
+    return found
 
 
 def blocks_digest(path: Path) -> str | None:

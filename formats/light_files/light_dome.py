@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 from formats.light_files.light_frames import Photographs, dome_depth_mm, dome_image_width_mm, dome_origin, nameless
 from formats.light_files.light_json import parsed
 from scene.camera import Camera
-from scene.errors import CalibrationError
 from scene.lights import Lights
-from scene.reading import numbers, reading
+from scene.reading import numbers
 
 Array = NDArray[np.float64]
 NO_SCALE = "its positions in mm are not used: they need [camera], and imageWidth in the file"
@@ -34,31 +33,25 @@ def read_dome(path: Path, camera: Camera | None) -> Lights:
     """
     data = parsed(path)
     kind = data.get("lightConfiguration", "directional")
-    expected = "Expected lightConfiguration and directions[], positionsSphere[] or positions3d[] of {x, y, z}."
-    with reading(path, "not a RelightLab dome", CalibrationError, do=expected):
-        if kind == "directional":
-            positions, directions = None, _vectors(data["directions"], "xyz")
-        elif kind == "spherical":
-            positions = _vectors(data.get("positionsSphere") or [], "xyz")
-            if not len(positions):
-                turned = _vectors(data["directions"], "xyz") * (float(data["domeDiameter"]) / 2)
-                positions = turned + [0, 0, float(data.get("verticalOffset", 0))]
-            directions = positions
-        elif kind == "lights3d":
-            positions = directions = _vectors(data["positions3d"], "xyz")
-        else:
-            raise CalibrationError(
-                f"{path}: lightConfiguration is {kind!r}, expected directional, spherical or lights3d."
-            )
-        adjust = _vectors(data.get("ledAdjust") or [], "rgb")
-        width_mm = float(data.get("imageWidth") or 0)
-        names = tuple(str(name) for name in data.get("names") or nameless(len(directions)))
+    if kind == "directional":
+        positions, directions = None, _vectors(data["directions"], "xyz")
+    elif kind == "spherical":
+        positions = _vectors(data.get("positionsSphere") or [], "xyz")
+        if not len(positions):
+            turned = _vectors(data["directions"], "xyz") * (float(data["domeDiameter"]) / 2)
+            positions = turned + [0, 0, float(data.get("verticalOffset", 0))]
+        directions = positions
+    elif kind == "lights3d":
+        positions = directions = _vectors(data["positions3d"], "xyz")
+    else:
+        raise ValueError(f"lightConfiguration is {kind!r}, expected directional, spherical or lights3d")
+    adjust = _vectors(data.get("ledAdjust") or [], "rgb")
+    width_mm = float(data.get("imageWidth") or 0)
+    names = tuple(str(name) for name in data.get("names") or nameless(len(directions)))
     if len(adjust) not in (0, len(directions)) or len(names) != len(directions):
-        raise CalibrationError(
-            f"{path}: {len(directions)} lights, but {len(adjust)} entries in ledAdjust, {len(names)} names."
-        )
+        raise ValueError(f"{len(directions)} lights, but {len(adjust)} entries in ledAdjust, {len(names)} names")
     if (adjust <= 0).any():
-        raise CalibrationError(f"{path}: ledAdjust must be positive, found {adjust.min():g}.")
+        raise ValueError(f"ledAdjust must be positive, found {adjust.min():g}")
     intensities = 1 / adjust if len(adjust) else np.full_like(directions, np.nan)
     if positions is None:
         return Lights(names, directions, intensities)

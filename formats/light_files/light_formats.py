@@ -13,23 +13,41 @@ from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.files import write_json, write_text, write_whole
 from scene.lights import Lights
+from scene.reading import reading
 
 
 class LightFormat(NamedTuple):
     """One format; `write` returns {file name: text, bytes or JSON} and what the format cannot say of the lights."""
 
     suffix: str
+    expected: str
     read: Callable[[Path, Camera | None], Lights]
     write: Callable[[Lights, Photographs], tuple[dict[str, Any], list[str]]]
     has_positions: bool = False
 
 
 FORMATS = {
-    "lp": LightFormat(".lp", read_lp, write_lp),
-    "alicevision": LightFormat(".json", read_json, write_alicevision),
-    "diligent": LightFormat(".txt", read_diligent, write_tables),
-    "dome": LightFormat(".dome", read_dome, write_dome, has_positions=True),
-    "mat": LightFormat(".mat", read_mat, write_mat, has_positions=True),
+    "lp": LightFormat(
+        ".lp", "the number of lights, then a line each: name x y z, with a point for decimals", read_lp, write_lp
+    ),
+    "alicevision": LightFormat(
+        ".json",
+        "frames[] (this program's) with name, direction, intensity and, for near lights, position_mm, or lights[] "
+        "(AliceVision's) with viewId or lightId, type, direction[3] and intensity[3]",
+        read_json,
+        write_alicevision,
+    ),
+    "diligent": LightFormat(".txt", "three numbers a line, one line a photograph", read_diligent, write_tables),
+    "dome": LightFormat(
+        ".dome",
+        "lightConfiguration and directions[], positionsSphere[] or positions3d[] of {x, y, z}",
+        read_dome,
+        write_dome,
+        has_positions=True,
+    ),
+    "mat": LightFormat(
+        ".mat", "S (n x 3, mm), Phi (n x 3 or n x 1), mu (n x 1)", read_mat, write_mat, has_positions=True
+    ),
 }
 """`.lp` of the RTI programs; AliceVision's (Meshroom's) lights, and of the same suffix this program's lights.json;
 DiLiGenT's tables; RelightLab's dome; light.mat and camera.mat of near_ps."""
@@ -50,7 +68,9 @@ def read_light_file(path: Path, camera: Camera | None) -> Lights:
             f"{path}: lights in {path.suffix or 'a file without suffix'} are not known; expected one of "
             f"{', '.join(SUFFIXES)} (.txt: DiLiGenT's light_directions.txt)."
         )
-    return next(known for known in FORMATS.values() if known.suffix == suffix).read(path, camera)
+    known = next(known for known in FORMATS.values() if known.suffix == suffix)
+    with reading(path, "cannot be read as lights", CalibrationError, do=f"Expected {known.expected}."):
+        return known.read(path, camera)
 
 
 def export_lights(

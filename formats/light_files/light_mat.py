@@ -12,7 +12,7 @@ from scene.camera import Camera
 from scene.errors import CalibrationError
 from scene.light_text import BY_COLUMN
 from scene.lights import Lights
-from scene.reading import numbers, reading, shortened
+from scene.reading import numbers, shortened
 
 USUAL_DEPTH_MM = 700.0
 """Where near_ps takes the object to stand when it is not told."""
@@ -30,20 +30,18 @@ def read_mat(path: Path, camera: Camera | None = None) -> Lights:
     data = arrays_of_mat(path, error=CalibrationError)
     if "S" not in data:
         found = shortened(", ".join(sorted(data))) or "nothing"
-        raise CalibrationError(f"{path}: holds {found}; expected S (n x 3, mm), and Phi, mu, Dir.")
-    shapes = "has S, Phi or mu of a strange shape"
-    with reading(path, shapes, CalibrationError, do="Expected n x 3, n x 3, n x 1."):
-        places, phi = (np.asarray(data.get(key, np.nan), np.float64) for key in ("S", "Phi"))
-        by_column = places.ndim == 2 and len(places) == 3 != places.shape[1]
-        positions = from_opencv(places.T if by_column else places)
-        phi = phi.reshape(-1, 1) if phi.size in (1, len(positions)) else phi.T if by_column else phi
-        if positions.shape[1] != 3 or (phi.size > 1 and len(phi) != len(positions)):
-            raise ValueError(f"S {places.shape}, Phi {phi.shape}")
-        power = np.broadcast_to(phi, positions.shape)
-        bent = float(np.max(np.abs(np.asarray(data.get("mu", 0.0), np.float64)), initial=0.0))
-        names = tuple(str(name) for name in np.ravel(data.get("names", ())))
-        known = "reference" in data
-        reference = from_opencv(numbers(np.ravel(data.get("reference", [0, 0, USUAL_DEPTH_MM])), 3))
+        raise ValueError(f"it holds {found}, no S")
+    places, phi = (np.asarray(data.get(key, np.nan), np.float64) for key in ("S", "Phi"))
+    by_column = places.ndim == 2 and len(places) == 3 != places.shape[1]
+    positions = from_opencv(places.T if by_column else places)
+    phi = phi.reshape(-1, 1) if phi.size in (1, len(positions)) else phi.T if by_column else phi
+    if positions.shape[1] != 3 or (phi.size > 1 and len(phi) != len(positions)):
+        raise ValueError(f"S {places.shape}, Phi {phi.shape}")
+    power = np.broadcast_to(phi, positions.shape)
+    bent = float(np.max(np.abs(np.asarray(data.get("mu", 0.0), np.float64)), initial=0.0))
+    names = tuple(str(name) for name in np.ravel(data.get("names", ())))
+    known = "reference" in data
+    reference = from_opencv(numbers(np.ravel(data.get("reference", [0, 0, USUAL_DEPTH_MM])), 3))
     flag = (f"{path.name} {BY_COLUMN}",) if by_column else ()
     flag += () if known else (f"the object is taken to stand {USUAL_DEPTH_MM:g} mm away: {path.name} does not tell",)
     if bent:

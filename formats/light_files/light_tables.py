@@ -18,24 +18,15 @@ def read_lp(path: Path, camera: Camera | None = None) -> Lights:
     text = text_of(path, error=CalibrationError, names=True)
     first, *rows = [line.strip() for line in text.splitlines() if line.strip()] or [""]
     if not re.fullmatch(r"\d{1,9}", first):
-        raise CalibrationError(f"{path}: line 1 must be the number of lights, found {shortened(first, 40)!r}.")
+        raise ValueError(f"line 1 must be the number of lights, found {shortened(first, 40)!r}")
     if len(rows) != int(first):
-        raise CalibrationError(f"{path}: line 1 says {int(first)} lights, but {len(rows)} follow.")
+        raise ValueError(f"line 1 says {int(first)} lights, but {len(rows)} follow")
     parts = [row.rsplit(None, 3) for row in rows]
     bad = next((i for i, part in enumerate(parts) if len(part) < 4), None)
     if bad is not None:
-        raise CalibrationError(
-            f"{path}: light {bad + 1} is {shortened(rows[bad])!r}; expected: name x y z, with blanks between."
-        )
-    directions = np.array([[_number(path, word) for word in part[1:]] for part in parts]).reshape(-1, 3)
+        raise ValueError(f"light {bad + 1} is {shortened(rows[bad])!r}, not: name x y z, with blanks between")
+    directions = np.array([part[1:] for part in parts], np.float64).reshape(-1, 3)
     return Lights(tuple(part[0] for part in parts), directions, np.full_like(directions, np.nan))
-
-
-def _number(path: Path, word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise CalibrationError(f"{path}: {shortened(word)!r} is not a number. Write a point for decimals.") from None
 
 
 def write_lp(lights: Lights, shot: Photographs) -> tuple[dict[str, str], list[str]]:

@@ -99,7 +99,7 @@ def test_own_json_comes_back_whole(tmp_path, near):
         ("l.lp", "4\na 0 0 1\n", "line 1 says 4 lights, but 1 follow"),
         ("l.lp", "flash_000 0 0 1\n", "number of lights"),
         ("l.lp", "3\na 0 0 0\nb 0 1 1\nc 1 0 1\n", "no direction"),
-        ("l.lp", "3\na 0 x 1\nb 0 1 1\nc 1 0 1\n", "'x' is not a number"),
+        ("l.lp", "3\na 0 x 1\nb 0 1 1\nc 1 0 1\n", "float: 'x'"),
         ("l.lp", "3\na 0 nan 1\nb 0 1 1\nc 1 0 1\n", "not a finite number"),
         ("l.lp", "3\nflash_000 0 0 1\nflash_001 0 1 1\nother 1 0 1\n", "no light for the frame 'flash_002'"),
         ("l.txt", "0 0 1\n0 1\n1 0 1\n", "line 2 is '0 1'"),
@@ -107,7 +107,7 @@ def test_own_json_comes_back_whole(tmp_path, near):
         ("l.json", json.dumps({"lights": []}), "holds no lights"),
         ("l.json", "{", "not JSON"),
         ("l.json", "[1]", "holds a list"),
-        ("l.json", "{}", "not a lights.json"),
+        ("l.json", "{}", r"its keys are none\)\. Expected frames"),
         ("l.xyz", "", "not known"),
     ],
 )

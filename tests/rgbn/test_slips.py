@@ -172,10 +172,12 @@ def test_a_light_file(session):
     assert "no light for the frame 'flash_011': 11 lights for 12 flash frames" in few
     assert "frames.skip" in few
     assert "14 lights for 12 flash frames" in told([f"lamp_{row}" for row in (*sound, *sound[:2])])
-    assert "light 1 is 'flash_000.dng 0.1,0.2,0.9'; expected: name x y z, with blanks" in told(
+    assert "light 1 is 'flash_000.dng 0.1,0.2,0.9', not: name x y z, with blanks" in told(
         [f"{name}.dng 0.1,0.2,0.9" for name in names]
     )
-    assert "'0,1' is not a number. Write a point" in told([f"{name}.dng 0,1 0,2 0,9" for name in names])
+    assert "'0,1'). Expected the number of lights, then a line each: name x y z, with a point" in told(
+        [f"{name}.dng 0,1 0,2 0,9" for name in names]
+    )
     assert "light 3 has no direction" in told([*sound[:2], "flash_002.dng 0 0 0", *sound[3:]])
 
 
