@@ -384,14 +384,14 @@ def test_damaged_files_are_refused_with_what_was_found(tmp_path):
         "property float z\nelement range_grid 2\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0\n0\n"
     )
     cases = {
-        "'zero' is not a number": write("word.obj", "v 0 0 zero\nf 1 1 1\n"),
+        "float: b?'zero'": write("word.obj", "v 0 0 zero\nf 1 1 1\n"),
         "OBJ counts from 1": write("nought.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n"),
         "faces name vertices 0 to 3, and there are 3": write("high.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 4\n"),
         "faces name vertices -1": write("low.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 -4\n"),
         "a line v has fewer than 3 numbers": write("flat.obj", "v 0 0\nv 1 0\nf 1 2 1\n"),
-        "'0,5' is not a number": write("comma.obj", "v 0,5 0 0\n"),
+        "float: b?'0,5'": write("comma.obj", "v 0,5 0 0\n"),
         "it is binary": write("binary.off", "OFF BINARY\n\0\0"),
-        "'BREP' is not a number": write("word.off", "BREP\n"),
+        "float: b?'BREP'": write("word.off", "BREP\n"),
         "were promised": write("short.off", "OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"),
         "fewer corners": write("corner.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n4 0 1 2\n"),
         "faces name vertices -1 to 2": write("below.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 -1 2\n"),
