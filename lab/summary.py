@@ -4,10 +4,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from formats.csv_text import csv_text
 from lab.job import Job
 from scene.current import libraries
 from scene.files import remove, write_json, write_text
+from scene.notebook import csv_text
 from scene.store import Store
 
 TWIN_TIME = "twin_processor_seconds"

@@ -1,4 +1,4 @@
-"""What a notebook shows of a result: a small table, and the same rows as a pandas DataFrame."""
+"""Tables of results: small in a notebook, as a pandas DataFrame, as CSV, which every spreadsheet opens."""
 
 from collections.abc import Sequence
 from html import escape
@@ -25,3 +25,9 @@ def table_html(rows: Sequence[dict[str, Any]], caption: str) -> str:
     how = {"index": False, "border": 0, "max_rows": MOST_ROWS, "show_dimensions": True}
     frame = data_frame(rows).fillna(float("nan"))
     return f"<p>{escape(caption)}</p>{frame.to_html(**how, na_rep='–', float_format='{:.4g}'.format)}"
+
+
+def csv_text(rows: Sequence[dict[str, Any]]) -> str:
+    """Return rows as CSV: the keys of the first in the first line, nothing where a value is None."""
+    # Nine digits: what the numbers are worth, and more.
+    return data_frame(rows).to_csv(index=False, float_format="%.9g", lineterminator="\n")

@@ -13,7 +13,6 @@ from experiments.datasets.run_methods import NO_ERROR
 from experiments.datasets.shelf import Entry, entries
 from experiments.datasets.site_pages import Shown, dataset_page, index_page
 from experiments.tables import DATASETS, Rows, grouped
-from formats.csv_text import csv_text
 from formats.diligent_layout import Layout, read_layout
 from formats.pictures import read_values
 from lab.progress import progress_bar
@@ -22,6 +21,7 @@ from scene.errors import SceneError
 from scene.files import write_text
 from scene.image_files import read_pixels
 from scene.map_pictures import Image
+from scene.notebook import csv_text
 from scene.output_folder import open_record
 from scene.reading import array_of
 
