@@ -33,13 +33,6 @@ def encode_normals(normals: NDArray) -> NDArray[np.uint16]:
     return codes
 
 
-def decode_normals(codes: NDArray) -> NDArray[np.float32]:
-    """Invert `encode_normals`: unit float32, NaN where the code is 0, 0, 0."""
-    normals = codes.astype(np.float64) / 65535 * 2 - 1
-    normals[(codes == 0).all(-1)] = np.nan
-    return unit(normals).astype(np.float32)
-
-
 def filled(image: NDArray, known: NDArray[np.bool_]) -> NDArray:
     """Return a map (H, W, ...) whose pixels that are not `known` (H, W) have the nearest known one's value."""
     from scipy.ndimage import distance_transform_edt

@@ -20,10 +20,6 @@ class Pose:
         return f"pose, turned by {self.angle_deg():.2f} degrees, moved by ({x:.2f}, {y:.2f}, {z:.2f}) mm"
 
     @classmethod
-    def identity(cls) -> "Pose":
-        return cls(np.eye(4))
-
-    @classmethod
     def from_rotation_translation(cls, rotation: ArrayLike, translation: ArrayLike) -> "Pose":
         matrix = np.eye(4)
         matrix[:3, :3] = rotation

@@ -39,7 +39,7 @@ def test_the_flow_follows_the_points(world):
     points = world.pose.apply(world.mesh.vertices[::50])
     pivot = world.pose.apply(world.mesh.center_mm)
     twist = np.array([2e-4, -3e-4, 1e-4, 0.02, -0.03, 0.05])
-    moved = nudge(Pose.identity(), twist, pivot).apply(points)
+    moved = nudge(Pose(np.eye(4)), twist, pivot).apply(points)
     expected = camera.project(moved) - camera.project(points)
     np.testing.assert_allclose(image_flow(camera, points, pivot) @ twist, expected, atol=2e-3 * np.abs(expected).max())
 

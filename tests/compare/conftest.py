@@ -117,7 +117,7 @@ def make_session(
     store.save_camera(camera)
     store.save_spheres(balls, camera)
     store.save_lights(lights)
-    store.save_pose(Pose.identity(), residual_px=0.62, sigma_mm=0.11, sigma_deg=0.21)
+    store.save_pose(Pose(np.eye(4)), residual_px=0.62, sigma_mm=0.11, sigma_deg=0.21)
     store.save_mask(mask)
     store.save_truth(truth, np.where(mask, 0.4, np.nan))
     seen: list[list[Any]] = []

@@ -100,7 +100,7 @@ def test_known_points_are_rendered_where_the_camera_projects_them(sign, change):
     wanted = np.stack([u, v], -1).reshape(-1, 2)
     points = np.array([camera.points_at_depth(p, z) for p, z in zip(wanted, np.linspace(-330, -270, 9), strict=True)])
     mesh = squares(points, 3.0 if not camera.is_orthographic else 4.0)
-    image = render(mesh, Pose.identity(), camera, distant([0, 0, 1]), flat(camera)).frames.frame(0)[..., 1]
+    image = render(mesh, Pose(np.eye(4)), camera, distant([0, 0, 1]), flat(camera)).frames.frame(0)[..., 1]
     rows, columns = np.mgrid[:80, :96]
     for p in wanted:
         weight = image * (np.hypot(columns - p[0], rows - p[1]) < 7)
@@ -153,7 +153,7 @@ def test_a_plane_under_a_near_light_has_the_right_energy():
     camera = CAMERA
     mesh = squares(np.array([[0.0, 0.0, -300.0]]), 400.0)
     lights = near([40.0, 70.0, -180.0], at=[20.0, -30.0, -280.0])
-    image = render(mesh, Pose.identity(), camera, lights, flat(camera, 0.3), max_depth=2).frames.frame(0)
+    image = render(mesh, Pose(np.eye(4)), camera, lights, flat(camera, 0.3), max_depth=2).frames.frame(0)
     points = camera.points_at_depth(camera.grid(), -300.0).reshape(-1, 3)
     expected = 0.3 * lights.at(points)[0][..., 2].reshape(80, 96, 3)
     assert np.isclose(image.mean(), expected.mean(), rtol=2e-3)
@@ -168,7 +168,7 @@ def test_a_cast_shadow_falls_where_the_light_throws_it():
     vertices[4:] = plate + (vertices[4:] - plate) * (8.0 / 200.0)
     position = np.array([110.0, 75.0, -100.0])
     lights = near(position, at=[0.0, 0.0, -300.0])
-    image = render(Mesh(vertices, wall.faces), Pose.identity(), CAMERA, lights, flat(CAMERA), max_depth=2)
+    image = render(Mesh(vertices, wall.faces), Pose(np.eye(4)), CAMERA, lights, flat(CAMERA), max_depth=2)
     image = image.frames.frame(0)[..., 0]
     scale = (position[2] + 300) / (position[2] + 260)
     # A plate parallel to the wall throws a square, whose middle is the plate's middle carried along.
@@ -206,7 +206,7 @@ def test_interreflection_in_a_bowl_is_that_of_an_integrating_sphere():
     r, f = 0.6, 0.5
     inside = np.linalg.norm(camera.grid() - 19.5, axis=-1) < 0.36 * 42
     for depth, expected in ((2, r * f), (3, r * f * (1 + r * (1 - f))), (12, r * f / (1 - r * (1 - f)))):
-        rendered = render(shape, Pose.identity(), camera, sky, flat(camera, r), samples_per_pixel=16, max_depth=depth)
+        rendered = render(shape, Pose(np.eye(4)), camera, sky, flat(camera, r), samples_per_pixel=16, max_depth=depth)
         radiance = rendered.frames.read().mean(0)[inside].mean() * 2
         assert radiance == pytest.approx(expected, rel=0.01), depth
 
@@ -220,7 +220,7 @@ def test_the_white_ball_sets_interreflection_and_never_the_direct_light():
 
     def mean(white, depth):
         rendered = render(
-            corner, Pose.identity(), CAMERA, lights, flat(CAMERA), white_value=np.full(3, white), max_depth=depth
+            corner, Pose(np.eye(4)), CAMERA, lights, flat(CAMERA), white_value=np.full(3, white), max_depth=depth
         )
         return rendered.frames.read().mean()
 
