@@ -72,9 +72,10 @@ def open_record(
             yield record
         finally:
             _active.remove(record)
-            # What files looked like spares the next run reading them; all else is saved already.
+            # All else is saved already.
             with suppress(SceneError):
-                record.save()
+                if record.has_learnt:
+                    record.save()
 
 
 def own_folder(folder: Path, origin: Origin) -> Path:
