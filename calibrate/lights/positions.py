@@ -1,18 +1,20 @@
 """From highlights to lights, distant or near, robustly; with the covariance of all that was adjusted."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import least_squares
 
 from calibrate.lights.adjustment import STEP, Adjustment, Observed
-from calibrate.lights.least_squares import minimum
 from calibrate.silhouette.outline import difference
 from scene.camera import Camera
 from scene.spheres import Sphere
 
 Array = NDArray[np.float64]
-BENDS = 2.0, np.inf, np.inf, np.inf  # sigmas from which on residuals count in proportion, in each round
+ROUNDS = (("soft_l1", 2.0), ("linear", 1.0), ("linear", 1.0), ("linear", 1.0))
+"""Loss, and sigmas from which on residuals count in proportion, in each round."""
 INLIER_SIGMAS, INLIER_PX = 5.0, 0.25
 CONTRADICTION_PX = 1.0
 """Miss from which one of two balls is left out, which costs the light's range: a reflection of something else misses
@@ -72,8 +74,10 @@ def fit_lights(seen: Observed, *, near: bool) -> LightFit:
     problem = Adjustment(seen, near=near)
     x = problem.start()
     shown = np.isfinite(seen.highlights[..., 0])
-    for bend in BENDS:
-        x = minimum(problem, x, bend=bend)
+    for loss, reach in ROUNDS:
+        # By name through a dict: the type stub takes no function for the Jacobian.
+        options: dict[str, Any] = {"jac": problem.slopes, "x_scale": "jac", "loss": loss, "f_scale": reach}
+        x = least_squares(problem.residuals, x, **options).x
         size = np.linalg.norm(problem.residual_pixels(x), axis=-1)
         square = np.nanmedian((size / seen.sigma_px)[problem.used] ** 2) / MEDIAN_SQUARE
         least = np.where(shown.sum(0) < 3, CONTRADICTION_PX, INLIER_PX)

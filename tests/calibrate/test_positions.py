@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import minimize
 
 from calibrate.calibration import Notes
 from calibrate.lights.adjustment import Adjustment, Observed
 from calibrate.lights.directions import mirrored_rays, ray_meeting
-from calibrate.lights.least_squares import minimum
 from calibrate.lights.light_model import choose_model
 from calibrate.lights.positions import fit_lights
 from calibrate.lights.shading import SURROUNDINGS_DEG, Shading
@@ -229,23 +228,6 @@ def test_derivatives(scene, near, exact):
     steps = 1e-4 * np.eye(len(x))
     difference = np.stack([(problem.residuals(x + s) - problem.residuals(x - s)) / 2e-4 for s in steps], 1)
     np.testing.assert_allclose(problem.slopes(x), difference, rtol=1e-3, atol=1e-5 * np.abs(difference).max())
-
-
-@pytest.mark.parametrize(("near", "bend"), [(True, 2.0), (True, np.inf), (False, np.inf)])
-def test_the_minimum_is_that_of_another_solver(scene, near, bend):
-    _, highlights = scene
-    rng = np.random.default_rng(5)
-    noisy = highlights + 0.3 * rng.normal(size=highlights.shape)
-    noisy[0, 2] += 2.0
-    sigma, covariances = np.full((3, 8), 0.1), [0.08**2 * np.eye(3)] * 3
-    camera = replace(CAMERA, focal_sigma=0.02)
-    problem = Adjustment(Observed(camera, _spheres(3, rng, 0.1), covariances, noisy, sigma, REFERENCE), near=near)
-    x = minimum(problem, problem.start(), bend=bend)
-    loss, size = ("linear", 1.0) if np.isinf(bend) else ("soft_l1", bend)
-    other = least_squares(problem.residuals, x, problem.slopes, loss=loss, f_scale=size, xtol=1e-12, ftol=1e-12)
-    sigmas = np.sqrt(np.diag(np.linalg.inv(problem.slopes(x).T @ problem.slopes(x))))
-    within = 1e-3 if np.isinf(bend) else 0.3  # a bent one is where the next begins
-    assert np.all(np.abs(x - other.x) < within * sigmas)
 
 
 def test_lights_that_two_balls_contradict_do_not_run_away(scene):
