@@ -94,7 +94,8 @@ PRESETS = {
         "https://github.com/satoshi-ikehata/SDM-UniPS-CVPR2023", "sdm_unips/main.py",
         (
             "{program}/sdm_unips/main.py", "--session_name", "{out}", "--test_dir", "{data}/..", "--test_ext", ".data",
-            "--test_prefix", "L*", "--checkpoint", "{program}/checkpoint", "--target", "normal", "--max_image_num", "16",
+            "--test_prefix", "L*", "--checkpoint", "{program}/checkpoint", "--target", "normal",
+            "--max_image_num", "16",
         ),
         "object.data", "L{:04d}.png", "results/object.data/normal.png", weights="checkpoint/normal/*.pytmodel",
     ),

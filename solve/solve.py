@@ -117,7 +117,7 @@ def solve(
     spent = since(start)
     cautions = (*problem.cautions, *cautions_of(mask, normals, samples, condition, dark))
     if not what.is_calibrated:
-        from solve.inverted_relief import relief_cautions
+        from solve.axes import relief_cautions
 
         cautions += relief_cautions(normals, frames, lights, camera, mask)
     return Estimate(

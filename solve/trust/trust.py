@@ -15,10 +15,10 @@ from solve.method_names import FAMILIES, METHODS, UNCALIBRATED
 from solve.problem import Problem
 from solve.samples import GRAY
 from solve.solve import solve
+from solve.thinning import at_pixels, step_for, thinned
 from solve.trust.answer_world import Material, World, world_of
 from solve.trust.corrected import joined
 from solve.trust.held_out import unexplained
-from solve.trust.thinning import at_pixels, step_for, thinned
 
 SAMPLES, PIXELS, JUDGED = 150_000, (2_500, 9_000), 2_000
 """Pixels times frames of the world; its pixels, least and most; pixels that the photographs judge."""

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from scene.normals import angular_error_deg, unit
+from solve.thinning import at_pixels
 from solve.trust.corrected import joined
-from solve.trust.thinning import at_pixels
 
 TRUE = unit(np.random.default_rng(1).normal(size=(50, 3)) * [0.5, 0.5, 0.1] + [0, 0, 1])
 
