@@ -54,7 +54,7 @@ class Trust:
     level : tuple of str
         Those that predict some third of the frames better than the recommended one does.
     relative_rmse : float
-        By how much lit samples differ from those that the recommended one predicts, of their root mean square.
+        By how much lit samples differ from those that its normals by all frames predict, of their root mean square.
     doubts : tuple of str
         Why the order should not be believed.
     """
@@ -104,17 +104,19 @@ def trust(
     if len(frames) < FEWEST:
         raise SceneError(f"trust: found {len(frames)} frames; methods are judged from {FEWEST} on: three fit anything.")
     whole = Problem(frames, lights, camera, mask, slice(0, len(mask)))
-    given = thinned(whole, step_for(whole, PIXELS))
+    step = step_for(whole, PIXELS)
+    given = thinned(whole, step)
     photographs = _Photographs(given)
-    folds, squares = np.zeros((len(names), FOLDS)), np.zeros(len(names))
-    for fold in range(FOLDS):
-        out = np.arange(len(frames)) % FOLDS == fold
+    left_out = [np.arange(len(frames)) % FOLDS == fold for fold in range(FOLDS)]
+    folds = np.zeros((len(names), FOLDS))
+    for fold, out in enumerate(left_out):
         seen = replace(given, frames=given.frames.only(~out), lights=given.lights.only(~out))
         for which, name in enumerate(names):
-            folds[which, fold], square = photographs.judge(_normals(name, seen, profile), out)
-            squares[which] += square
+            folds[which, fold], _ = photographs.judge(_normals(name, seen, profile), out)
     best = int(folds.mean(1).argmin())
-    rmse = min(float(np.sqrt(squares[best] / photographs.square)), 1.0)
+    answer = answers[names[best]][::step, ::step][given.mask]
+    squares = sum(photographs.judge(answer, out)[1] for out in left_out)
+    rmse = min(float(np.sqrt(squares / photographs.square)), 1.0)
     level = tuple(name for name, of_name in zip(names, folds, strict=True) if (of_name < folds[best]).any())
     doubts = ()
     if rmse > LIMIT:
