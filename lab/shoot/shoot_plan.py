@@ -220,13 +220,13 @@ def plan_shoot(
     rest = shown.only(np.arange(n, len(positions)))
     start = known_before(pixels.b, told)
     rest = rest._replace(noise=noise[n:])
-    chosen = choose_flashes(pixels.b, start, *rest, count - n).flashes
+    chosen = choose_flashes(pixels.b, start, *rest, count - n)
     chosen = exchange_flashes(pixels.b, start, *rest, chosen)
     # Beyond the count, to say whether more are worth it.
     left = np.setdiff1d(np.arange(len(candidates)), chosen)
     told = information(*shown._replace(noise=noise).only(np.concatenate([np.arange(n), n + chosen])))
     then = known_before(pixels.b, told)
-    more = choose_flashes(pixels.b, then, *rest.only(left), look_ahead).flashes
+    more = choose_flashes(pixels.b, then, *rest.only(left), look_ahead)
     order = np.concatenate([np.arange(n), n + chosen, n + left[more]])
     predicted: list[Predicted | None] = []
     for used in range(1, len(order) + 1):

@@ -1,7 +1,5 @@
 """Which flash to add: the one that most improves what all pixels know, and so on, one after the other."""
 
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,14 +8,6 @@ ROUNDS, LEAST_GAIN = 5, 1e-6
 """Of exchanges: how often each flash is tried, and the relative gain that counts."""
 UNKNOWN = 1.0
 """Standard deviation of b, in albedos, before the first flash: nobody knows the normal."""
-
-
-class Chosen(NamedTuple):
-    """Flashes in the order in which they help most."""
-
-    flashes: NDArray[np.intp]  # (N,) indices of the candidates
-    covariances: Array  # (P, 3, 3) of b, with all of them
-    scores: Array  # (N + 1,) see `score`: before, and after each of them
 
 
 def known_before(b: Array, information: Array | None = None) -> Array:
@@ -92,21 +82,19 @@ def with_flash(covariances: Array, vector: Array, noise: Array, seen: NDArray[np
 
 def choose_flashes(
     b: Array, covariances: Array, vectors: Array, noise: Array, seen: NDArray[np.bool_], count: int
-) -> Chosen:
+) -> NDArray[np.intp]:
     """Return the `count` candidates, each once, that one after the other help most.
 
     Takes what `gains` takes. Greedy: each flash is the best one given those before it.
     """
     left, flashes = np.ones(len(vectors), bool), []
-    scores = [score(b, covariances)]
     for _ in range(min(count, len(vectors))):
         gain = gains(b, covariances, vectors[left], noise[left], seen[left])
         best = int(np.flatnonzero(left)[gain.argmax()])
         covariances = with_flash(covariances, vectors[best], noise[best], seen[best])
         left[best] = False
         flashes.append(best)
-        scores.append(score(b, covariances))
-    return Chosen(np.array(flashes, np.intp), covariances, np.array(scores))
+    return np.array(flashes, np.intp)
 
 
 def exchange_flashes(
@@ -137,5 +125,4 @@ def exchange_flashes(
         if not changed:
             break
     some = np.array(chosen, np.intp)
-    order = choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some)).flashes
-    return some[order]
+    return some[choose_flashes(b, start, vectors[some], noise[some], seen[some], len(some))]
